@@ -1,0 +1,53 @@
+# The target mpm_flags carries what every unit of ours is compiled with. -ffast-math stays out: a library
+# linked with it flushes denormals for the whole Python process and drops checks for non-finite values.
+# Instruction sets beyond the baseline come from target_clones inside the sources.
+
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_CXX_VISIBILITY_PRESET hidden)
+set(CMAKE_CUDA_VISIBILITY_PRESET hidden)
+set(CMAKE_VISIBILITY_INLINES_HIDDEN ON)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
+
+add_library(mpm_flags INTERFACE)
+target_include_directories(mpm_flags INTERFACE "${PROJECT_SOURCE_DIR}/include")
+target_link_libraries(mpm_flags INTERFACE Eigen3::Eigen)
+target_compile_definitions(
+  mpm_flags
+  INTERFACE LIBMPM_VERSION="${PROJECT_VERSION}"
+            EIGEN_MAX_STATIC_ALIGN_BYTES=16 # units with different instruction sets must agree on layout
+            $<$<BOOL:${LIBMPM_WITH_CUDA}>:LIBMPM_WITH_CUDA=1>)
+
+set(_mpm_host_flags -ffp-contract=fast -fno-math-errno -fno-trapping-math -fno-signed-zeros)
+set(_mpm_host_warnings -Wall -Wextra -Wno-psabi)
+if(LIBMPM_WERROR)
+  list(APPEND _mpm_host_warnings -Werror)
+endif()
+if(LIBMPM_NATIVE)
+  list(APPEND _mpm_host_flags -march=native)
+endif()
+if(LIBMPM_SANITIZE)
+  list(APPEND _mpm_host_flags -fsanitize=${LIBMPM_SANITIZE} -fno-sanitize-recover=all
+       -fno-omit-frame-pointer)
+  target_link_options(mpm_flags INTERFACE -fsanitize=${LIBMPM_SANITIZE})
+  target_compile_definitions(mpm_flags INTERFACE LIBMPM_SANITIZED=1)
+endif()
+target_compile_options(mpm_flags INTERFACE
+  "$<$<COMPILE_LANGUAGE:CXX>:${_mpm_host_flags};${_mpm_host_warnings}>")
+if(LIBMPM_WITH_CUDA)
+  # The host half of a .cu unit gets the same arithmetic; Eigen's host functions need the relaxed constexpr.
+  list(JOIN _mpm_host_flags "," _mpm_cuda_host_flags)
+  target_compile_options(mpm_flags INTERFACE
+    "$<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr;-lineinfo;-Xcompiler=${_mpm_cuda_host_flags},-Wall,-Wno-psabi>")
+  if(LIBMPM_WERROR)
+    target_compile_options(mpm_flags INTERFACE "$<$<COMPILE_LANGUAGE:CUDA>:-Werror=all-warnings>")
+  endif()
+  string(REPLACE ";" "," _mpm_architectures "${CMAKE_CUDA_ARCHITECTURES}")
+  target_compile_definitions(mpm_flags INTERFACE LIBMPM_CUDA_ARCHITECTURES="${_mpm_architectures}")
+endif()

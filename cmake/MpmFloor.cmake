@@ -1,0 +1,51 @@
+# Libraries and modules are made of whole folders, so that a new unit needs no CMake edit.
+
+# Every unit waits for the include check: an upward include fails the build before anything compiles.
+file(GLOB_RECURSE _mpm_texts CONFIGURE_DEPENDS
+  "${PROJECT_SOURCE_DIR}/include/mpm/*" "${PROJECT_SOURCE_DIR}/src/*" "${PROJECT_SOURCE_DIR}/python/bindings/*")
+set(_mpm_stamp "${PROJECT_BINARY_DIR}/floors.stamp")
+add_custom_command(
+  OUTPUT "${_mpm_stamp}"
+  COMMAND "${Python_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_floors.py" "${PROJECT_SOURCE_DIR}"
+  COMMAND "${CMAKE_COMMAND}" -E touch "${_mpm_stamp}"
+  DEPENDS ${_mpm_texts} "${PROJECT_SOURCE_DIR}/tools/check_floors.py"
+  COMMENT "Checking that no floor includes a higher one"
+  VERBATIM)
+add_custom_target(mpm_floors DEPENDS "${_mpm_stamp}")
+
+# mpm_library(<name> FOLDERS <under src/>... [MODELS <backend>] [LINKS <target>...])
+# The .cpp and .cu units lying directly in these folders; with MODELS also the generated ones of a backend.
+function(mpm_library name)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "MODELS" "FOLDERS;LINKS")
+  set(sources)
+  foreach(folder IN LISTS arg_FOLDERS)
+    file(GLOB found CONFIGURE_DEPENDS
+      "${PROJECT_SOURCE_DIR}/src/${folder}/*.cpp" "${PROJECT_SOURCE_DIR}/src/${folder}/*.cu")
+    list(APPEND sources ${found})
+  endforeach()
+  if(arg_MODELS)
+    mpm_instantiate(${arg_MODELS} generated)
+    list(APPEND sources ${generated})
+  endif()
+  if(sources)
+    add_library(${name} STATIC ${sources})
+    target_link_libraries(${name} PUBLIC mpm_flags ${arg_LINKS})
+    add_dependencies(${name} mpm_floors)
+  else() # headers only
+    add_library(${name} INTERFACE)
+    target_link_libraries(${name} INTERFACE mpm_flags ${arg_LINKS})
+  endif()
+endfunction()
+
+# mpm_module(<name> SOURCE <under python/bindings/> LINKS <target>...)
+function(mpm_module name)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "SOURCE" "LINKS")
+  set(source "${PROJECT_SOURCE_DIR}/python/bindings/${arg_SOURCE}")
+  pybind11_add_module(${name} MODULE NO_EXTRAS "${source}")
+  target_link_libraries(${name} PRIVATE ${arg_LINKS} mpm_flags)
+  add_dependencies(${name} mpm_floors)
+  install(TARGETS ${name} LIBRARY DESTINATION libmpm COMPONENT python)
+  if(LIBMPM_INPLACE)
+    set_target_properties(${name} PROPERTIES LIBRARY_OUTPUT_DIRECTORY "${PROJECT_SOURCE_DIR}/python/libmpm")
+  endif()
+endfunction()

@@ -1,0 +1,34 @@
+# mpm_add_tests(<folder> LINKS <target>...): every <folder>/<floor>/*.cpp becomes one executable and one ctest
+# entry named <floor>.<stem>, labelled with its floor.
+# mpm_check_headers(): a ctest entry that compiles every header alone.
+
+find_package(GTest QUIET)
+function(mpm_add_tests folder)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "LINKS")
+  if(NOT GTest_FOUND)
+    message(WARNING "C++ tests asked for, but GoogleTest was not found (Debian: libgtest-dev); none are built")
+    return()
+  endif()
+  file(GLOB sources CONFIGURE_DEPENDS "${folder}/*/*.cpp")
+  foreach(source IN LISTS sources)
+    cmake_path(GET source STEM stem)
+    cmake_path(GET source PARENT_PATH floor)
+    cmake_path(GET floor FILENAME floor)
+    add_executable(test_${floor}_${stem} "${source}")
+    target_include_directories(test_${floor}_${stem} PRIVATE "${folder}")
+    target_link_libraries(test_${floor}_${stem} PRIVATE ${arg_LINKS} mpm_flags GTest::gtest GTest::gtest_main)
+    add_dependencies(test_${floor}_${stem} mpm_floors)
+    add_test(NAME ${floor}.${stem} COMMAND test_${floor}_${stem})
+    set_tests_properties(${floor}.${stem} PROPERTIES LABELS "unit;${floor}" TIMEOUT 300)
+  endforeach()
+endfunction()
+
+function(mpm_check_headers)
+  get_target_property(eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
+  add_test(NAME headers
+    COMMAND "${Python_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_headers.py" "${PROJECT_SOURCE_DIR}"
+      --compiler "${CMAKE_CXX_COMPILER}" --isystem "${eigen}" --include "${PROJECT_BINARY_DIR}/generated")
+  set_tests_properties(headers PROPERTIES LABELS "headers" TIMEOUT 300)
+endfunction()
+
+enable_testing()
