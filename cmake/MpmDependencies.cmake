@@ -30,6 +30,27 @@ else()
   endif()
 endif()
 
+# Every isolated build of pip unpacks these headers to a new path, which would recompile every unit. Kept in
+# the build folder they stay where they are, and the second `pip install` compiles what has changed.
+function(mpm_keep_headers target folder)
+  get_target_property(from ${target} INTERFACE_INCLUDE_DIRECTORIES)
+  set(kept "${PROJECT_BINARY_DIR}/headers")
+  file(GLOB_RECURSE headers RELATIVE "${from}" "${from}/${folder}/*")
+  foreach(header IN LISTS headers)
+    cmake_path(GET header PARENT_PATH parent)
+    file(MAKE_DIRECTORY "${kept}/${parent}")
+    file(COPY_FILE "${from}/${header}" "${kept}/${header}" ONLY_IF_DIFFERENT)
+  endforeach()
+  set_target_properties(${target} PROPERTIES
+    INTERFACE_INCLUDE_DIRECTORIES "${kept}" INTERFACE_SYSTEM_INCLUDE_DIRECTORIES "${kept}")
+endfunction()
+if(SKBUILD)
+  mpm_keep_headers(pybind11::pybind11_headers pybind11)
+  if(NOT LIBMPM_EIGEN_INCLUDE)
+    mpm_keep_headers(Eigen3::Eigen Eigen)
+  endif()
+endif()
+
 find_package(OpenMP REQUIRED COMPONENTS CXX)
 
 # CUDA. CMake finds nvcc on PATH, by CUDACXX or by CUDA_PATH; the two other usual places are tried here.
@@ -42,7 +63,7 @@ if(NOT LIBMPM_CUDA STREQUAL "OFF")
     find_program(LIBMPM_NVCC nvcc HINTS ENV CUDA_PATH ENV CUDA_HOME PATHS /usr/local/cuda PATH_SUFFIXES bin)
     mark_as_advanced(LIBMPM_NVCC)
     if(LIBMPM_NVCC)
-      set(CMAKE_CUDA_COMPILER "${LIBMPM_NVCC}")
+      set(ENV{CUDACXX} "${LIBMPM_NVCC}") # and not CMAKE_CUDA_COMPILER: that would skip the check below
     endif()
   endif()
   if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES AND NOT DEFINED ENV{CUDAARCHS})

@@ -1,4 +1,6 @@
-# Libraries and modules are made of whole folders, so that a new unit needs no CMake edit.
+# Libraries and modules are made of whole folders, so that a new unit needs no CMake edit. They are declared in
+# subdirectories because scikit-build-core empties the top CMakeFiles folder, objects included, in a new
+# isolated build.
 
 # Every unit waits for the include check: an upward include fails the build before anything compiles.
 file(GLOB_RECURSE _mpm_texts CONFIGURE_DEPENDS

@@ -1,5 +1,5 @@
 # mpm_add_tests(<folder> LINKS <target>...): every <folder>/<floor>/*.cpp becomes one executable and one ctest
-# entry named <floor>.<stem>, labelled with its floor.
+# entry named <floor>.<stem>, labelled with its floor; the target mpm_tests builds them all.
 # mpm_check_headers(): a ctest entry that compiles every header alone.
 
 find_package(GTest QUIET)
@@ -9,6 +9,7 @@ function(mpm_add_tests folder)
     message(WARNING "C++ tests asked for, but GoogleTest was not found (Debian: libgtest-dev); none are built")
     return()
   endif()
+  add_custom_target(mpm_tests)
   file(GLOB sources CONFIGURE_DEPENDS "${folder}/*/*.cpp")
   foreach(source IN LISTS sources)
     cmake_path(GET source STEM stem)
@@ -18,6 +19,7 @@ function(mpm_add_tests folder)
     target_include_directories(test_${floor}_${stem} PRIVATE "${folder}")
     target_link_libraries(test_${floor}_${stem} PRIVATE ${arg_LINKS} mpm_flags GTest::gtest GTest::gtest_main)
     add_dependencies(test_${floor}_${stem} mpm_floors)
+    add_dependencies(mpm_tests test_${floor}_${stem})
     add_test(NAME ${floor}.${stem} COMMAND test_${floor}_${stem})
     set_tests_properties(${floor}.${stem} PROPERTIES LABELS "unit;${floor}" TIMEOUT 300)
   endforeach()
@@ -30,5 +32,3 @@ function(mpm_check_headers)
       --compiler "${CMAKE_CXX_COMPILER}" --isystem "${eigen}" --include "${PROJECT_BINARY_DIR}/generated")
   set_tests_properties(headers PROPERTIES LABELS "headers" TIMEOUT 300)
 endfunction()
-
-enable_testing()
