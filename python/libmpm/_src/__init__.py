@@ -1,0 +1,1 @@
+"""Implementation of libmpm; import the public names from `libmpm` and its modules."""

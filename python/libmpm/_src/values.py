@@ -1,0 +1,289 @@
+"""Values: frozen, keyword-only, comparable, picklable descriptions that round-trip through JSON.
+
+`value` turns an annotated class into one. Its `_check` method receives a `Checker` that converts
+each field and collects every broken rule, so one `SceneError` reports all of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import functools
+import inspect
+import math
+import numbers
+import operator
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, ParamSpec, TypeVar, dataclass_transform, overload
+
+from libmpm._src.errors import ModelWarning, SceneError
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+#: Tags of `to_dict` and the classes they stand for.
+registry: dict[str, type[Value]] = {}
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Return a hint naming the candidate closest to `name`, or all of them."""
+    names = [str(n) for n in names]
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    return f"choose from {', '.join(names)}" if names else "there are none"
+
+
+def keywords_only(label: str, positional: int = 0) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Make a method report unnamed, unknown and missing arguments as one `SceneError`.
+
+    Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
+    after self may come without a name.
+    """
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        parameters = list(inspect.signature(function).parameters.values())[1:]
+        names = [p.name for p in parameters]
+        required = [p.name for p in parameters if p.default is p.empty]
+
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+            problems = []
+            extra = len(args) - 1 - positional
+            if extra > 0:
+                problems.append(
+                    f"{label}: {extra} argument(s) without a name too many; "
+                    f"write them as keywords: {', '.join(names)}"
+                )
+            for key in kwargs:
+                if key not in names:
+                    problems.append(f"{label}: unknown argument '{key}'; {nearest(key, names)}")
+            if extra <= 0:
+                for key in required[len(args) - 1 :]:
+                    if key not in kwargs:
+                        problems.append(f"{label}: argument '{key}' is missing; it has no default")
+            if problems:
+                raise SceneError(problems)
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate
+
+
+class Checker:
+    """Converts the fields of one object and collects what is wrong with them."""
+
+    def __init__(self, label: str) -> None:
+        """`label` names the object in every message."""
+        self.label = label
+        self.problems: list[str] = []
+
+    def fail(self, message: str) -> None:
+        """Record a problem of this object."""
+        self.problems.append(f"{self.label}: {message}")
+
+    def finish(self) -> None:
+        """Raise `SceneError` if anything was wrong."""
+        if self.problems:
+            raise SceneError(self.problems)
+
+    def number(
+        self,
+        name: str,
+        value: Any,
+        *,
+        lower: float = -math.inf,
+        upper: float = math.inf,
+        lower_open: bool = False,
+        upper_open: bool = False,
+        unit: str = "",
+        remedy: str = "",
+        infinite: bool = False,
+    ) -> float:
+        """Return `value` as float, within its range."""
+        tail = f" {unit}" if unit and unit != "1" else ""
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            self.fail(f"{name} is {value!r}; expected a number{' in' + tail if tail else ''}")
+            return math.nan
+        number = float(value)
+        rules = []
+        if lower > -math.inf:
+            rules.append(f"{'>' if lower_open else '≥'} {lower:g}")
+        if upper < math.inf:
+            rules.append(f"{'<' if upper_open else '≤'} {upper:g}")
+        below = number <= lower if lower_open else number < lower
+        above = number >= upper if upper_open else number > upper
+        # The infinite default bounds are no rule; only a stated bound may refuse a value here.
+        out = (lower > -math.inf and below) or (upper < math.inf and above)
+        if math.isnan(number) or out or (math.isinf(number) and not infinite):
+            rule = f"expected {' and '.join(rules) or 'a finite number'}{tail}"
+            self.fail(f"{name} is {number:g}; {rule}" + (f"; {remedy}" if remedy else ""))
+            return math.nan
+        return number
+
+    def integer(self, name: str, value: Any, *, lower: int = 0, remedy: str = "") -> int:
+        """Return `value` as int, not below `lower`."""
+        try:
+            number = operator.index(value)
+        except TypeError:
+            number = None
+        if number is None or isinstance(value, bool) or number < lower:
+            tail = f"; {remedy}" if remedy else ""
+            self.fail(f"{name} is {value!r}; expected a whole number ≥ {lower}{tail}")
+            return lower
+        return number
+
+    def vector(
+        self, name: str, value: Any, *, lengths: Sequence[int] = (2, 3), unit: str = ""
+    ) -> tuple[float, ...]:
+        """Return `value` as a tuple of finite floats, of one of the lengths."""
+        wanted = f"expected {' or '.join(map(str, lengths))} numbers{' in ' + unit if unit else ''}"
+        items = sequence(value)
+        if items is None or len(items) not in lengths:
+            self.fail(f"{name} is {value!r}; {wanted}")
+            return ()
+        before = len(self.problems)
+        result = tuple(self.number(f"{name}[{i}]", x, unit=unit) for i, x in enumerate(items))
+        return result if len(self.problems) == before else ()
+
+    def choice(self, name: str, value: Any, choices: Sequence[str]) -> str:
+        """Return `value` if it is one of the names."""
+        if not isinstance(value, str) or value not in choices:
+            self.fail(f"{name} is {value!r}; {nearest(str(value), choices)}")
+            return choices[0]
+        return value
+
+    def text(self, name: str, value: Any, *, empty: bool = False) -> str:
+        """Return `value` if it is a string that can serve as a name."""
+        if not isinstance(value, str) or (not value.strip() and not empty) or "/" in value:
+            self.fail(f"{name} is {value!r}; expected a non-empty text without '/'")
+            return ""
+        return value
+
+    def instance(self, name: str, value: Any, kinds: tuple[type, ...], example: str) -> Any:
+        """Return `value` if it is an instance of one of the classes."""
+        if not isinstance(value, kinds):
+            self.fail(f"{name} is {value!r}; expected {example}")
+        return value
+
+
+def sequence(value: Any) -> list[Any] | None:
+    """Return list, tuple or array as a list of Python objects; None for anything else."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    return list(value) if isinstance(value, list | tuple) else None
+
+
+class Value:
+    """Base of all descriptions; see the module text."""
+
+    #: Name in messages, for instance ``shapes.Box``.
+    label: ClassVar[str] = ""
+
+    def _label(self) -> str:
+        """Return the name of this object in messages."""
+        return self.label or type(self).__name__
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        """Return the converted fields; report what is wrong to `check`."""
+        return {}
+
+    def __post_init__(self) -> None:
+        """Convert and validate the fields."""
+        check = Checker(self._label())
+        converted = self._check(check)
+        check.finish()
+        for name, item in converted.items():
+            object.__setattr__(self, name, item)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists, numbers, texts and dictionaries; "type" names the class."""
+        fields = dataclasses.fields(self)  # type: ignore[arg-type]
+        found = {f.name: plain(getattr(self, f.name)) for f in fields}
+        return {"type": type(self).__name__} | found
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Any:
+        """Build the value that `to_dict` described; raises `SceneError`."""
+        result = from_plain(data)
+        if not isinstance(result, cls):
+            raise SceneError(
+                f"{cls.label or cls.__name__}: the data describe {type(result).__name__}; "
+                f'expected "type": "{cls.__name__}"'
+            )
+        return result
+
+    def __repr__(self) -> str:
+        """Return the call that makes this value."""
+        fields = dataclasses.fields(self)  # type: ignore[arg-type]
+        inside = ", ".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields)
+        return f"{self.label or type(self).__name__}({inside})"
+
+
+@overload
+def value(cls: type[T], /) -> type[T]: ...
+@overload
+def value(*, kw_only: bool = True) -> Callable[[type[T]], type[T]]: ...
+@dataclass_transform(kw_only_default=True, frozen_default=True, eq_default=True)
+def value(cls: type[T] | None = None, /, *, kw_only: bool = True) -> Any:
+    """Make a frozen, keyword-only dataclass that reports wrong keywords like other problems."""
+
+    def make(cls: type[T]) -> type[T]:
+        made = dataclasses.dataclass(frozen=True, kw_only=kw_only, repr=False)(cls)
+        label = getattr(made, "label", "") or made.__name__
+        unnamed = 0 if kw_only else len(dataclasses.fields(made))  # type: ignore[arg-type]
+        checked = keywords_only(label, unnamed)(made.__init__)
+        type.__setattr__(made, "__init__", checked)
+        registry[made.__name__] = made  # type: ignore[assignment]
+        return made
+
+    return make if cls is None else make(cls)
+
+
+def plain(item: Any) -> Any:
+    """Return `item` in terms of JSON; infinity becomes null, the mark of an open end."""
+    if isinstance(item, Value):
+        return item.to_dict()
+    if isinstance(item, Mapping):
+        return {str(k): plain(v) for k, v in item.items()}
+    if isinstance(item, tuple | list):
+        return [plain(v) for v in item]
+    if isinstance(item, float) and math.isinf(item):
+        return None
+    return item
+
+
+def from_plain(item: Any) -> Any:
+    """Undo `plain`; dictionaries with a "type" become values, and all problems are collected."""
+    problems: list[str] = []
+    result = _from_plain(item, problems)
+    if problems:
+        raise SceneError(problems)
+    return result
+
+
+def _from_plain(item: Any, problems: list[str]) -> Any:
+    if isinstance(item, Mapping):
+        parts = {k: _from_plain(v, problems) for k, v in item.items() if k != "type"}
+        tag = item.get("type")
+        if tag is None:
+            return parts
+        if tag not in registry:
+            problems.append(f"\"type\" is '{tag}'; {nearest(str(tag), registry)}")
+            return None
+        try:
+            return registry[tag](**parts)
+        except SceneError as error:
+            problems.extend(error.problems)
+            return None
+    if isinstance(item, list | tuple):
+        return [_from_plain(v, problems) for v in item]
+    return item
+
+
+def warn(messages: Iterable[str], stacklevel: int = 3) -> None:
+    """Issue each message as a `ModelWarning`."""
+    for message in messages:
+        warnings.warn(message, ModelWarning, stacklevel=stacklevel + 1)

@@ -1,0 +1,167 @@
+#!/usr/bin/env python3
+"""Write python/libmpm/_src/materials_generated.py from the compiled core's material table.
+
+Each material is described once, in its C++ header. This tool turns that description into typed
+Python classes, so that editors, type checkers and `help` show real signatures.
+
+    python tools/generate_materials.py            write the module
+    python tools/generate_materials.py --check    exit 1 if the committed module is stale
+
+`--table FILE` reads the table from a JSON file instead of the installed core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+TARGET = Path(__file__).resolve().parents[1] / "python/libmpm/_src/materials_generated.py"
+
+HEADER = '''"""Materials, generated from the compiled core; do not edit.
+
+Change the C++ header of the material, build, and run ``python tools/generate_materials.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from libmpm._src.parameters import Column, Entry, Material, Parameter
+from libmpm._src.values import value
+
+'''
+
+
+def number(item: float) -> str:
+    """Return the expression of a float; infinities have no literal."""
+    if math.isinf(item):
+        return "math.inf" if item > 0 else "-math.inf"
+    return repr(float(item))
+
+
+def bounds(entry: dict[str, Any]) -> str:
+    """Return the range of a parameter for people."""
+    parts = []
+    if not math.isinf(entry["lower"]):
+        parts.append(f"{'>' if entry['lower_open'] else '≥'} {entry['lower']:g}")
+    if not math.isinf(entry["upper"]):
+        parts.append(f"{'<' if entry['upper_open'] else '≤'} {entry['upper']:g}")
+    return ", ".join(parts) or "any"
+
+
+def documentation(material: dict[str, Any]) -> list[str]:
+    """Return the lines of a class docstring: summary, parameter table, storage, source."""
+    rows = [("parameter", "symbol", "unit", "range", "default", "meaning")]
+    for p in material["parameters"]:
+        default = "required" if p["default"] is None else f"{p['default']:g}"
+        rows.append((p["name"], p["symbol"], p["unit"], bounds(p), default, p["meaning"]))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    rule = "  ".join("=" * w for w in widths)
+    lines = ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in rows]
+    stored = ", ".join(f"{c['name']} ({c['meaning']})" for c in material["columns"])
+    fbar = "Volume smoothing (`FBar`) is on" if material["fbar"] else "No volume smoothing"
+    return [
+        f"{material['summary']}.",
+        "",
+        rule,
+        lines[0],
+        rule,
+        *lines[1:],
+        rule,
+        "",
+        f"Particles store: {stored}.",
+        f"{fbar} by default." if material["fbar"] else f"{fbar} (`FBar`).",
+        f"Source: {material['source']}.",
+        "",
+        "Raises `SceneError` with every parameter out of range.",
+    ]
+
+
+def render_class(material: dict[str, Any]) -> str:
+    """Return the class of one material."""
+    out = ["", "@value", f"class {material['name']}(Material):"]
+    doc = documentation(material)
+    out.append(f'    """{doc[0]}')
+    out += [f"    {line}".rstrip() for line in doc[1:]]
+    out += ['    """', "", f'    label: ClassVar[str] = "materials.{material["name"]}"']
+    out.append("    table: ClassVar[Entry] = Entry(")
+    for key in ("name", "summary", "source", "needs"):
+        out.append(f"        {key}={json.dumps(material[key], ensure_ascii=False)},")
+    out.append("        columns=(")
+    for c in material["columns"]:
+        out.append("            Column(")
+        out.append(f"                name={json.dumps(c['name'])},")
+        out.append(f"                components={c['components']},")
+        out.append(f"                meaning={json.dumps(c['meaning'], ensure_ascii=False)},")
+        out.append(f"                unit={json.dumps(c['unit'], ensure_ascii=False)},")
+        out.append("            ),")
+    out += ["        ),", f"        fbar={bool(material['fbar'])},", "        parameters=("]
+    for p in material["parameters"]:
+        default = "None" if p["default"] is None else number(p["default"])
+        out.append("            Parameter(")
+        for key in ("name", "symbol", "unit"):
+            out.append(f"                {key}={json.dumps(p[key], ensure_ascii=False)},")
+        out.append(f"                default={default},")
+        out.append(f"                lower={number(p['lower'])},")
+        out.append(f"                upper={number(p['upper'])},")
+        out.append(f"                lower_open={bool(p['lower_open'])},")
+        out.append(f"                upper_open={bool(p['upper_open'])},")
+        out.append(f"                meaning={json.dumps(p['meaning'], ensure_ascii=False)},")
+        out.append("            ),")
+    out += ["        ),", "    )", ""]
+    for p in material["parameters"]:
+        default = "" if p["default"] is None else f" = {number(p['default'])}"
+        out.append(f"    {p['name']}: float{default}")
+    return "\n".join(out) + "\n"
+
+
+def render(table: list[dict[str, Any]]) -> str:
+    """Return the text of the whole module."""
+    names = sorted(m["name"] for m in table)
+    exported = "__all__ = [" + ", ".join(f'"{n}"' for n in names) + "]\n"
+    if len(exported) > 100:
+        exported = "__all__ = [\n" + "".join(f'    "{n}",\n' for n in names) + "]\n"
+    return HEADER + exported + "".join("\n" + render_class(m) for m in table)
+
+
+def load(path: Path | None) -> list[dict[str, Any]]:
+    """Return the table of the installed core, or of a JSON file; a bound of None is infinite."""
+    if path is None:
+        table = importlib.import_module("libmpm._core").material_table()
+    else:
+        table = json.loads(path.read_text(encoding="utf-8"))
+    for material in table:
+        for p in material["parameters"]:
+            p["lower"] = -math.inf if p["lower"] is None else p["lower"]
+            p["upper"] = math.inf if p["upper"] is None else p["upper"]
+    return list(table)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the tool; returns the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare with the committed module")
+    parser.add_argument("--table", type=Path, help="read the table from this JSON file")
+    options = parser.parse_args(arguments)
+    try:
+        text = render(load(options.table))
+    except ImportError as error:
+        print(f"the compiled core cannot be imported: {error}; build libmpm first", file=sys.stderr)
+        return 2
+    if not options.check:
+        TARGET.write_text(text, encoding="utf-8")
+        return 0
+    if TARGET.is_file() and TARGET.read_text(encoding="utf-8") == text:
+        return 0
+    print(f"{TARGET} is stale; run python tools/generate_materials.py", file=sys.stderr)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
