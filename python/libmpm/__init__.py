@@ -1,0 +1,81 @@
+"""libmpm: the material point method for floods, debris and the structures they hit.
+
+A `Scene` describes a simulation as plain values, `Scene.plan` says what it will cost, and a
+`Simulation` runs it. SI units throughout.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from libmpm import boundaries, materials, sensors, shapes
+from libmpm._src.errors import (
+    CapacityError,
+    CheckpointError,
+    DeviceError,
+    Error,
+    ModelWarning,
+    NumericalError,
+    OutputError,
+    SceneError,
+)
+from libmpm._src.method import FBar, Method
+from libmpm._src.plan import Plan
+from libmpm._src.scene import Scene
+from libmpm._src.timetable import TimeTable
+
+if TYPE_CHECKING:
+    from libmpm._src.output.writer import Output
+    from libmpm._src.simulation import Simulation
+
+__all__ = [
+    "CapacityError",
+    "CheckpointError",
+    "DeviceError",
+    "Error",
+    "FBar",
+    "Method",
+    "ModelWarning",
+    "NumericalError",
+    "Output",
+    "OutputError",
+    "Plan",
+    "Scene",
+    "SceneError",
+    "Simulation",
+    "TimeTable",
+    "__version__",
+    "boundaries",
+    "build_info",
+    "materials",
+    "sensors",
+    "shapes",
+]
+
+#: Names that need the compiled core, or packages that descriptions do not: loaded on first use.
+_LAZY = {"Simulation": "libmpm._src.simulation", "Output": "libmpm._src.output.writer"}
+
+
+def build_info() -> dict[str, Any]:
+    """Return version, compiler, precisions, materials, threads and instruction set in use."""
+    return dict(importlib.import_module("libmpm._core").build_info())
+
+
+def __getattr__(name: str) -> Any:
+    """Load `Simulation`, `Output` and `__version__` on first use."""
+    if name in _LAZY:
+        return getattr(importlib.import_module(_LAZY[name]), name)
+    if name == "__version__":
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("libmpm")
+        except PackageNotFoundError:
+            return "0+source"
+    raise AttributeError(f"module 'libmpm' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    """List the public names, the lazy ones too."""
+    return sorted(__all__)

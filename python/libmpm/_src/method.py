@@ -1,0 +1,112 @@
+"""Choices of the numerical method."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal
+
+from libmpm._src.values import Checker, Value, value
+
+__all__ = ["CROSSINGS", "FBar", "Method"]
+
+#: Default of `FBar.time`, in cell crossings of the sound wave.
+CROSSINGS = 35.0
+
+
+@value
+class Method(Value):
+    """Choices that apply to the whole scene.
+
+    =========  ====  ==========  ===========================================================
+    parameter  unit  range       meaning
+    =========  ====  ==========  ===========================================================
+    cfl        1     > 0, ≤ 1    part of a cell that the fastest wave may cross in one step
+    time_step  s     > 0         fixed step; None = the stable one. Above it: refused
+    leaving    -     see below   what happens to a particle that leaves the domain
+    =========  ====  ==========  ===========================================================
+
+    `leaving`: "stop" ends the run with an error, "freeze" keeps the particle at rest where it left,
+    outside the computation, "delete" removes it. Every such particle is listed by id.
+    Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "Method"
+
+    cfl: float = 0.4
+    time_step: float | None = None
+    leaving: Literal["stop", "freeze", "delete"] = "stop"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        step = self.time_step
+        if step is not None:
+            remedy = "use None for the stable step"
+            step = check.number(
+                "time_step", step, lower=0, lower_open=True, unit="s", remedy=remedy
+            )
+        remedy = "an explicit step is unstable above 1; 0.4 is a safe start"
+        return {
+            "cfl": check.number("cfl", self.cfl, lower=0, upper=1, lower_open=True, remedy=remedy),
+            "time_step": step,
+            "leaving": check.choice("leaving", self.leaving, ("stop", "freeze", "delete")),
+        }
+
+
+@value
+class FBar(Value):
+    """Smoothing of the volume ratio over neighbours (F-bar), against pressure checkerboards.
+
+    Each step the stored ratio moves by the part ψ towards the grid's average of it.
+
+    =========  ====  ==========  ===========================================================
+    parameter  unit  range       meaning
+    =========  ====  ==========  ===========================================================
+    form       -     see below   the recursion
+    time       s     > 0         relaxation time τ, ψ = 1 - exp(-Δt/τ); None = 35 Δx/c₀
+    ratio      1     > 0, ≤ 1    ψ itself, per step. The result then depends on the time step;
+                                 meant only to reproduce published runs
+    length     m     > 0         smoothing length ℓ of "two-volume", ψ = 4ℓ²/(Δx² + 4ℓ²)
+    =========  ====  ==========  ===========================================================
+
+    Forms: "one-volume-gradient" stores one ratio and carries its gradient to the grid;
+    "one-volume" does not carry it; "two-volume" stores the smoothed ratio beside the true one and
+    takes `length` or `ratio`; "stress-only" smooths for the stress and stores the true one. At
+    most one of `time`, `ratio`, `length` may be given. Raises `SceneError`.
+
+    Source: Bonus (2023) 5.7 to 5.10 for "two-volume" and `ratio`.
+    """
+
+    label: ClassVar[str] = "FBar"
+
+    form: Literal["one-volume-gradient", "one-volume", "two-volume", "stress-only"] = (
+        "one-volume-gradient"
+    )
+    time: float | None = None
+    ratio: float | None = None
+    length: float | None = None
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        forms = ("one-volume-gradient", "one-volume", "two-volume", "stress-only")
+        form = check.choice("form", self.form, forms)
+        found: dict[str, Any] = {"form": form}
+        limits = (("time", "s", math.inf), ("ratio", "1", 1.0), ("length", "m", math.inf))
+        for name, unit, upper in limits:
+            item = getattr(self, name)
+            if item is not None:
+                item = check.number(name, item, lower=0, upper=upper, lower_open=True, unit=unit)
+            found[name] = item
+        given = [n for n in ("time", "ratio", "length") if found[n] is not None]
+        if len(given) > 1:
+            check.fail(f"{' and '.join(given)} are given; expected at most one; remove the others")
+        if form == "two-volume":
+            if found["time"] is not None or not given:
+                have = "time" if given else "neither length nor ratio"
+                check.fail(
+                    f"form 'two-volume' with {have}; its smoothing is set by a length: "
+                    "give length in m, for instance a few cells"
+                )
+        elif found["length"] is not None:
+            check.fail(
+                f"length is {found['length']:g} with form '{form}'; a length belongs to "
+                "form='two-volume'; give time in s instead, or leave it out"
+            )
+        return found

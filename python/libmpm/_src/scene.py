@@ -1,0 +1,477 @@
+"""The scene: everything that defines a simulation, as plain values."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+from libmpm._src.boundaries import Response
+from libmpm._src.errors import SceneError
+from libmpm._src.method import FBar, Method
+from libmpm._src.parameters import Material
+from libmpm._src.sensors import Sensor
+from libmpm._src.shapes import FACES, Box, DomainWalls
+from libmpm._src.timetable import TimeTable, check_vector_table
+from libmpm._src.values import Checker, Value, keywords_only, plain, value
+from libmpm._src.values import warn as warn_all
+
+if TYPE_CHECKING:
+    from libmpm._src.plan import Plan
+
+__all__ = ["HEAD", "SCHEMA", "Body", "Boundary", "PlacedSensor", "Scene"]
+
+#: Version of the scene files.
+SCHEMA = 1
+
+#: Part of a cell by which the domain's width may differ from a whole number of cells.
+_WHOLE = 1e-6
+
+T = TypeVar("T", bound=Value)
+
+
+@value
+class Body(Value):
+    """A body of the scene; see `Scene.add_body` for the fields."""
+
+    name: str
+    shape: Box
+    material: Material
+    particles_per_cell: int
+    velocity: Sequence[float]
+    fbar: FBar | Literal["default"] | None = "default"
+    hydrostatic: float | None = None
+    subtract_from: Sequence[str] = ()
+
+    def _label(self) -> str:
+        return f"body '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance("shape", self.shape, (Box,), "shapes.Box(lower=..., upper=...)")
+        check.instance("material", self.material, (Material,), "a value of libmpm.materials")
+        if self.fbar not in ("default", None) and not isinstance(self.fbar, FBar):
+            check.fail(f'fbar is {self.fbar!r}; expected "default", None or FBar(...)')
+        level = self.hydrostatic
+        if level is not None:
+            level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")
+        others = self.subtract_from
+        if isinstance(others, str):
+            others = (others,)
+        if not isinstance(others, list | tuple):
+            check.fail(f"subtract_from is {others!r}; expected names of bodies")
+            others = ()
+        remedy = "use 4 in 2D and 8 in 3D where nothing speaks for another number"
+        return {
+            "name": check.text("name", self.name),
+            "particles_per_cell": check.integer(
+                "particles_per_cell", self.particles_per_cell, lower=1, remedy=remedy
+            ),
+            "velocity": check.vector("velocity", self.velocity, unit="m/s"),
+            "hydrostatic": level,
+            "subtract_from": tuple(check.text("subtract_from", name) for name in others),
+        }
+
+
+@value
+class Boundary(Value):
+    """A boundary of the scene; see `Scene.add_boundary` for the fields."""
+
+    name: str
+    shape: Box | DomainWalls
+    response: Response | Mapping[str, Response]
+    motion: TimeTable | None = None
+    time: tuple[float, float] | None = None
+
+    def _label(self) -> str:
+        return f"boundary '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance("shape", self.shape, (Box, DomainWalls), "shapes.DomainWalls() or a Box")
+        response = self.response
+        example = "a value of libmpm.boundaries"
+        if isinstance(response, Mapping):
+            for face, one in response.items():
+                if face not in FACES:
+                    check.fail(f"response has face {face!r}; expected some of {', '.join(FACES)}")
+                check.instance(f"response['{face}']", one, (Response,), example)
+            response = dict(response)
+        else:
+            check.instance("response", response, (Response,), f"{example}, or one for each face")
+        if self.motion is not None:
+            check.instance("motion", self.motion, (TimeTable,), "a TimeTable of velocities in m/s")
+        return {
+            "name": check.text("name", self.name),
+            "response": response,
+            "time": self._window(check),
+        }
+
+    def _window(self, check: Checker) -> tuple[float, float] | None:
+        if self.time is None:
+            return None
+        if not isinstance(self.time, list | tuple) or len(self.time) != 2:
+            check.fail(f"time is {self.time!r}; expected (start, end) in s, or None for always")
+            return None
+        start, end = self.time
+        start = check.number("time[0]", start, lower=0, unit="s")
+        # None is how a file writes an open end.
+        end = math.inf if end is None else check.number("time[1]", end, unit="s", infinite=True)
+        if end <= start:
+            check.fail(f"time is ({start:g}, {end:g}); expected end > start, in s")
+        return start, end
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Start and end of the time in which the boundary acts, in s; (0, inf) is always."""
+        return (0.0, math.inf) if self.time is None else self.time
+
+
+@value
+class PlacedSensor(Value):
+    """A sensor with its name in the scene."""
+
+    name: str
+    sensor: Sensor
+
+    def _label(self) -> str:
+        return f"sensor '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance("sensor", self.sensor, (Sensor,), "a value of libmpm.sensors")
+        return {"name": check.text("name", self.name)}
+
+
+class Scene:
+    """A simulation as plain values: domain, bodies, boundaries and sensors.
+
+    =========  ======  ==========  =======================================================
+    parameter  unit    range       meaning
+    =========  ======  ==========  =======================================================
+    dimension  -       2, 3        2 is plane strain of unit thickness
+    cell_size  m       > 0         edge Δx of the square or cubic cells of the grid
+    lower      m       (d,)        lower corner of the domain, relative to `origin`
+    upper      m       (d,)        upper corner, a whole number of cells above `lower`
+    origin     m       (d,)        world position of coordinate zero; None = zero. All
+                                   coordinates of the scene are relative to it
+    gravity    m/s²    (d,)        vector or `TimeTable` of vectors; None = no gravity
+    method     -       `Method`    numerical choices
+    name       -       text        for titles and files
+    =========  ======  ==========  =======================================================
+
+    Scenes compare equal when all their values do, can be pickled, and round-trip through
+    `to_dict`, `from_dict`, `save` and `load`. Raises `SceneError` with all problems.
+    """
+
+    @keywords_only("Scene")
+    def __init__(
+        self,
+        *,
+        dimension: int = 3,
+        cell_size: float,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        origin: Sequence[float] | None = None,
+        gravity: Sequence[float] | TimeTable | None = None,
+        method: Method | None = None,
+        name: str = "",
+    ) -> None:
+        """See the class."""
+        check = Checker(f"Scene '{name}'" if isinstance(name, str) and name else "Scene")
+        if isinstance(dimension, bool) or dimension not in (2, 3):
+            check.fail(f"dimension is {dimension!r}; expected 2 or 3")
+            check.finish()
+        d = int(dimension)
+        self._dimension = d
+        self._cell_size = check.number("cell_size", cell_size, lower=0, lower_open=True, unit="m")
+        self._lower = check.vector("lower", lower, lengths=(d,), unit="m")
+        self._upper = check.vector("upper", upper, lengths=(d,), unit="m")
+        zero = (0.0,) * d
+        self._origin = (
+            zero if origin is None else check.vector("origin", origin, lengths=(d,), unit="m")
+        )
+        self._gravity: tuple[float, ...] | TimeTable
+        if isinstance(gravity, TimeTable):
+            check_vector_table(check, "gravity", gravity, d, "m/s²")
+            self._gravity = gravity
+        elif gravity is None:
+            self._gravity = zero
+        else:
+            self._gravity = check.vector("gravity", gravity, lengths=(d,), unit="m/s²")
+        self._method = Method() if method is None else method
+        check.instance("method", self._method, (Method,), "Method(...)")
+        self._name = check.text("name", name, empty=True)
+        self._cells = self._count_cells(check)
+        self._bodies: dict[str, Body] = {}
+        self._boundaries: dict[str, Boundary] = {}
+        self._sensors: dict[str, PlacedSensor] = {}
+        check.finish()
+
+    def _count_cells(self, check: Checker) -> tuple[int, ...]:
+        if not (self._lower and self._upper and self._cell_size > 0):
+            return ()
+        cells = []
+        for a, (low, high) in enumerate(zip(self._lower, self._upper, strict=True)):
+            if high <= low:
+                check.fail(
+                    f"upper[{a}] is {high:g} with lower[{a}] {low:g}; expected upper > lower"
+                )
+                continue
+            width = (high - low) / self._cell_size
+            n = max(1, round(width))
+            if abs(width - n) > _WHOLE:
+                check.fail(
+                    f"the domain is {width:.6g} cells wide on axis {a}; expected a whole number; "
+                    f"use upper[{a}] = {low + n * self._cell_size:.9g}"
+                )
+            cells.append(n)
+        return tuple(cells)
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes, 2 or 3."""
+        return self._dimension
+
+    @property
+    def cell_size(self) -> float:
+        """Edge of a cell, m."""
+        return self._cell_size
+
+    @property
+    def lower(self) -> tuple[float, ...]:
+        """Lower corner of the domain relative to `origin`, m."""
+        return self._lower
+
+    @property
+    def upper(self) -> tuple[float, ...]:
+        """Upper corner of the domain relative to `origin`, m."""
+        return self._upper
+
+    @property
+    def origin(self) -> tuple[float, ...]:
+        """World position of coordinate zero, m."""
+        return self._origin
+
+    @property
+    def gravity(self) -> tuple[float, ...] | TimeTable:
+        """Acceleration of gravity, m/s²."""
+        return self._gravity
+
+    @property
+    def method(self) -> Method:
+        """Numerical choices."""
+        return self._method
+
+    @property
+    def name(self) -> str:
+        """Name for titles and files."""
+        return self._name
+
+    @property
+    def cells(self) -> tuple[int, ...]:
+        """Number of cells on each axis."""
+        return self._cells
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The bodies in the order in which they were added."""
+        return tuple(self._bodies.values())
+
+    @property
+    def boundaries(self) -> tuple[Boundary, ...]:
+        """The boundaries in the order in which they were added."""
+        return tuple(self._boundaries.values())
+
+    @property
+    def sensors(self) -> tuple[PlacedSensor, ...]:
+        """The sensors (`name`, `sensor`) in the order in which they were added."""
+        return tuple(self._sensors.values())
+
+    @keywords_only("Scene.add_body")
+    def add_body(
+        self,
+        *,
+        name: str,
+        shape: Box,
+        material: Material,
+        particles_per_cell: int | None = None,
+        velocity: Sequence[float] | None = None,
+        fbar: FBar | Literal["default"] | None = "default",
+        hydrostatic: float | None = None,
+        subtract_from: Sequence[str] = (),
+    ) -> str:
+        """Add a body and return its name.
+
+        ==================  ====  ========  ==================================================
+        parameter           unit  range     meaning
+        ==================  ====  ========  ==================================================
+        name                -     unique    name among the bodies
+        shape               -     Box       filled by a lattice of its own, exact total mass
+        material            -     material  a value of `libmpm.materials`
+        particles_per_cell  1     ≥ 1       None = 2 per axis
+        velocity            m/s   (d,)      at the start; None = at rest
+        fbar                -     `FBar`    "default" is on where the material supports it
+        hydrostatic         m     level     surface level against gravity, for instance z of the
+                                            surface: the body starts with ρ g depth below it
+        subtract_from       -     names     bodies that lose their particles inside this one
+        ==================  ====  ========  ==================================================
+
+        Raises `SceneError`; `validate` checks what concerns several objects.
+        """
+        if particles_per_cell is None:
+            particles_per_cell = 2**self._dimension
+        body = Body(
+            name=name,
+            shape=shape,
+            material=material,
+            particles_per_cell=particles_per_cell,
+            velocity=(0.0,) * self._dimension if velocity is None else velocity,
+            fbar=fbar,
+            hydrostatic=hydrostatic,
+            subtract_from=subtract_from,
+        )
+        return _insert(self._bodies, "body", body.name, body)
+
+    @keywords_only("Scene.add_boundary")
+    def add_boundary(
+        self,
+        *,
+        name: str,
+        shape: Box | DomainWalls,
+        response: Response | Mapping[str, Response],
+        motion: TimeTable | None = None,
+        time: tuple[float, float] | None = None,
+    ) -> str:
+        """Add a boundary and return its name.
+
+        =========  =====  ============  ===================================================
+        parameter  unit   range         meaning
+        =========  =====  ============  ===================================================
+        name       -      unique        name among the boundaries
+        shape      -      a shape       `DomainWalls` or a rigid `Box`
+        response   -      a response    one for all faces, or a dictionary by face
+        motion     m/s    (n, d) table  prescribed velocity; None = at rest
+        time       s      0 ≤ a < b     (start, end) of its action; None = always
+        =========  =====  ============  ===================================================
+
+        Raises `SceneError`; `validate` checks what concerns several objects.
+        """
+        boundary = Boundary(name=name, shape=shape, response=response, motion=motion, time=time)
+        return _insert(self._boundaries, "boundary", boundary.name, boundary)
+
+    @keywords_only("Scene.add_sensor")
+    def add_sensor(self, *, name: str, sensor: Sensor) -> str:
+        """Add a value of `libmpm.sensors` under a name unique among sensors; return the name.
+
+        Raises `SceneError`; `validate` checks what concerns several objects.
+        """
+        return _insert(self._sensors, "sensor", name, PlacedSensor(name=name, sensor=sensor))
+
+    def validate(self, *, strict: bool = False) -> None:
+        """Check the scene as a whole; raises `SceneError` with all problems.
+
+        What can run but will be wrong by a stated amount is a `ModelWarning`, and a problem too
+        where `strict` is true.
+        """
+        from libmpm._src.checks import check_scene
+
+        problems, doubts = check_scene(self)
+        if strict:
+            problems, doubts = problems + doubts, []
+        if problems:
+            raise SceneError(problems)
+        warn_all(doubts)
+
+    def plan(
+        self,
+        *,
+        device: str = "auto",
+        precision: str = "single",
+        pipeline: str = "auto",
+        until: float | None = None,
+        time_step: float | None = None,
+        threads: int = 0,
+    ) -> Plan:
+        """Return what a simulation would store, run and cost, without allocating it.
+
+        `until` in s adds the number of steps and a cost estimate; `time_step` in s overrides that
+        of the method; `threads` = 0 takes all. The device need not exist here. Raises
+        `SceneError`.
+        """
+        from libmpm._src.plan import build_plan
+
+        return build_plan(
+            self,
+            device=device,
+            precision=precision,
+            pipeline=pipeline,
+            until=until,
+            time_step=time_step,
+            threads=threads,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scene in terms of JSON; "libmpm" is the version of the schema."""
+        head = {"libmpm": SCHEMA} | {key: plain(getattr(self, key)) for key in HEAD}
+        parts = {
+            kind: [{k: v for k, v in p.to_dict().items() if k != "type"} for p in placed]
+            for kind, placed in self._parts().items()
+        }
+        return head | parts
+
+    def _parts(self) -> dict[str, Sequence[Value]]:
+        return {"bodies": self.bodies, "boundaries": self.boundaries, "sensors": self.sensors}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Scene:
+        """Build the scene that `to_dict` described; raises `SceneError` with all problems."""
+        from libmpm._src.scene_file import SceneReader
+
+        return SceneReader(data).read()
+
+    def save(self, path: str | Path) -> None:
+        """Write the scene to a JSON file."""
+        text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+        Path(path).write_text(text + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Scene:
+        """Read a scene from a JSON file; raises `SceneError` with all problems."""
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            raise SceneError(f"{path}: not JSON: {error}; write it with Scene.save") from error
+        return cls.from_dict(data)
+
+    def _identity(self) -> tuple[Any, ...]:
+        return (*(getattr(self, key) for key in HEAD), *self._parts().values())
+
+    def __eq__(self, other: object) -> bool:
+        """Compare all values."""
+        if not isinstance(other, Scene):
+            return NotImplemented
+        return self._identity() == other._identity()
+
+    __hash__ = None  # type: ignore[assignment]  # a scene grows with add_body and the like
+
+    def __repr__(self) -> str:
+        """Return a line with the scene's size."""
+        return (
+            f"<Scene {self.name!r}: {self.dimension}D, {' × '.join(map(str, self.cells))} cells of "
+            f"{self.cell_size:g} m, {len(self._bodies)} bodies, {len(self._boundaries)} "
+            f"boundaries, {len(self._sensors)} sensors>"
+        )
+
+
+#: Arguments of `Scene`, in the order of its files.
+HEAD = ("name", "dimension", "cell_size", "lower", "upper", "origin", "gravity", "method")
+
+
+def _insert(placed: dict[str, T], kind: str, name: str, item: T) -> str:
+    if name in placed:
+        raise SceneError(
+            f"{kind} '{name}': the name is taken; names are unique; choose another, "
+            f"for instance '{name}-2'"
+        )
+    placed[name] = item
+    return name

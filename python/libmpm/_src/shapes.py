@@ -1,0 +1,102 @@
+"""Geometry of bodies and boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal
+
+from libmpm._src.values import Checker, Value, sequence, value
+
+__all__ = ["FACES", "Box", "DomainWalls", "Shape", "check_faces", "faces_of"]
+
+#: Face names by axis: "x-" is the face at the lower end of the first axis.
+FACES = ("x-", "x+", "y-", "y+", "z-", "z+")
+
+
+def faces_of(dimension: int) -> tuple[str, ...]:
+    """Return the face names of a box in 2 or 3 dimensions."""
+    return FACES[: 2 * dimension]
+
+
+def check_faces(check: Checker, faces: Any) -> Any:
+    """Return "all" or a tuple of distinct face names in their usual order."""
+    if isinstance(faces, str):
+        if faces == "all":
+            return faces
+        faces = (faces,)
+    items = sequence(faces)
+    if items is None or not items:
+        check.fail(f"faces is {faces!r}; expected \"all\" or names such as ('x-', 'z+')")
+        return "all"
+    unknown = [f for f in items if f not in FACES]
+    for face in unknown:
+        check.fail(f"faces has {face!r}; expected some of {', '.join(FACES)}")
+    return tuple(f for f in FACES if f in items)
+
+
+class Shape(Value):
+    """Base of all shapes."""
+
+
+@value
+class Box(Shape):
+    """A box with faces normal to the axes, a rectangle in 2D.
+
+    =========  ====  ========  ===========================================================
+    parameter  unit  shape     meaning
+    =========  ====  ========  ===========================================================
+    lower      m     (2|3,)    corner with the smallest coordinates
+    upper      m     (2|3,)    opposite corner, greater than `lower` on every axis
+    =========  ====  ========  ===========================================================
+
+    Coordinates are relative to the scene's `origin`. As a body the box is used exactly; as a
+    boundary its faces move to the nearest cell faces, which the plan shows. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "shapes.Box"
+
+    lower: Sequence[float]
+    upper: Sequence[float]
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        lower = check.vector("lower", self.lower, unit="m")
+        upper = check.vector("upper", self.upper, unit="m")
+        if lower and upper and len(lower) != len(upper):
+            check.fail(
+                f"lower has {len(lower)} and upper {len(upper)} numbers; expected as many as "
+                "the scene has dimensions in both"
+            )
+        else:
+            for a, (low, high) in enumerate(zip(lower, upper, strict=False)):
+                if low >= high:
+                    check.fail(
+                        f"upper[{a}] is {high:g} with lower[{a}] {low:g}; expected upper > lower; "
+                        "swap them or give the box a width"
+                    )
+        return {"lower": lower, "upper": upper}
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes, 2 or 3."""
+        return len(self.lower)
+
+    @property
+    def size(self) -> tuple[float, ...]:
+        """Edge lengths in m."""
+        return tuple(b - a for a, b in zip(self.lower, self.upper, strict=True))
+
+
+@value
+class DomainWalls(Shape):
+    """Walls on faces of the scene's domain, impermeable exactly at `Scene.lower` and `upper`.
+
+    `faces` is "all" or some of "x-", "x+", "y-", "y+", "z-", "z+". Through a face without a wall
+    particles leave the domain; `Method.leaving` says what happens then. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "shapes.DomainWalls"
+
+    faces: Literal["all"] | Sequence[str] = "all"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        return {"faces": check_faces(check, self.faces)}
