@@ -1,0 +1,266 @@
+"""From a scene to the specification that the engine takes.
+
+`design/engine-contract.md` in the sources describes the dictionary.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from libmpm._src import sampling
+from libmpm._src.boundaries import Response
+from libmpm._src.checks import (
+    body_lattice,
+    faces_present,
+    holes_of,
+    initial_gravity,
+    relative,
+    snap,
+    vertical_axis,
+)
+from libmpm._src.errors import SceneError
+from libmpm._src.method import CROSSINGS, FBar
+from libmpm._src.parameters import wave_speed
+from libmpm._src.sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
+from libmpm._src.shapes import Box
+from libmpm._src.timetable import TimeTable, constant
+from libmpm._src.values import nearest
+
+if TYPE_CHECKING:
+    from libmpm._src.scene import Body, Boundary, PlacedSensor, Scene
+
+__all__ = ["PIPELINES", "PRECISIONS", "check_options", "lower", "world_offset"]
+
+PRECISIONS = ("single", "double")
+PIPELINES = ("auto", "fused", "two-pass")
+
+#: Cells beyond the domain that a box may reach; more would block nothing further.
+_BEYOND = 64
+
+
+def world_offset(scene: Scene) -> npt.NDArray[np.float64]:
+    """Return origin + lower, float64 (d,), m: add it to relative positions for world positions."""
+    origin = np.asarray(scene.origin, dtype=np.float64)
+    return origin + np.asarray(scene.lower, dtype=np.float64)
+
+
+def check_options(
+    precision: str, pipeline: str, *, time_step: float | None = None, threads: int = 0
+) -> list[str]:
+    """Return what is wrong with the options of a run."""
+    problems = []
+    if precision == "mixed":
+        problems.append(
+            "precision 'mixed' is not built; this libmpm has single and double; use 'single'"
+        )
+    elif precision not in PRECISIONS:
+        problems.append(f"precision is {precision!r}; {nearest(str(precision), PRECISIONS)}")
+    if pipeline not in PIPELINES:
+        problems.append(f"pipeline is {pipeline!r}; {nearest(str(pipeline), PIPELINES)}")
+    if time_step is not None and not (np.isfinite(time_step) and time_step > 0):
+        problems.append(f"time_step is {time_step!r}; expected > 0 s; use None for the stable one")
+    if threads < 0:
+        problems.append(f"threads is {threads}; expected ≥ 0; 0 takes all")
+    return problems
+
+
+def lower(
+    scene: Scene,
+    *,
+    precision: str = "single",
+    pipeline: str = "auto",
+    device_index: int = 0,
+    threads: int = 0,
+    time_step: float | None = None,
+    with_particles: bool = True,
+) -> dict[str, Any]:
+    """Return the engine's specification of a scene.
+
+    Positions are float64 in metres relative to `Scene.lower`; `Scene.origin` does not enter.
+    `time_step` in s overrides that of the scene's method. Without particles, `position` and
+    `pressure` are None and nothing of the particles' size is allocated. Raises `SceneError`,
+    warns as `Scene.validate`.
+    """
+    problems = check_options(precision, pipeline, time_step=time_step, threads=threads)
+    if problems:
+        raise SceneError(problems)
+    scene.validate()
+    fixed = scene.method.time_step if time_step is None else float(time_step)
+    if fixed is not None:
+        _check_step(scene, fixed, precision)
+    bodies = []
+    first = 0
+    for body in scene.bodies:
+        bodies.append(_body(scene, body, first, with_particles))
+        first += bodies[-1]["count"]
+    gravity = scene.gravity
+    return {
+        "dimension": scene.dimension,
+        "precision": precision,
+        "device": device_index,
+        "pipeline": pipeline,
+        "threads": threads,
+        "cell_size": scene.cell_size,
+        "cells": list(scene.cells),
+        "gravity": _table(gravity if isinstance(gravity, TimeTable) else constant(gravity)),
+        "cfl": scene.method.cfl,
+        "time_step": fixed,
+        "leaving": scene.method.leaving,
+        "bodies": bodies,
+        "boundaries": [_boundary(scene, b) for b in scene.boundaries],
+        "sensors": [_sensor(scene, s, bodies) for s in scene.sensors],
+    }
+
+
+def _check_step(scene: Scene, step: float, precision: str) -> None:
+    """Refuse a step in which slow material would not move at all in this precision.
+
+    A position is stored as a fraction of a cell, so an increment below half its rounding unit is
+    lost. The speed that must survive is a hundredth of the wave speed, the usual flow.
+    """
+    unit = float(np.finfo(np.float32 if precision == "single" else np.float64).eps)
+    problems = []
+    for body in scene.bodies:
+        speed = wave_speed(body.material)
+        if speed is None:
+            continue
+        least = 0.5 * unit * scene.cell_size / (0.01 * speed)
+        if step < least:
+            remedy = "; use precision='double'" if precision == "single" else ""
+            problems.append(
+                f"body '{body.name}': time_step is {step:g} s; at {0.01 * speed:g} m/s a particle "
+                f"moves less than {precision} precision resolves; expected ≥ {least:.3g} s{remedy} "
+                "or a longer time step"
+            )
+    if problems:
+        raise SceneError(problems)
+
+
+def _table(table: TimeTable) -> dict[str, Any]:
+    time, value = table.arrays()
+    return {"time": time, "value": value, "end": table.end}
+
+
+def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[str, Any]:
+    grid = body_lattice(scene, body)
+    holes = holes_of(scene, body)
+    position = sampling.positions(grid, holes, scene.cell_size) if with_particles else None
+    number = sampling.count(grid, holes, scene.cell_size) if position is None else len(position)
+    parameters = body.material.parameters()
+    # Mass follows from the slices of the whole box: what is subtracted takes its mass along.
+    mass = parameters["density"] * grid.volume / grid.count
+    pressure = None
+    if body.hydrostatic is not None and position is not None:
+        pressure = _hydrostatic(scene, body.hydrostatic, parameters["density"], position)
+    return {
+        "name": body.name,
+        "material": body.material.table.name,
+        "parameters": parameters,
+        "count": number,
+        "bounds": np.array([grid.lower, grid.upper], dtype=np.float64),
+        "particle_mass": mass,
+        "first_id": first,
+        "position": position,
+        "velocity": np.array(body.velocity, dtype=np.float64),
+        "pressure": pressure,
+        "fbar": _fbar(scene, body),
+    }
+
+
+def _hydrostatic(
+    scene: Scene, level: float, density: float, position: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return p = ρ g depth below the level, zero above it; (n,), Pa."""
+    gravity = initial_gravity(scene)
+    strength = float(np.linalg.norm(gravity))
+    up = -gravity / strength
+    top = level - float(np.dot(up, np.asarray(scene.lower, dtype=np.float64)))
+    return density * strength * np.maximum(top - position @ up, 0.0)
+
+
+def _fbar(scene: Scene, body: Body) -> dict[str, Any]:
+    choice = body.fbar
+    if choice == "default":
+        choice = FBar() if body.material.table.fbar else None
+    if choice is None:
+        return {"form": "none", "time": 0.0, "ratio": 0.0}
+    time, ratio = choice.time or 0.0, choice.ratio or 0.0
+    if choice.length is not None:
+        # ψ = 4ℓ²/(Δx² + 4ℓ²): Bonus (2023) 5.59 as a filter of length ℓ.
+        square = 4.0 * choice.length**2
+        ratio = square / (scene.cell_size**2 + square)
+    elif not time and not ratio:
+        speed = wave_speed(body.material)
+        assert speed is not None  # the scene's checks refuse it
+        time = CROSSINGS * scene.cell_size / speed
+    return {"form": choice.form, "time": time, "ratio": ratio}
+
+
+def _boundary(scene: Scene, boundary: Boundary) -> dict[str, Any]:
+    faces = {}
+    for face in faces_present(scene, boundary):
+        given = boundary.response
+        response = given if isinstance(given, Response) else given[face]
+        static, dynamic = response.friction
+        faces[face] = {
+            "kind": response.kind,
+            "static_friction": static,
+            "dynamic_friction": dynamic,
+        }
+    start, end = boundary.window
+    result: dict[str, Any] = {"name": boundary.name, "kind": "domain"}
+    if isinstance(boundary.shape, Box):
+        low, high = snap(scene, boundary.shape)
+        result |= {
+            "kind": "box",
+            "lower": [max(i, -_BEYOND) for i in low],
+            "upper": [min(i, n + _BEYOND) for i, n in zip(high, scene.cells, strict=True)],
+        }
+    motion = boundary.motion
+    return result | {
+        "faces": faces,
+        "start": start,
+        "end": end,
+        "velocity": None if motion is None else _table(motion),
+    }
+
+
+def _sensor(scene: Scene, placed: PlacedSensor, bodies: list[dict[str, Any]]) -> dict[str, Any]:
+    sensor = placed.sensor
+    result: dict[str, Any] = {
+        "name": placed.name,
+        "kind": sensor.kind,
+        "interval": sensor.interval,
+    }
+    if isinstance(sensor, LoadCell):
+        index = [b.name for b in scene.boundaries].index(sensor.boundary)
+        boundary = scene.boundaries[index]
+        present = faces_present(scene, boundary)
+        point = sensor.reference
+        if point is None:
+            box = boundary.shape if isinstance(boundary.shape, Box) else scene
+            corners = relative(scene, box.lower), relative(scene, box.upper)
+            reference = 0.5 * (corners[0] + corners[1])
+        else:
+            reference = relative(scene, point)
+        chosen = present if sensor.faces == "all" else sensor.faces
+        return result | {"boundary": index, "faces": list(chosen), "reference": reference}
+    if isinstance(sensor, VelocityProbe):
+        return result | {"position": relative(scene, sensor.position)}
+    names = [b["name"] for b in bodies]
+    body = getattr(sensor, "body", None)
+    result["body"] = -1 if body is None else names.index(body)
+    if isinstance(sensor, WaveGauge):
+        axis = vertical_axis(scene)
+        place = np.array(scene.lower, dtype=np.float64)
+        place[[a for a in range(scene.dimension) if a != axis]] = sensor.position
+        result |= {"position": relative(scene, place.tolist()), "axis": axis}
+    elif isinstance(sensor, ParticleTracker):
+        first, n = bodies[result["body"]]["first_id"], bodies[result["body"]]["count"]
+        every = sensor.ids == "all"
+        ids = range(first, first + n) if every else sensor.ids
+        result["ids"] = np.array(ids, dtype=np.uint64)
+    return result

@@ -1,0 +1,374 @@
+"""The plan: what a simulation will store, run and cost, before anything is allocated."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import importlib
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from libmpm._src import checks
+from libmpm._src.errors import DeviceError, SceneError
+from libmpm._src.lowering import lower
+from libmpm._src.values import nearest
+
+if TYPE_CHECKING:
+    from libmpm._src.scene import Scene
+
+__all__ = ["RATES", "Plan", "build_plan", "parse_device"]
+
+#: Particle-steps per second behind the cost estimate: CPU per thread, CUDA per device. They are
+#: orders of magnitude from a dam break with F-bar; `libmpm bench` measures a machine's own.
+RATES = {
+    ("cpu", "single"): 7e6,
+    ("cpu", "double"): 3e6,
+    ("cuda", "single"): 5e9,
+    ("cuda", "double"): 1e9,
+}
+
+
+def parse_device(device: str) -> tuple[str, int]:
+    """Return kind ("cpu" or "cuda") and index of a device name.
+
+    "auto" is the first CUDA device where there is one, the CPU otherwise. Raises `DeviceError`.
+    """
+    if device == "auto":
+        return ("cuda", 0) if _cuda_devices() else ("cpu", 0)
+    match = re.fullmatch(r"(cpu)|cuda(?::(\d+))?", device) if isinstance(device, str) else None
+    if match is None:
+        raise DeviceError(
+            f"device is {device!r}; expected 'auto', 'cpu', 'cuda' or 'cuda:N' with a device number"
+        )
+    return ("cpu", 0) if match[1] else ("cuda", int(match[2] or 0))
+
+
+def _cuda_devices() -> int:
+    try:
+        return len(importlib.import_module("libmpm._cuda").devices())
+    except (ImportError, RuntimeError):
+        return 0
+
+
+def build_plan(
+    scene: Scene,
+    *,
+    device: str = "auto",
+    precision: str = "single",
+    pipeline: str = "auto",
+    until: float | None = None,
+    time_step: float | None = None,
+    threads: int = 0,
+) -> Plan:
+    """Return the plan of a scene; the device need not exist on this machine.
+
+    Raises `SceneError`, warns as `Scene.validate`.
+    """
+    kind, index = parse_device(device)
+    spec = lower(
+        scene,
+        precision=precision,
+        pipeline=pipeline,
+        device_index=index,
+        threads=threads,
+        time_step=time_step,
+        with_particles=False,
+    )
+    module = None
+    if kind == "cuda":
+        try:
+            module = importlib.import_module("libmpm._cuda")
+        except ImportError:
+            # Both modules plan from the same tables; this one is always built.
+            module = None
+    if module is None:
+        module = importlib.import_module("libmpm._core")
+    name = "cpu" if kind == "cpu" else f"cuda:{index}"
+    return Plan(
+        module.plan(spec),
+        scene=scene,
+        device=name,
+        precision=precision,
+        until=until,
+        threads=threads,
+    )
+
+
+class Plan:
+    """What a simulation stores, runs and costs.
+
+    Prints as a page in a terminal and as tables in Jupyter; `to_dict` gives plain values. SI
+    units, memory in bytes.
+    """
+
+    def __init__(
+        self,
+        result: Mapping[str, Any],
+        *,
+        scene: Scene,
+        device: str = "cpu",
+        precision: str = "single",
+        until: float | None = None,
+        threads: int = 0,
+    ) -> None:
+        """Wrap the engine's plan of `scene`; `until` in s, ≥ 0, adds steps and cost."""
+        if until is not None and not (math.isfinite(until) and until >= 0):
+            raise SceneError(f"plan: until is {until!r}; expected a finite time ≥ 0 s, or None")
+        self._result = dict(result)
+        self._planes = checks.planes(scene)
+        self._warnings = checks.check_scene(scene)[1]
+        self._scene: dict[str, Any] = {
+            "name": scene.name,
+            "dimension": scene.dimension,
+            "cells": list(scene.cells),
+            "cell_size": scene.cell_size,
+        }
+        self._until = until
+        self._device = device
+        self._precision = precision
+        self._threads = threads or os.cpu_count() or 1
+
+    # What the engine says ------------------------------------------------------------------
+
+    @property
+    def device(self) -> str:
+        """Device that the plan is for: "cpu" or "cuda:N"."""
+        return self._device
+
+    @property
+    def precision(self) -> str:
+        """Number type, "single" or "double"."""
+        return self._precision
+
+    @property
+    def bodies(self) -> list[str]:
+        """Names of the bodies."""
+        return [b["name"] for b in self._result["bodies"]]
+
+    @property
+    def particles(self) -> int:
+        """Number of particles in all bodies."""
+        return sum(int(b["particles"]) for b in self._result["bodies"])
+
+    def body(self, name: str) -> dict[str, Any]:
+        """Return the entry of a body: particles, columns, bytes_per_particle, particle_spacing."""
+        for entry in self._result["bodies"]:
+            if entry["name"] == name:
+                return dict(entry)
+        raise SceneError(f"plan: body '{name}' is unknown; {nearest(name, self.bodies)}")
+
+    def columns(self, body: str) -> list[str]:
+        """Return the names of the columns that the particles of a body store."""
+        return [c["name"] for c in self.body(body)["columns"]]
+
+    def bytes_per_particle(self, body: str) -> int:
+        """Return the bytes that one particle of a body takes."""
+        return int(self.body(body)["bytes_per_particle"])
+
+    @property
+    def channels(self) -> list[str]:
+        """Names of the quantities that a grid node stores."""
+        return list(self._result["grid"]["channels"])
+
+    @property
+    def bytes_per_node(self) -> int:
+        """Bytes of one grid node."""
+        return int(self._result["grid"]["bytes_per_node"])
+
+    @property
+    def pipeline(self) -> str:
+        """Step pipeline, "fused" or "two-pass"."""
+        return str(self._result["pipeline"])
+
+    @property
+    def pipeline_reason(self) -> str:
+        """Why this pipeline was taken."""
+        return str(self._result["pipeline_reason"])
+
+    @property
+    def kernels(self) -> list[str]:
+        """Names of the kernels in the order in which a step runs them."""
+        return list(self._result["kernels"])
+
+    @property
+    def time_step(self) -> float:
+        """Time step at the start, s."""
+        return float(self._result["time_step"])
+
+    @property
+    def limited_by(self) -> str:
+        """What limits the time step."""
+        return str(self._result["limited_by"])
+
+    @property
+    def memory(self) -> dict[str, int]:
+        """Bytes by use: particles, sort, grid, tables."""
+        return {k: int(v) for k, v in self._result["memory"].items()}
+
+    @property
+    def memory_total(self) -> int:
+        """Bytes in all."""
+        return int(self._result["memory_total"])
+
+    # What follows from it ------------------------------------------------------------------
+
+    @property
+    def boundaries(self) -> list[checks.Plane]:
+        """Stated and effective plane of every wall and box face."""
+        return list(self._planes)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the scene's checks doubt."""
+        return list(self._warnings)
+
+    @property
+    def until(self) -> float | None:
+        """Time to which steps and cost are counted, s."""
+        return self._until
+
+    @property
+    def steps(self) -> int | None:
+        """Steps to `until` at this time step; more if flow faster than expected shortens it."""
+        if self._until is None:
+            return None
+        return math.ceil(self._until / self.time_step * (1 - 1e-12))
+
+    @property
+    def particle_steps(self) -> int | None:
+        """Particles times steps to `until`."""
+        return None if self.steps is None else self.particles * self.steps
+
+    @property
+    def rate(self) -> float:
+        """Particle-steps per second assumed for the cost estimate."""
+        kind = self._device.partition(":")[0]
+        return RATES[kind, self._precision] * (self._threads if kind == "cpu" else 1)
+
+    @property
+    def seconds(self) -> float | None:
+        """Estimated wall time to `until`, s; an order of magnitude, from `rate`."""
+        return None if self.particle_steps is None else self.particle_steps / self.rate
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values."""
+        return {
+            "scene": dict(self._scene),
+            "device": self.device,
+            "precision": self.precision,
+            **self._result,
+            "boundaries": [dataclasses.asdict(p) for p in self._planes],
+            "warnings": self.warnings,
+            "until": self.until,
+            "steps": self.steps,
+            "particle_steps": self.particle_steps,
+            "estimate": {"particle_steps_per_s": self.rate, "seconds": self.seconds},
+        }
+
+    # Presentation --------------------------------------------------------------------------
+
+    def _summary(self) -> list[tuple[str, str]]:
+        scene = self._scene
+        cells = " × ".join(map(str, scene["cells"]))
+        rows = [
+            ("scene", f"{scene['name'] or 'unnamed'}, {cells} cells of {scene['cell_size']:g} m"),
+            ("device", f"{self.device}, {self.precision} precision"),
+            ("particles", f"{self.particles:,}"),
+            ("grid node", f"{', '.join(self.channels)}: {self.bytes_per_node} bytes"),
+            ("pipeline", f"{self.pipeline} ({self.pipeline_reason})"),
+            ("kernels", " → ".join(self.kernels)),
+            ("time step", f"{self.time_step:.4g} s, limited by {self.limited_by}"),
+        ]
+        if self.steps is not None and self.particle_steps is not None:
+            assert self.seconds is not None
+            rows += [
+                ("steps", f"{self.steps:,} to {self.until:g} s"),
+                (
+                    "cost",
+                    f"{self.particle_steps:.3g} particle-steps; estimate {_duration(self.seconds)} "
+                    f"at {self.rate:.2g} particle-steps/s",
+                ),
+            ]
+        parts = ", ".join(f"{k} {_size(v)}" for k, v in self.memory.items())
+        rows.append(("memory", f"{_size(self.memory_total)} ({parts})"))
+        return rows
+
+    def _tables(self) -> list[tuple[Sequence[str], list[Sequence[str]]]]:
+        bodies: list[Sequence[str]] = [
+            (
+                b["name"],
+                f"{int(b['particles']):,}",
+                f"{b['particle_spacing']:.4g}",
+                str(b["bytes_per_particle"]),
+                ", ".join(f"{c['name']} ({c['reals']})" for c in b["columns"]),
+            )
+            for b in self._result["bodies"]
+        ]
+        found: list[tuple[Sequence[str], list[Sequence[str]]]] = [
+            (("body", "particles", "spacing [m]", "bytes each", "columns (numbers)"), bodies)
+        ]
+        if self._planes:
+            faces: list[Sequence[str]] = [
+                (p.boundary, p.face, f"{p.stated:g}", f"{p.effective:g}", f"{p.shift:+.3f}")
+                for p in self._planes
+            ]
+            head = ("boundary", "face", "stated [m]", "effective [m]", "shift [cells]")
+            found.append((head, faces))
+        return found
+
+    def __str__(self) -> str:
+        """Return the plan as text for a terminal."""
+        lines = [f"{name:<10} {text}" for name, text in self._summary()]
+        for head, rows in self._tables():
+            widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
+            lines.append("")
+            for row in (head, *rows):
+                cells = (c.ljust(w) for c, w in zip(row, widths, strict=True))
+                lines.append("  ".join(cells).rstrip())
+        if self._warnings:
+            lines += ["", *(f"warning: {text}" for text in self._warnings)]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Return the plan as tables for Jupyter."""
+
+        def table(rows: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:
+            top = "".join(f"<th>{html.escape(c)}</th>" for c in head)
+            body = "".join(
+                "<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>"
+                for row in rows
+            )
+            return f"<table>{f'<tr>{top}</tr>' if head else ''}{body}</table>"
+
+        parts = [table(self._summary())]
+        parts += [table(rows, head) for head, rows in self._tables()]
+        parts += [f"<p><b>warning:</b> {html.escape(text)}</p>" for text in self._warnings]
+        return "".join(parts)
+
+    def __repr__(self) -> str:
+        """Return a line with size and pipeline."""
+        return (
+            f"<Plan: {self.particles:,} particles, {self.pipeline} on {self.device}, "
+            f"{self.precision}, {_size(self.memory_total)}>"
+        )
+
+
+def _size(number: int) -> str:
+    """Return bytes in readable units."""
+    amount = float(number)
+    for unit in ("bytes", "KiB", "MiB"):
+        if amount < 1024:
+            return f"{amount:.4g} {unit}"
+        amount /= 1024
+    return f"{amount:.4g} GiB"
+
+
+def _duration(seconds: float) -> str:
+    """Return a time in readable units."""
+    for limit, unit, name in ((120, 1, "s"), (7200, 60, "min"), (172800, 3600, "h")):
+        if seconds < limit:
+            return f"{seconds / unit:.2g} {name}"
+    return f"{seconds / 86400:.2g} days"
