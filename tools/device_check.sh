@@ -1,0 +1,108 @@
+#!/usr/bin/env bash
+# Everything that is run on a machine with a GPU and no network, e.g. before an issue about CUDA closes.
+# usage: device_check.sh build|test|sanitize|bench ...   (several may follow each other)
+#
+# Expected there: Python 3.11 or newer with numpy, h5py, scikit-build-core, pybind11, cmake and ninja; nvcc; and
+#   LIBMPM_EIGEN_INCLUDE  a folder with Eigen's headers (it holds Eigen/Core)
+#   LIBMPM_WHEELS         a folder of wheels for what is missing there (pydantic, pytest-timeout, ...); optional
+#   LIBMPM_RESULTS        where logs, figures and benchmark lines go (default: results)
+#   LIBMPM_PYTHON         the interpreter (default: python3)
+#   CUDAARCHS             what to build for (default: native)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+root=$PWD
+python=${LIBMPM_PYTHON:-python3}
+results=$(realpath -m "${LIBMPM_RESULTS:-results}")
+site=$root/build/device-site
+mkdir -p "$results" "$site"
+export PYTHONPATH="$site${PYTHONPATH:+:$PYTHONPATH}" PYTHONUNBUFFERED=1 MPLBACKEND=Agg
+export PATH="$site/bin:$PATH:/usr/local/cuda/bin" CUDAARCHS=${CUDAARCHS:-native}
+export LIBMPM_REQUIRE_GPU=1
+offline=(--disable-pip-version-check --no-index --no-deps --upgrade --target "$site")
+
+build() {
+  if [ -n "${LIBMPM_WHEELS:-}" ]; then
+    "$python" -m pip install -q "${offline[@]}" "$LIBMPM_WHEELS"/*.whl
+  fi
+  rm -rf "$site"/libmpm "$site"/libmpm-*
+  "$python" -m pip install "${offline[@]}" --no-build-isolation -C cmake.define.LIBMPM_CUDA=ON . \
+    2>&1 | tee "$results/build.log"
+  (cd / && "$python" -m libmpm info) | tee "$results/info.txt"
+}
+
+test() {
+  "$python" -m pytest -m gpu --durations=15 -p no:cacheprovider ${LIBMPM_PYTEST:-} \
+    2>&1 | tee "$results/pytest.log"
+}
+
+sanitize() {
+  # Small enough for the slow tools, yet with two materials, an obstacle, sensors and a sort.
+  local scene=$root/build/device-scene.py tool
+  cat >"$scene" <<'SCENE'
+import sys
+import libmpm
+
+scene = libmpm.Scene(
+    dimension=3, cell_size=0.05, lower=(0, 0, 0), upper=(1.2, 0.4, 0.6), gravity=(0, 0, -9.81)
+)
+scene.add_body(
+    name="water",
+    shape=libmpm.shapes.Box(lower=(0, 0, 0), upper=(0.4, 0.4, 0.3)),
+    material=libmpm.materials.TaitFluid(density=1000, bulk_modulus=1e5),
+    particles_per_cell=8,
+)
+scene.add_body(
+    name="block",
+    shape=libmpm.shapes.Box(lower=(0.6, 0.1, 0), upper=(0.75, 0.3, 0.15)),
+    material=libmpm.materials.FixedCorotated(
+        density=500, youngs_modulus=1e6, poissons_ratio=0.3
+    ),
+    particles_per_cell=8,
+)
+scene.add_boundary(
+    name="walls", shape=libmpm.shapes.DomainWalls(), response=libmpm.boundaries.Slip()
+)
+scene.add_boundary(
+    name="pier",
+    shape=libmpm.shapes.Box(lower=(0.95, 0.1, 0), upper=(1.05, 0.3, 0.6)),
+    response=libmpm.boundaries.Separable(),
+)
+scene.add_sensor(name="load", sensor=libmpm.sensors.LoadCell(boundary="pier", interval=1e-3))
+scene.add_sensor(name="energy", sensor=libmpm.sensors.Energy(interval=1e-3))
+for precision in ("single", "double"):
+    for pipeline in ("auto", "two-pass"):
+        sim = libmpm.Simulation(scene, device="cuda", precision=precision, pipeline=pipeline)
+        sim.step(int(sys.argv[1]))
+        position = sim.particles["water"]["position"]
+        assert (position == position).all()
+        print(precision, pipeline, sim.time, sim.sensors["load"].values[-1:])
+SCENE
+  for tool in memcheck racecheck initcheck synccheck; do
+    echo "== $tool"
+    compute-sanitizer --tool "$tool" --error-exitcode 9 --print-limit 20 \
+      "$python" "$scene" "${LIBMPM_SANITIZE_STEPS:-60}" 2>&1 | tee "$results/sanitize-$tool.log"
+  done
+}
+
+bench() {
+  local precision command
+  for precision in single double; do
+    command=("$python" -m libmpm bench --device cuda --precision "$precision" ${LIBMPM_BENCH:-}
+      --json "$results/bench.jsonl")
+    echo "== ${command[*]}"
+    "${command[@]}" | tee "$results/bench-$precision.log"
+  done
+  nvidia-smi --query-gpu=name,driver_version,clocks.sm,memory.total --format=csv >"$results/gpu.csv"
+}
+
+[ $# -gt 0 ] || { sed -n '2,11s/^# \{0,1\}//p' "$0"; exit 2; }
+for part in "$@"; do
+  case $part in
+    build | test | sanitize | bench)
+      start=$SECONDS
+      "$part"
+      echo "== $part: $((SECONDS - start)) s" | tee -a "$results/times.txt"
+      ;;
+    *) echo "unknown part: $part (build, test, sanitize, bench)" >&2; exit 2 ;;
+  esac
+done
