@@ -1,7 +1,7 @@
 # Everything that is looked for outside the tree.
 
 find_package(Python 3.11 REQUIRED COMPONENTS Interpreter Development.Module)
-if(NOT SKBUILD) # a plain `cmake -S . -B build`: pybind11 and Eigen come from the interpreter's packages
+if(NOT SKBUILD) # a plain `cmake -S . -B build`: the interpreter's packages hold pybind11 and Eigen
   execute_process(
     COMMAND "${Python_EXECUTABLE}" -c "import sysconfig; print(sysconfig.get_path('platlib'))"
     OUTPUT_VARIABLE _mpm_site
@@ -11,8 +11,9 @@ endif()
 set(PYBIND11_FINDPYTHON ON)
 find_package(pybind11 2.13 CONFIG REQUIRED)
 
-# LIBMPM_EIGEN_INCLUDE (variable or environment) names a folder of bare Eigen headers, for machines that can
-# install nothing. Eigen 5 refuses a request for version 3.4, so the version is compared here.
+# LIBMPM_EIGEN_INCLUDE (variable or environment) names a folder of bare Eigen headers, for machines
+# that can install nothing. Eigen 5 refuses a request for version 3.4, so the version is compared
+# here.
 if(NOT LIBMPM_EIGEN_INCLUDE AND DEFINED ENV{LIBMPM_EIGEN_INCLUDE})
   set(LIBMPM_EIGEN_INCLUDE "$ENV{LIBMPM_EIGEN_INCLUDE}")
 endif()
@@ -26,12 +27,13 @@ if(LIBMPM_EIGEN_INCLUDE)
 else()
   find_package(Eigen3 CONFIG REQUIRED PATH_SUFFIXES cmeel.prefix/share/eigen3/cmake)
   if(Eigen3_VERSION VERSION_LESS 3.4)
-    message(FATAL_ERROR "Eigen ${Eigen3_VERSION} at ${Eigen3_DIR} is too old: 3.4 or newer is needed")
+    message(FATAL_ERROR "Eigen ${Eigen3_VERSION} at ${Eigen3_DIR}: 3.4 or newer is needed")
   endif()
 endif()
 
-# Every isolated build of pip unpacks these headers to a new path, which would recompile every unit. Kept in
-# the build folder they stay where they are, and the second `pip install` compiles what has changed.
+# Every isolated build of pip unpacks these headers to a new path, which would recompile every unit.
+# Kept in the build folder they stay where they are, and the second `pip install` compiles what has
+# changed.
 function(mpm_keep_headers target folder)
   get_target_property(from ${target} INTERFACE_INCLUDE_DIRECTORIES)
   set(kept "${PROJECT_BINARY_DIR}/headers")
@@ -53,17 +55,19 @@ endif()
 
 find_package(OpenMP REQUIRED COMPONENTS CXX)
 
-# CUDA. CMake finds nvcc on PATH, by CUDACXX or by CUDA_PATH; the two other usual places are tried here.
+# CUDA. CMake finds nvcc on PATH, by CUDACXX or by CUDA_PATH; the two other usual places are tried
+# here.
 if(NOT LIBMPM_CUDA MATCHES "^(AUTO|ON|OFF)$")
   message(FATAL_ERROR "LIBMPM_CUDA=${LIBMPM_CUDA}: say AUTO, ON or OFF")
 endif()
 set(LIBMPM_WITH_CUDA FALSE)
 if(NOT LIBMPM_CUDA STREQUAL "OFF")
   if(NOT DEFINED CMAKE_CUDA_COMPILER AND NOT DEFINED ENV{CUDACXX})
-    find_program(LIBMPM_NVCC nvcc HINTS ENV CUDA_PATH ENV CUDA_HOME PATHS /usr/local/cuda PATH_SUFFIXES bin)
+    find_program(LIBMPM_NVCC nvcc
+      HINTS ENV CUDA_PATH ENV CUDA_HOME PATHS /usr/local/cuda PATH_SUFFIXES bin)
     mark_as_advanced(LIBMPM_NVCC)
     if(LIBMPM_NVCC)
-      set(ENV{CUDACXX} "${LIBMPM_NVCC}") # and not CMAKE_CUDA_COMPILER: that would skip the check below
+      set(ENV{CUDACXX} "${LIBMPM_NVCC}") # CMAKE_CUDA_COMPILER would skip the check below
     endif()
   endif()
   if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES AND NOT DEFINED ENV{CUDAARCHS})
@@ -74,7 +78,7 @@ if(NOT LIBMPM_CUDA STREQUAL "OFF")
   if(CMAKE_CUDA_COMPILER)
     enable_language(CUDA)
     if(CMAKE_CUDA_COMPILER_VERSION VERSION_LESS 12.0)
-      set(_mpm_cuda_reason "nvcc ${CMAKE_CUDA_COMPILER_VERSION} is older than 12.0 and has no C++20")
+      set(_mpm_cuda_reason "nvcc ${CMAKE_CUDA_COMPILER_VERSION} is older than 12.0")
     else()
       find_package(CUDAToolkit REQUIRED)
       set(LIBMPM_WITH_CUDA TRUE)
@@ -84,7 +88,8 @@ if(NOT LIBMPM_CUDA STREQUAL "OFF")
       set(CMAKE_CUDA_RUNTIME_LIBRARY Static)
     endif()
   else()
-    set(_mpm_cuda_reason "nvcc was not found (PATH, CUDACXX, CUDA_PATH, CUDA_HOME, /usr/local/cuda)")
+    set(_mpm_cuda_reason
+        "nvcc was not found (PATH, CUDACXX, CUDA_PATH, CUDA_HOME, /usr/local/cuda)")
   endif()
   if(NOT LIBMPM_WITH_CUDA AND LIBMPM_CUDA STREQUAL "ON")
     message(FATAL_ERROR "LIBMPM_CUDA=ON, but ${_mpm_cuda_reason}")
@@ -93,7 +98,8 @@ else()
   set(_mpm_cuda_reason "LIBMPM_CUDA=OFF")
 endif()
 if(LIBMPM_WITH_CUDA)
-  message(STATUS "CUDA backend: nvcc ${CMAKE_CUDA_COMPILER_VERSION}, architectures ${CMAKE_CUDA_ARCHITECTURES}")
+  message(STATUS "CUDA backend: nvcc ${CMAKE_CUDA_COMPILER_VERSION}, "
+    "architectures ${CMAKE_CUDA_ARCHITECTURES}")
 else()
   message(STATUS "CUDA backend: not built (${_mpm_cuda_reason})")
 endif()

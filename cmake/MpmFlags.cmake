@@ -1,6 +1,7 @@
-# The target mpm_flags carries what every unit of ours is compiled with. -ffast-math stays out: a library
-# linked with it flushes denormals for the whole Python process and drops checks for non-finite values.
-# Instruction sets beyond the baseline come from target_clones inside the sources.
+# The target mpm_flags carries what every unit of ours is compiled with. -ffast-math stays out: a
+# library linked with it flushes denormals for the whole Python process and drops checks for
+# non-finite values. Instruction sets beyond the baseline come from target_clones inside the
+# sources.
 
 if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
   set(CMAKE_BUILD_TYPE Release)
@@ -21,7 +22,7 @@ target_link_libraries(mpm_flags INTERFACE Eigen3::Eigen)
 target_compile_definitions(
   mpm_flags
   INTERFACE LIBMPM_VERSION="${PROJECT_VERSION}"
-            EIGEN_MAX_STATIC_ALIGN_BYTES=16 # units with different instruction sets must agree on layout
+            EIGEN_MAX_STATIC_ALIGN_BYTES=16 # one layout whatever the instruction set
             $<$<BOOL:${LIBMPM_WITH_CUDA}>:LIBMPM_WITH_CUDA=1>)
 
 set(_mpm_host_flags -ffp-contract=fast -fno-math-errno -fno-trapping-math -fno-signed-zeros)
@@ -41,10 +42,11 @@ endif()
 target_compile_options(mpm_flags INTERFACE
   "$<$<COMPILE_LANGUAGE:CXX>:${_mpm_host_flags};${_mpm_host_warnings}>")
 if(LIBMPM_WITH_CUDA)
-  # The host half of a .cu unit gets the same arithmetic; Eigen's host functions need the relaxed constexpr.
-  list(JOIN _mpm_host_flags "," _mpm_cuda_host_flags)
-  target_compile_options(mpm_flags INTERFACE
-    "$<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr;-lineinfo;-Xcompiler=${_mpm_cuda_host_flags},-Wall,-Wno-psabi>")
+  # The host half of a .cu unit gets the same arithmetic; Eigen needs the relaxed constexpr.
+  list(JOIN _mpm_host_flags "," _mpm_cuda_flags)
+  set(_mpm_cuda_flags --expt-relaxed-constexpr -lineinfo
+      "-Xcompiler=${_mpm_cuda_flags},-Wall,-Wno-psabi")
+  target_compile_options(mpm_flags INTERFACE "$<$<COMPILE_LANGUAGE:CUDA>:${_mpm_cuda_flags}>")
   if(LIBMPM_WERROR)
     target_compile_options(mpm_flags INTERFACE "$<$<COMPILE_LANGUAGE:CUDA>:-Werror=all-warnings>")
   endif()

@@ -1,22 +1,25 @@
-# Libraries and modules are made of whole folders, so that a new unit needs no CMake edit. They are declared in
-# subdirectories because scikit-build-core empties the top CMakeFiles folder, objects included, in a new
-# isolated build.
+# Libraries and modules are made of whole folders, so that a new unit needs no CMake edit. They are
+# declared in subdirectories because scikit-build-core empties the top CMakeFiles folder, objects
+# included, in a new isolated build.
 
-# Every unit waits for the include check: an upward include fails the build before anything compiles.
+# Every unit waits for the include check: an upward include fails the build before anything
+# compiles.
 file(GLOB_RECURSE _mpm_texts CONFIGURE_DEPENDS
-  "${PROJECT_SOURCE_DIR}/include/mpm/*" "${PROJECT_SOURCE_DIR}/src/*" "${PROJECT_SOURCE_DIR}/python/bindings/*")
+  "${PROJECT_SOURCE_DIR}/include/mpm/*" "${PROJECT_SOURCE_DIR}/src/*"
+  "${PROJECT_SOURCE_DIR}/python/bindings/*")
 set(_mpm_stamp "${PROJECT_BINARY_DIR}/floors.stamp")
 add_custom_command(
   OUTPUT "${_mpm_stamp}"
-  COMMAND "${Python_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_floors.py" "${PROJECT_SOURCE_DIR}"
+  COMMAND "${Python_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_floors.py"
+          "${PROJECT_SOURCE_DIR}"
   COMMAND "${CMAKE_COMMAND}" -E touch "${_mpm_stamp}"
   DEPENDS ${_mpm_texts} "${PROJECT_SOURCE_DIR}/tools/check_floors.py"
   COMMENT "Checking that no floor includes a higher one"
   VERBATIM)
 add_custom_target(mpm_floors DEPENDS "${_mpm_stamp}")
 
-# mpm_library(<name> FOLDERS <under src/>... [MODELS <backend>] [LINKS <target>...])
-# The .cpp and .cu units lying directly in these folders; with MODELS also the generated ones of a backend.
+# mpm_library(<name> FOLDERS <under src/>... [MODELS <backend>] [LINKS <target>...]) The .cpp and
+# .cu units lying directly in these folders; with MODELS also the generated ones of a backend.
 function(mpm_library name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "MODELS" "FOLDERS;LINKS")
   set(sources)
@@ -48,6 +51,7 @@ function(mpm_module name)
   add_dependencies(${name} mpm_floors)
   install(TARGETS ${name} LIBRARY DESTINATION libmpm COMPONENT python)
   if(LIBMPM_INPLACE)
-    set_target_properties(${name} PROPERTIES LIBRARY_OUTPUT_DIRECTORY "${PROJECT_SOURCE_DIR}/python/libmpm")
+    set_target_properties(${name} PROPERTIES
+      LIBRARY_OUTPUT_DIRECTORY "${PROJECT_SOURCE_DIR}/python/libmpm")
   endif()
 endfunction()

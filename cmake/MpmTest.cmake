@@ -1,12 +1,13 @@
-# mpm_add_tests(<folder> LINKS <target>...): every <folder>/<floor>/*.cpp becomes one executable and one ctest
-# entry named <floor>.<stem>, labelled with its floor; the target mpm_tests builds them all.
+# mpm_add_tests(<folder> LINKS <target>...): every <folder>/<floor>/*.cpp becomes one executable and
+# one ctest entry named <floor>.<stem>, labelled with its floor; the target mpm_tests builds them
+# all.
 # mpm_check_headers(): a ctest entry that compiles every header alone.
 
 find_package(GTest QUIET)
 function(mpm_add_tests folder)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "LINKS")
   if(NOT GTest_FOUND)
-    message(WARNING "C++ tests asked for, but GoogleTest was not found (Debian: libgtest-dev); none are built")
+    message(WARNING "GoogleTest was not found (Debian: libgtest-dev): no C++ tests are built")
     return()
   endif()
   add_custom_target(mpm_tests)
@@ -17,7 +18,8 @@ function(mpm_add_tests folder)
     cmake_path(GET floor FILENAME floor)
     add_executable(test_${floor}_${stem} "${source}")
     target_include_directories(test_${floor}_${stem} PRIVATE "${folder}")
-    target_link_libraries(test_${floor}_${stem} PRIVATE ${arg_LINKS} mpm_flags GTest::gtest GTest::gtest_main)
+    target_link_libraries(test_${floor}_${stem}
+      PRIVATE ${arg_LINKS} mpm_flags GTest::gtest GTest::gtest_main)
     add_dependencies(test_${floor}_${stem} mpm_floors)
     add_dependencies(mpm_tests test_${floor}_${stem})
     add_test(NAME ${floor}.${stem} COMMAND test_${floor}_${stem})
@@ -28,7 +30,8 @@ endfunction()
 function(mpm_check_headers)
   get_target_property(eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
   add_test(NAME headers
-    COMMAND "${Python_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_headers.py" "${PROJECT_SOURCE_DIR}"
-      --compiler "${CMAKE_CXX_COMPILER}" --isystem "${eigen}" --include "${PROJECT_BINARY_DIR}/generated")
+    COMMAND "${Python_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_headers.py"
+      "${PROJECT_SOURCE_DIR}" --compiler "${CMAKE_CXX_COMPILER}" --isystem "${eigen}"
+      --include "${PROJECT_BINARY_DIR}/generated")
   set_tests_properties(headers PROPERTIES LABELS "headers" TIMEOUT 300)
 endfunction()

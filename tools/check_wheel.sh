@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the wheel, repairs it to a manylinux tag, installs it where no compiler is on PATH, and runs it.
+# Builds the wheel, repairs it to a manylinux tag, installs it and runs it with no compiler on PATH.
 # usage: check_wheel.sh [--demo] [PYTHON]; the repaired wheel is left in wheelhouse/.
 set -euo pipefail
 cd "$(dirname "$0")/.."

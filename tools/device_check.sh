@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Everything that is run on a machine with a GPU and no network, e.g. before an issue about CUDA closes.
+# Everything that is run on a machine with a GPU and no network, before a change to CUDA is done.
 # usage: device_check.sh build|test|sanitize|bench ...   (several may follow each other)
 #
-# Expected there: Python 3.11 or newer with numpy, h5py, scikit-build-core, pybind11, cmake and ninja; nvcc; and
+# Expected there: nvcc, Python 3.11 or newer with numpy, h5py, scikit-build-core, pybind11, cmake and
+# ninja, and
 #   LIBMPM_EIGEN_INCLUDE  a folder with Eigen's headers (it holds Eigen/Core)
-#   LIBMPM_WHEELS         a folder of wheels for what is missing there (pydantic, pytest-timeout, ...); optional
+#   LIBMPM_WHEELS         a folder of wheels for what is missing there (pydantic, ...); optional
 #   LIBMPM_RESULTS        where logs, figures and benchmark lines go (default: results)
 #   LIBMPM_PYTHON         the interpreter (default: python3)
 #   CUDAARCHS             what to build for (default: native)
@@ -95,7 +96,7 @@ bench() {
   nvidia-smi --query-gpu=name,driver_version,clocks.sm,memory.total --format=csv >"$results/gpu.csv"
 }
 
-[ $# -gt 0 ] || { sed -n '2,11s/^# \{0,1\}//p' "$0"; exit 2; }
+[ $# -gt 0 ] || { sed -n '2,12s/^# \{0,1\}//p' "$0"; exit 2; }
 for part in "$@"; do
   case $part in
     build | test | sanitize | bench)

@@ -1,3 +1,4 @@
-# The materials that are built. Each has a header include/mpm/physics/material/<snake_case_name>.hpp; adding
-# one here gives it an instantiation unit per backend.
+# The materials that are built. Each has a header
+# include/mpm/physics/material/<snake_case_name>.hpp; adding one here gives it an instantiation unit
+# per backend.
 set(MPM_MODELS TaitFluid FixedCorotated)
