@@ -89,7 +89,7 @@ if(NOT LIBMPM_CUDA STREQUAL "OFF")
     endif()
   else()
     set(_mpm_cuda_reason
-        "nvcc was not found (PATH, CUDACXX, CUDA_PATH, CUDA_HOME, /usr/local/cuda)")
+        "no working nvcc was found (PATH, CUDACXX, CUDA_PATH, CUDA_HOME, /usr/local/cuda)")
   endif()
   if(NOT LIBMPM_WITH_CUDA AND LIBMPM_CUDA STREQUAL "ON")
     message(FATAL_ERROR "LIBMPM_CUDA=ON, but ${_mpm_cuda_reason}")
