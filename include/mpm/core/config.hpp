@@ -1,0 +1,13 @@
+// Markers shared by every floor: where a function may run and that it must be inlined.
+#pragma once
+
+#if defined(__CUDACC__)
+#define MPM_HD __host__ __device__
+#define MPM_INLINE __host__ __device__ __forceinline__
+#define MPM_UNROLL _Pragma("unroll")
+#else
+#define MPM_HD
+// Packs live in registers of a width that the surrounding clone decides, so they must never cross a call.
+#define MPM_INLINE inline __attribute__((always_inline))
+#define MPM_UNROLL _Pragma("GCC unroll 32")
+#endif

@@ -1,0 +1,158 @@
+// Pack<T, W>: W numbers that move together through the same formulae. The CPU drivers put the particles of one
+// cell into the lanes. Built on GCC vector extensions and 32 bytes wide, which is what widens correctly inside
+// `target_clones` functions (design/number-types.md).
+#pragma once
+
+#include "mpm/core/config.hpp"
+
+#if !defined(__CUDACC__)
+
+#include <cstdint>
+#include <cstring>
+
+namespace mpm {
+
+template <class T, int W>
+struct Pack {
+    using value_type = T;
+    static constexpr int lanes = W;
+    typedef T Raw __attribute__((vector_size(W * sizeof(T))));
+    Raw raw;
+
+    Pack() = default;
+    MPM_INLINE Pack(T x) {
+        MPM_UNROLL for (int l = 0; l < W; ++l) raw[l] = x;
+    }
+    MPM_INLINE static Pack of(Raw r) {
+        Pack p;
+        p.raw = r;
+        return p;
+    }
+    MPM_INLINE static Pack load(const T* from) {
+        Pack p;
+        std::memcpy(&p.raw, from, sizeof(Raw));
+        return p;
+    }
+    MPM_INLINE void store(T* to) const { std::memcpy(to, &raw, sizeof(Raw)); }
+    MPM_INLINE T operator[](int lane) const { return raw[lane]; }
+
+    MPM_INLINE friend Pack operator+(Pack a, Pack b) { return of(a.raw + b.raw); }
+    MPM_INLINE friend Pack operator-(Pack a, Pack b) { return of(a.raw - b.raw); }
+    MPM_INLINE friend Pack operator*(Pack a, Pack b) { return of(a.raw * b.raw); }
+    MPM_INLINE friend Pack operator/(Pack a, Pack b) { return of(a.raw / b.raw); }
+    MPM_INLINE friend Pack operator*(Pack a, T b) { return of(a.raw * b); }
+    MPM_INLINE friend Pack operator*(T a, Pack b) { return of(a * b.raw); }
+    MPM_INLINE friend Pack operator+(Pack a, T b) { return of(a.raw + b); }
+    MPM_INLINE friend Pack operator+(T a, Pack b) { return of(a + b.raw); }
+    MPM_INLINE friend Pack operator-(Pack a, T b) { return of(a.raw - b); }
+    MPM_INLINE friend Pack operator-(T a, Pack b) { return of(a - b.raw); }
+    MPM_INLINE friend Pack operator-(Pack a) { return of(-a.raw); }
+    MPM_INLINE Pack& operator+=(Pack b) {
+        raw += b.raw;
+        return *this;
+    }
+    MPM_INLINE Pack& operator-=(Pack b) {
+        raw -= b.raw;
+        return *this;
+    }
+    MPM_INLINE Pack& operator*=(Pack b) {
+        raw *= b.raw;
+        return *this;
+    }
+};
+
+template <int Bytes>
+struct LaneInteger;
+template <>
+struct LaneInteger<4> {
+    using Signed = std::int32_t;
+    using Unsigned = std::uint32_t;
+};
+template <>
+struct LaneInteger<8> {
+    using Signed = std::int64_t;
+    using Unsigned = std::uint64_t;
+};
+
+// One truth value a lane, as all-ones or all-zeros integers of the lane's width.
+template <class T, int W>
+struct PackMask {
+    using Integer = typename LaneInteger<sizeof(T)>::Signed;
+    typedef Integer Raw __attribute__((vector_size(W * sizeof(T))));
+    typedef std::int64_t Words __attribute__((vector_size(W * sizeof(T))));
+    Raw raw;
+
+    MPM_INLINE static PackMask of(Raw r) {
+        PackMask m;
+        m.raw = r;
+        return m;
+    }
+    // The first `count` lanes are true.
+    MPM_INLINE static PackMask first(int count) {
+        PackMask m;
+        MPM_UNROLL for (int l = 0; l < W; ++l) m.raw[l] = l < count ? Integer(-1) : Integer(0);
+        return m;
+    }
+    MPM_INLINE bool operator[](int lane) const { return raw[lane] != 0; }
+    MPM_INLINE friend PackMask operator&(PackMask a, PackMask b) { return of(a.raw & b.raw); }
+    MPM_INLINE friend PackMask operator|(PackMask a, PackMask b) { return of(a.raw | b.raw); }
+    MPM_INLINE friend PackMask operator!(PackMask a) { return of(~a.raw); }
+};
+
+template <class T, int W>
+MPM_INLINE PackMask<T, W> operator<(Pack<T, W> a, Pack<T, W> b) {
+    return PackMask<T, W>::of(a.raw < b.raw);
+}
+template <class T, int W>
+MPM_INLINE PackMask<T, W> operator<=(Pack<T, W> a, Pack<T, W> b) {
+    return PackMask<T, W>::of(a.raw <= b.raw);
+}
+template <class T, int W>
+MPM_INLINE PackMask<T, W> operator>(Pack<T, W> a, Pack<T, W> b) {
+    return b < a;
+}
+template <class T, int W>
+MPM_INLINE PackMask<T, W> operator==(Pack<T, W> a, Pack<T, W> b) {
+    return PackMask<T, W>::of(a.raw == b.raw);
+}
+
+template <class T, int W>
+MPM_INLINE Pack<T, W> select(PackMask<T, W> m, Pack<T, W> a, Pack<T, W> b) {
+    return Pack<T, W>::of(m.raw ? a.raw : b.raw);
+}
+
+template <class T, int W>
+MPM_INLINE bool any(PackMask<T, W> m) {
+    typename PackMask<T, W>::Words w;
+    std::memcpy(&w, &m.raw, sizeof(w));
+    std::int64_t out = 0;
+    MPM_UNROLL for (unsigned k = 0; k < W * sizeof(T) / 8; ++k) out |= w[k];
+    return out != 0;
+}
+template <class T, int W>
+MPM_INLINE bool all(PackMask<T, W> m) {
+    return !any(!m);
+}
+
+template <class T, int W>
+MPM_INLINE T sum_of_lanes(Pack<T, W> p) {
+    if constexpr (W == 8) {
+        auto h = __builtin_shufflevector(p.raw, p.raw, 0, 1, 2, 3) +
+                 __builtin_shufflevector(p.raw, p.raw, 4, 5, 6, 7);
+        return (h[0] + h[2]) + (h[1] + h[3]);
+    } else {
+        T s = p[0];
+        MPM_UNROLL for (int l = 1; l < W; ++l) s += p[l];
+        return s;
+    }
+}
+
+template <class T, int W>
+MPM_INLINE Pack<T, W> square_root(Pack<T, W> p) {
+    Pack<T, W> r;
+    MPM_UNROLL for (int l = 0; l < W; ++l) r.raw[l] = __builtin_sqrt(p.raw[l]);
+    return r;
+}
+
+}  // namespace mpm
+#endif

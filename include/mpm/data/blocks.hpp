@@ -1,0 +1,101 @@
+// The sparse grid: blocks of 64 cells (4^3, or 8^2 in two dimensions) that hold particles, and their neighbours. A
+// block's arena is the block and two nodes around it: what its particles reach while none has drifted more than one
+// cell from the cell it was sorted into.
+#pragma once
+
+#include <cstdint>
+
+#include "mpm/core/config.hpp"
+
+namespace mpm {
+
+inline constexpr int block_cells = 64;
+
+template <int D>
+struct Block {
+    static constexpr int edge = D == 2 ? 8 : 4;
+    static constexpr int margin = 2;
+    static constexpr int arena_edge = edge + 2 * margin;
+    static constexpr int arena_nodes = D == 2 ? arena_edge * arena_edge : arena_edge * arena_edge * arena_edge;
+    static constexpr int neighbours = D == 2 ? 9 : 27;
+
+    /// Cell number inside a block, last axis fastest.
+    MPM_INLINE static int cell(const int (&c)[D]) {
+        int n = 0;
+        MPM_UNROLL for (int a = 0; a < D; ++a) n = n * edge + c[a];
+        return n;
+    }
+    MPM_INLINE static void coordinates(int cell, int (&c)[D]) {
+        MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+            c[a] = cell % edge;
+            cell /= edge;
+        }
+    }
+    MPM_INLINE static constexpr int arena_stride(int axis) {
+        int s = 1;
+        for (int a = D - 1; a > axis; --a) s *= arena_edge;
+        return s;
+    }
+};
+
+/// Number of a block in the domain, counted with a rim of `rim` blocks outside it.
+template <int D>
+struct BlockKeys {
+    static constexpr int rim = 2;
+    std::int64_t counts[D];  // blocks along each axis, rim included
+
+    MPM_INLINE std::uint64_t key(const std::int64_t (&b)[D]) const {
+        std::int64_t k = 0;
+        MPM_UNROLL for (int a = 0; a < D; ++a) k = k * counts[a] + (b[a] + rim);
+        return std::uint64_t(k);
+    }
+    MPM_INLINE void block(std::uint64_t key, std::int64_t (&b)[D]) const {
+        std::int64_t k = std::int64_t(key);
+        MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+            b[a] = k % counts[a] - rim;
+            k /= counts[a];
+        }
+    }
+};
+
+template <int D>
+struct BlockTableView {
+    BlockKeys<D> keys_of;
+    std::int32_t slots;
+    const std::uint64_t* keys;       // (slots,) ascending
+    const std::int32_t* neighbours;  // (slots, 3^D): slot or -1; own slot in the middle
+};
+
+/// Slot of a key in an ascending table, or -1.
+MPM_INLINE std::int32_t find_key(const std::uint64_t* keys, std::int32_t count, std::uint64_t key) {
+    std::int32_t low = 0, high = count;
+    while (low < high) {
+        const std::int32_t middle = (low + high) / 2;
+        if (keys[middle] < key) low = middle + 1;
+        else high = middle;
+    }
+    return low < count && keys[low] == key ? low : -1;
+}
+
+/// Slot of a block, or -1 where it is not active.
+template <int D>
+MPM_INLINE std::int32_t find_block(const BlockTableView<D>& table, const std::int64_t (&block)[D]) {
+    for (int a = 0; a < D; ++a) {
+        if (block[a] < -BlockKeys<D>::rim || block[a] + BlockKeys<D>::rim >= table.keys_of.counts[a]) return -1;
+    }
+    return find_key(table.keys, table.slots, table.keys_of.key(block));
+}
+
+/// A node of a block's arena seen from the block: slot of the block that owns it (or -1) and its node number there.
+template <int D>
+MPM_INLINE void arena_node(const int (&at)[D], int& neighbour, int& node) {
+    neighbour = 0;
+    node = 0;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        const int n = at[a] - Block<D>::margin + Block<D>::edge;  // in [edge - 2, 2 edge + 2)
+        neighbour = neighbour * 3 + n / Block<D>::edge;
+        node = node * Block<D>::edge + n % Block<D>::edge;
+    }
+}
+
+}  // namespace mpm

@@ -1,0 +1,68 @@
+// Memory of one executor. Move-only, uninitialised, released with its executor's call.
+#pragma once
+
+#include <cstddef>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace mpm {
+
+template <class X, class T>
+class Buffer {
+    static_assert(std::is_trivially_copyable_v<T>);
+
+  public:
+    explicit Buffer(X& x) : exec_(&x) {}
+    Buffer(const Buffer&) = delete;
+    Buffer& operator=(const Buffer&) = delete;
+    Buffer(Buffer&& other) noexcept { swap(other); }
+    Buffer& operator=(Buffer&& other) noexcept {
+        swap(other);
+        return *this;
+    }
+    ~Buffer() {
+        if (data_) exec_->release(data_);
+    }
+
+    T* data() const { return data_; }
+    std::size_t size() const { return size_; }
+    std::size_t bytes() const { return capacity_ * sizeof(T); }
+
+    /// Room for n elements; what was there is lost when it has to grow. Grows by a sixteenth beyond what is asked.
+    void reserve_discard(std::size_t n) {
+        if (n > capacity_) {
+            if (data_) exec_->release(data_);
+            data_ = nullptr;
+            capacity_ = 0;
+            const std::size_t room = size_ == 0 ? n : n + n / 16;
+            data_ = static_cast<T*>(exec_->allocate((room > 0 ? room : 1) * sizeof(T)));
+            capacity_ = room;
+        }
+        size_ = n;
+    }
+    void zero() { exec_->zero(data_, size_ * sizeof(T)); }
+    void assign(const std::vector<T>& host) {
+        reserve_discard(host.size());
+        if (!host.empty()) exec_->upload(data_, host.data(), host.size() * sizeof(T));
+    }
+    std::vector<T> host() const {
+        std::vector<T> out(size_);
+        if (size_) exec_->download(out.data(), data_, size_ * sizeof(T));
+        return out;
+    }
+    void swap(Buffer& other) noexcept {
+        std::swap(exec_, other.exec_);
+        std::swap(data_, other.data_);
+        std::swap(size_, other.size_);
+        std::swap(capacity_, other.capacity_);
+    }
+
+  private:
+    X* exec_ = nullptr;
+    T* data_ = nullptr;
+    std::size_t size_ = 0;
+    std::size_t capacity_ = 0;
+};
+
+}  // namespace mpm

@@ -1,0 +1,162 @@
+// The CPU executor: memory on the heap, loops by OpenMP. Verbs, not loops, are what common code may use: `for_each`
+// promises independent iterations and therefore cannot write sums; `max_each` reduces maxima, whose order does not
+// matter; scatters happen in the body passes, which own what they add to.
+#pragma once
+
+#include <omp.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "mpm/core/config.hpp"
+#include "mpm/core/error.hpp"
+
+namespace mpm {
+
+class Cpu {
+  public:
+    static constexpr bool is_device = false;
+    /// Type of a nodal sum: the number itself.
+    template <class T>
+    using Sum = T;
+    /// How far a particle may drift from the cell it was sorted into, in cells. Particles outside their cell go one
+    /// by one, which costs three times a lane, so the CPU sorts early.
+    static constexpr double drift_limit = 0.3;
+    /// Steps handed over before the state is looked at again.
+    static constexpr int batch = 1;
+
+    explicit Cpu(int threads) : threads_(threads > 0 ? threads : omp_get_max_threads()) {}
+    int threads() const { return threads_; }
+
+    void* allocate(std::size_t bytes) {
+        void* p = std::aligned_alloc(64, (bytes + 63) / 64 * 64);
+        if (!p) throw CapacityError("out of memory: " + std::to_string(bytes) + " bytes asked for in one piece");
+        return p;
+    }
+    void release(void* p) noexcept { std::free(p); }
+    void copy(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
+    void upload(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
+    void download(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
+    void zero(void* p, std::size_t bytes) { std::memset(p, 0, bytes); }
+    void wait() {}
+    void check(const char*) {}
+
+    template <class F>
+    void single(const F& f) {
+        f();
+    }
+
+    template <class F>
+    void for_each(std::int64_t n, const F& f) {
+#pragma omp parallel for schedule(static) num_threads(threads_) if (n > 4096)
+        for (std::int64_t i = 0; i < n; ++i) f(i);
+    }
+
+    /// Iterations that cost much more than a few nanoseconds each.
+    template <class F>
+    void for_each_large(std::int64_t n, const F& f) {
+#pragma omp parallel for schedule(dynamic) num_threads(threads_) if (n > 8)
+        for (std::int64_t i = 0; i < n; ++i) f(i);
+    }
+
+    /// Host work on host copies.
+    template <class F>
+    void host_for(std::int64_t n, const F& f) {
+        for_each_large(n, f);
+    }
+
+    /// maxima[m] = max over i of what f(i, local) leaves in local[m]; maxima start at zero.
+    template <int M, class F>
+    void max_each(std::int64_t n, const F& f, double* maxima) {
+        double out[M] = {};
+#pragma omp parallel num_threads(threads_) if (n > 2048)
+        {
+            double local[M] = {};
+#pragma omp for schedule(static) nowait
+            for (std::int64_t i = 0; i < n; ++i) f(i, local);
+#pragma omp critical(mpm_maxima)
+            for (int m = 0; m < M; ++m) out[m] = std::max(out[m], local[m]);
+        }
+        for (int m = 0; m < M; ++m) maxima[m] = out[m];
+    }
+
+    /// out[i] = sum of in[0 .. i), for i in [0, n]: n + 1 results.
+    void exclusive_scan(const std::uint32_t* in, std::uint32_t* out, std::int64_t n) {
+        std::uint32_t sum = 0;
+        for (std::int64_t i = 0; i < n; ++i) {
+            const std::uint32_t x = in[i];
+            out[i] = sum;
+            sum += x;
+        }
+        out[n] = sum;
+    }
+
+    /// Ascending, each once; returns how many remain.
+    std::int64_t sort_unique(std::uint64_t* keys, std::int64_t n) {
+        std::sort(keys, keys + n);
+        return std::unique(keys, keys + n) - keys;
+    }
+
+    /// order[k] = index of the k-th element by key, ties in index order; start[key] = first k of that key, for keys in
+    /// [0, range]. Particles are nearly in order, so each thread's chunk spans few keys and a histogram of its own.
+    void stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t range, std::uint32_t* order,
+                      std::uint32_t* start) {
+        const int workers = n > 65536 ? threads_ : 1;
+        struct Chunk {
+            std::int64_t low = 0;
+            std::vector<std::uint32_t> count;
+        };
+        std::vector<Chunk> chunks(workers);
+        std::vector<std::uint32_t> total(range + 1, 0);
+#pragma omp parallel for schedule(static, 1) num_threads(workers)
+        for (int w = 0; w < workers; ++w) {
+            const std::int64_t b = n * w / workers, e = n * (w + 1) / workers;
+            std::uint32_t low = ~0u, high = 0;
+            for (std::int64_t i = b; i < e; ++i) {
+                low = std::min(low, key[i]);
+                high = std::max(high, key[i]);
+            }
+            if (b == e) low = high = 0;
+            chunks[w].low = low;
+            chunks[w].count.assign(std::size_t(high) - low + 1, 0);
+            for (std::int64_t i = b; i < e; ++i) ++chunks[w].count[key[i] - low];
+        }
+        for (auto& c : chunks) {
+            for (std::size_t k = 0; k < c.count.size(); ++k) {
+                const std::uint32_t here = c.count[k];
+                c.count[k] = total[c.low + k];  // how many earlier chunks hold of this key
+                total[c.low + k] += here;
+            }
+        }
+        exclusive_scan(total.data(), start, range);
+#pragma omp parallel for schedule(static, 1) num_threads(workers)
+        for (int w = 0; w < workers; ++w) {
+            const std::int64_t b = n * w / workers, e = n * (w + 1) / workers;
+            auto& c = chunks[w];
+            for (std::int64_t i = b; i < e; ++i) order[start[key[i]] + c.count[key[i] - c.low]++] = std::uint32_t(i);
+        }
+    }
+
+    /// A flag that several workers may raise at once.
+    static void raise(std::uint32_t* flag) { __atomic_store_n(flag, 1u, __ATOMIC_RELAXED); }
+    /// Keeps the smallest value seen.
+    static void keep_smallest(std::uint64_t* to, std::uint64_t value) {
+        std::uint64_t seen = __atomic_load_n(to, __ATOMIC_RELAXED);
+        while (value < seen && !__atomic_compare_exchange_n(to, &seen, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
+        }
+    }
+    /// Returns the value before the addition.
+    static std::uint32_t fetch_add(std::uint32_t* to, std::uint32_t by) {
+        return __atomic_fetch_add(to, by, __ATOMIC_RELAXED);
+    }
+
+  private:
+    int threads_;
+};
+
+}  // namespace mpm

@@ -1,0 +1,480 @@
+// CPU driver of the passes over a body's particles: loops, arenas, lanes and flush; no formula.
+//
+// One worker owns one block at a time. It copies the velocities that the block's particles can reach into an arena,
+// walks the cells, and takes the particles of a cell a pack at a time: lanes share the cell's nodes, so node values
+// are broadcast and each lane adds to sums of its own that are added up once a cell. Particles that have left the
+// cell they were sorted into go one by one through the same formulae with a scalar number type. Blocks of one colour
+// share no node, so the order of additions, and with it every bit, is independent of the number of threads.
+#pragma once
+
+#include <memory>
+
+#include "mpm/exec/cpu.hpp"
+#include "mpm/kernels/particle.hpp"
+#include "mpm/kernels/pass.hpp"
+
+// 32-byte packs widen with the clone they are inlined into; the loader picks the clone for the processor.
+#if defined(LIBMPM_SANITIZED) || defined(__clang__)
+#define MPM_CLONES
+#else
+#define MPM_CLONES \
+    __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4"), flatten, noinline))
+#endif
+
+namespace mpm::cpu {
+
+template <class T>
+inline constexpr int lanes = 32 / int(sizeof(T));
+
+template <class T, int D, int C>
+struct Arena {
+    static constexpr int nodes = Block<D>::arena_nodes;
+    alignas(64) T velocity[C][nodes];
+    alignas(64) T sums[C + 1][nodes];  // channels, then mass; in units of one particle's mass
+};
+
+/// Node values for `gather`: the same for all lanes.
+template <class T, int D>
+struct ArenaNodes {
+    const T* at;
+    static constexpr int stride(int axis) { return Block<D>::arena_stride(axis); }
+    template <int C>
+    MPM_INLINE Vec<T, C> load(int node) const {
+        Vec<T, C> v;
+        MPM_UNROLL for (int c = 0; c < C; ++c) v[c] = at[c * Block<D>::arena_nodes + node];
+        return v;
+    }
+};
+
+/// Sums of one cell, a pack a node and channel.
+template <class V, int D, int C>
+struct CellSums {
+    V value[stencil_nodes<D>][C + 1];
+    MPM_INLINE void add(int node, int channel, V v) { value[node][channel] += v; }
+    MPM_INLINE void add_mass(int node, V v) { value[node][C] += v; }
+};
+
+/// Sums of a lone particle, straight into the arena.
+template <class T, int D, int C>
+struct ArenaSums {
+    T* at;  // first node of the stencil, channel 0
+    MPM_INLINE static int place(int node) {
+        if constexpr (D == 2) return node / 3 * Block<2>::arena_stride(0) + node % 3;
+        else return node / 9 * Block<3>::arena_stride(0) + node / 3 % 3 * Block<3>::arena_stride(1) + node % 3;
+    }
+    MPM_INLINE void add(int node, int channel, T v) { at[channel * Block<D>::arena_nodes + place(node)] += v; }
+    MPM_INLINE void add_mass(int node, T v) { at[C * Block<D>::arena_nodes + place(node)] += v; }
+};
+
+template <int D>
+MPM_INLINE int stencil_origin(const int (&cell)[D]) {
+    int n = 0;
+    MPM_UNROLL for (int a = 0; a < D; ++a) n += (cell[a] + Block<D>::margin - 1) * Block<D>::arena_stride(a);
+    return n;
+}
+
+/// Calls f(arena position, slot, node, length) for each run of nodes that is contiguous on both sides.
+template <int D, class F>
+MPM_INLINE void for_each_run(const std::int32_t* neighbours, const F& f) {
+    constexpr int edge = Block<D>::edge, margin = Block<D>::margin, arena = Block<D>::arena_edge;
+    for (int row = 0; row < Block<D>::arena_nodes / arena; ++row) {
+        int at[D], rest = row;
+        for (int a = D - 2; a >= 0; --a) {
+            at[a] = rest % arena;
+            rest /= arena;
+        }
+        const int starts[4] = {0, margin, margin + edge, arena};
+        MPM_UNROLL for (int part = 0; part < 3; ++part) {
+            at[D - 1] = starts[part];
+            int neighbour, node;
+            arena_node<D>(at, neighbour, node);
+            f(row * arena + starts[part], neighbours[neighbour], node, starts[part + 1] - starts[part]);
+        }
+    }
+}
+
+template <class T, class Material>
+MPM_INLINE StepNumbers<T, Material> step_numbers(const BodyNumbers& n, const double* parameters, bool carry,
+                                                 bool stress_only) {
+    return {T(n.move),
+            T(n.strain),
+            T(n.rate),
+            T(n.impulse),
+            Material::template constants<T>(parameters),
+            {T(n.ratio), carry ? T(1) : T(0), stress_only}};
+}
+
+/// What one block's pass does: the whole step, or one half of the two-pass form, or the first deposit.
+enum class Stage { fused, gather, scatter, initial };
+
+template <class Material, Smoothing S, class T, int D, Stage stage>
+struct BlockPass {
+    static constexpr int C = transfer_channels<D, S>;
+    static constexpr int R = state_reals<Material, D, S>;
+    static constexpr int W = lanes<T>;
+    using V = Pack<T, W>;
+    using P = Pass<Cpu, T, D>;
+    using Numbers = StepNumbers<T, Material>;
+    static constexpr bool reads = stage == Stage::fused || stage == Stage::gather;
+    static constexpr bool adds = stage != Stage::gather;
+
+    const P& pass;
+    const Numbers& numbers;
+    Arena<T, D, C>& arena;
+
+    template <class N>
+    MPM_INLINE void load(std::uint32_t q, Vec<N, D>& xi, N (&state)[R]) const {
+        MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = load_from<N>(pass.body.offset[a] + q);
+        MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = load_from<N>(pass.body.state[r] + q);
+    }
+    template <class N>
+    MPM_INLINE static N load_from(const T* p) {
+        if constexpr (std::is_same_v<N, T>) return *p;
+        else return N::load(p);
+    }
+
+    /// What a particle deposits, carried between the halves of the two-pass form: value and slopes by channel.
+    template <class N>
+    MPM_INLINE void load_deposit(std::uint32_t q, Affine<N, D, C>& u) const {
+        const std::size_t n = pass.body.count;
+        MPM_UNROLL for (int c = 0; c < C; ++c) {
+            u.value[c] = load_from<N>(pass.scratch + c * n + q);
+            MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] = load_from<N>(pass.scratch + (C + a * C + c) * n + q);
+        }
+    }
+    MPM_INLINE void store_deposit(std::uint32_t q, const Affine<T, D, C>& u) const {
+        const std::size_t n = pass.body.count;
+        MPM_UNROLL for (int c = 0; c < C; ++c) {
+            pass.scratch[c * n + q] = u.value[c];
+            MPM_UNROLL for (int a = 0; a < D; ++a) pass.scratch[(C + a * C + c) * n + q] = u.slope[a][c];
+        }
+    }
+
+    /// The step of particles whose stencil starts at `origin`; xi is relative to that cell's centre.
+    template <class N>
+    MPM_INLINE Affine<N, D, C> advance(std::uint32_t q, int origin, Vec<N, D>& xi, N (&state)[R]) const {
+        if constexpr (reads) {
+            const ArenaNodes<T, D> nodes{&arena.velocity[0][0]};
+            return advance_particle<Material, S, N, D>(nodes, origin, xi, state, numbers);
+        } else if constexpr (stage == Stage::scatter) {
+            Affine<N, D, C> u;
+            load_deposit<N>(q, u);
+            return u;
+        } else {
+            Vec<N, D> v;
+            MPM_UNROLL for (int a = 0; a < D; ++a) v[a] = load_from<N>(pass.scratch + a * std::size_t(pass.body.count) + q);
+            return resting_particle<Material, S, N, D>(v, state, numbers);
+        }
+    }
+
+    template <class N>
+    MPM_INLINE static MaskOf<N> sound(const Vec<N, D>& xi, const N (&state)[R]) {
+        N own[Material::template reals<D>];
+        MPM_UNROLL for (int r = 0; r < Material::template reals<D>; ++r) own[r] = state[r];
+        MaskOf<N> ok = Material::template admissible<N, D>(own);
+        // Also false for what is not a number.
+        MPM_UNROLL for (int a = 0; a < D; ++a) ok = ok & (absolute(xi[a]) <= N(T(1.75)));
+        return ok;
+    }
+    MPM_INLINE void report(std::uint32_t q) const { Cpu::keep_smallest(pass.fault_particle, pass.body_number << 40 | q); }
+
+    /// A particle that is, or comes to be, outside its home cell.
+    MPM_INLINE void deposit_alone(const int (&home)[D], const Vec<T, D>& xi, const Affine<T, D, C>& u) const {
+        int cell[D];
+        Vec<T, D> local;
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const int shift = xi[a] < T(-0.5) ? -1 : (xi[a] <= T(0.5) ? 0 : 1);
+            cell[a] = home[a] + shift;
+            local[a] = xi[a] - T(shift);
+        }
+        ArenaSums<T, D, C> sums{&arena.sums[0][0] + stencil_origin<D>(cell)};
+        scatter<T, D, C>(sums, quadratic_weights<T, D>(local), T(1), u);
+    }
+
+    MPM_INLINE void alone(const int (&home)[D], std::uint32_t q) const {
+        Vec<T, D> xi;
+        T state[R];
+        load<T>(q, xi, state);
+        int cell[D], shift[D];
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            shift[a] = xi[a] < T(-0.5) ? -1 : (xi[a] <= T(0.5) ? 0 : 1);
+            cell[a] = home[a] + shift[a];
+            if constexpr (reads) xi[a] -= T(shift[a]);
+        }
+        const Affine<T, D, C> u = advance<T>(q, stencil_origin<D>(cell), xi, state);
+        if constexpr (reads) {
+            MPM_UNROLL for (int a = 0; a < D; ++a) {
+                xi[a] += T(shift[a]);
+                pass.body.offset[a][q] = xi[a];
+            }
+            MPM_UNROLL for (int r = 0; r < R; ++r) pass.body.state[r][q] = state[r];
+            if (!sound<T>(xi, state)) return report(q);
+        }
+        if constexpr (stage == Stage::gather) store_deposit(q, u);
+        if constexpr (adds) deposit_alone(home, xi, u);
+    }
+
+    MPM_INLINE static Affine<T, D, C> lane(const Affine<V, D, C>& u, int l) {
+        Affine<T, D, C> out;
+        MPM_UNROLL for (int c = 0; c < C; ++c) {
+            out.value[c] = u.value[c][l];
+            MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][c] = u.slope[a][c][l];
+        }
+        return out;
+    }
+
+    MPM_INLINE static MaskOf<V> in_cell(const Vec<V, D>& xi) {
+        MaskOf<V> m = absolute(xi[0]) <= V(T(0.5));
+        MPM_UNROLL for (int a = 1; a < D; ++a) m = m & (absolute(xi[a]) <= V(T(0.5)));
+        return m;
+    }
+
+    MPM_INLINE void together(const int (&home)[D], std::uint32_t q, int count, CellSums<V, D, C>& sums) const {
+        using Mask = MaskOf<V>;
+        Vec<V, D> xi;
+        V state[R];
+        load<V>(q, xi, state);
+        const Mask present = Mask::first(count);
+        const Mask before = present & in_cell(xi);
+        // Lanes without a particle of this cell compute on harmless numbers and write nothing.
+        MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(before, xi[a], V(T(0)));
+        MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = select(before, state[r], V(T(0)));
+        const Affine<V, D, C> u = advance<V>(q, stencil_origin<D>(home), xi, state);
+        Mask inside = before;
+        if constexpr (reads) {
+            const bool whole = count == W && all(before);
+            if (whole) {
+                MPM_UNROLL for (int a = 0; a < D; ++a) xi[a].store(pass.body.offset[a] + q);
+                MPM_UNROLL for (int r = 0; r < R; ++r) state[r].store(pass.body.state[r] + q);
+            } else {
+                for (int l = 0; l < count; ++l) {
+                    if (!before[l]) continue;
+                    MPM_UNROLL for (int a = 0; a < D; ++a) pass.body.offset[a][q + l] = xi[a][l];
+                    MPM_UNROLL for (int r = 0; r < R; ++r) pass.body.state[r][q + l] = state[r][l];
+                }
+            }
+            const Mask good = sound<V>(xi, state);
+            if (any(before & !good)) {
+                for (int l = 0; l < count; ++l)
+                    if (before[l] && !good[l]) report(q + l);
+                inside = inside & good;
+            }
+            const Mask still = in_cell(xi);
+            if constexpr (adds) {
+                if (any(inside & !still)) {
+                    for (int l = 0; l < count; ++l) {
+                        if (!inside[l] || still[l]) continue;
+                        Vec<T, D> x;
+                        MPM_UNROLL for (int a = 0; a < D; ++a) x[a] = xi[a][l];
+                        deposit_alone(home, x, lane(u, l));
+                    }
+                }
+            }
+            if constexpr (stage == Stage::gather) {
+                for (int l = 0; l < count; ++l)
+                    if (before[l]) store_deposit(q + l, lane(u, l));
+            }
+            inside = inside & still;
+        }
+        if constexpr (adds) {
+            MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(inside, xi[a], V(T(0)));
+            Affine<V, D, C> kept;
+            MPM_UNROLL for (int c = 0; c < C; ++c) {
+                kept.value[c] = select(inside, u.value[c], V(T(0)));
+                MPM_UNROLL for (int a = 0; a < D; ++a) kept.slope[a][c] = select(inside, u.slope[a][c], V(T(0)));
+            }
+            scatter<V, D, C>(sums, quadratic_weights<V, D>(xi), select(inside, V(T(1)), V(T(0))), kept);
+        }
+        if (any(present & !before)) {
+            for (int l = 0; l < count; ++l)
+                if (!before[l]) alone(home, q + l);
+        }
+    }
+
+    MPM_INLINE void cell(int number, std::uint32_t begin, std::uint32_t end) const {
+        int home[D];
+        Block<D>::coordinates(number, home);
+        if constexpr (stage == Stage::initial) {  // once a run: not worth the lanes
+            for (std::uint32_t q = begin; q < end; ++q) alone(home, q);
+            return;
+        }
+        CellSums<V, D, C> sums;
+        if constexpr (adds) {
+            MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n)
+                for (int c = 0; c <= C; ++c) sums.value[n][c] = V(T(0));
+        }
+        for (std::uint32_t q = begin; q < end; q += W) together(home, q, int(end - q < W ? end - q : W), sums);
+        if constexpr (adds) {
+            T* at = &arena.sums[0][0] + stencil_origin<D>(home);
+            MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) {
+                const int place = ArenaSums<T, D, C>::place(n);
+                MPM_UNROLL for (int c = 0; c <= C; ++c) at[c * Block<D>::arena_nodes + place] += sum_of_lanes(sums.value[n][c]);
+            }
+        }
+    }
+
+    MPM_INLINE void fill(const std::int32_t* neighbours) const {
+        const auto& g = pass.grid;
+        for_each_run<D>(neighbours, [&](int at, std::int32_t slot, int node, int length) {
+            MPM_UNROLL for (int c = 0; c < C; ++c) {
+                const int channel = c < D ? c : pass.group.average;
+                const T* from = g.velocity + (std::int64_t(slot) * g.velocity_channels + channel) * block_cells + node;
+                for (int k = 0; k < length; ++k) arena.velocity[c][at + k] = from[k];
+            }
+        });
+    }
+
+    MPM_INLINE void flush(const std::int32_t* neighbours) const {
+        const auto& g = pass.grid;
+        const T m = T(pass.body.particle_mass);
+        for_each_run<D>(neighbours, [&](int at, std::int32_t slot, int node, int length) {
+            T* to = g.sums + std::int64_t(slot) * g.sum_channels * block_cells + node;
+            const auto add = [&](int channel, const T* from) {
+                for (int k = 0; k < length; ++k) to[channel * block_cells + k] += m * from[at + k];
+            };
+            add(0, arena.sums[C]);
+            MPM_UNROLL for (int c = 0; c < C; ++c) add(c < D ? 1 + c : pass.group.sum, arena.sums[c]);
+            if (pass.group.weight >= 0) add(pass.group.weight, arena.sums[C]);
+        });
+    }
+
+    MPM_INLINE void block(std::int32_t slot) const {
+        const std::int32_t* neighbours = pass.grid.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
+        if constexpr (reads) fill(neighbours);
+        if constexpr (adds) std::memset(arena.sums, 0, sizeof(arena.sums));
+        const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
+        for (int c = 0; c < block_cells; ++c)
+            if (start[c] < start[c + 1]) cell(c, start[c], start[c + 1]);
+        if constexpr (adds) flush(neighbours);
+    }
+};
+
+template <class Material, Smoothing S, class T, int D, Stage stage>
+MPM_CLONES void run_block(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>& numbers,
+                          Arena<T, D, transfer_channels<D, S>>& arena, std::int32_t slot) {
+    BlockPass<Material, S, T, D, stage>{pass, numbers, arena}.block(slot);
+}
+
+template <class Material, Smoothing S, class T, int D>
+void run_first_block(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>& numbers,
+                     Arena<T, D, transfer_channels<D, S>>& arena, std::int32_t slot) {
+    BlockPass<Material, S, T, D, Stage::initial>{pass, numbers, arena}.block(slot);
+}
+
+template <class Material, Smoothing S, class T, int D, Stage stage>
+void run_body(const Pass<Cpu, T, D>& pass) {
+    if (pass.clock->halt != Halt::none) return;
+    const auto numbers = step_numbers<T, Material>(*pass.numbers, pass.parameters, pass.carry, pass.stress_only);
+    using A = Arena<T, D, transfer_channels<D, S>>;
+    const int threads = pass.body.homes > 8 ? pass.exec->threads() : 1;
+#pragma omp parallel num_threads(threads)
+    {
+        const auto arena = std::make_unique<A>();
+        for (int colour = 0; colour < (1 << D); ++colour) {
+#pragma omp for schedule(dynamic, 1)
+            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k) {
+                if constexpr (stage == Stage::initial) {
+                    run_first_block<Material, S, T, D>(pass, numbers, *arena, pass.coloured[k]);
+                } else {
+                    run_block<Material, S, T, D, stage>(pass, numbers, *arena, pass.coloured[k]);
+                }
+            }
+        }
+    }
+}
+
+/// Per home block: kinetic, elastic and potential energy in J (2D: J/m); potential relative to the lower corner.
+template <class Material, Smoothing S, class T, int D>
+void energies(const Pass<Cpu, T, D>& pass, const std::int32_t* due, double* partial) {
+    if (!*due) return;
+    const auto numbers = step_numbers<T, Material>(*pass.numbers, pass.parameters, pass.carry, pass.stress_only);
+    constexpr int C = transfer_channels<D, S>;
+    const double dx = 4 / pass.numbers->rate;
+#pragma omp parallel num_threads(pass.exec->threads())
+    {
+        const auto arena = std::make_unique<Arena<T, D, C>>();
+#pragma omp for schedule(dynamic, 8)
+        for (std::int32_t h = 0; h < pass.body.homes; ++h) {
+            const std::int32_t slot = pass.body.home[h];
+            const BlockPass<Material, S, T, D, Stage::gather> block{pass, numbers, *arena};
+            block.fill(pass.grid.table.neighbours + std::int64_t(slot) * Block<D>::neighbours);
+            std::int64_t corner[D];
+            pass.grid.table.keys_of.block(pass.grid.table.keys[slot], corner);
+            double sum[3] = {};
+            for (int c = 0; c < block_cells; ++c) {
+                int home[D];
+                Block<D>::coordinates(c, home);
+                for (std::uint32_t q = pass.body.cell_start[slot * block_cells + c];
+                     q < pass.body.cell_start[slot * block_cells + c + 1]; ++q) {
+                    Vec<T, D> xi;
+                    T state[state_reals<Material, D, S>];
+                    block.template load<T>(q, xi, state);
+                    int cell[D];
+                    double height = 0, kinetic = 0;
+                    for (int a = 0; a < D; ++a) {
+                        height += pass.clock->gravity[a] *
+                                  (double(corner[a] * Block<D>::edge + home[a]) + 0.5 + double(xi[a])) * dx;
+                        const int shift = xi[a] < T(-0.5) ? -1 : (xi[a] <= T(0.5) ? 0 : 1);
+                        cell[a] = home[a] + shift;
+                        xi[a] -= T(shift);
+                    }
+                    const ArenaNodes<T, D> nodes{&arena->velocity[0][0]};
+                    const auto u = gather<C, T, D>(nodes, quadratic_weights<T, D>(xi), stencil_origin<D>(cell));
+                    for (int a = 0; a < D; ++a) kinetic += 0.5 * double(u.value[a]) * double(u.value[a]);
+                    double real[max_state_columns];
+                    for (int r = 0; r < Material::template reals<D>; ++r) real[r] = double(state[r]);
+                    const double still[D][D] = {};
+                    const auto o = Material::template observe<D>(real, still, pass.parameters);
+                    sum[0] += pass.body.particle_mass * kinetic;
+                    sum[1] += pass.body.particle_volume * o.elastic_energy;
+                    sum[2] -= pass.body.particle_mass * height;
+                }
+            }
+            for (int e = 0; e < 3; ++e) partial[3 * h + e] = sum[e];
+        }
+    }
+}
+
+/// The second half of the two-pass form knows no material; compiled once (src/kernels/cpu/scatter.cpp).
+struct Inert {
+    static constexpr bool volumetric = true;
+    template <class T>
+    struct Constants {};
+    template <class T>
+    static Constants<T> constants(const double*) {
+        return {};
+    }
+    template <int D>
+    static constexpr int reals = 1;
+};
+template <class T, int D, Smoothing S>
+void scatter_body(const Pass<Cpu, T, D>& pass);
+
+template <class Material, Smoothing S, class T, int D>
+BodyOps<Cpu, T, D> instance() {
+    BodyOps<Cpu, T, D> ops{};
+    ops.fused = &run_body<Material, S, T, D, Stage::fused>;
+    ops.gather = &run_body<Material, S, T, D, Stage::gather>;
+    ops.scatter = &scatter_body<T, D, S == Smoothing::none ? Smoothing::none : Smoothing::one_volume>;
+    ops.initial = &run_body<Material, S, T, D, Stage::initial>;
+    ops.energies = &energies<Material, S, T, D>;
+    ops.state_columns = state_reals<Material, D, S>;
+    ops.channels = transfer_channels<D, S>;
+    ops.observe = &Material::template observe<D>;
+    return ops;
+}
+
+}  // namespace mpm::cpu
+
+namespace mpm {
+
+template <class T, int D, class Material>
+BodyOps<Cpu, T, D> cpu_body_ops(Smoothing s) {
+    if constexpr (Material::volumetric) {
+        if (s == Smoothing::one_volume) return cpu::instance<Material, Smoothing::one_volume, T, D>();
+        if (s == Smoothing::two_volumes) return cpu::instance<Material, Smoothing::two_volumes, T, D>();
+    }
+    return cpu::instance<Material, Smoothing::none, T, D>();
+}
+
+}  // namespace mpm

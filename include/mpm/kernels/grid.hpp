@@ -1,0 +1,163 @@
+// The grid half of a step: sums -> velocities, gravity, boundaries (Bonus 2023, section 4.10).
+#pragma once
+
+#include "mpm/kernels/views.hpp"
+
+namespace mpm {
+
+/// Below this share of the lightest particle's mass a node does not move: its weight in any particle's velocity is
+/// smaller still, and its quotient momentum / mass would be noise.
+inline constexpr double negligible_mass = 1e-10;
+/// With fixed-point sums, the least number of quanta for the same reason.
+inline constexpr double least_quanta = 16;
+
+/// What the boundaries leave of a node's velocity. `seen(boundary, face, before, after)` hears of every response.
+template <class T, int D, class Seen>
+MPM_INLINE void apply_boundaries(const BoundaryRecord<D>* boundaries, int count, const std::int64_t (&cell)[D],
+                                 Vec<T, D>& v, const Seen& seen) {
+    for (int b = 0; b < count; ++b) {
+        const BoundaryRecord<D>& r = boundaries[b];
+        if (!r.active) continue;
+        Vec<T, D> wall;
+        for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
+        if (!r.is_box) {
+            // The wall of face x- lies at the lower side of cell 0: nodes 0 and beyond it are held.
+            for (int face = 0; face < 2 * D; ++face) {
+                const int a = face / 2;
+                const bool held = face % 2 == 0 ? cell[a] <= r.lower[a] : cell[a] >= r.upper[a] - 1;
+                if (!r.present[face] || !held) continue;
+                const Vec<T, D> before = v;
+                v = respond(r.law[face], a, face % 2 == 0 ? T(1) : T(-1), before, wall);
+                seen(b, face, before, v);
+            }
+            continue;
+        }
+        // A box holds its inside by the nearest face, and the one layer of cells before each face; cells that touch it
+        // only by an edge or a corner stay free, so that the box blocks exactly its stated width.
+        int outside = 0, face = -1;
+        std::int64_t depth = 0;
+        for (int a = 0; a < D; ++a) {
+            if (cell[a] < r.lower[a] - 1 || cell[a] > r.upper[a]) outside = 2;
+            if (cell[a] == r.lower[a] - 1 || cell[a] == r.upper[a]) {
+                ++outside;
+                face = 2 * a + (cell[a] == r.upper[a] ? 1 : 0);
+            }
+        }
+        if (outside > 1) continue;
+        if (outside == 0) {
+            for (int f = 0; f < 2 * D; ++f) {
+                const int a = f / 2;
+                const std::int64_t d = f % 2 == 0 ? cell[a] - r.lower[a] : r.upper[a] - 1 - cell[a];
+                if (face < 0 || d < depth) {
+                    depth = d;
+                    face = f;
+                }
+            }
+        }
+        const Vec<T, D> before = v;
+        v = respond(r.law[face], face / 2, face % 2 == 0 ? T(-1) : T(1), before, wall);
+        seen(b, face, before, v);
+    }
+}
+
+struct NothingSeen {
+    template <class... A>
+    MPM_INLINE void operator()(const A&...) const {}
+};
+
+/// One node: from sums to the velocity with which the coming step moves particles.
+template <class T, class Sum, int D>
+struct NodeUpdate {
+    GridView<T, Sum, D> grid;
+    const Clock* clock;
+    const BoundaryRecord<D>* boundaries;
+    int boundary_count;
+    const std::uint32_t* touched;  // per slot: may a boundary hold nodes of it
+    double least_mass;             // of a particle, kg
+
+    MPM_INLINE const Sum* sums(std::int32_t slot, int node) const {
+        return grid.sums + std::int64_t(slot) * grid.sum_channels * block_cells + node;
+    }
+    MPM_INLINE T mass(std::int32_t slot, int node) const {
+        const Sum* s = sums(slot, node);
+        if constexpr (std::is_integral_v<Sum>) {
+            if (double(s[0]) < least_quanta) return 0;
+        }
+        const T m = from_sum<T>(s[0], clock->scale_read[max_mass]);
+        return m > T(negligible_mass * least_mass) ? m : T(0);
+    }
+    MPM_INLINE void cell(std::int32_t slot, int node, std::int64_t (&c)[D]) const {
+        std::int64_t b[D];
+        int at[D];
+        grid.table.keys_of.block(grid.table.keys[slot], b);
+        Block<D>::coordinates(node, at);
+        for (int a = 0; a < D; ++a) c[a] = b[a] * Block<D>::edge + at[a];
+    }
+    template <class Seen>
+    MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Seen& seen) const {
+        const Sum* s = sums(slot, node);
+        Vec<T, D> v;
+        const T inverse = T(1) / m;
+        for (int a = 0; a < D; ++a) {
+            v[a] = from_sum<T>(s[(1 + a) * block_cells], clock->scale_read[max_momentum]) * inverse +
+                   T(clock->dt * clock->gravity[a]);
+        }
+        if (touched[slot]) {
+            std::int64_t c[D];
+            cell(slot, node, c);
+            apply_boundaries<T, D>(boundaries, boundary_count, c, v, seen);
+        }
+        return v;
+    }
+};
+
+/// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will fill, and
+/// gathers the maxima that the clock decides by.
+template <class T, class Sum, int D>
+struct UpdateGrid {
+    NodeUpdate<T, Sum, D> node;
+    Sum* next;  // sums to clear
+    const GroupChannels* groups;
+    int group_count;
+
+    MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
+        const auto& g = node.grid;
+        if (node.clock->halt != Halt::none) return;
+        const std::int32_t slot = std::int32_t(i / block_cells);
+        const int n = int(i % block_cells);
+        T* out = g.velocity + std::int64_t(slot) * g.velocity_channels * block_cells + n;
+        Sum* clear = next + std::int64_t(slot) * g.sum_channels * block_cells + n;
+        for (int c = 0; c < g.sum_channels; ++c) clear[c * block_cells] = 0;
+        const T m = node.mass(slot, n);
+        if (!(m > T(0))) {
+            for (int c = 0; c < g.velocity_channels; ++c) out[c * block_cells] = 0;
+            return;
+        }
+        const Vec<T, D> v = node.velocity(slot, n, m, NothingSeen{});
+        const Sum* s = node.sums(slot, n);
+        for (int a = 0; a < D; ++a) {
+            out[a * block_cells] = v[a];
+            larger_of(maxima[max_speed], absolute(double(v[a])));
+        }
+        for (int k = 0; k < group_count; ++k) {
+            const GroupChannels& c = groups[k];
+            const double sum = from_sum<double>(s[c.sum * block_cells], node.clock->scale_read[max_group]);
+            const T weight = c.weight < 0 ? m : from_sum<T>(s[c.weight * block_cells], node.clock->scale_read[max_mass]);
+            out[c.average * block_cells] = weight > T(0) ? T(sum) / weight : T(0);
+            if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_group], absolute(sum));
+        }
+        if constexpr (std::is_integral_v<Sum>) {
+            larger_of(maxima[max_mass], double(m));
+            for (int a = 0; a < D; ++a) {
+                larger_of(maxima[max_momentum], absolute(from_sum<double>(s[(1 + a) * block_cells],
+                                                                          node.clock->scale_read[max_momentum])));
+            }
+        }
+    }
+    // Not-a-number counts as infinite: nothing that is wrong may pass for slow.
+    MPM_INLINE static void larger_of(double& to, double x) {
+        if (!(x <= to)) to = x == x ? x : 1e300;
+    }
+};
+
+}  // namespace mpm

@@ -1,0 +1,98 @@
+// The seam between the solver and the instances compiled for one material: a plain struct of functions. The solver
+// never names a material, an instance never sees a scene.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "mpm/kernels/views.hpp"
+#include "mpm/physics/material/description.hpp"
+#include "mpm/physics/volume_smoothing.hpp"
+
+namespace mpm {
+
+inline constexpr int max_parameters = 16;
+
+/// One body, one step: everything that a pass over its particles needs.
+template <class X, class T, int D>
+struct Pass {
+    using Sum = typename X::template Sum<T>;
+    X* exec;
+    GridView<T, Sum, D> grid;  // velocities to read, sums to fill
+    BodyView<T, D> body;
+    GroupChannels group;
+    const Clock* clock;
+    const BodyNumbers* numbers;
+    std::uint64_t* fault_particle;
+    std::uint32_t* overflow;
+    std::uint64_t body_number;
+    double parameters[max_parameters];
+    bool carry;        // F-bar: deposit the gradient of j
+    bool stress_only;  // F-bar: only the pressure sees the blend
+    T* scratch;        // two-pass: (channels * (1 + D), count), what a particle deposits
+    const std::int32_t* coloured;      // CPU: home blocks by colour; blocks of one colour share no node
+    const std::int32_t* colour_start;  // (2^D + 1)
+};
+
+/// Host-side answers about one particle.
+template <int D>
+using Observe = Observation<D> (*)(const double* state, const double (&rate)[D][D], const double* parameters);
+
+template <class X, class T, int D>
+struct BodyOps {
+    using Run = void (*)(const Pass<X, T, D>&);
+    Run fused;       // null where this backend and precision have no fused form
+    Run gather;      // two-pass, first half
+    Run scatter;     // two-pass, second half
+    Run initial;     // deposit of resting particles; velocities in scratch (D, count)
+    // Where *due is set, per home block: kinetic, elastic, potential energy.
+    void (*energies)(const Pass<X, T, D>&, const std::int32_t* due, double* partial);
+    int state_columns;
+    int channels;  // transfer channels
+    Observe<D> observe;
+};
+
+/// What the solver may know of a material without instantiating anything.
+struct MaterialInfo {
+    const char* name;
+    const char* summary;
+    const char* source;
+    const char* needs;
+    const char* limits;
+    bool volumetric;
+    const Parameter* parameters;
+    int parameter_count;
+    const Column* columns;
+    int column_count;
+    double (*density)(const double*);
+    double (*wave_speed)(const double*);
+    double (*volume_from_pressure)(double pressure, const double*);  // null unless volumetric
+    int (*reals)(int dimension);
+};
+
+template <class Material>
+MaterialInfo describe_material() {
+    MaterialInfo m{};
+    m.name = Material::name;
+    m.summary = Material::summary;
+    m.source = Material::source;
+    m.needs = Material::needs;
+    m.limits = Material::limits;
+    m.volumetric = Material::volumetric;
+    m.parameters = Material::parameters;
+    m.parameter_count = int(sizeof(Material::parameters) / sizeof(Parameter));
+    m.columns = Material::columns;
+    m.column_count = int(sizeof(Material::columns) / sizeof(Column));
+    m.density = &Material::density;
+    m.wave_speed = &Material::wave_speed;
+    if constexpr (Material::volumetric) m.volume_from_pressure = &Material::volume_from_pressure;
+    m.reals = [](int d) { return d == 2 ? Material::template reals<2> : Material::template reals<3>; };
+    static_assert(sizeof(Material::parameters) / sizeof(Parameter) <= max_parameters);
+    return m;
+}
+
+/// Defined by the generated unit of each material and backend.
+template <class X, class T, int D, class Material>
+BodyOps<X, T, D> body_ops(Smoothing);
+
+}  // namespace mpm

@@ -1,0 +1,316 @@
+// Sensors, evaluated where the state lives and written into a ring per sensor. A sample is taken after the grid update
+// of the step that starts at its time, so it sees the velocity with which that step moves the particles.
+#pragma once
+
+#include "mpm/kernels/grid.hpp"
+#include "mpm/physics/shape/quadratic.hpp"
+
+namespace mpm {
+
+/// Velocity at a point given by cell and offset, from the nodes around it that carry mass; false where none does.
+/// `weight` returns the share of the kernel that lies on such nodes.
+template <class T, class Sum, int D>
+MPM_INLINE bool velocity_at(const NodeUpdate<T, Sum, D>& node, const std::int64_t (&cell)[D], const double (&xi)[D],
+                            double (&v)[D]) {
+    const auto& grid = node.grid;
+    Vec<double, D> local;
+    for (int a = 0; a < D; ++a) {
+        local[a] = xi[a];
+        v[a] = 0;
+    }
+    const Weights<double, D> w = quadratic_weights<double, D>(local);
+    double total = 0;
+    for (int n = 0; n < stencil_nodes<D>; ++n) {
+        int rest = n, k[D];
+        for (int a = D - 1; a >= 0; --a) {
+            k[a] = rest % 3;
+            rest /= 3;
+        }
+        std::int64_t block[D];
+        int at[D];
+        double weight = 1;
+        for (int a = 0; a < D; ++a) {
+            const std::int64_t c = cell[a] + k[a] - 1;
+            block[a] = c >= 0 ? c / Block<D>::edge : -((-c + Block<D>::edge - 1) / Block<D>::edge);
+            at[a] = int(c - block[a] * Block<D>::edge);
+            weight *= w.value[a][k[a]];
+        }
+        const std::int32_t slot = find_block<D>(grid.table, block);
+        if (slot < 0) continue;
+        const int number = Block<D>::cell(at);
+        if (!(node.mass(slot, number) > T(0))) continue;
+        const T* u = grid.velocity + std::int64_t(slot) * grid.velocity_channels * block_cells + number;
+        for (int a = 0; a < D; ++a) v[a] += weight * double(u[a * block_cells]);
+        total += weight;
+    }
+    if (!(total > 1e-6)) return false;
+    for (int a = 0; a < D; ++a) v[a] /= total;
+    return true;
+}
+
+/// The next row of a sensor's ring.
+MPM_INLINE double* open_row(SensorRecord& r, double time) {
+    double* row = r.values + std::int64_t(r.count) * r.columns;
+    r.times[r.count] = time;
+    ++r.count;
+    return row;
+}
+
+template <int D>
+inline constexpr int load_columns = D == 2 ? 3 : 6;  // forces, then moments
+
+template <int D>
+struct LoadCellRecord {
+    int boundary;
+    int faces;  // bit mask
+    double reference[D];
+};
+
+/// Momentum that the boundaries of load cells take from the nodes of one block in this step. On one worker per block
+/// and in a fixed order, so that the bits do not depend on who came first.
+template <class T, class Sum, int D>
+struct MeasureLoads {
+    NodeUpdate<T, Sum, D> node;
+    const std::int32_t* slots;
+    const LoadCellRecord<D>* cells;
+    int count;
+    double cell_size;
+    double* partial;  // (slots, count, load_columns)
+
+    MPM_INLINE void operator()(std::int64_t k) const {
+        const std::int32_t slot = slots[k];
+        double* out = partial + k * count * load_columns<D>;
+        for (int c = 0; c < count * load_columns<D>; ++c) out[c] = 0;
+        if (node.clock->halt != Halt::none) return;
+        for (int n = 0; n < block_cells; ++n) {
+            const T m = node.mass(slot, n);
+            if (!(m > T(0))) continue;
+            std::int64_t at[D];
+            node.cell(slot, n, at);
+            const auto seen = [&](int boundary, int face, const Vec<T, D>& before, const Vec<T, D>& after) {
+                for (int c = 0; c < count; ++c) {
+                    if (cells[c].boundary != boundary || !(cells[c].faces >> face & 1)) continue;
+                    double f[D], r[D];
+                    for (int a = 0; a < D; ++a) {
+                        f[a] = double(m) * (double(before[a]) - double(after[a]));
+                        r[a] = (double(at[a]) + 0.5) * cell_size - cells[c].reference[a];
+                    }
+                    double* o = out + c * load_columns<D>;
+                    for (int a = 0; a < D; ++a) o[a] += f[a];
+                    if constexpr (D == 2) {
+                        o[2] += r[0] * f[1] - r[1] * f[0];
+                    } else {
+                        o[3] += r[1] * f[2] - r[2] * f[1];
+                        o[4] += r[2] * f[0] - r[0] * f[2];
+                        o[5] += r[0] * f[1] - r[1] * f[0];
+                    }
+                }
+            };
+            node.velocity(slot, n, m, seen);
+        }
+    }
+};
+
+/// Adds the blocks' parts to the impulses, one worker a column.
+template <int D>
+struct AddLoads {
+    const Clock* clock;
+    const double* partial;
+    std::int32_t slots;
+    int columns;  // of all load cells
+    double* impulse;
+    MPM_INLINE void operator()(std::int64_t column) const {
+        if (clock->halt != Halt::none) return;
+        double sum = 0;
+        for (std::int32_t k = 0; k < slots; ++k) sum += partial[std::int64_t(k) * columns + column];
+        impulse[column] += sum;
+    }
+};
+
+/// Mean load since the sample before.
+template <int D>
+struct SampleLoad {
+    const Clock* clock;
+    SensorRecord* sensor;
+    double* impulse;  // of this load cell
+    MPM_HD void operator()() const {
+        SensorRecord& r = *sensor;
+        if (!r.due) return;
+        const double elapsed = clock->time - r.last_time;
+        if (elapsed > 0) {  // the first sample, at the start, has nothing to average over
+            double* row = open_row(r, clock->time);
+            for (int c = 0; c < load_columns<D>; ++c) {
+                row[c] = impulse[c] / elapsed;
+                impulse[c] = 0;
+            }
+        }
+        r.last_time = clock->time;
+    }
+};
+
+/// Free surface above a point: where the nodes' fill falls through one half, from above, interpolated linearly along
+/// the vertical and between the columns of nodes around the point. Not-a-number where the column is dry.
+template <class T, class Sum, int D>
+struct SampleGauge {
+    NodeUpdate<T, Sum, D> node;
+    SensorRecord* sensor;
+    double position[D];
+    int axis;      // vertical
+    int channel;   // of the sums: mass of all, or of one body
+    double full;   // mass of a full node, kg
+    double cell_size;
+    std::int64_t cells[D];
+
+    MPM_INLINE double fill(std::int64_t (&c)[D]) const {
+        std::int64_t block[D];
+        int at[D];
+        for (int a = 0; a < D; ++a) {
+            block[a] = c[a] / Block<D>::edge;
+            at[a] = int(c[a] % Block<D>::edge);
+        }
+        const std::int32_t slot = find_block<D>(node.grid.table, block);
+        if (slot < 0) return 0;
+        const Sum* s = node.sums(slot, Block<D>::cell(at));
+        return from_sum<double>(s[channel * block_cells], node.clock->scale_read[max_mass]) / full;
+    }
+    MPM_INLINE double surface(std::int64_t (&c)[D]) const {
+        double above = 0;
+        for (std::int64_t k = cells[axis] - 1; k >= 0; --k) {
+            c[axis] = k;
+            const double here = fill(c);
+            if (here >= 0.5) return (double(k) + 0.5 + (here - 0.5) / (here - above)) * cell_size;
+            above = here;
+        }
+        return nan("");
+    }
+    MPM_HD void operator()() const {
+        SensorRecord& r = *sensor;
+        if (!r.due) return;
+        double sum = 0, total = 0;
+        for (int corner = 0; corner < (1 << D); ++corner) {
+            if (corner >> axis & 1) continue;
+            double weight = 1;
+            std::int64_t c[D];
+            for (int a = 0; a < D; ++a) {
+                if (a == axis) continue;
+                const double s = position[a] / cell_size - 0.5;
+                const std::int64_t low = std::int64_t(floor(s));
+                const int up = corner >> a & 1;
+                weight *= up ? s - double(low) : 1 - (s - double(low));
+                c[a] = low + up;
+                if (c[a] < 0) c[a] = 0;
+                if (c[a] >= cells[a]) c[a] = cells[a] - 1;
+            }
+            const double z = surface(c);
+            if (z == z) {
+                sum += weight * z;
+                total += weight;
+            }
+        }
+        open_row(r, node.clock->time)[0] = total > 0 ? sum / total : nan("");
+    }
+};
+
+template <class T, class Sum, int D>
+struct SampleVelocity {
+    NodeUpdate<T, Sum, D> node;
+    SensorRecord* sensor;
+    double position[D];
+    double cell_size;
+    MPM_HD void operator()() const {
+        SensorRecord& r = *sensor;
+        if (!r.due) return;
+        std::int64_t cell[D];
+        double xi[D], v[D];
+        for (int a = 0; a < D; ++a) {
+            const double s = position[a] / cell_size;
+            cell[a] = std::int64_t(floor(s));
+            xi[a] = s - double(cell[a]) - 0.5;
+        }
+        const bool wet = velocity_at<T, Sum, D>(node, cell, xi, v);
+        double* row = open_row(r, node.clock->time);
+        for (int a = 0; a < D; ++a) row[a] = wet ? v[a] : nan("");
+    }
+};
+
+/// Opens the row that `TrackParticles` fills; particles that have been removed read not-a-number.
+struct OpenTrack {
+    const Clock* clock;
+    SensorRecord* sensor;
+    MPM_HD void operator()() const {
+        SensorRecord& r = *sensor;
+        if (!r.due) return;
+        double* row = open_row(r, clock->time);
+        for (int c = 0; c < r.columns; ++c) row[c] = nan("");
+    }
+};
+
+template <class T, class Sum, int D>
+struct TrackParticles {
+    NodeUpdate<T, Sum, D> node;
+    SensorRecord* sensor;
+    BodyView<T, D> body;
+    const std::uint32_t* ids;  // ascending
+    const std::int32_t* column;
+    int count;
+    double cell_size;
+
+    MPM_INLINE void operator()(std::int64_t h) const {
+        const SensorRecord& r = *sensor;
+        if (!r.due) return;
+        double* row = r.values + std::int64_t(r.count - 1) * r.columns;
+        const std::int32_t slot = body.home[h];
+        std::int64_t block[D];
+        node.grid.table.keys_of.block(node.grid.table.keys[slot], block);
+        const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
+        for (int c = 0; c < block_cells; ++c) {
+            for (std::uint32_t q = start[c]; q < start[c + 1]; ++q) {
+                int low = 0, high = count;
+                while (low < high) {
+                    const int middle = (low + high) / 2;
+                    if (ids[middle] < body.id[q]) low = middle + 1;
+                    else high = middle;
+                }
+                if (low == count || ids[low] != body.id[q]) continue;
+                int at[D];
+                Block<D>::coordinates(c, at);
+                std::int64_t cell[D];
+                double xi[D], v[D];
+                double* out = row + column[low] * 2 * D;
+                for (int a = 0; a < D; ++a) {
+                    const double x = double(body.offset[a][q]);
+                    cell[a] = block[a] * Block<D>::edge + at[a];
+                    out[a] = (double(cell[a]) + 0.5 + x) * cell_size;
+                    const int shift = x < -0.5 ? -1 : (x <= 0.5 ? 0 : 1);
+                    cell[a] += shift;
+                    xi[a] = x - shift;
+                }
+                const bool wet = velocity_at<T, Sum, D>(node, cell, xi, v);
+                for (int a = 0; a < D; ++a) out[D + a] = wet ? v[a] : nan("");
+            }
+        }
+    }
+};
+
+/// Adds the parts that the bodies' energy passes left, in order. `first` keeps the total of the first sample.
+struct SampleEnergy {
+    const Clock* clock;
+    SensorRecord* sensor;
+    const double* partial;  // (count, 3): kinetic, elastic, potential
+    std::int64_t count;
+    double* first;  // total at the first sample, or not-a-number
+    MPM_HD void operator()() const {
+        SensorRecord& r = *sensor;
+        if (!r.due) return;
+        double sum[3] = {};
+        for (std::int64_t k = 0; k < count; ++k)
+            for (int e = 0; e < 3; ++e) sum[e] += partial[3 * k + e];
+        const double total = sum[0] + sum[1] + sum[2];
+        if (!(*first == *first)) *first = total;
+        double* row = open_row(r, clock->time);
+        for (int e = 0; e < 3; ++e) row[e] = sum[e];
+        row[3] = *first - total;
+    }
+};
+
+}  // namespace mpm

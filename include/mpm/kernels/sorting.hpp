@@ -1,0 +1,208 @@
+// Sorting particles by cell and rebuilding the table of blocks. Runs when drift demands it, between two steps. All of
+// it is maps over blocks, cells or particles, so both backends share the text.
+#pragma once
+
+#include "mpm/kernels/views.hpp"
+
+namespace mpm {
+
+/// Brings an offset back to [-1/2, 1/2) and says by how many cells it moved.
+template <class T>
+MPM_INLINE T wrap_offset(T x, int& shift) {
+    shift = x < T(-0.5) ? -1 : (x < T(0.5) ? 0 : 1);
+    x -= T(shift);
+    if (!(x < T(0.5))) {  // rounding of the subtraction: the upper side belongs to the next cell
+        x -= T(1);
+        ++shift;
+    }
+    return x;
+}
+
+/// Per cell of the present table: where do its particles stand now? Changes no particle, so that a run may still be
+/// refused with its state intact. A particle has moved by at most one cell, so its block is a neighbour.
+template <class X, class T, int D>
+struct FindCells {
+    BlockTableView<D> table;
+    BodyView<T, D> body;
+    std::int64_t cells[D];     // of the domain
+    std::uint32_t* occupied;   // per present slot
+    std::uint32_t* new_cell;   // per particle: present slot * 64 + cell, or `outside`
+    std::uint32_t* left;       // count of particles outside the domain
+
+    static constexpr std::uint32_t outside = ~0u;
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::uint32_t begin = body.cell_start[i], end = body.cell_start[i + 1];
+        if (begin == end) return;
+        const std::int32_t slot = std::int32_t(i / block_cells);
+        int home[D];
+        Block<D>::coordinates(int(i % block_cells), home);
+        std::int64_t block[D];
+        table.keys_of.block(table.keys[slot], block);
+        for (std::uint32_t p = begin; p < end; ++p) {
+            int neighbour = 0, c[D];
+            bool inside = true;
+            for (int a = 0; a < D; ++a) {
+                int shift;
+                wrap_offset(body.offset[a][p], shift);
+                const int at = home[a] + shift;
+                const std::int64_t global = block[a] * Block<D>::edge + at;
+                inside = inside && global >= 0 && global < cells[a];
+                const int side = at < 0 ? 0 : (at < Block<D>::edge ? 1 : 2);
+                neighbour = neighbour * 3 + side;
+                c[a] = at - (side - 1) * Block<D>::edge;
+            }
+            if (!inside) {
+                new_cell[p] = outside;
+                X::fetch_add(left, 1);
+                continue;
+            }
+            const std::int32_t to = table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
+            X::raise(&occupied[to]);
+            new_cell[p] = std::uint32_t(to) * block_cells + std::uint32_t(Block<D>::cell(c));
+        }
+    }
+};
+
+/// Candidates for the new table: every occupied block and its neighbours.
+template <int D>
+struct ListNeighbours {
+    BlockKeys<D> keys_of;
+    const std::uint64_t* keys;      // present table
+    const std::uint32_t* position;  // scan of `occupied`
+    const std::uint32_t* occupied;
+    std::uint64_t* out;  // (occupied blocks * 3^D)
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::int64_t slot = i / Block<D>::neighbours;
+        if (!occupied[slot]) return;
+        int n = int(i % Block<D>::neighbours);
+        std::int64_t b[D];
+        keys_of.block(keys[slot], b);
+        for (int a = D - 1; a >= 0; --a) {
+            b[a] += n % 3 - 1;
+            n /= 3;
+        }
+        out[std::int64_t(position[slot]) * Block<D>::neighbours + i % Block<D>::neighbours] = keys_of.key(b);
+    }
+};
+
+/// Neighbours of every slot of a new table, and the boundaries that may hold its nodes.
+template <int D>
+struct LinkBlocks {
+    BlockTableView<D> table;
+    std::int32_t* neighbours;
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::int64_t slot = i / Block<D>::neighbours;
+        int n = int(i % Block<D>::neighbours);
+        std::int64_t b[D];
+        table.keys_of.block(table.keys[slot], b);
+        bool outside = false;
+        for (int a = D - 1; a >= 0; --a) {
+            b[a] += n % 3 - 1;
+            n /= 3;
+            outside = outside || b[a] < -BlockKeys<D>::rim || b[a] + BlockKeys<D>::rim >= table.keys_of.counts[a];
+        }
+        neighbours[i] = outside ? -1 : find_key(table.keys, table.slots, table.keys_of.key(b));
+    }
+};
+
+template <int D>
+struct TouchBoundaries {
+    BlockTableView<D> table;
+    const BoundaryRecord<D>* boundaries;
+    int count;
+    std::uint32_t* touched;
+
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        std::int64_t b[D];
+        table.keys_of.block(table.keys[slot], b);
+        std::uint32_t hit = 0;
+        for (int k = 0; k < count; ++k) {
+            const BoundaryRecord<D>& r = boundaries[k];
+            bool apart = false, rim = false;
+            for (int a = 0; a < D; ++a) {
+                const std::int64_t low = b[a] * Block<D>::edge, high = low + Block<D>::edge;  // cells [low, high)
+                apart = apart || high <= r.lower[a] - 1 || low > r.upper[a];
+                rim = rim || (r.present[2 * a] && low <= r.lower[a]) || (r.present[2 * a + 1] && high >= r.upper[a]);
+            }
+            hit |= r.is_box ? !apart : rim;
+        }
+        touched[slot] = hit;
+    }
+};
+
+/// Present slot -> new slot (-1 where the block vanished).
+struct MapSlots {
+    const std::uint64_t* old_keys;
+    const std::uint64_t* new_keys;
+    std::int32_t new_slots;
+    std::int32_t* map;
+    MPM_INLINE void operator()(std::int64_t slot) const { map[slot] = find_key(new_keys, new_slots, old_keys[slot]); }
+};
+
+/// new_cell from the present table's numbering to the new one; particles outside sort behind everything.
+struct RenumberCells {
+    std::uint32_t* cell;
+    const std::int32_t* map;
+    std::uint32_t behind;
+    MPM_INLINE void operator()(std::int64_t p) const {
+        const std::uint32_t c = cell[p];
+        cell[p] = c == ~0u ? behind : std::uint32_t(map[c / block_cells]) * block_cells + c % block_cells;
+    }
+};
+
+template <class E>
+struct Permute {
+    const std::uint32_t* order;
+    const E* from;
+    E* to;
+    MPM_INLINE void operator()(std::int64_t k) const { to[k] = from[order[k]]; }
+};
+
+template <class T>
+struct PermuteOffset {
+    const std::uint32_t* order;
+    const T* from;
+    T* to;
+    MPM_INLINE void operator()(std::int64_t k) const {
+        int shift;
+        to[k] = wrap_offset(from[order[k]], shift);
+    }
+};
+
+struct FlagHomes {
+    const std::uint32_t* cell_start;
+    std::uint32_t* flag;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        flag[slot] = cell_start[(slot + 1) * block_cells] > cell_start[slot * block_cells];
+    }
+};
+struct ListHomes {
+    const std::uint32_t* flag;
+    const std::uint32_t* position;
+    std::int32_t* home;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        if (flag[slot]) home[position[slot]] = std::int32_t(slot);
+    }
+};
+
+/// Sums follow their blocks into the new table; blocks that are new start empty.
+template <class Sum>
+struct MoveSums {
+    const Sum* from;
+    Sum* to;
+    const std::uint64_t* old_keys;
+    std::int32_t old_slots;
+    const std::uint64_t* new_keys;
+    int channels;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        const std::int32_t old = find_key(old_keys, old_slots, new_keys[slot]);
+        Sum* out = to + slot * channels * block_cells;
+        const Sum* in = from + std::int64_t(old) * channels * block_cells;
+        for (int k = 0; k < channels * block_cells; ++k) out[k] = old < 0 ? Sum(0) : in[k];
+    }
+};
+
+}  // namespace mpm

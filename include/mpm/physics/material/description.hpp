@@ -1,0 +1,41 @@
+// What a material says about itself. Constructors, validation, representation, serialisation and documentation in
+// Python follow from this table (tools/generate_materials.py).
+#pragma once
+
+#include <limits>
+
+namespace mpm {
+
+struct Parameter {
+    const char* name;
+    const char* symbol;
+    const char* unit;
+    double default_value;  // not-a-number: the user must give it
+    double lower;
+    double upper;
+    bool lower_open;
+    bool upper_open;
+    const char* meaning;
+};
+
+struct Column {
+    const char* name;
+    int components[2];  // in two and three dimensions
+    const char* meaning;
+    const char* unit;
+};
+
+inline constexpr double required = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double unbounded = std::numeric_limits<double>::infinity();
+
+/// What the host computes for a reader from one particle's state, in double precision.
+template <int D>
+struct Observation {
+    double volume_ratio;         // J
+    double pressure;             // Pa, positive in compression: -tr(sigma) / 3 with the out-of-plane part
+    double stress[D][D];         // Cauchy stress, Pa (in-plane part in two dimensions)
+    double elastic_energy;       // J per m^3 of undeformed volume
+    double deformation[D][D];    // F; identity for materials that do not store it
+};
+
+}  // namespace mpm

@@ -1,0 +1,181 @@
+// Hyperelastic solid with the fixed corotated energy (Bonus 2023, section 5.7):
+//
+//   Psi = mu sum (sigma_i - 1)^2 + lambda / 2 (J - 1)^2
+//   tau = P F^T = 2 mu (F - R) F^T + lambda (J - 1) J I
+//
+// The state is H = F - I, so that small strains keep their digits in single precision. With V = F R^T the left
+// stretch and b - I = H + H^T + H H^T, (F - R) F^T = (V - I) V = (b - I) - (b - I) (V + I)^-1: no difference of nearly
+// equal matrices is formed. Two dimensions are plane strain.
+#pragma once
+
+#include "mpm/core/linalg.hpp"
+#include "mpm/physics/material/description.hpp"
+
+namespace mpm {
+
+namespace detail {
+
+/// Rotation of the polar decomposition of a matrix with positive determinant by Newton's iteration, which doubles the
+/// correct digits each round; it stops when no lane moves any more.
+template <class V>
+MPM_INLINE Mat<V, 3> polar_rotation(const Mat<V, 3>& f) {
+    using T = ScalarOf<V>;
+    constexpr T still = sizeof(T) == 4 ? T(1e-4) : T(1e-8);  // squared by the round that follows it
+    Mat<V, 3> r = f;
+    for (int round = 0; round < 12; ++round) {
+        const Mat<V, 3> c = cofactors(r);
+        const V half = T(0.5) / determinant(r, c);
+        V moved = V(T(0));
+        MPM_UNROLL for (int i = 0; i < 3; ++i) MPM_UNROLL for (int j = 0; j < 3; ++j) {
+            const V next = T(0.5) * r.e[i][j] + half * c.e[i][j];
+            moved = larger(moved, absolute(next - r.e[i][j]));
+            r.e[i][j] = next;
+        }
+        if (!any(moved > V(still))) break;
+    }
+    return r;
+}
+
+template <class V>
+MPM_INLINE Mat<V, 3> left_stretch(const Mat<V, 3>& f, V) {
+    return product_transposed(f, polar_rotation(f));
+}
+
+/// Closed form: V = (b + J I) / sqrt(tr b + 2 J).
+template <class V>
+MPM_INLINE Mat<V, 2> left_stretch(const Mat<V, 2>& f, V J) {
+    using T = ScalarOf<V>;
+    Mat<V, 2> b = product_transposed(f, f);
+    const V scale = T(1) / square_root(trace(b) + T(2) * J);
+    b.e[0][0] = (b.e[0][0] + J) * scale;
+    b.e[1][1] = (b.e[1][1] + J) * scale;
+    b.e[0][1] = b.e[0][1] * scale;
+    b.e[1][0] = b.e[0][1];
+    return b;
+}
+
+}  // namespace detail
+
+struct FixedCorotated {
+    static constexpr const char* name = "FixedCorotated";
+    static constexpr const char* summary = "Hyperelastic solid, fixed corotated energy";
+    static constexpr const char* source = "Bonus (2023), section 5.7";
+    static constexpr bool volumetric = false;
+    static constexpr const char* needs = "deformation_gradient";
+    static constexpr Column columns[] = {{"H", {4, 9}, "displacement gradient F - I", "1"}};
+    static constexpr Parameter parameters[] = {
+        {"density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"},
+        {"youngs_modulus", "E", "Pa", required, 0.0, unbounded, true, true, "Young's modulus"},
+        {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true, "Poisson's ratio"},
+    };
+
+    template <class T>
+    struct Constants {
+        T twice_shear;  // 2 mu
+        T lame;         // lambda
+    };
+    template <class T>
+    static Constants<T> constants(const double* p) {
+        return {T(p[1] / (1 + p[2])), T(lame(p))};
+    }
+    static double density(const double* p) { return p[0]; }
+    /// Speed of the pressure wave, m/s.
+    static double wave_speed(const double* p) {
+        return std::sqrt((lame(p) + p[1] / (1 + p[2])) / p[0]);
+    }
+
+    template <int D>
+    static constexpr int reals = D * D;
+
+    template <class V, int D>
+    MPM_INLINE static Mat<V, D> displacement_gradient(const V (&state)[D * D]) {
+        Mat<V, D> h;
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) h.e[a][b] = state[a * D + b];
+        return h;
+    }
+
+    /// H <- H + dt grad v (I + H)
+    template <class V, int D>
+    MPM_INLINE static void advance(V (&state)[D * D], const Mat<V, D>& strain) {
+        const Mat<V, D> h = displacement_gradient<V, D>(state);
+        const Mat<V, D> change = product(strain, h);
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
+            state[a * D + b] = h.e[a][b] + (strain.e[a][b] + change.e[a][b]);
+        }
+    }
+
+    template <class V, int D, class T>
+    MPM_INLINE static Mat<V, D> kirchhoff(const V (&state)[D * D], const Mat<V, D>&,
+                                          const Constants<T>& k) {
+        const Mat<V, D> h = displacement_gradient<V, D>(state);
+        const V dJ = volume_change(h);
+        const V J = dJ + T(1);
+        Mat<V, D> f = h;
+        MPM_UNROLL for (int a = 0; a < D; ++a) f.e[a][a] = f.e[a][a] + T(1);
+        Mat<V, D> excess = product_transposed(h, h);  // b - I
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
+            excess.e[a][b] = excess.e[a][b] + (h.e[a][b] + h.e[b][a]);
+        }
+        Mat<V, D> s = detail::left_stretch(f, J);
+        MPM_UNROLL for (int a = 0; a < D; ++a) s.e[a][a] = s.e[a][a] + T(1);
+        const Mat<V, D> c = cofactors(s);
+        const V scale = T(1) / determinant(s, c);
+        const Mat<V, D> x = product_transposed(excess, c);  // (b - I) (V + I)^-1 times the determinant
+        const V volumetric_part = k.lame * (dJ * J);
+        Mat<V, D> tau;
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
+            V t = k.twice_shear * (excess.e[a][b] - scale * (T(0.5) * (x.e[a][b] + x.e[b][a])));
+            tau.e[a][b] = a == b ? t + volumetric_part : t;
+        }
+        return tau;
+    }
+
+    template <class V, int D>
+    MPM_INLINE static MaskOf<V> admissible(const V (&state)[D * D]) {
+        using T = ScalarOf<V>;
+        const V dJ = volume_change(displacement_gradient<V, D>(state));
+        return (V(T(-0.95)) < dJ) & (dJ < V(T(19)));
+    }
+    static constexpr const char* limits =
+        "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
+
+    template <int D>
+    static Observation<D> observe(const double* state, const double (&)[D][D], const double* q) {
+        double h[D * D];
+        for (int a = 0; a < D * D; ++a) h[a] = state[a];
+        const double mu = q[1] / (2 * (1 + q[2])), lambda = lame(q);
+        Mat<double, D> none{};
+        const Mat<double, D> tau =
+            kirchhoff<double, D, double>(h, none, Constants<double>{2 * mu, lambda});
+        const Mat<double, D> H = displacement_gradient<double, D>(h);
+        const double dJ = volume_change(H), J = 1 + dJ;
+        Observation<D> o{};
+        o.volume_ratio = J;
+        double sum = 0;
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b) {
+                o.stress[a][b] = tau.e[a][b] / J;
+                o.deformation[a][b] = H.e[a][b] + (a == b ? 1.0 : 0.0);
+                if (a == b) sum += o.stress[a][b];
+            }
+        if (D == 2) sum += lambda * dJ;  // plane strain: tau_33 = lambda (J - 1) J
+        o.pressure = -sum / 3;
+        // |V - I|^2 from V - I = (b - I)(V + I)^-1, the same route as the stress.
+        Mat<double, D> f = H;
+        for (int a = 0; a < D; ++a) f.e[a][a] += 1;
+        Mat<double, D> v = detail::left_stretch(f, J);
+        double distance = 0;
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b) {
+                const double e = v.e[a][b] - (a == b ? 1.0 : 0.0);
+                distance += e * e;
+            }
+        o.elastic_energy = mu * distance + 0.5 * lambda * dJ * dJ;
+        return o;
+    }
+
+  private:
+    static double lame(const double* p) { return p[1] * p[2] / ((1 + p[2]) * (1 - 2 * p[2])); }
+};
+
+}  // namespace mpm

@@ -1,0 +1,60 @@
+// The particles of one body: columns, order, and what the plan decided about them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "mpm/exec/buffer.hpp"
+#include "mpm/kernels/pass.hpp"
+#include "mpm/solver/plan.hpp"
+
+namespace mpm {
+
+/// Lanes of a pack may read past the last particle.
+inline constexpr std::size_t column_padding = 16;
+
+template <class X, class T, int D>
+struct BodyStore {
+    explicit BodyStore(X& x)
+        : id(x), cell_start(x), home(x), coloured(x), scratch(x) {}
+
+    BodyPlan plan;
+    BodyOps<X, T, D> ops{};
+    const MaterialInfo* material = nullptr;
+    std::vector<double> parameters;
+    std::uint64_t first_id = 0;
+    double particle_mass = 0;
+    double particle_volume = 0;
+
+    std::uint32_t count = 0;
+    std::vector<Buffer<X, T>> offset;  // D columns
+    std::vector<Buffer<X, T>> state;
+    Buffer<X, std::uint32_t> id;
+    Buffer<X, std::uint32_t> cell_start;  // (slots * 64 + 1)
+    Buffer<X, std::int32_t> home;
+    std::int32_t homes = 0;
+    Buffer<X, std::int32_t> coloured;        // CPU: home blocks by colour
+    std::vector<std::int32_t> colour_start;  // CPU
+    Buffer<X, T> scratch;                    // two-pass: what particles deposit
+
+    // Taken out of the computation by the policy for particles that leave the domain, still listed.
+    std::vector<std::uint32_t> frozen_id;
+    std::vector<double> frozen_position;  // (n, D)
+    std::vector<double> frozen_state;     // (n, state columns)
+
+    BodyView<T, D> view() const {
+        BodyView<T, D> v{};
+        for (int a = 0; a < D; ++a) v.offset[a] = offset[a].data();
+        for (std::size_t r = 0; r < state.size(); ++r) v.state[r] = state[r].data();
+        v.id = id.data();
+        v.count = count;
+        v.cell_start = cell_start.data();
+        v.home = home.data();
+        v.homes = homes;
+        v.particle_mass = particle_mass;
+        v.particle_volume = particle_volume;
+        return v;
+    }
+};
+
+}  // namespace mpm

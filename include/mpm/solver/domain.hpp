@@ -1,0 +1,159 @@
+// One simulation on one executor: owns the state, runs the life of a step, sorts. Written once for both backends; they
+// differ in the executor X and in how the passes over particles run.
+//
+//   begin    gravity and boundaries of this moment
+//   grid     sums -> velocities, boundaries, averages; clears the other sums; maxima
+//   decide   sort first? sample? stop? how long is the next step?
+//   sample   sensors that are due; loads that accumulate
+//   bodies   gather, advance, move, deposit into the other sums
+//   end      time moves on
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "mpm/core/error.hpp"
+#include "mpm/exec/buffer.hpp"
+#include "mpm/kernels/grid.hpp"
+#include "mpm/kernels/sampling.hpp"
+#include "mpm/kernels/sorting.hpp"
+#include "mpm/solver/body_store.hpp"
+#include "mpm/solver/engine.hpp"
+
+namespace mpm {
+
+template <class X, class T, int D>
+class Domain final : public Engine {
+  public:
+    using Sum = typename X::template Sum<T>;
+
+    template <class FindOps>
+    Domain(const Spec& spec, const Plan& plan, X exec, const FindOps& find_ops);
+
+    RunResult run(std::int64_t steps, double until, double wall) override;
+    double time() const override { return clock_.time; }
+    std::int64_t step() const override { return clock_.step; }
+    double time_step() const override { return clock_.dt; }
+    std::uint64_t particle_count(int body) const override {
+        const auto& b = bodies_.at(std::size_t(body));
+        return b.count + b.frozen_id.size();
+    }
+    std::vector<Samples> drain() override;
+    std::vector<Removed> removed() override { return std::exchange(removed_, {}); }
+    std::vector<std::string> attribute_names(int body) const override;
+    Attributes attributes(int body, const std::vector<std::string>& names) override;
+    Array grid(const std::string& name) override;
+    State save() override;
+    void load(const State& state) override;
+    std::map<std::string, double> timings() const override { return timings_; }
+    std::map<std::string, double> statistics() const override;
+
+  private:
+    using Body = BodyStore<X, T, D>;
+    struct Sensor {
+        SensorSpec spec;
+        int load = -1;         // index among load cells
+        int gauge_channel = 0;
+        double gauge_full = 1;
+        Buffer<X, double> times, values, first;
+        Buffer<X, std::uint32_t> ids;
+        Buffer<X, std::int32_t> columns;
+        Buffer<X, double> partial;  // energy
+        Samples drained;
+        explicit Sensor(X& x) : times(x), values(x), first(x), ids(x), columns(x), partial(x) {}
+    };
+
+    // domain_setup.hpp
+    void place_particles(const Spec& spec);
+    void set_boundaries();
+    void set_sensors();
+    void first_deposit(const Spec& spec);
+    TimeTableView upload_table(const TableSpec& table, int components);
+
+    // domain_step.hpp
+    void one_step();
+    void update_grid();
+    void run_sensors();
+    void run_bodies();
+    Fault describe_fault();
+    std::int64_t growth_start() const;
+    void fetch_clock();
+    void push_clock() { clock_buffer_.assign({clock_}); }
+
+    // domain_read.hpp
+    void prepare_velocities();
+    Array positions(Body& body);
+    void collect_samples();
+
+    // domain_sort.hpp
+    bool sort();
+    void link_table();
+    void list_homes(Body& body);
+
+    int parity() const { return int(clock_.step & 1); }
+    GridView<T, Sum, D> grid_view(int parity) {
+        return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(), plan_.sum_channels};
+    }
+    NodeUpdate<T, Sum, D> node_update(int parity) {
+        return {grid_view(parity), clock_buffer_.data(), boundary_records_.data(), int(spec_.boundaries.size()),
+                touched_.data(), least_mass_};
+    }
+    Pass<X, T, D> pass(Body& body, int number, int parity_to);
+    double now() const {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    }
+
+    Spec spec_;  // without the particles' arrays
+    Plan plan_;
+    X exec_;
+    Clock clock_{};  // host copy, current after fetch_clock
+    double least_mass_ = 0;
+    bool dead_ = false;
+    Fault fault_;
+
+    Buffer<X, Clock> clock_buffer_{exec_};
+    Buffer<X, double> maxima_{exec_};
+    Buffer<X, std::uint32_t> overflow_{exec_};
+    Buffer<X, BodyConstants> constants_{exec_};
+    Buffer<X, BodyNumbers> numbers_{exec_};
+    Buffer<X, GroupChannels> groups_{exec_};
+    Buffer<X, BoundaryRecord<D>> boundary_records_{exec_};
+    std::vector<Buffer<X, double>> table_memory_;
+    TimeTableView gravity_{};
+
+    BlockTableView<D> table_{};
+    Buffer<X, std::uint64_t> keys_{exec_};
+    Buffer<X, std::int32_t> neighbours_{exec_};
+    Buffer<X, std::uint32_t> touched_{exec_};
+    Buffer<X, T> velocity_{exec_};
+    Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
+
+    std::vector<Body> bodies_;
+
+    std::vector<Sensor> sensors_;
+    Buffer<X, SensorRecord> sensor_records_{exec_};
+    Buffer<X, LoadCellRecord<D>> load_cells_{exec_};
+    int load_count_ = 0;
+    Buffer<X, double> load_impulse_{exec_};
+    Buffer<X, double> load_partial_{exec_};
+    Buffer<X, std::uint32_t> measured_{exec_};
+    Buffer<X, std::int32_t> measured_slots_{exec_};
+    std::int32_t measured_count_ = 0;
+    Buffer<X, BoundaryRecord<D>> measured_boundaries_{exec_};
+    int measured_boundary_count_ = 0;
+
+    std::vector<Removed> removed_;
+    std::map<std::string, double> timings_;
+    std::int64_t sorts_ = 0;
+};
+
+}  // namespace mpm
+
+#include "mpm/solver/domain_read.hpp"
+#include "mpm/solver/domain_setup.hpp"
+#include "mpm/solver/domain_sort.hpp"
+#include "mpm/solver/domain_state.hpp"
+#include "mpm/solver/domain_step.hpp"

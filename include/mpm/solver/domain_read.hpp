@@ -1,0 +1,295 @@
+// Domain: what readers ask for. Everything is computed on the host in double precision from copies, so looking never
+// changes a run.
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+/// Nodal velocities of the state as it stands: the grid half of the coming step without its consequences. They are
+/// already there when the last run ended at a halt of the clock; a sort or a fresh load leaves them to be made.
+template <class X, class T, int D>
+void Domain<X, T, D>::prepare_velocities() {
+    if (dead_) return;
+    fetch_clock();
+    const Clock kept = clock_;
+    clock_.halt = Halt::none;
+    push_clock();
+    exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(), int(spec_.boundaries.size())});
+    const int from = parity();
+    UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(), int(plan_.groups.size())};
+    Buffer<X, double> maxima(exec_);
+    maxima.reserve_discard(maxima_count);
+    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update, maxima.data());
+    exec_.wait();
+    clock_ = kept;
+    push_clock();
+}
+
+/// Positions in metres from the lower corner, storage order.
+template <class X, class T, int D>
+Array Domain<X, T, D>::positions(Body& body) {
+    Array out;
+    out.shape = {body.count, std::size_t(D)};
+    out.data.resize(std::size_t(body.count) * D);
+    const auto start = body.cell_start.host();
+    const auto home = body.home.host();
+    const auto keys = keys_.host();
+    for (int a = 0; a < D; ++a) {
+        const auto x = body.offset[a].host();
+        for (std::int32_t h : home) {
+            std::int64_t block[D];
+            table_.keys_of.block(keys[h], block);
+            for (int c = 0; c < block_cells; ++c) {
+                int at[D];
+                Block<D>::coordinates(c, at);
+                const double centre = double(block[a] * Block<D>::edge + at[a]) + 0.5;
+                const std::size_t cell = std::size_t(h) * block_cells + c;
+                for (std::uint32_t q = start[cell]; q < start[cell + 1]; ++q)
+                    out.data[std::size_t(q) * D + a] = (centre + double(x[q])) * spec_.cell_size;
+            }
+        }
+    }
+    return out;
+}
+
+template <class X, class T, int D>
+std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
+    std::vector<std::string> names = {"id", "position", "velocity", "mass", "volume", "density", "pressure",
+                                      "stress", "speed", "kinetic_energy", "elastic_energy", "volume_ratio"};
+    const Body& b = bodies_.at(std::size_t(body));
+    if (!b.material->volumetric) names.push_back("deformation_gradient");
+    if (b.plan.smoothing == Smoothing::two_volumes) names.push_back("volume_ratio_smoothed");
+    return names;
+}
+
+template <class X, class T, int D>
+Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string>& names) {
+    Body& body = bodies_.at(std::size_t(number));
+    const auto known = attribute_names(number);
+    const auto asked = [&](const char* name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+    for (const auto& n : names) {
+        if (std::find(known.begin(), known.end(), n) == known.end()) {
+            std::string list;
+            for (const auto& k : known) list += (list.empty() ? "" : ", ") + k;
+            throw SceneError("body '" + body.plan.name + "' has no attribute '" + n + "'; it has " + list);
+        }
+    }
+    const bool moving = asked("velocity") || asked("speed") || asked("kinetic_energy") || asked("stress") || asked("pressure");
+    const bool constitutive = asked("volume") || asked("density") || asked("pressure") || asked("stress") ||
+                              asked("elastic_energy") || asked("volume_ratio") || asked("deformation_gradient");
+    const std::size_t active = body.count, n = active + body.frozen_id.size();
+
+    Attributes out;
+    const auto id = body.id.host();
+    out.id.resize(n);
+    for (std::size_t k = 0; k < active; ++k) out.id[k] = body.first_id + id[k];
+    for (std::size_t k = active; k < n; ++k) out.id[k] = body.first_id + body.frozen_id[k - active];
+    const auto make = [&](const char* name, std::size_t width, std::size_t rank) -> double* {
+        if (!asked(name)) return nullptr;
+        Array& a = out.values[name];
+        a.shape = {n};
+        for (std::size_t r = 0; r < rank; ++r) a.shape.push_back(D);
+        a.data.assign(n * width, 0.0);
+        return a.data.data();
+    };
+    double* position = make("position", D, 1);
+    double* velocity = make("velocity", D, 1);
+    double* mass = make("mass", 1, 0);
+    double* volume = make("volume", 1, 0);
+    double* density = make("density", 1, 0);
+    double* pressure = make("pressure", 1, 0);
+    double* stress = make("stress", D * D, 2);
+    double* speed = make("speed", 1, 0);
+    double* kinetic = make("kinetic_energy", 1, 0);
+    double* elastic = make("elastic_energy", 1, 0);
+    double* ratio = make("volume_ratio", 1, 0);
+    double* gradient = make("deformation_gradient", D * D, 2);
+    double* smoothed = make("volume_ratio_smoothed", 1, 0);
+
+    if (moving) prepare_velocities();
+    const auto start = body.cell_start.host();
+    const auto home = body.home.host();
+    const auto keys = keys_.host();
+    const auto neighbours = neighbours_.host();
+    const std::vector<T> grid = moving ? velocity_.host() : std::vector<T>();
+    std::vector<std::vector<T>> offset, state;
+    for (auto& c : body.offset) offset.push_back(c.host());
+    for (auto& c : body.state) state.push_back(c.host());
+    const double dx = spec_.cell_size, m = body.particle_mass, V = body.particle_volume;
+
+    const auto fill = [&](std::size_t q, const double* x, const double* v, const double (&rate)[D][D], const double* s) {
+        double square = 0;
+        for (int a = 0; a < D; ++a) {
+            if (position) position[q * D + a] = x[a];
+            if (velocity) velocity[q * D + a] = v[a];
+            square += v[a] * v[a];
+        }
+        if (mass) mass[q] = m;
+        if (speed) speed[q] = std::sqrt(square);
+        if (kinetic) kinetic[q] = 0.5 * m * square;
+        if (smoothed) smoothed[q] = 1 - s[body.plan.state_columns - 1];
+        if (!constitutive) return;
+        // The stress follows the volume that F-bar gives it.
+        double stress_state[max_state_columns];
+        for (int r = 0; r < body.plan.state_columns; ++r) stress_state[r] = s[r];
+        if (body.plan.smoothing == Smoothing::two_volumes) stress_state[0] = s[body.plan.state_columns - 1];
+        const Observation<D> o = body.ops.observe(stress_state, rate, body.parameters.data());
+        const double J = body.material->volumetric ? 1 - s[0] : o.volume_ratio;
+        if (volume) volume[q] = V * J;
+        if (density) density[q] = m / (V * J);
+        if (ratio) ratio[q] = J;
+        if (pressure) pressure[q] = o.pressure;
+        if (elastic) elastic[q] = V * o.elastic_energy;
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b) {
+                if (stress) stress[(q * D + a) * D + b] = o.stress[a][b];
+                if (gradient) gradient[(q * D + a) * D + b] = o.deformation[a][b];
+            }
+    };
+
+    exec_.host_for(std::int64_t(home.size()), [&](std::int64_t h) {
+        const std::int32_t slot = home[h];
+        std::int64_t block[D];
+        table_.keys_of.block(keys[slot], block);
+        for (int c = 0; c < block_cells; ++c) {
+            int at[D];
+            Block<D>::coordinates(c, at);
+            const std::size_t cell = std::size_t(slot) * block_cells + c;
+            for (std::uint32_t q = start[cell]; q < start[cell + 1]; ++q) {
+                double x[D], v[D] = {}, rate[D][D] = {}, s[max_state_columns];
+                Vec<double, D> xi;
+                int base[D];
+                for (int a = 0; a < D; ++a) {
+                    const double o = double(offset[a][q]);
+                    x[a] = (double(block[a] * Block<D>::edge + at[a]) + 0.5 + o) * dx;
+                    const int shift = o < -0.5 ? -1 : (o <= 0.5 ? 0 : 1);
+                    base[a] = at[a] + shift;
+                    xi[a] = o - shift;
+                }
+                for (std::size_t r = 0; r < state.size(); ++r) s[r] = double(state[r][q]);
+                if (moving) {
+                    const Weights<double, D> w = quadratic_weights<double, D>(xi);
+                    for (int node = 0; node < stencil_nodes<D>; ++node) {
+                        int rest = node, k[D], arena[D], side, number;
+                        double weight = 1;
+                        for (int a = D - 1; a >= 0; --a) {
+                            k[a] = rest % 3;
+                            rest /= 3;
+                        }
+                        for (int a = 0; a < D; ++a) {
+                            weight *= w.value[a][k[a]];
+                            arena[a] = base[a] + k[a] - 1 + Block<D>::margin;
+                        }
+                        arena_node<D>(arena, side, number);
+                        const std::int32_t to = neighbours[std::size_t(slot) * Block<D>::neighbours + side];
+                        if (to < 0) continue;
+                        for (int a = 0; a < D; ++a) {
+                            const double u =
+                                double(grid[(std::size_t(to) * plan_.velocity_channels + a) * block_cells + number]);
+                            v[a] += weight * u;
+                            for (int b = 0; b < D; ++b) rate[a][b] += 4 / dx * weight * u * (k[b] - 1 - xi[b]);
+                        }
+                    }
+                }
+                fill(q, x, v, rate, s);
+            }
+        }
+    });
+    const double still[D][D] = {}, rest[D] = {};
+    for (std::size_t k = active; k < n; ++k) {
+        fill(k, &body.frozen_position[(k - active) * D], rest, still,
+             &body.frozen_state[(k - active) * std::size_t(body.plan.state_columns)]);
+    }
+    return out;
+}
+
+template <class X, class T, int D>
+Array Domain<X, T, D>::grid(const std::string& name) {
+    if (name != "position" && name != "velocity" && name != "mass") {
+        throw SceneError("grid has no attribute '" + name + "'; it has position, velocity, mass");
+    }
+    prepare_velocities();
+    const auto keys = keys_.host();
+    const auto sums = sums_[parity()].host();
+    const auto velocity = velocity_.host();
+    Array out;
+    const bool scalar = name == "mass";
+    std::size_t n = 0;
+    for (std::size_t slot = 0; slot < keys.size(); ++slot) {
+        std::int64_t block[D];
+        table_.keys_of.block(keys[slot], block);
+        for (int node = 0; node < block_cells; ++node) {
+            const double m = from_sum<double>(sums[slot * plan_.sum_channels * block_cells + node], clock_.scale_read[max_mass]);
+            if (!(m > negligible_mass * least_mass_)) continue;
+            ++n;
+            int at[D];
+            Block<D>::coordinates(node, at);
+            if (scalar) {
+                out.data.push_back(m);
+                continue;
+            }
+            for (int a = 0; a < D; ++a) {
+                out.data.push_back(name == "position"
+                                       ? (double(block[a] * Block<D>::edge + at[a]) + 0.5) * spec_.cell_size
+                                       : double(velocity[(slot * plan_.velocity_channels + a) * block_cells + node]));
+            }
+        }
+    }
+    out.shape = scalar ? std::vector<std::size_t>{n} : std::vector<std::size_t>{n, std::size_t(D)};
+    return out;
+}
+
+/// Rows that the sensors have left in their rings, appended to what waits for `drain`.
+template <class X, class T, int D>
+void Domain<X, T, D>::collect_samples() {
+    if (sensors_.empty()) return;
+    auto records = sensor_records_.host();
+    bool any_row = false;
+    for (std::size_t k = 0; k < sensors_.size(); ++k) {
+        SensorRecord& r = records[k];
+        if (r.count == 0) continue;
+        any_row = true;
+        Samples& to = sensors_[k].drained;
+        const std::size_t rows = r.count, width = r.columns, have = to.time.size();
+        to.time.resize(have + rows);
+        to.values.data.resize((have + rows) * width);
+        exec_.download(to.time.data() + have, r.times, rows * sizeof(double));
+        exec_.download(to.values.data.data() + have * width, r.values, rows * width * sizeof(double));
+        to.values.shape = {have + rows, width};
+        r.count = 0;
+    }
+    if (any_row) sensor_records_.assign(records);
+}
+
+template <class X, class T, int D>
+std::vector<Samples> Domain<X, T, D>::drain() {
+    collect_samples();
+    std::vector<Samples> out;
+    for (auto& s : sensors_) {
+        const std::size_t width = s.drained.values.shape[1];
+        out.push_back(std::exchange(s.drained, Samples{}));
+        s.drained.values.shape = {0, width};
+    }
+    return out;
+}
+
+template <class X, class T, int D>
+std::map<std::string, double> Domain<X, T, D>::statistics() const {
+    std::map<std::string, double> out;
+    out["sorts"] = double(sorts_);
+    out["blocks"] = double(table_.slots);
+    out["fastest_node"] = clock_.speed;
+    out["drift"] = clock_.drift;
+    double bytes = double(keys_.bytes() + neighbours_.bytes() + touched_.bytes() + velocity_.bytes() +
+                          sums_[0].bytes() + sums_[1].bytes());
+    for (const auto& b : bodies_) {
+        for (const auto& c : b.offset) bytes += double(c.bytes());
+        for (const auto& c : b.state) bytes += double(c.bytes());
+        bytes += double(b.id.bytes() + b.cell_start.bytes() + b.home.bytes() + b.scratch.bytes());
+    }
+    out["bytes"] = bytes;
+    return out;
+}
+
+}  // namespace mpm

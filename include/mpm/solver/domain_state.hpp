@@ -1,0 +1,206 @@
+// Domain: the whole state, out and in. Order, home cells, drift and the sensors' accumulators are part of it, so that a
+// resumed run continues bit for bit on the same backend.
+#pragma once
+
+#include <cstring>
+
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+namespace detail {
+
+template <class E>
+constexpr char type_code() {
+    if constexpr (std::is_same_v<E, float>) return 'f';
+    else if constexpr (std::is_same_v<E, double>) return 'd';
+    else if constexpr (std::is_same_v<E, std::int32_t>) return 'i';
+    else if constexpr (std::is_same_v<E, std::int64_t>) return 'l';
+    else if constexpr (std::is_same_v<E, std::uint32_t>) return 'I';
+    else if constexpr (std::is_same_v<E, std::uint64_t>) return 'L';
+    else return 'B';
+}
+
+template <class E>
+Blob to_blob(const std::vector<E>& v) {
+    Blob b;
+    b.type = type_code<E>();
+    b.shape = {b.type == 'B' ? v.size() * sizeof(E) : v.size()};
+    b.bytes.resize(v.size() * sizeof(E));
+    if (!v.empty()) std::memcpy(b.bytes.data(), v.data(), b.bytes.size());
+    return b;
+}
+
+inline const Blob& find(const State& state, const std::string& name) {
+    const auto it = state.find(name);
+    if (it == state.end()) throw SceneError("the saved state has no entry '" + name + "'; it is not a state of this scene");
+    return it->second;
+}
+
+template <class E>
+std::vector<E> from_blob(const State& state, const std::string& name) {
+    const Blob& b = find(state, name);
+    if (b.bytes.size() % sizeof(E) != 0 || b.type != type_code<E>()) {
+        throw SceneError("the saved state's entry '" + name + "' has another type than this run; it was saved by another "
+                         "version or precision");
+    }
+    std::vector<E> v(b.bytes.size() / sizeof(E));
+    if (!v.empty()) std::memcpy(v.data(), b.bytes.data(), b.bytes.size());
+    return v;
+}
+
+/// Numbers of whatever floating type, as doubles.
+inline std::vector<double> numbers(const State& state, const std::string& name) {
+    const Blob& b = find(state, name);
+    if (b.type == 'f') {
+        const auto v = from_blob<float>(state, name);
+        return {v.begin(), v.end()};
+    }
+    if (b.type == 'i') {
+        const auto v = from_blob<std::int32_t>(state, name);
+        return {v.begin(), v.end()};
+    }
+    if (b.type == 'l') {
+        const auto v = from_blob<std::int64_t>(state, name);
+        return {v.begin(), v.end()};
+    }
+    return from_blob<double>(state, name);
+}
+
+}  // namespace detail
+
+template <class X, class T, int D>
+State Domain<X, T, D>::save() {
+    if (dead_) throw NumericalError("this run has failed; a state that is not finite or not admissible is not saved");
+    fetch_clock();
+    State s;
+    s["clock"] = detail::to_blob(std::vector<Clock>{clock_});
+    s["keys"] = detail::to_blob(keys_.host());
+    s["sums"] = detail::to_blob(sums_[parity()].host());
+    s["sum_channels"] = detail::to_blob(std::vector<std::int32_t>{plan_.sum_channels});
+    s["load_impulse"] = detail::to_blob(load_impulse_.host());
+    auto records = sensor_records_.host();
+    std::vector<std::int64_t> next;
+    std::vector<double> last, first;
+    for (std::size_t k = 0; k < records.size(); ++k) {
+        next.push_back(records[k].next);
+        last.push_back(records[k].last_time);
+        first.push_back(sensors_[k].first.host()[0]);
+    }
+    s["sensor_next"] = detail::to_blob(next);
+    s["sensor_last"] = detail::to_blob(last);
+    s["sensor_first"] = detail::to_blob(first);
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        Body& body = bodies_[b];
+        const std::string p = "body" + std::to_string(b) + "_";
+        const auto cut = [&](auto v) {
+            v.resize(body.count);
+            return v;
+        };
+        for (int a = 0; a < D; ++a) s[p + "offset" + std::to_string(a)] = detail::to_blob(cut(body.offset[a].host()));
+        for (std::size_t r = 0; r < body.state.size(); ++r)
+            s[p + "state" + std::to_string(r)] = detail::to_blob(cut(body.state[r].host()));
+        s[p + "id"] = detail::to_blob(cut(body.id.host()));
+        auto start = body.cell_start.host();
+        start.resize(std::size_t(table_.slots) * block_cells + 1);
+        s[p + "cell_start"] = detail::to_blob(start);
+        s[p + "frozen_id"] = detail::to_blob(body.frozen_id);
+        s[p + "frozen_position"] = detail::to_blob(body.frozen_position);
+        s[p + "frozen_state"] = detail::to_blob(body.frozen_state);
+    }
+    return s;
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::load(const State& state) {
+    const auto clock = detail::from_blob<Clock>(state, "clock");
+    if (clock.size() != 1) throw SceneError("the saved clock has another size; the state was saved by another version");
+    const auto channels = detail::from_blob<std::int32_t>(state, "sum_channels");
+    if (channels.size() != 1 || channels[0] != plan_.sum_channels) {
+        throw SceneError("the saved state has other grid channels than this scene");
+    }
+    clock_ = clock[0];
+    clock_.drift_limit = X::drift_limit;
+    const auto keys = detail::from_blob<std::uint64_t>(state, "keys");
+    keys_.assign(keys);
+    table_.keys = keys_.data();
+    table_.slots = std::int32_t(keys.size());
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        Body& body = bodies_[b];
+        const std::string p = "body" + std::to_string(b) + "_";
+        const auto column = [&](const std::string& name) {
+            const auto v = detail::numbers(state, p + name);
+            std::vector<T> out(v.begin(), v.end());
+            out.resize(v.size() + column_padding, T(0));
+            return out;
+        };
+        auto id = detail::from_blob<std::uint32_t>(state, p + "id");
+        body.count = std::uint32_t(id.size());
+        id.resize(id.size() + column_padding, 0);
+        body.id.assign(id);
+        for (int a = 0; a < D; ++a) body.offset[a].assign(column("offset" + std::to_string(a)));
+        for (std::size_t r = 0; r < body.state.size(); ++r) body.state[r].assign(column("state" + std::to_string(r)));
+        body.cell_start.assign(detail::from_blob<std::uint32_t>(state, p + "cell_start"));
+        body.frozen_id = detail::from_blob<std::uint32_t>(state, p + "frozen_id");
+        body.frozen_position = detail::from_blob<double>(state, p + "frozen_position");
+        body.frozen_state = detail::from_blob<double>(state, p + "frozen_state");
+    }
+
+    const int reading = parity();
+    const Blob& saved = detail::find(state, "sums");
+    if (saved.type == detail::type_code<Sum>()) {
+        sums_[reading].assign(detail::from_blob<Sum>(state, "sums"));
+    } else {
+        // From another backend or precision: through numbers, and onto this backend's scale.
+        auto value = detail::numbers(state, "sums");
+        const bool was_fixed = saved.type == 'i' || saved.type == 'l';
+        double top[maxima_count] = {};
+        const auto kind = [&](std::size_t k) {
+            const int c = int(k / block_cells % plan_.sum_channels);
+            if (c == 0) return int(max_mass);
+            if (c <= D) return int(max_momentum);
+            for (const auto& g : plan_.groups)
+                if (g.weight == c) return int(max_mass);
+            return int(max_group);
+        };
+        for (std::size_t k = 0; k < value.size(); ++k) {
+            if (was_fixed) value[k] /= clock_.scale_read[kind(k)];
+            top[kind(k)] = std::max(top[kind(k)], std::abs(value[k]));
+        }
+        std::vector<Sum> sums(value.size());
+        for (int m = 0; m < maxima_count; ++m) {
+            clock_.scale_read[m] = 1;
+            if constexpr (std::is_integral_v<Sum>) {
+                if (top[m] > 0) clock_.scale_read[m] = power_of_two_below(std::ldexp(1.0, X::template sum_bits<T> - 2) / top[m]);
+            }
+            clock_.scale_write[m] = clock_.scale_read[m];
+        }
+        for (std::size_t k = 0; k < value.size(); ++k) {
+            if constexpr (std::is_integral_v<Sum>) sums[k] = Sum(std::llrint(value[k] * clock_.scale_read[kind(k)]));
+            else sums[k] = Sum(value[k]);
+        }
+        sums_[reading].assign(sums);
+    }
+    sums_[1 - reading].reserve_discard(sums_[reading].size());
+
+    load_impulse_.assign(detail::from_blob<double>(state, "load_impulse"));
+    auto records = sensor_records_.host();
+    const auto next = detail::from_blob<std::int64_t>(state, "sensor_next");
+    const auto last = detail::from_blob<double>(state, "sensor_last");
+    const auto first = detail::from_blob<double>(state, "sensor_first");
+    if (next.size() != records.size()) throw SceneError("the saved state has other sensors than this scene");
+    for (std::size_t k = 0; k < records.size(); ++k) {
+        records[k].next = next[k];
+        records[k].last_time = last[k];
+        records[k].count = 0;
+        sensors_[k].first.assign({first[k]});
+    }
+    sensor_records_.assign(records);
+    clock_.halt = Halt::none;
+    push_clock();
+    link_table();
+    for (auto& body : bodies_) list_homes(body);
+    dead_ = false;
+}
+
+}  // namespace mpm

@@ -1,0 +1,282 @@
+// Domain: the life of a step, and what happens when the clock halts.
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+template <class X, class T, int D>
+Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
+    Pass<X, T, D> p{};
+    p.exec = &exec_;
+    p.grid = grid_view(parity_to);
+    p.body = body.view();
+    p.group = body.plan.group;
+    p.clock = clock_buffer_.data();
+    p.numbers = numbers_.data() + number;
+    p.fault_particle = &clock_buffer_.data()->fault_particle;
+    p.overflow = overflow_.data();
+    p.body_number = std::uint64_t(number);
+    for (std::size_t k = 0; k < body.parameters.size(); ++k) p.parameters[k] = body.parameters[k];
+    p.carry = body.plan.carry;
+    p.stress_only = body.plan.stress_only;
+    p.scratch = body.scratch.data();
+    p.coloured = body.coloured.data();
+    p.colour_start = body.colour_start.data();
+    return p;
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::update_grid() {
+    exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(), int(spec_.boundaries.size())});
+    const int from = parity();
+    UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(), int(plan_.groups.size())};
+    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update, maxima_.data());
+    int bits = 0;
+    if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
+    exec_.single(Decide<D>{clock_buffer_.data(), maxima_.data(), spec_.cell_size, constants_.data(), numbers_.data(),
+                           int(bodies_.size()), sensor_records_.data(), int(sensors_.size()), bits, least_mass_,
+                           plan_.wave_speed, overflow_.data()});
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::run_sensors() {
+    if (sensors_.empty()) return;
+    const auto node = node_update(parity());
+    Clock* clock = clock_buffer_.data();
+    for (std::size_t k = 0; k < sensors_.size(); ++k) {
+        Sensor& s = sensors_[k];
+        SensorRecord* record = sensor_records_.data() + k;
+        if constexpr (!X::is_device) {
+            if (!record->due) continue;
+        }
+        switch (s.spec.kind) {
+            case SensorKind::load_cell:
+                exec_.single(SampleLoad<D>{clock, record, load_impulse_.data() + s.load * load_columns<D>});
+                break;
+            case SensorKind::wave_gauge: {
+                SampleGauge<T, Sum, D> gauge{node, record, {}, s.spec.axis, s.gauge_channel, s.gauge_full, spec_.cell_size, {}};
+                for (int a = 0; a < D; ++a) {
+                    gauge.position[a] = s.spec.position[a];
+                    gauge.cells[a] = spec_.cells[a];
+                }
+                exec_.single(gauge);
+                break;
+            }
+            case SensorKind::velocity_probe: {
+                SampleVelocity<T, Sum, D> probe{node, record, {}, spec_.cell_size};
+                for (int a = 0; a < D; ++a) probe.position[a] = s.spec.position[a];
+                exec_.single(probe);
+                break;
+            }
+            case SensorKind::tracker: {
+                Body& body = bodies_[s.spec.body];
+                exec_.single(OpenTrack{clock, record});
+                exec_.for_each_large(body.homes, TrackParticles<T, Sum, D>{node, record, body.view(), s.ids.data(),
+                                                                          s.columns.data(), int(s.spec.ids.size()),
+                                                                          spec_.cell_size});
+                break;
+            }
+            case SensorKind::energy: {
+                std::int64_t homes = 0;
+                for (std::size_t b = 0; b < bodies_.size(); ++b)
+                    if (s.spec.body < 0 || s.spec.body == int(b)) homes += bodies_[b].homes;
+                if (s.partial.size() < std::size_t(3 * homes)) s.partial.reserve_discard(3 * homes);
+                std::int64_t at = 0;
+                for (std::size_t b = 0; b < bodies_.size(); ++b) {
+                    if (s.spec.body >= 0 && s.spec.body != int(b)) continue;
+                    if (bodies_[b].homes > 0) {
+                        bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due, s.partial.data() + 3 * at);
+                    }
+                    at += bodies_[b].homes;
+                }
+                exec_.single(SampleEnergy{clock, record, s.partial.data(), at, s.first.data()});
+                break;
+            }
+        }
+    }
+    if (load_count_ > 0) {
+        exec_.for_each_large(measured_count_, MeasureLoads<T, Sum, D>{node, measured_slots_.data(), load_cells_.data(), load_count_,
+                                                                      spec_.cell_size, load_partial_.data()});
+        const int columns = load_count_ * load_columns<D>;
+        exec_.for_each(columns, AddLoads<D>{clock, load_partial_.data(), measured_count_, columns, load_impulse_.data()});
+    }
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::run_bodies() {
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        Body& body = bodies_[b];
+        if (body.count == 0) continue;
+        if (!plan_.fused) {
+            const std::size_t columns = std::size_t(body.ops.channels) * (1 + D);
+            body.scratch.reserve_discard(columns * body.count + column_padding);
+        }
+        const Pass<X, T, D> p = pass(body, int(b), 1 - parity());
+        if (plan_.fused) {
+            body.ops.fused(p);
+        } else {
+            body.ops.gather(p);
+            body.ops.scatter(p);
+        }
+    }
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::one_step() {
+    if constexpr (X::is_device) {
+        update_grid();
+        run_sensors();
+        run_bodies();
+        exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});
+        ++clock_.step;  // what the queue assumes; fetch_clock() brings the truth
+    } else {
+        const double t0 = now();
+        update_grid();
+        const double t1 = now();
+        run_sensors();
+        const double t2 = now();
+        if (clock_buffer_.data()->halt == Halt::none) run_bodies();
+        exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});
+        const double t3 = now();
+        timings_["grid"] += t1 - t0;
+        timings_["sensors"] += t2 - t1;
+        timings_["particles"] += t3 - t2;
+        fetch_clock();
+    }
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::fetch_clock() {
+    exec_.download(&clock_, clock_buffer_.data(), sizeof clock_);
+}
+
+template <class X, class T, int D>
+RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
+    RunResult result;
+    if (dead_) {
+        result.reason = "fault";
+        result.time = clock_.time;
+        result.fault = fault_;
+        return result;
+    }
+    const double began = now();
+    fetch_clock();
+    const std::int64_t first_step = clock_.step;
+    clock_.until = until;
+    clock_.steps_left = steps;  // negative: no limit
+    clock_.halt = Halt::none;
+    push_clock();
+    while (true) {
+        if constexpr (X::is_device) {
+            // As many steps as the drift will probably allow; a wrong guess costs launches that do nothing.
+            const double share = clock_.speed * clock_.dt / spec_.cell_size;
+            std::int64_t n = X::batch;
+            if (share > 0) n = std::min<std::int64_t>(n, std::int64_t((clock_.drift_limit - clock_.drift) / share) + 1);
+            if (clock_.steps_left >= 0) n = std::min<std::int64_t>(n, clock_.steps_left + 1);
+            if (std::isfinite(until)) {
+                n = std::min<std::int64_t>(n, std::int64_t(std::max(0.0, until - clock_.time) / clock_.dt) + 2);
+            }
+            for (std::int64_t k = 0; k < std::max<std::int64_t>(n, 1); ++k) one_step();
+            fetch_clock();
+        } else {
+            one_step();
+        }
+        if (clock_.halt == Halt::sort) {
+            if (!sort()) {
+                // The state is whole: the same run may go on under another policy, or be read.
+                result.reason = "fault";
+                result.fault = fault_;
+                break;
+            }
+            clock_.halt = Halt::none;
+            push_clock();
+        } else if (clock_.halt == Halt::samples) {
+            collect_samples();
+            clock_.halt = Halt::none;
+            push_clock();
+        } else if (clock_.halt == Halt::until || clock_.halt == Halt::steps) {
+            result.reason = clock_.halt == Halt::until ? "until" : "steps";
+            break;
+        } else if (clock_.halt == Halt::fault) {
+            fault_ = describe_fault();
+            dead_ = true;
+            result.reason = "fault";
+            result.fault = fault_;
+            break;
+        } else if (now() - began > wall) {
+            result.reason = "wall";
+            break;
+        }
+    }
+    result.steps = clock_.step - first_step;
+    result.time = clock_.time;
+    return result;
+}
+
+/// The first step from which on the fastest node never again was slower than a tenth of what it is now.
+template <class X, class T, int D>
+std::int64_t Domain<X, T, D>::growth_start() const {
+    std::int64_t since = 0;
+    for (int k = 0; k < clock_.log_count; ++k)
+        if (!(clock_.log_speed[k] > 0.1 * clock_.speed)) since = clock_.log_step[k];
+    return since;
+}
+
+template <class X, class T, int D>
+Fault Domain<X, T, D>::describe_fault() {
+    Fault f;
+    f.step = clock_.step;
+    f.time = clock_.time;
+    f.speed = clock_.speed;
+    f.grew_since = growth_start();
+    f.value = clock_.fault_value;
+    if (clock_.fault == FaultKind::outran) {
+        f.code = clock_.fault_value < 1e299 ? "outran-cell" : "non-finite";
+        f.message = clock_.fault_value < 1e299 ? "a node would carry its particles across more than one cell in one step"
+                                               : "a nodal velocity is not finite";
+        return f;
+    }
+    if (clock_.fault == FaultKind::fixed_point) {
+        f.code = "fixed-point";
+        f.message = "nodal sums grew more than 32-fold within one step and no longer fit their fixed-point scale";
+        return f;
+    }
+    const std::size_t b = clock_.fault_particle >> 40;
+    const std::size_t k = clock_.fault_particle & ((std::uint64_t(1) << 40) - 1);
+    Body& body = bodies_.at(b);
+    f.body = body.plan.name;
+    --f.step;  // found by the step after
+    std::uint32_t id = 0;
+    exec_.download(&id, body.id.data() + k, sizeof id);
+    f.ids = {body.first_id + id};
+    f.code = "inverted";
+    double furthest = 0;
+    for (auto& column : body.offset) {
+        T x;
+        exec_.download(&x, column.data() + k, sizeof x);
+        if (!std::isfinite(double(x))) f.code = "non-finite";
+        furthest = std::max(furthest, std::abs(double(x)));
+    }
+    std::vector<double> state;
+    for (auto& column : body.state) {
+        T x;
+        exec_.download(&x, column.data() + k, sizeof x);
+        state.push_back(double(x));
+        if (!std::isfinite(double(x))) f.code = "non-finite";
+    }
+    if (f.code == "non-finite") {
+        f.message = "its position or state is not finite";
+    } else if (furthest > 1.75) {
+        f.code = "outran-cell";
+        f.value = furthest;
+        f.message = "it moved further than the step can see";
+    } else {
+        f.code = body.material->volumetric ? "compressed" : "inverted";
+        f.value = state.empty() ? 0 : state[0];
+        f.message = body.material->limits;
+    }
+    return f;
+}
+
+}  // namespace mpm

@@ -1,0 +1,59 @@
+// What a scene will cost, decided before anything is allocated; the engine allocates by the same decisions.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "mpm/kernels/pass.hpp"
+#include "mpm/solver/spec.hpp"
+
+namespace mpm {
+
+/// All materials that were built, in the order of src/kernels/models.cmake.
+const std::vector<MaterialInfo>& materials();
+const MaterialInfo& material(const std::string& name);
+
+/// What the backend that will run the scene is like.
+struct BackendTraits {
+    bool device = false;
+    int sum_bytes = 4;      // of one nodal sum
+    bool fused = true;      // has the fused form in this precision
+    std::string name;
+};
+BackendTraits cpu_traits(bool single);
+BackendTraits cuda_traits(bool single);
+
+struct PlanColumn {
+    std::string name;
+    int reals;
+    int bytes;
+};
+struct BodyPlan {
+    std::string name;
+    std::uint64_t particles = 0;
+    std::vector<PlanColumn> columns;
+    int bytes_per_particle = 0;
+    Smoothing smoothing = Smoothing::none;
+    bool carry = false, stress_only = false;
+    GroupChannels group;
+    int state_columns = 0;
+    double spacing = 0;
+};
+struct Plan {
+    std::vector<BodyPlan> bodies;
+    std::vector<GroupChannels> groups;
+    std::vector<std::string> channels;  // of the sums
+    int sum_channels = 0, velocity_channels = 0;
+    int bytes_per_node = 0;
+    bool fused = true;
+    std::string pipeline_reason;
+    std::vector<std::string> kernels;
+    double time_step = 0;
+    double wave_speed = 0;
+    std::string limited_by;
+    double memory_particles = 0, memory_sort = 0, memory_grid = 0, memory_tables = 0;
+};
+
+Plan make_plan(const Spec& spec, const BackendTraits& backend);
+
+}  // namespace mpm

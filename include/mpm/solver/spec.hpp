@@ -1,0 +1,82 @@
+// What a caller asks for, as plain values. Python validates and explains; here only what would corrupt a run is checked
+// again. See design/engine-contract.md for the meaning of every entry.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "mpm/data/time_table.hpp"
+#include "mpm/physics/boundary/response.hpp"
+
+namespace mpm {
+
+struct TableSpec {
+    std::vector<double> time;   // (n,)
+    std::vector<double> value;  // (n, dimension)
+    TableEnd end = TableEnd::hold;
+};
+
+enum class SmoothingForm { none, one_volume, one_volume_gradient, two_volume, stress_only };
+
+struct BodySpec {
+    std::string name;
+    std::string material;
+    std::vector<double> parameters;  // in the order of the material's table
+    std::uint64_t count = 0;
+    std::vector<double> bounds;  // lower then upper, m
+    double particle_mass = 0;
+    std::uint64_t first_id = 0;
+    std::vector<double> position;  // (count, dimension), m from the lower corner; empty for a plan
+    std::vector<double> velocity;  // (dimension,) or (count, dimension)
+    std::vector<double> pressure;  // (count,) or empty
+    SmoothingForm smoothing = SmoothingForm::none;
+    double smoothing_time = 0;
+    double smoothing_ratio = 0;
+};
+
+struct BoundarySpec {
+    std::string name;
+    bool is_box = false;
+    std::vector<int> lower, upper;  // box, cells
+    std::vector<int> present;       // per face x-, x+, y-, ...
+    std::vector<SurfaceLaw> law;    // per face
+    double start = 0, end = 0;
+    bool moves = false;
+    TableSpec motion;
+};
+
+enum class SensorKind { load_cell, wave_gauge, velocity_probe, tracker, energy };
+
+struct SensorSpec {
+    std::string name;
+    SensorKind kind = SensorKind::energy;
+    double interval = 0;
+    int boundary = -1;
+    int faces = 0;  // bit mask
+    std::vector<double> reference, position;
+    int axis = -1;
+    int body = -1;
+    std::vector<std::uint64_t> ids;
+};
+
+enum class Leaving { stop, freeze, remove };
+
+struct Spec {
+    int dimension = 3;
+    bool single = true;
+    int device = 0;
+    std::string pipeline = "auto";
+    int threads = 0;
+    double cell_size = 0;
+    std::vector<std::int64_t> cells;
+    TableSpec gravity;
+    double cfl = 0.4;
+    double time_step = 0;  // 0: from the wave speeds
+    Leaving leaving = Leaving::stop;
+    std::vector<BodySpec> bodies;
+    std::vector<BoundarySpec> boundaries;
+    std::vector<SensorSpec> sensors;
+};
+
+}  // namespace mpm

@@ -1,0 +1,450 @@
+// What both modules export: Engine, plan and the reading of a spec. Thin: no defaults, no policy; Python owns those.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <functional>
+
+#include "mpm/core/error.hpp"
+#include "mpm/solver/engine.hpp"
+#include "mpm/solver/plan.hpp"
+
+namespace mpm::python {
+
+namespace py = pybind11;
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+inline std::vector<double> doubles(const py::handle& value) {
+    const auto a = Doubles::ensure(value);
+    if (!a) throw SceneError("expected an array of numbers");
+    return {a.data(), a.data() + a.size()};
+}
+
+inline TableSpec read_table(const py::dict& d, int dimension, const std::string& owner) {
+    TableSpec t;
+    t.time = doubles(d["time"]);
+    t.value = doubles(d["value"]);
+    const auto end = d["end"].cast<std::string>();
+    t.end = end == "repeat" ? TableEnd::repeat : (end == "zero" ? TableEnd::zero : TableEnd::hold);
+    if (t.time.empty() || t.value.size() != t.time.size() * std::size_t(dimension)) {
+        throw SceneError(owner + ": a time table needs as many rows of " + std::to_string(dimension) +
+                         " values as times, and at least one");
+    }
+    for (std::size_t k = 1; k < t.time.size(); ++k)
+        if (!(t.time[k] > t.time[k - 1])) throw SceneError(owner + ": times must increase");
+    return t;
+}
+
+inline int face_number(const std::string& face, int dimension) {
+    const std::string axes = "xyz";
+    const auto axis = face.size() == 2 ? axes.find(face[0]) : std::string::npos;
+    if (axis == std::string::npos || int(axis) >= dimension || (face[1] != '-' && face[1] != '+')) {
+        throw SceneError("face '" + face + "' is not one of x-, x+, y-, y+, z-, z+ of this dimension");
+    }
+    return int(axis) * 2 + (face[1] == '+');
+}
+
+inline BodySpec read_body(const py::dict& d, int dimension) {
+    BodySpec b;
+    b.name = d["name"].cast<std::string>();
+    b.material = d["material"].cast<std::string>();
+    const MaterialInfo& m = material(b.material);
+    const py::dict values = d["parameters"];
+    for (int k = 0; k < m.parameter_count; ++k) {
+        if (!values.contains(m.parameters[k].name)) {
+            throw SceneError("body '" + b.name + "': " + m.name + " needs the parameter " + m.parameters[k].name);
+        }
+        const double v = values[m.parameters[k].name].cast<double>();
+        const Parameter& p = m.parameters[k];
+        const bool low = p.lower_open ? v > p.lower : v >= p.lower, high = p.upper_open ? v < p.upper : v <= p.upper;
+        if (!low || !high) {
+            throw SceneError("body '" + b.name + "': " + p.name + " is " + std::to_string(v) + ", outside " +
+                             std::to_string(p.lower) + " to " + std::to_string(p.upper));
+        }
+        b.parameters.push_back(v);
+    }
+    b.count = d["count"].cast<std::uint64_t>();
+    b.bounds = doubles(d["bounds"]);
+    b.particle_mass = d["particle_mass"].cast<double>();
+    b.first_id = d["first_id"].cast<std::uint64_t>();
+    if (!d["position"].is_none()) {
+        b.position = doubles(d["position"]);
+        b.velocity = doubles(d["velocity"]);
+        if (b.position.size() != b.count * dimension ||
+            (b.velocity.size() != std::size_t(dimension) && b.velocity.size() != b.count * dimension)) {
+            throw SceneError("body '" + b.name + "': positions or velocities do not match its " +
+                             std::to_string(b.count) + " particles");
+        }
+    }
+    if (!d["pressure"].is_none()) {
+        b.pressure = doubles(d["pressure"]);
+        if (b.pressure.size() != b.count) throw SceneError("body '" + b.name + "': one pressure a particle is needed");
+        if (!m.volumetric) throw SceneError("body '" + b.name + "': " + m.name + " stores no volume ratio to set a pressure by");
+    }
+    const py::dict f = d["fbar"];
+    const auto form = f["form"].cast<std::string>();
+    const std::map<std::string, SmoothingForm> forms = {{"none", SmoothingForm::none},
+                                                        {"one-volume", SmoothingForm::one_volume},
+                                                        {"one-volume-gradient", SmoothingForm::one_volume_gradient},
+                                                        {"two-volume", SmoothingForm::two_volume},
+                                                        {"stress-only", SmoothingForm::stress_only}};
+    const auto it = forms.find(form);
+    if (it == forms.end()) throw SceneError("body '" + b.name + "': F-bar form '" + form + "' is not built");
+    b.smoothing = it->second;
+    b.smoothing_time = f["time"].cast<double>();
+    b.smoothing_ratio = f["ratio"].cast<double>();
+    return b;
+}
+
+inline BoundarySpec read_boundary(const py::dict& d, int dimension) {
+    BoundarySpec b;
+    b.name = d["name"].cast<std::string>();
+    b.is_box = d["kind"].cast<std::string>() == "box";
+    if (b.is_box) {
+        b.lower = d["lower"].cast<std::vector<int>>();
+        b.upper = d["upper"].cast<std::vector<int>>();
+        if (int(b.lower.size()) != dimension || int(b.upper.size()) != dimension) {
+            throw SceneError("boundary '" + b.name + "': its box needs one lower and one upper cell an axis");
+        }
+    }
+    b.present.assign(2 * dimension, 0);
+    b.law.assign(2 * dimension, SurfaceLaw{});
+    for (const auto& [face, response] : d["faces"].cast<py::dict>()) {
+        const int f = face_number(face.cast<std::string>(), dimension);
+        const py::dict r = response.cast<py::dict>();
+        const auto kind = r["kind"].cast<std::string>();
+        b.present[f] = 1;
+        b.law[f].response = kind == "sticky" ? Response::sticky : (kind == "slip" ? Response::slip : Response::separable);
+        b.law[f].static_friction = r["static_friction"].cast<double>();
+        b.law[f].dynamic_friction = r["dynamic_friction"].cast<double>();
+    }
+    b.start = d["start"].cast<double>();
+    b.end = d["end"].cast<double>();
+    if (!d["velocity"].is_none()) {
+        b.moves = true;
+        b.motion = read_table(d["velocity"], dimension, "boundary '" + b.name + "'");
+    }
+    return b;
+}
+
+inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
+    SensorSpec s;
+    s.name = d["name"].cast<std::string>();
+    const std::map<std::string, SensorKind> kinds = {{"load-cell", SensorKind::load_cell},
+                                                     {"wave-gauge", SensorKind::wave_gauge},
+                                                     {"velocity-probe", SensorKind::velocity_probe},
+                                                     {"tracker", SensorKind::tracker},
+                                                     {"energy", SensorKind::energy}};
+    const auto it = kinds.find(d["kind"].cast<std::string>());
+    if (it == kinds.end()) throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() + "' is not built");
+    s.kind = it->second;
+    s.interval = d["interval"].cast<double>();
+    const auto check = [&](int index, std::size_t count, const char* what) {
+        if (index < 0 || std::size_t(index) >= count) {
+            throw SceneError("sensor '" + s.name + "': there is no " + what + " number " + std::to_string(index));
+        }
+    };
+    if (s.kind == SensorKind::load_cell) {
+        s.boundary = d["boundary"].cast<int>();
+        check(s.boundary, spec.boundaries.size(), "boundary");
+        for (const auto& f : d["faces"]) s.faces |= 1 << face_number(f.cast<std::string>(), spec.dimension);
+        s.reference = doubles(d["reference"]);
+    }
+    if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe) s.position = doubles(d["position"]);
+    if (s.kind == SensorKind::wave_gauge) {
+        s.axis = d["axis"].cast<int>();
+        check(s.axis, std::size_t(spec.dimension), "axis");
+    }
+    if (d.contains("body")) s.body = d["body"].cast<int>();
+    if (s.kind == SensorKind::tracker) check(s.body, spec.bodies.size(), "body");
+    if (s.kind == SensorKind::tracker) s.ids = d["ids"].cast<std::vector<std::uint64_t>>();
+    return s;
+}
+
+inline Spec read_spec(const py::dict& d) {
+    Spec s;
+    s.dimension = d["dimension"].cast<int>();
+    if (s.dimension != 2 && s.dimension != 3) {
+        throw SceneError("dimension is " + std::to_string(s.dimension) + "; built are 2 (plane strain) and 3");
+    }
+    const auto precision = d["precision"].cast<std::string>();
+    if (precision != "single" && precision != "double") {
+        throw SceneError("precision '" + precision + "' is not built; built are single and double");
+    }
+    s.single = precision == "single";
+    s.device = d["device"].cast<int>();
+    s.pipeline = d["pipeline"].cast<std::string>();
+    s.threads = d["threads"].cast<int>();
+    s.cell_size = d["cell_size"].cast<double>();
+    s.cells = d["cells"].cast<std::vector<std::int64_t>>();
+    s.gravity = read_table(d["gravity"], s.dimension, "gravity");
+    s.cfl = d["cfl"].cast<double>();
+    s.time_step = d["time_step"].is_none() ? 0 : d["time_step"].cast<double>();
+    const auto leaving = d["leaving"].cast<std::string>();
+    s.leaving = leaving == "freeze" ? Leaving::freeze : (leaving == "delete" ? Leaving::remove : Leaving::stop);
+    for (const auto& b : d["bodies"]) s.bodies.push_back(read_body(b.cast<py::dict>(), s.dimension));
+    if (s.bodies.empty()) throw SceneError("the scene has no body; add one with scene.add_body");
+    for (const auto& b : d["boundaries"]) s.boundaries.push_back(read_boundary(b.cast<py::dict>(), s.dimension));
+    for (const auto& x : d["sensors"]) s.sensors.push_back(read_sensor(x.cast<py::dict>(), s));
+    return s;
+}
+
+inline py::array numpy(const Array& a) {
+    py::array_t<double> out(std::vector<py::ssize_t>(a.shape.begin(), a.shape.end()));
+    std::copy(a.data.begin(), a.data.end(), out.mutable_data());
+    return out;
+}
+inline py::array numpy(const std::vector<std::uint64_t>& v) { return py::array_t<std::uint64_t>(py::ssize_t(v.size()), v.data()); }
+
+inline py::dict plan_dict(const Plan& p) {
+    py::dict out;
+    py::list bodies;
+    for (const auto& b : p.bodies) {
+        py::list columns;
+        for (const auto& c : b.columns) {
+            py::dict column;
+            column["name"] = c.name;
+            column["reals"] = c.reals;
+            column["bytes"] = c.bytes;
+            columns.append(column);
+        }
+        py::dict body;
+        body["name"] = b.name;
+        body["particles"] = b.particles;
+        body["columns"] = columns;
+        body["bytes_per_particle"] = b.bytes_per_particle;
+        body["particle_spacing"] = b.spacing;
+        bodies.append(body);
+    }
+    out["bodies"] = bodies;
+    py::dict grid;
+    grid["channels"] = p.channels;
+    grid["bytes_per_node"] = p.bytes_per_node;
+    out["grid"] = grid;
+    out["pipeline"] = p.fused ? "fused" : "two-pass";
+    out["pipeline_reason"] = p.pipeline_reason;
+    out["kernels"] = p.kernels;
+    out["time_step"] = p.time_step;
+    out["limited_by"] = p.limited_by;
+    py::dict memory;
+    memory["particles"] = p.memory_particles;
+    memory["sort"] = p.memory_sort;
+    memory["grid"] = p.memory_grid;
+    memory["tables"] = p.memory_tables;
+    out["memory"] = memory;
+    out["memory_total"] = p.memory_particles + p.memory_sort + p.memory_grid + p.memory_tables;
+    return out;
+}
+
+inline py::dict fault_dict(const Fault& f) {
+    py::dict d;
+    d["code"] = f.code;
+    d["body"] = f.body;
+    d["ids"] = numpy(f.ids);
+    d["step"] = f.step;
+    d["time"] = f.time;
+    d["value"] = f.value;
+    d["speed"] = f.speed;
+    d["grew_since"] = f.grew_since;
+    d["message"] = f.message;
+    return d;
+}
+
+inline py::object blob_array(const Blob& b) {
+    const auto shape = std::vector<py::ssize_t>(b.shape.begin(), b.shape.end());
+    const std::map<char, const char*> types = {{'f', "f4"}, {'d', "f8"}, {'i', "i4"}, {'l', "i8"},
+                                               {'I', "u4"}, {'L', "u8"}, {'B', "u1"}};
+    py::array a(py::dtype(types.at(b.type)), shape);
+    std::copy(b.bytes.begin(), b.bytes.end(), static_cast<unsigned char*>(a.mutable_data()));
+    return a;
+}
+
+inline State read_state(const py::dict& d) {
+    State s;
+    for (const auto& [key, value] : d) {
+        const auto a = py::array::ensure(value, py::array::c_style);
+        if (!a) throw SceneError("the saved state's entry '" + key.cast<std::string>() + "' is not an array");
+        Blob b;
+        const char kind = a.dtype().kind();
+        const auto size = a.itemsize();
+        b.type = kind == 'f' ? (size == 4 ? 'f' : 'd') : kind == 'i' ? (size == 4 ? 'i' : 'l') : size == 4 ? 'I' : size == 8 ? 'L' : 'B';
+        for (py::ssize_t k = 0; k < a.ndim(); ++k) b.shape.push_back(std::size_t(a.shape(k)));
+        const auto* bytes = static_cast<const unsigned char*>(a.data());
+        b.bytes.assign(bytes, bytes + a.nbytes());
+        s[key.cast<std::string>()] = std::move(b);
+    }
+    return s;
+}
+
+/// An engine with the spec that made it, for what readers ask by name.
+struct Handle {
+    Spec spec;
+    std::unique_ptr<Engine> engine;
+};
+
+using Factory = std::function<std::unique_ptr<Engine>(const Spec&)>;
+using Traits = std::function<BackendTraits(bool single)>;
+
+inline void bind_engine(py::module_& m, const Factory& make, const Traits& traits) {
+    // Errors become the Python classes of the same name, looked up when first needed.
+    py::register_exception_translator([](std::exception_ptr p) {
+        const auto raise = [](const char* name, const char* what) {
+            const py::object type = py::module_::import("libmpm._src.errors").attr(name);
+            PyErr_SetString(type.ptr(), what);
+        };
+        try {
+            if (p) std::rethrow_exception(p);
+        } catch (const SceneError& e) {
+            raise("SceneError", e.what());
+        } catch (const DeviceError& e) {
+            raise("DeviceError", e.what());
+        } catch (const CapacityError& e) {
+            raise("CapacityError", e.what());
+        } catch (const NumericalError& e) {
+            raise("NumericalError", e.what());
+        } catch (const Error& e) {
+            raise("Error", e.what());
+        }
+    });
+
+    m.def("plan", [traits](const py::dict& d) {
+        const Spec spec = read_spec(d);
+        return plan_dict(make_plan(spec, traits(spec.single)));
+    }, py::arg("spec"), "What a spec costs, before anything is allocated (design/engine-contract.md).");
+
+    using release = py::call_guard<py::gil_scoped_release>;
+    py::class_<Handle>(m, "Engine", "A simulation on one device, built from a spec (design/engine-contract.md).")
+        .def(py::init([make](const py::dict& d) {
+            auto h = std::make_unique<Handle>();
+            h->spec = read_spec(d);
+            {
+                py::gil_scoped_release unlocked;
+                h->engine = make(h->spec);
+            }
+            for (auto& b : h->spec.bodies) b.position = b.velocity = b.pressure = {};
+            return h;
+        }), py::arg("spec"))
+        .def("run", [](Handle& h, std::int64_t steps, double until, double wall) {
+            RunResult r;
+            {
+                py::gil_scoped_release unlocked;
+                r = h.engine->run(steps, until, wall);
+            }
+            py::dict d;
+            d["reason"] = r.reason;
+            d["steps"] = r.steps;
+            d["time"] = r.time;
+            if (r.reason == "fault") d["fault"] = fault_dict(r.fault);
+            return d;
+        }, py::arg("steps"), py::arg("until"), py::arg("wall"))
+        .def_property_readonly("time", [](const Handle& h) { return h.engine->time(); })
+        .def_property_readonly("step", [](const Handle& h) { return h.engine->step(); })
+        .def_property_readonly("time_step", [](const Handle& h) { return h.engine->time_step(); })
+        .def("particle_count", [](const Handle& h, int body) { return h.engine->particle_count(body); }, py::arg("body"))
+        .def("drain", [](Handle& h) {
+            py::list out;
+            for (const auto& s : h.engine->drain()) {
+                out.append(py::make_tuple(py::array_t<double>(py::ssize_t(s.time.size()), s.time.data()), numpy(s.values)));
+            }
+            return out;
+        })
+        .def("sensor_columns", [](const Handle& h, int sensor) { return sensor_columns(h.spec, sensor); }, py::arg("sensor"))
+        .def("removed", [](Handle& h) {
+            py::list out;
+            for (const auto& r : h.engine->removed())
+                out.append(py::make_tuple(r.body, numpy(r.ids), numpy(r.position), r.step, r.policy));
+            return out;
+        })
+        .def("attribute_names", [](const Handle& h, int body) { return h.engine->attribute_names(body); }, py::arg("body"))
+        .def("attributes", [](Handle& h, int body, const std::vector<std::string>& names) {
+            Attributes a;
+            std::vector<std::string> without_id;
+            for (const auto& n : names)
+                if (n != "id") without_id.push_back(n);
+            {
+                py::gil_scoped_release unlocked;
+                a = h.engine->attributes(body, without_id);
+            }
+            py::dict d;
+            d["id"] = numpy(a.id);
+            for (const auto& [name, value] : a.values) d[py::str(name)] = numpy(value);
+            return d;
+        }, py::arg("body"), py::arg("names"))
+        .def("attribute", [](Handle& h, int body, const std::string& name) -> py::object {
+            Attributes a;
+            {
+                py::gil_scoped_release unlocked;
+                a = h.engine->attributes(body, name == "id" ? std::vector<std::string>{} : std::vector<std::string>{name});
+            }
+            if (name == "id") return numpy(a.id);
+            return numpy(a.values.at(name));
+        }, py::arg("body"), py::arg("name"))
+        .def("grid", [](Handle& h, const std::string& name) {
+            Array a;
+            {
+                py::gil_scoped_release unlocked;
+                a = h.engine->grid(name);
+            }
+            return numpy(a);
+        }, py::arg("name"))
+        .def("save", [](Handle& h) {
+            State s;
+            {
+                py::gil_scoped_release unlocked;
+                s = h.engine->save();
+            }
+            py::dict d;
+            for (const auto& [name, blob] : s) d[py::str(name)] = blob_array(blob);
+            return d;
+        })
+        .def("load", [](Handle& h, const py::dict& d) {
+            const State s = read_state(d);
+            py::gil_scoped_release unlocked;
+            h.engine->load(s);
+        }, py::arg("state"))
+        .def("timings", [](const Handle& h) { return h.engine->timings(); }, release())
+        .def("statistics", [](const Handle& h) { return h.engine->statistics(); }, release());
+}
+
+inline py::list material_table() {
+    py::list out;
+    for (const auto& m : materials()) {
+        py::dict d;
+        d["name"] = m.name;
+        d["summary"] = m.summary;
+        d["source"] = m.source;
+        d["needs"] = m.needs;
+        d["fbar"] = m.volumetric;
+        py::list columns, parameters;
+        for (int k = 0; k < m.column_count; ++k) {
+            py::dict c;
+            c["name"] = m.columns[k].name;
+            c["components"] = m.columns[k].components[1];
+            c["meaning"] = m.columns[k].meaning;
+            c["unit"] = m.columns[k].unit;
+            columns.append(c);
+        }
+        for (int k = 0; k < m.parameter_count; ++k) {
+            const Parameter& p = m.parameters[k];
+            py::dict c;
+            c["name"] = p.name;
+            c["symbol"] = p.symbol;
+            c["unit"] = p.unit;
+            c["default"] = p.default_value == p.default_value ? py::object(py::float_(p.default_value)) : py::object(py::none());
+            c["lower"] = p.lower;
+            c["upper"] = p.upper;
+            c["lower_open"] = p.lower_open;
+            c["upper_open"] = p.upper_open;
+            c["meaning"] = p.meaning;
+            parameters.append(c);
+        }
+        d["columns"] = columns;
+        d["parameters"] = parameters;
+        out.append(d);
+    }
+    return out;
+}
+
+}  // namespace mpm::python
