@@ -1,0 +1,9 @@
+"""``python -m libmpm``: the command line."""
+
+from __future__ import annotations
+
+import sys
+
+from libmpm._src.cli import main
+
+sys.exit(main())

@@ -1,0 +1,112 @@
+"""Choice of the compiled module and device that run a simulation."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from libmpm._src.errors import DeviceError, Error
+
+__all__ = ["Backend", "CudaStatus", "core", "cuda_status", "module_for", "select"]
+
+
+@dataclass(frozen=True)
+class Backend:
+    """A compiled module and one of its devices: `name` is "cpu" or "cuda:<index>"."""
+
+    name: str
+    module: Any
+    index: int
+
+    @property
+    def kind(self) -> str:
+        """Either "cpu" or "cuda"."""
+        return self.name.partition(":")[0]
+
+
+@dataclass(frozen=True)
+class CudaStatus:
+    """What is known about CUDA: the module or None, its devices, and why it cannot be used."""
+
+    module: Any
+    devices: tuple[dict[str, Any], ...]
+    reason: str
+
+
+def core() -> Any:
+    """Return the compiled CPU module."""
+    try:
+        return importlib.import_module("libmpm._core")
+    except ImportError as error:
+        raise DeviceError(
+            f"the compiled module libmpm._core cannot be loaded: {error}; "
+            "install libmpm with `pip install .` rather than importing its source folder"
+        ) from error
+
+
+@functools.cache
+def cuda_status() -> CudaStatus:
+    """Load the CUDA module if it was built, and look for devices; the answer is kept."""
+    try:
+        module = importlib.import_module("libmpm._cuda")
+    except ModuleNotFoundError:
+        return CudaStatus(
+            None,
+            (),
+            "this libmpm was built without CUDA; install nvcc and rebuild with LIBMPM_CUDA=ON",
+        )
+    except ImportError as error:
+        return CudaStatus(None, (), f"the CUDA module cannot be loaded: {error}")
+    try:
+        found = tuple(module.devices())
+    except (Error, RuntimeError) as error:
+        return CudaStatus(module, (), str(error))
+    if not found:
+        return CudaStatus(module, (), "the driver lists no device; see `nvidia-smi` and "
+                          "CUDA_VISIBLE_DEVICES")  # fmt: skip
+    return CudaStatus(module, found, "")
+
+
+def module_for(kind: str) -> Any:
+    """Return the compiled module of "cpu" or "cuda", for plans: no device needs to exist."""
+    if kind == "cpu":
+        return core()
+    status = cuda_status()
+    if status.module is None:
+        raise DeviceError(f"device 'cuda' is not available: {status.reason}")
+    return status.module
+
+
+def select(device: str | Sequence[str] = "auto") -> Backend:
+    """Return the backend of "auto", "cpu", "cuda" or "cuda:<index>".
+
+    "auto" takes the first CUDA device if there is one and the CPU otherwise. A missing device is
+    a `DeviceError` that says what was found and what to do.
+    """
+    if not isinstance(device, str):
+        raise DeviceError(
+            f"device is {device!r}: several devices are not built into this version; "
+            "give one, such as 'cuda:0'"
+        )
+    kind, _, number = device.partition(":")
+    if device == "cpu":
+        return Backend("cpu", core(), 0)
+    if device == "auto":
+        status = cuda_status()
+        return Backend("cuda:0", status.module, 0) if status.devices else select("cpu")
+    if kind != "cuda" or (":" in device and not number.isdecimal()):
+        raise DeviceError(f"device is {device!r}; expected 'auto', 'cpu', 'cuda' or 'cuda:<index>'")
+    status = cuda_status()
+    if not status.devices:
+        raise DeviceError(
+            f"device {device!r} is not available: {status.reason}. Found: the CPU only; "
+            "use device='cpu' or 'auto'"
+        )
+    index = int(number or 0)
+    if index >= len(status.devices):
+        listed = ", ".join(f"cuda:{i} {d['name']}" for i, d in enumerate(status.devices))
+        raise DeviceError(f"device {device!r} does not exist; found {listed}; use one of these")
+    return Backend(f"cuda:{index}", status.module, index)

@@ -1,0 +1,246 @@
+"""The benchmark: a cube of water collapses in a box twice as long.
+
+8 particles per cell, sound speed c0 = 10 sqrt(2 g H), time step 0.3 dx / c0, wall time over the
+first 10,000 steps with sorts and without output. `measure` is what `libmpm bench` and the scripts
+under ``benchmarks/`` share.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+import platform
+import shlex
+import subprocess
+import sys
+import time as clock
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from libmpm._src import boundaries, info, shapes
+from libmpm._src.errors import SceneError
+from libmpm._src.materials_generated import TaitFluid
+from libmpm._src.method import FBar
+from libmpm._src.scene import Scene
+from libmpm._src.simulation import Simulation
+
+__all__ = ["Result", "add_arguments", "collapse", "measure", "run_command"]
+
+GRAVITY = 9.81
+#: Edge of the cube, m; results do not depend on it, as all speeds scale with it.
+HEIGHT = 1.0
+DENSITY = 1000.0
+PARTICLES_PER_CELL = 8
+FBAR_FORMS = ("default", "none", "one-volume-gradient", "one-volume", "two-volume", "stress-only")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One measurement; speeds in particle-steps/s, `phases` as shares of the engine's time."""
+
+    case: str
+    particles: int
+    particles_per_cell: int
+    precision: str
+    fbar: str
+    steps: int
+    particle_steps_per_s: float
+    first_tenth: float
+    last_tenth: float
+    seconds: float
+    bytes_per_particle: float
+    phases: dict[str, float]
+    pipeline: str
+    state: str
+    device: str
+    commit: str
+    command: str
+    version: str
+
+    def line(self) -> str:
+        """Return the measurement as one line of JSON."""
+        return json.dumps(asdict(self))
+
+
+def collapse(particles: int, fbar: str = "default") -> tuple[Scene, float]:
+    """Return the scene with about `particles` particles, and its time step, s."""
+    if particles < PARTICLES_PER_CELL:
+        raise SceneError(f"bench: {particles} particles; expected {PARTICLES_PER_CELL} or more")
+    if fbar not in FBAR_FORMS:
+        raise SceneError(f"bench: fbar is {fbar!r}; expected one of {', '.join(FBAR_FORMS)}")
+    cells = max(2, round((particles / PARTICLES_PER_CELL) ** (1 / 3)))
+    dx = HEIGHT / cells
+    sound = 10 * math.sqrt(2 * GRAVITY * HEIGHT)
+    # Head room for the splash against the far wall: it rises to the cube's height at most.
+    roof = math.ceil(1.25 * cells) * dx
+    scene = Scene(
+        dimension=3,
+        cell_size=dx,
+        lower=(0, 0, 0),
+        upper=(2 * cells * dx, cells * dx, roof),
+        gravity=(0, 0, -GRAVITY),
+        name="collapse",
+    )
+    form: Any = {"default": "default", "none": None}.get(fbar, fbar)
+    if form not in ("default", None):
+        form = FBar(form=form, length=dx) if form == "two-volume" else FBar(form=form)
+    scene.add_body(
+        name="water",
+        shape=shapes.Box(lower=(0, 0, 0), upper=(cells * dx,) * 3),
+        material=TaitFluid(density=DENSITY, bulk_modulus=DENSITY * sound**2),
+        particles_per_cell=PARTICLES_PER_CELL,
+        fbar=form,
+    )
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    return scene, 0.3 * dx / sound
+
+
+def commit() -> str:
+    """Return the revision of the source tree that this module lies in, or "installed"."""
+    folder = Path(__file__).resolve().parent
+    try:
+        found = subprocess.run(
+            ["git", "-C", str(folder), "rev-parse", "--short=12", "HEAD"],
+            capture_output=True, text=True, timeout=10, check=True,
+        )  # fmt: skip
+        changed = subprocess.run(
+            ["git", "-C", str(folder), "status", "--porcelain", "--untracked-files=no"],
+            capture_output=True, text=True, timeout=10, check=True,
+        )  # fmt: skip
+    except (OSError, subprocess.SubprocessError):
+        return "installed"
+    return found.stdout.strip() + ("+changes" if changed.stdout.strip() else "")
+
+
+def _device(simulation: Simulation) -> str:
+    found = info.collect()
+    if simulation.device == "cpu":
+        name = platform.processor() or platform.machine()
+        for line in _lines("/proc/cpuinfo"):
+            if line.startswith("model name"):
+                name = line.partition(":")[2].strip()
+                break
+        threads = simulation.threads or found["threads"]
+        return f"{name}, {threads} threads, {found['instruction_set']}"
+    index = int(simulation.device.partition(":")[2])
+    return str(found["devices"][index]["name"])
+
+
+def _lines(path: str) -> list[str]:
+    try:
+        return Path(path).read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return []
+
+
+def measure(
+    *,
+    particles: int = 100_000,
+    precision: str = "single",
+    device: str = "auto",
+    steps: int = 10_000,
+    fbar: str = "default",
+    pipeline: str = "auto",
+    threads: int = 0,
+    command: str = "",
+) -> Result:
+    """Run the case and return the measurement; construction and sampling are not timed."""
+    if steps < 10:
+        raise SceneError(f"bench: {steps} steps; expected 10 or more, one for each tenth")
+    scene, time_step = collapse(particles, fbar)
+    simulation = Simulation(
+        scene, device=device, precision=precision, pipeline=pipeline, threads=threads,
+        time_step=time_step,
+    )  # fmt: skip
+    count = len(simulation.particles["water"])
+    before = simulation.timings
+    bounds = [round(i * steps / 10) for i in range(11)]
+    marks = [clock.perf_counter()]
+    for low, high in itertools.pairwise(bounds):
+        simulation.step(high - low)
+        marks.append(clock.perf_counter())
+    after = simulation.timings
+    spent = {k: v - before.get(k, 0.0) for k, v in after.items()}
+    total = sum(spent.values()) or 1.0
+    seconds = marks[-1] - marks[0]
+    return Result(
+        case="collapse",
+        particles=count,
+        particles_per_cell=PARTICLES_PER_CELL,
+        precision=precision,
+        fbar=_form(fbar),
+        steps=steps,
+        particle_steps_per_s=count * steps / seconds,
+        first_tenth=count * bounds[1] / (marks[1] - marks[0]),
+        last_tenth=count * (bounds[10] - bounds[9]) / (marks[10] - marks[9]),
+        seconds=seconds,
+        bytes_per_particle=simulation.plan.memory_total / count,
+        phases={k: v / total for k, v in spent.items()},
+        pipeline=simulation.pipeline,
+        state=f"first {steps} steps of the collapse, sorts included, no output",
+        device=_device(simulation),
+        commit=commit(),
+        command=command or shlex.join(["libmpm", *sys.argv[1:]]),
+        version=simulation.version,
+    )
+
+
+def _form(fbar: str) -> str:
+    """Return the F-bar form that ran, also where it was left to the default."""
+    return FBar().form if fbar == "default" else fbar
+
+
+def describe(result: Result) -> str:
+    """Return the measurement as text."""
+    phases = ", ".join(
+        f"{name} {share:.1%}"
+        for name, share in sorted(result.phases.items(), key=lambda item: -item[1])
+    )
+    rows = [
+        ("case", f"{result.case}: {result.state}"),
+        ("particles", f"{result.particles:,}, {result.particles_per_cell} per cell"),
+        ("precision", f"{result.precision}, F-bar {result.fbar}, pipeline {result.pipeline}"),
+        ("device", result.device),
+        ("speed", f"{result.particle_steps_per_s:.3e} particle-steps/s ({result.seconds:.2f} s)"),
+        ("first tenth", f"{result.first_tenth:.3e} particle-steps/s"),
+        ("last tenth", f"{result.last_tenth:.3e} particle-steps/s"),
+        ("memory", f"{result.bytes_per_particle:.1f} bytes per particle all told"),
+        ("phases", phases or "not measured"),
+    ]
+    return "\n".join(f"{name:<12} {text}" for name, text in rows)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``libmpm bench``."""
+    parser.add_argument("--particles", type=int, default=100_000, help="about this many")
+    parser.add_argument("--precision", default="single", help="single or double")
+    parser.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
+    parser.add_argument("--steps", type=int, default=10_000)
+    parser.add_argument("--fbar", default="default", help=", ".join(FBAR_FORMS))
+    parser.add_argument("--pipeline", default="auto", help="auto, fused or two-pass")
+    parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
+    parser.add_argument("--json", type=Path, help="append the JSON line to this file")
+
+
+def run_command(arguments: argparse.Namespace) -> int:
+    """Measure, print the result and its JSON line, and append the line to a file if asked."""
+    result = measure(
+        particles=arguments.particles,
+        precision=arguments.precision,
+        device=arguments.device,
+        steps=arguments.steps,
+        fbar=arguments.fbar,
+        pipeline=arguments.pipeline,
+        threads=arguments.threads,
+    )
+    print(describe(result))
+    print(result.line())
+    if arguments.json is not None:
+        from libmpm._src.output.atomic import writing
+
+        with writing(arguments.json), arguments.json.open("a", encoding="utf-8") as file:
+            file.write(result.line() + "\n")
+    return 0

@@ -1,0 +1,82 @@
+"""Messages for what goes wrong while a simulation runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+__all__ = ["describe_fault", "describe_removed"]
+
+#: Fault code -> (what happened, what to do).
+_CAUSES = {
+    "non-finite": (
+        "the state is no longer finite",
+        "lower Method.cfl or the time step, check the material's parameters, or raise the bulk "
+        "modulus so that the flow stays below a tenth of the sound speed",
+    ),
+    "outran-cell": (
+        "particles moved more than a cell in one step",
+        "lower Method.cfl or the time step; check initial velocities and boundary motion",
+    ),
+    "inverted": (
+        "the deformation gradient is no longer invertible",
+        "lower Method.cfl or the time step, use a smaller cell, or a stiffer material",
+    ),
+    "compressed": (
+        "the volume fell out of the range of the equation of state",
+        "lower Method.cfl or the time step, or raise the bulk modulus",
+    ),
+    "left-domain": (
+        "particles left the domain",
+        "enlarge the domain, add a wall, or choose Method(leaving='freeze') or 'delete'",
+    ),
+    "fixed-point": (
+        "a grid sum left the range of the integers that hold it",
+        "lower Method.cfl or the time step, or use precision='double'",
+    ),
+}
+
+#: Ids shown in a message; the rest is counted.
+_SHOWN = 8
+
+
+def _listed(ids: Sequence[int]) -> str:
+    shown = ", ".join(str(int(i)) for i in ids[:_SHOWN])
+    more = len(ids) - _SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def describe_fault(fault: Mapping[str, Any], time_step: float) -> str:
+    """Return body, particles, step, time, onset, and what to lower."""
+    code = str(fault["code"])
+    cause, remedy = _CAUSES.get(code, (code, "lower Method.cfl or the time step"))
+    text = (
+        f"body '{fault['body']}', particle {_listed(fault['ids'])}: {cause} at step "
+        f"{fault['step']}, {fault['time']:.6g} s (time step {time_step:.4g} s"
+    )
+    if fault.get("speed"):
+        text += f", speed {fault['speed']:.4g} m/s"
+    text += ")"
+    if fault.get("message"):
+        text += f": {fault['message']}"
+    grew = fault.get("grew_since")
+    if grew is not None and int(grew) >= 0 and code != "left-domain":
+        text += f"; speeds have grown since step {int(grew)}"
+    return f"{text}. Remedy: {remedy}"
+
+
+def describe_removed(
+    gone: Sequence[tuple[int, Any, Any, int, str]], names: Sequence[str], log: Path | None
+) -> str:
+    """Return a line for each body and step in which particles left, with their ids."""
+    lines = [
+        f"body '{names[body]}', step {step}: {len(ids)} particles left the domain "
+        f"(policy {policy}): {_listed(ids)}"
+        for body, ids, _, step, policy in gone[:_SHOWN]
+    ]
+    if len(gone) > _SHOWN:
+        lines.append(f"and {len(gone) - _SHOWN} more events")
+    if log is not None:
+        lines.append(f"all are listed in {log}")
+    return "; ".join(lines)

@@ -1,0 +1,159 @@
+"""Checkpoints: the whole state in one NumPy archive, written atomically, two generations kept.
+
+The archive is uncompressed; its CRC-32 per array and its directory at the end of the file tell a
+damaged or truncated file from a whole one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import warnings
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src.errors import CheckpointError, ModelWarning
+from libmpm._src.output.atomic import replacing, sync_folder
+
+__all__ = [
+    "FORMAT",
+    "Checkpoint",
+    "checkpoint_path",
+    "find_checkpoints",
+    "find_newest",
+    "keep_newest",
+    "load_checkpoint",
+    "save_checkpoint",
+]
+
+#: Number of the checkpoint layout; a reader refuses every other.
+FORMAT = 1
+
+_NAME = re.compile(r"step_(\d{10,})\.npz")
+
+
+@dataclass
+class Checkpoint:
+    """What a run needs to go on.
+
+    `header` is JSON: format, version, scene, device, precision, pipeline, threads, time_step,
+    time (s), step, until (s), output settings. `state` is the engine's own, and `sensors` holds
+    per sensor (time (n,), values (n, components), components, units).
+    """
+
+    header: dict[str, Any]
+    state: dict[str, Any]
+    sensors: list[tuple[NDArray[np.float64], NDArray[np.float64], list[str], list[str]]] = field(
+        default_factory=list
+    )
+
+
+def checkpoint_path(folder: Path, step: int) -> Path:
+    """Return the file of the checkpoint taken at `step`."""
+    return folder / f"step_{step:010d}.npz"
+
+
+def find_checkpoints(folder: Path) -> list[Path]:
+    """Return the complete checkpoints of a folder, newest (highest step) first."""
+    found = [p for p in folder.glob("step_*.npz") if _NAME.fullmatch(p.name)]
+    return sorted(found, key=step_of, reverse=True)
+
+
+def step_of(path: Path) -> int:
+    """Return the step in the name of a checkpoint file."""
+    match = _NAME.fullmatch(path.name)
+    return int(match[1]) if match else -1
+
+
+def keep_newest(folder: Path, count: int = 2) -> None:
+    """Delete all but the newest `count` checkpoints."""
+    for old in find_checkpoints(folder)[count:]:
+        old.unlink(missing_ok=True)
+    sync_folder(folder)
+
+
+def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Write `checkpoint` to `path`: the old file or the whole new one, also after power failure."""
+    numbers: dict[str, Any] = {}
+    arrays: dict[str, NDArray[Any]] = {}
+    for key, value in checkpoint.state.items():
+        if isinstance(value, np.ndarray):
+            arrays[f"state/{key}"] = value
+        else:
+            numbers[key] = value.item() if isinstance(value, np.generic) else value
+    columns = []
+    for i, (time, values, components, units) in enumerate(checkpoint.sensors):
+        arrays[f"sensor/{i}/time"] = time
+        arrays[f"sensor/{i}/values"] = values
+        columns.append([components, units])
+    header = {**checkpoint.header, "format": FORMAT, "numbers": numbers, "columns": columns}
+    text = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    with replacing(path, durable=True) as part, part.open("wb") as file:
+        np.savez(file, header=text, **arrays)  # type: ignore[arg-type]
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint written by `save_checkpoint`.
+
+    Raises
+    ------
+    CheckpointError
+        If the file is missing, truncated, damaged or of another version; the message says which.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            header = json.loads(archive["header"].tobytes().decode())
+            if header.get("format") != FORMAT:
+                raise CheckpointError(
+                    f"{path} has checkpoint format {header.get('format')}, written by libmpm "
+                    f"{header.get('version')}; this libmpm reads format {FORMAT}: resume with the "
+                    "version that wrote it"
+                )
+            state: dict[str, Any] = dict(header.pop("numbers"))
+            for key in archive.files:
+                if key.startswith("state/"):
+                    state[key.removeprefix("state/")] = archive[key]
+            sensors = [
+                (archive[f"sensor/{i}/time"], archive[f"sensor/{i}/values"], components, units)
+                for i, (components, units) in enumerate(header.pop("columns"))
+            ]
+            return Checkpoint(header, state, sensors)
+    except FileNotFoundError as error:
+        raise CheckpointError(f"{path} does not exist; give a checkpoint or its folder") from error
+    except (zipfile.BadZipFile, EOFError, KeyError, ValueError, OSError) as error:
+        if isinstance(error, CheckpointError):
+            raise
+        size = path.stat().st_size if path.is_file() else 0
+        raise CheckpointError(
+            f"{path} is no whole checkpoint: {size} bytes, {error}; it is truncated or damaged, "
+            "use the other generation in its folder"
+        ) from error
+
+
+def find_newest(path: Path) -> Checkpoint:
+    """Read the checkpoint `path`, or the newest whole one of a folder."""
+    if not path.is_dir():
+        return load_checkpoint(path)
+    folder = path / "checkpoints" if (path / "checkpoints").is_dir() else path
+    found = find_checkpoints(folder)
+    if not found:
+        raise CheckpointError(
+            f"{folder} holds no checkpoint; give a checkpoint file, or the folder of a run with "
+            "a checkpoint interval"
+        )
+    for i, candidate in enumerate(found):
+        try:
+            return load_checkpoint(candidate)
+        except CheckpointError as error:
+            if i + 1 == len(found):
+                raise
+            warnings.warn(f"{error}; the older one is used", ModelWarning, stacklevel=4)
+    raise AssertionError("unreachable")

@@ -1,0 +1,186 @@
+"""Particle frames as VTKHDF: one PolyData file per body and frame.
+
+One file per body, not one composite file: each opens on its own in ParaView and VTK, groups into a
+time series by its number, and a kill loses the file in flight and nothing else. Metadata lies in
+the group ``/libmpm`` because strings inside ``/VTKHDF`` crash VTK's reader.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src.output.atomic import file_name, write_json
+from libmpm._src.output.image import new_file
+
+__all__ = [
+    "frame_path",
+    "frame_time",
+    "list_frames",
+    "read_frame",
+    "read_series",
+    "write_frame",
+    "write_series",
+]
+
+#: SI units of the attributes that the engine can derive or stores under these names.
+UNITS = {
+    "position": "m",
+    "velocity": "m/s",
+    "speed": "m/s",
+    "mass": "kg",
+    "volume": "m^3",
+    "density": "kg/m^3",
+    "pressure": "Pa",
+    "stress": "Pa",
+    "kinetic_energy": "J",
+    "elastic_energy": "J",
+    "id": "1",
+    "volume_ratio": "1",
+    "deformation_gradient": "1",
+}
+
+_NAME = re.compile(r"(?P<body>.+)_(?P<index>\d{6,})\.vtkhdf")
+
+
+def frame_path(folder: Path, body: str, index: int) -> Path:
+    """Return the file of one body and frame."""
+    return folder / f"{file_name(body)}_{index:06d}.vtkhdf"
+
+
+def list_frames(folder: Path) -> dict[str, dict[int, Path]]:
+    """Return body -> frame index -> file, for every complete frame in `folder`."""
+    found: dict[str, dict[int, Path]] = {}
+    for path in sorted(folder.glob("*.vtkhdf")):
+        match = _NAME.fullmatch(path.name)
+        if match:
+            found.setdefault(unquote(match["body"]), {})[int(match["index"])] = path
+    return found
+
+
+def _three(vectors: NDArray[Any]) -> NDArray[Any]:
+    """Return (n, 3) from (n, dimension): VTK knows three components only."""
+    if vectors.shape[1] == 3:
+        return vectors
+    padded = np.zeros((len(vectors), 3), vectors.dtype)
+    padded[:, : vectors.shape[1]] = vectors
+    return padded
+
+
+def _point_data(values: NDArray[Any], real: type) -> NDArray[Any]:
+    """Return the array as VTK takes it: (n,), (n, 3) for vectors, (n, d * d) for tensors.
+
+    A plane-strain tensor keeps its four components (xx, xy, yx, yy): padding it to nine would
+    claim an out-of-plane stress of zero, which is false.
+    """
+    if values.dtype.kind == "f":
+        values = values.astype(real)
+    if values.ndim == 2:
+        return _three(values)
+    if values.ndim == 3:
+        return values.reshape(len(values), values.shape[1] * values.shape[2])
+    return values
+
+
+def write_frame(
+    path: Path,
+    position: NDArray[np.float64],
+    attributes: Mapping[str, NDArray[Any]],
+    metadata: Mapping[str, Any],
+    *,
+    real: type = np.float64,
+) -> None:
+    """Write one body at one time.
+
+    Parameters
+    ----------
+    path
+        The final name; the data goes to a temporary one that is renamed when complete.
+    position
+        World coordinates, m, (n, dimension), always stored as float64.
+    attributes
+        Name -> (n,), (n, dimension) or (n, dimension, dimension), SI units.
+    metadata
+        Attributes of ``/libmpm``; ``time`` (s) and ``step`` are also stored as field data.
+    real
+        Type of the stored floating-point attributes.
+    """
+    count = len(position)
+    size = position.nbytes + sum(values.nbytes for values in attributes.values())
+    with new_file(path, size) as file:
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array([2, 0], np.int64)
+        root.attrs.create("Type", np.bytes_("PolyData"))
+        root.create_dataset("NumberOfPoints", data=np.array([count], np.int64))
+        root.create_dataset("Points", data=_three(np.asarray(position, np.float64)))
+        for name in ("Vertices", "Lines", "Polygons", "Strips"):
+            cells = count if name == "Vertices" else 0
+            group = root.create_group(name)
+            group.create_dataset("NumberOfCells", data=np.array([cells], np.int64))
+            group.create_dataset("NumberOfConnectivityIds", data=np.array([cells], np.int64))
+            # Counting numbers shrink to nothing; noise in the attributes would not.
+            packed: dict[str, Any] = (
+                {"compression": "gzip", "compression_opts": 1, "shuffle": True} if cells else {}
+            )
+            group.create_dataset("Connectivity", data=np.arange(cells), **packed)
+            group.create_dataset("Offsets", data=np.arange(cells + 1), **packed)
+        data = root.create_group("PointData")
+        for name, values in attributes.items():
+            data.create_dataset(name, data=_point_data(values, real))
+        field = root.create_group("FieldData")
+        field.create_dataset("TimeValue", data=np.array([metadata["time"]], np.float64))
+        field.create_dataset("Step", data=np.array([metadata["step"]], np.int64))
+        about = file.create_group("libmpm")
+        for key, value in metadata.items():
+            about.attrs[key] = value
+        units = about.create_group("units")
+        for name in ("position", *attributes):
+            units.attrs[name] = UNITS.get(name, "")
+
+
+def read_frame(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return (arrays, metadata) of a frame; ``position`` is (n, 3) m, tensors are (n, d * d)."""
+    with h5py.File(path, "r", locking=False) as file:
+        arrays = {"position": file["VTKHDF/Points"][()]}
+        for name, dataset in file["VTKHDF/PointData"].items():
+            arrays[name] = dataset[()]
+        return arrays, dict(file["libmpm"].attrs)
+
+
+def frame_time(path: Path) -> float:
+    """Return the simulated time of a frame, s."""
+    with h5py.File(path, "r", locking=False) as file:
+        return float(file["libmpm"].attrs["time"])
+
+
+def write_series(folder: Path, body: str, times: Mapping[int, float]) -> None:
+    """Write the list of frames with their times that ParaView and PyVista read as one series."""
+    files = [
+        {"name": frame_path(folder, body, index).name, "time": time}
+        for index, time in sorted(times.items())
+    ]
+    content = {"file-series-version": "1.0", "files": files}
+    write_json(folder / f"{file_name(body)}.vtkhdf.series", content)
+
+
+def read_series(folder: Path, body: str) -> dict[int, float]:
+    """Return frame index -> time, s, of a series written before; empty where there is none."""
+    path = folder / f"{file_name(body)}.vtkhdf.series"
+    try:
+        files = json.loads(path.read_text(encoding="utf-8"))["files"]
+    except (OSError, ValueError, KeyError):
+        return {}
+    times = {}
+    for entry in files:
+        match = _NAME.fullmatch(entry["name"])
+        if match:
+            times[int(match["index"])] = float(entry["time"])
+    return times

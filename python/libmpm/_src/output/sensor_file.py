@@ -1,0 +1,227 @@
+"""Sensor series in one HDF5 file that neither a kill nor a full disk can damage.
+
+Every dataset is one chunk with room to grow, written whole when the file is made. An append puts
+raw values into that room with plain system calls and then moves the dataset's length through HDF5:
+the file never grows and its structure never changes while a process may die. A full chunk is
+replaced through a new, larger file and a rename. The format bound "earliest" keeps HDF5's
+open-for-writing mark out of the file, which would otherwise stop readers after a kill. Lengths of
+values move before those of times: a reader that trims to the shorter of the two has every sample
+up to the last flush.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src.errors import OutputError
+from libmpm._src.output.atomic import file_name, writing
+from libmpm._src.output.image import LIBVER, new_file
+
+__all__ = ["SensorFile", "Series", "append_csv", "read_sensors"]
+
+#: Bytes of values for which space is taken at first, per sensor.
+FIRST_SPACE = 1 << 18
+#: HDF5 holds no chunk of 4 GiB.
+LARGEST_CHUNK = (1 << 32) - 1
+
+
+@dataclass(eq=False)
+class Series:
+    """The samples of one sensor.
+
+    `time` is (samples,) s and `values` (samples, components); `components` names the columns,
+    `units` gives their SI units. `attributes` (kind, interval, ...) goes to the file.
+    """
+
+    name: str
+    components: tuple[str, ...]
+    units: tuple[str, ...]
+    attributes: dict[str, Any] = field(default_factory=dict)
+    _time: NDArray[np.float64] = field(default_factory=lambda: np.empty(0), init=False, repr=False)
+    _values: NDArray[np.float64] = field(init=False, repr=False)
+    _count: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        """Take no space yet."""
+        self._values = np.empty((0, len(self.components)))
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return self._count
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the samples, s, (samples,); a copy."""
+        return self._time[: self._count].copy()
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Samples, (samples, components), in `units`; a copy."""
+        return self._values[: self._count].copy()
+
+    def append(self, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+        """Add samples; space doubles, so that many small additions stay cheap."""
+        need = self._count + len(time)
+        if need > len(self._time):
+            space = max(need, 2 * len(self._time), 64)
+            times, rows = np.empty(space), np.empty((space, len(self.components)))
+            times[: self._count] = self._time[: self._count]
+            rows[: self._count] = self._values[: self._count]
+            self._time, self._values = times, rows
+        self._time[self._count : need] = time
+        self._values[self._count : need] = values
+        self._count = need
+
+    def since(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return (time, values) of the samples from index `first` on."""
+        return self._time[first : self._count], self._values[first : self._count]
+
+
+class SensorFile:
+    """Writes series to `path`; `flush` brings the file up to date with them."""
+
+    def __init__(self, path: Path, series: Sequence[Series]) -> None:
+        """Create `path` with everything that `series` hold already, replacing an older file."""
+        self.path = path
+        self._series = list(series)
+        self._file: h5py.File | None = None
+        self._raw: io.FileIO | None = None
+        self._written = [0 for _ in self._series]
+        self._capacity = [max(64, FIRST_SPACE // (8 * max(1, len(s.components)))) for s in series]
+        self._replace()
+
+    def _replace(self) -> None:
+        """Write a new file with room to grow and put it in the place of the old one."""
+        self.close()
+        with new_file(self.path) as file:
+            file.attrs["generator"] = "libmpm"
+            for i, series in enumerate(self._series):
+                while self._capacity[i] < 2 * len(series):
+                    self._capacity[i] *= 2
+                most = LARGEST_CHUNK // (8 * len(series.components))
+                self._capacity[i] = min(self._capacity[i], most)
+                if len(series) > most:
+                    raise OutputError(
+                        f"cannot write {self.path}: sensor '{series.name}' has {len(series)} "
+                        "samples, more than 4 GiB; raise its interval or follow fewer particles"
+                    )
+                self._create(file, series, self._capacity[i])
+        self._written = [len(series) for series in self._series]
+        self._reopen()
+
+    @staticmethod
+    def _create(file: h5py.File, series: Series, capacity: int) -> None:
+        group = file.create_group(file_name(series.name))
+        group.attrs["name"] = series.name
+        for key, value in series.attributes.items():
+            group.attrs[key] = value
+        group.attrs["components"] = list(series.components)
+        group.attrs["units"] = list(series.units)
+        time, values = series.since(0)
+        width = len(series.components)
+        kind = np.dtype("<f8")
+        group.create_dataset("time", data=time, dtype=kind, maxshape=(None,), chunks=(capacity,))
+        group.create_dataset(
+            "values", data=values, dtype=kind, maxshape=(None, width), chunks=(capacity, width)
+        )
+        group["time"].attrs["unit"] = "s"
+
+    def _reopen(self) -> None:
+        with writing(self.path):
+            # HDF5's chunk cache must not hold what the system calls write beside it.
+            self._file = h5py.File(self.path, "r+", libver=LIBVER, rdcc_nbytes=0, locking=False)
+            self._raw = self.path.open("r+b", buffering=0)
+
+    def flush(self) -> None:
+        """Append what the series gained; afterwards it survives the death of the process."""
+        behind = [i for i, s in enumerate(self._series) if len(s) > self._written[i]]
+        if not behind:
+            return
+        # The first sample of a sensor allocates its chunk, and so does one beyond a full chunk.
+        if any(not self._written[i] or len(self._series[i]) > self._capacity[i] for i in behind):
+            self._replace()
+            return
+        if self._file is None:
+            self._reopen()
+        assert self._file is not None
+        with writing(self.path):
+            for i in behind:
+                series = self._series[i]
+                time, values = series.since(self._written[i])
+                group = self._file[file_name(series.name)]
+                self._put(group["values"], values, self._written[i])
+                self._put(group["time"], time, self._written[i])
+            # Data first, everywhere: the lengths change only after all of it is in the file.
+            for name in ("values", "time"):
+                for i in behind:
+                    dataset = self._file[file_name(self._series[i].name)][name]
+                    dataset.resize(len(self._series[i]), axis=0)
+                self._file.flush()
+            for i in behind:
+                self._written[i] = len(self._series[i])
+
+    def _put(self, dataset: h5py.Dataset, data: NDArray[np.float64], first: int) -> None:
+        """Write rows from index `first` on into the dataset's only chunk."""
+        assert self._raw is not None
+        row = 8 * (data.shape[1] if data.ndim == 2 else 1)
+        start = dataset.id.get_chunk_info(0).byte_offset + row * first
+        content = memoryview(np.ascontiguousarray(data, "<f8").tobytes())
+        while content:
+            done = os.pwrite(self._raw.fileno(), content, start)
+            content, start = content[done:], start + done
+
+    def close(self) -> None:
+        """Close the file; a later `flush` opens it again."""
+        if self._file is not None:
+            # A full disk makes closing fail too; the error was reported by the write before it.
+            with contextlib.suppress(OSError, RuntimeError):
+                self._file.close()
+            self._file = None
+        if self._raw is not None:
+            self._raw.close()
+            self._raw = None
+
+
+def read_sensors(path: Path) -> dict[str, Series]:
+    """Return name -> series of a sensor file, also of one whose writer was killed.
+
+    Times and values are trimmed to the shorter of the two, and to the samples with a time.
+    """
+    result = {}
+    with h5py.File(path, "r", locking=False) as file:
+        for group in file.values():
+            attributes = dict(group.attrs)
+            name = str(attributes.pop("name"))
+            series = Series(
+                name,
+                tuple(str(c) for c in attributes.pop("components")),
+                tuple(str(u) for u in attributes.pop("units")),
+                attributes,
+            )
+            count = min(len(group["time"]), len(group["values"]))
+            time = group["time"][:count]
+            known = np.isfinite(time)
+            series.append(time[known], group["values"][:count][known])
+            result[name] = series
+    return result
+
+
+def append_csv(path: Path, series: Series, first: int) -> None:
+    """Write the samples from index `first` on to `path`; 0 starts the file with its header."""
+    time, values = series.since(first)
+    with writing(path), path.open("a" if first else "w", encoding="utf-8", newline="") as file:
+        if not first:
+            titles = [f"{c} [{u}]" for c, u in zip(series.components, series.units, strict=True)]
+            file.write(",".join(["time [s]", *titles]) + "\n")
+        for t, row in zip(time, values, strict=True):
+            file.write(",".join([repr(float(t)), *(repr(float(v)) for v in row)]) + "\n")

@@ -1,0 +1,413 @@
+"""The output folder of a run: what is written, when, and how a resumed run continues it."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import json
+import math
+import time as clock
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from libmpm._src.errors import OutputError, SceneError
+from libmpm._src.output import checkpoint as checkpoints
+from libmpm._src.output import frames
+from libmpm._src.output.atomic import TEMPORARY, file_name, replacing, write_json, writing
+from libmpm._src.output.sensor_file import SensorFile, append_csv
+
+if TYPE_CHECKING:
+    from libmpm._src.simulation import Simulation
+
+__all__ = ["Output", "Writer", "due_index", "due_time"]
+
+#: Attributes of a frame where none are chosen.
+DEFAULT_ATTRIBUTES = ("velocity", "pressure")
+
+#: Seconds of wall time between flushes of the sensor file at most; a run returns to Python after
+#: 0.2 s, so a second is never exceeded unless one step takes longer.
+FLUSH_INTERVAL = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Settings:
+    path: str
+    frame_interval: float | None
+    attributes: dict[str, list[str]] | list[str] | None
+    checkpoint_interval: float | None
+    overwrite: bool
+
+
+class Output:
+    """Where and how often a simulation writes.
+
+    Parameters
+    ----------
+    path
+        Folder; made if absent. It receives ``scene.json``, ``plan.txt``, ``log.json``,
+        ``sensors.h5``, ``csv/<sensor>.csv``, ``frames/<body>_<index>.vtkhdf``, ``removed.csv``
+        and ``checkpoints/`` (two generations).
+    frame_interval
+        Simulated seconds between frames; frame k is taken at the first step boundary with
+        time >= k * frame_interval. None: no frames.
+    attributes
+        Names to store in frames beside the position: one list for all bodies or
+        {body: list}. A body that the mapping leaves out has no frames. Default: velocity and
+        pressure.
+    checkpoint_interval
+        Simulated seconds between checkpoints. None: none.
+    overwrite
+        Replace the results of an earlier run in the same folder instead of refusing.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        frame_interval: float | None = None,
+        attributes: Mapping[str, Sequence[str]] | Sequence[str] | None = None,
+        checkpoint_interval: float | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        """Check and keep the settings; nothing is written before the run starts."""
+        problems = []
+        intervals = {"frame_interval": frame_interval, "checkpoint_interval": checkpoint_interval}
+        for name, value in intervals.items():
+            if value is not None and not (value > 0 and math.isfinite(value)):
+                problems.append(f"Output: {name} is {value}; expected seconds above 0, or None")
+        if isinstance(attributes, str):
+            problems.append(f"Output: attributes is the text '{attributes}'; expected a list")
+        if problems:
+            raise SceneError(problems)
+        chosen: dict[str, list[str]] | list[str] | None = None
+        if isinstance(attributes, Mapping):
+            chosen = {body: list(names) for body, names in attributes.items()}
+        elif attributes is not None:
+            chosen = list(attributes)
+        self._settings = _Settings(
+            path=str(path),
+            frame_interval=frame_interval,
+            attributes=chosen,
+            checkpoint_interval=checkpoint_interval,
+            overwrite=overwrite,
+        )
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return Path(self._settings.path)
+
+    @property
+    def frame_interval(self) -> float | None:
+        """Simulated seconds between frames, or None."""
+        return self._settings.frame_interval
+
+    @property
+    def checkpoint_interval(self) -> float | None:
+        """Simulated seconds between checkpoints, or None."""
+        return self._settings.checkpoint_interval
+
+    @property
+    def overwrite(self) -> bool:
+        """Whether earlier results in the folder are replaced."""
+        return self._settings.overwrite
+
+    def attributes_of(self, body: str) -> list[str] | None:
+        """Return the names stored in frames of `body`; None for no frames of it."""
+        chosen = self._settings.attributes
+        if chosen is None:
+            return list(DEFAULT_ATTRIBUTES)
+        if isinstance(chosen, dict):
+            return chosen.get(body)
+        return chosen
+
+    @property
+    def bodies(self) -> list[str]:
+        """Bodies that the attributes name; empty where one list serves all."""
+        chosen = self._settings.attributes
+        return list(chosen) if isinstance(chosen, dict) else []
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the arguments of the constructor."""
+        return asdict(self._settings)
+
+    def __eq__(self, other: object) -> bool:
+        """Compare the settings."""
+        return isinstance(other, Output) and self._settings == other._settings
+
+    def __hash__(self) -> int:
+        """Hash the folder."""
+        return hash(self._settings.path)
+
+    def __repr__(self) -> str:
+        """Return an expression that makes an equal value."""
+        arguments = {k: v for k, v in self.to_dict().items() if k != "path" and v not in (None, 0)}
+        listed = "".join(f", {k}={v!r}" for k, v in arguments.items())
+        return f"Output({self._settings.path!r}{listed})"
+
+
+def due_time(index: int, interval: float) -> float:
+    """Return when number `index` falls due, s: a rounding error early.
+
+    3 * 0.1 is above 0.3 in binary, and a run until 0.3 s shall have its frame there.
+    """
+    return index * interval * (1 - 1e-12)
+
+
+def due_index(time: float, interval: float) -> int:
+    """Return the largest index that is due at `time`."""
+    k = max(0, int(time / interval))
+    while due_time(k + 1, interval) <= time:
+        k += 1
+    while k > 0 and due_time(k, interval) > time:
+        k -= 1
+    return k
+
+
+class Writer:
+    """Writes one run into its folder. It reads the simulation and never changes it."""
+
+    def __init__(self, output: Output, simulation: Simulation, *, resumed: bool) -> None:
+        """Prepare the folder: empty for a fresh run, cut to the present time for a resumed one."""
+        self.output = output
+        self._simulation = simulation
+        self._folder = output.path.absolute()
+        self._frames = self._folder / "frames"
+        self._checkpoints = self._folder / "checkpoints"
+        self._csv = self._folder / "csv"
+        self._csv_rows = [0 for _ in simulation.sensors.values()]
+        self._last_flush = clock.monotonic()
+        self._started = clock.monotonic()
+        self._began = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+        self._check_attributes()
+        continued = resumed and (self._folder / "scene.json").exists()
+        with writing(self._folder):
+            self._folder.mkdir(parents=True, exist_ok=True)
+        if not continued:
+            self._clear()
+        with writing(self._folder):
+            for folder in (self._frames, self._checkpoints, self._csv):
+                folder.mkdir(exist_ok=True)
+        self._next_frame = self._cut(simulation.time, simulation.steps) if continued else 0
+        interval = output.checkpoint_interval
+        self._next_checkpoint = due_index(simulation.time, interval) + 1 if interval else 0
+        if not continued and resumed and output.frame_interval:
+            self._next_frame = due_index(simulation.time, output.frame_interval) + 1
+        self._times = {body: self._frame_times(body) for body in simulation.particles}
+        write_json(self._folder / "scene.json", simulation.scene_document())
+        with replacing(self._folder / "plan.txt") as part:
+            part.write_text(f"{simulation.plan}\n", encoding="utf-8")
+        self._sensors = SensorFile(self._folder / "sensors.h5", simulation.sensors.all_series())
+        self.log("running")
+
+    def _frame_times(self, body: str) -> dict[int, float]:
+        """Return index -> time, s, of the frames of `body` that the folder holds."""
+        listed = frames.read_series(self._frames, body)
+        times = {}
+        for index, path in frames.list_frames(self._frames).get(body, {}).items():
+            # A kill between a frame and the list leaves the frame unlisted; it knows its time.
+            time = listed.get(index)
+            times[index] = frames.frame_time(path) if time is None else time
+        return times
+
+    def _check_attributes(self) -> None:
+        bodies = list(self._simulation.particles)
+        problems = [
+            f"Output: attributes names the body '{name}'; the scene has {', '.join(bodies)}"
+            for name in self.output.bodies
+            if name not in bodies
+        ]
+        if self.output.frame_interval:
+            for body in bodies:
+                known = self._simulation.particles[body].names
+                for name in self.output.attributes_of(body) or ():
+                    if name not in known:
+                        problems.append(
+                            f"Output: body '{body}' has no attribute '{name}'; "
+                            f"choose from {', '.join(known)}"
+                        )
+        if problems:
+            raise SceneError(problems)
+
+    def _clear(self) -> None:
+        """Remove the results of an earlier run, or refuse."""
+        ours = [p for p in (self._folder / "sensors.h5", self._folder / "log.json") if p.exists()]
+        if ours and not self.output.overwrite:
+            raise OutputError(
+                f"{self._folder} holds the results of an earlier run ({ours[0].name}); choose "
+                "another folder, resume that run, or pass overwrite=True (command line: "
+                "--overwrite)"
+            )
+        with writing(self._folder):
+            stale = [*ours, self._folder / "removed.csv", self._folder / "scene.json"]
+            stale += self._folder.glob(f"*{TEMPORARY}")
+            for name, patterns in (
+                ("frames", ("*.vtkhdf", "*.series", f"*{TEMPORARY}")),
+                ("checkpoints", ("step_*.npz", f"*{TEMPORARY}")),
+                ("csv", ("*.csv",)),
+            ):
+                for pattern in patterns:
+                    stale += (self._folder / name).glob(pattern)
+            for path in stale:
+                path.unlink(missing_ok=True)
+
+    def _cut(self, time: float, step: int) -> int:
+        """Remove what lies after the checkpoint; return the index of the next frame."""
+        interval = self.output.frame_interval
+        previous = self._read_log().get("output", {}).get("frame_interval")
+        if interval and previous and interval != previous:
+            raise OutputError(
+                f"{self._folder} has frames every {previous} s and the resumed run asks for "
+                f"{interval} s; keep the interval or choose another folder"
+            )
+        reached = due_index(time, interval) if interval else 0
+        with writing(self._folder):
+            if interval:
+                for numbered in frames.list_frames(self._frames).values():
+                    for index, path in numbered.items():
+                        if index > reached:
+                            path.unlink()
+            for path in checkpoints.find_checkpoints(self._checkpoints):
+                if checkpoints.step_of(path) > step:
+                    path.unlink()
+            for folder in (self._folder, self._frames, self._checkpoints):
+                for part in folder.glob(f"*{TEMPORARY}"):
+                    part.unlink()
+            self._cut_removed(step)
+        return reached + 1
+
+    def _cut_removed(self, step: int) -> None:
+        path = self._folder / "removed.csv"
+        if not path.exists():
+            return
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.reader(file))
+        kept = [r for i, r in enumerate(rows) if i == 0 or (len(r) > 1 and int(r[0]) <= step)]
+        with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows(kept)
+
+    def next_time(self) -> float:
+        """Return the time, s, at which something is due next; infinity if nothing is."""
+        due = math.inf
+        if self.output.frame_interval:
+            due = min(due, due_time(self._next_frame, self.output.frame_interval))
+        if self.output.checkpoint_interval:
+            due = min(due, due_time(self._next_checkpoint, self.output.checkpoint_interval))
+        return due
+
+    def service(self) -> None:
+        """Write what is due at the present time. A failed write stays due."""
+        now = self._simulation.time
+        interval = self.output.frame_interval
+        if interval and now >= due_time(self._next_frame, interval):
+            index = due_index(now, interval)
+            self._write_frame(index)
+            self._next_frame = index + 1
+        interval = self.output.checkpoint_interval
+        if interval and now >= due_time(self._next_checkpoint, interval):
+            self.checkpoint()
+            self._next_checkpoint = due_index(now, interval) + 1
+        if clock.monotonic() - self._last_flush > FLUSH_INTERVAL:
+            self.flush()
+
+    def _write_frame(self, index: int) -> None:
+        simulation = self._simulation
+        for body, particles in simulation.particles.items():
+            chosen = self.output.attributes_of(body)
+            if chosen is None:
+                continue
+            arrays = particles.read(["position", *chosen])
+            position = arrays["position"]
+            frames.write_frame(
+                frames.frame_path(self._frames, body, index),
+                position,
+                {name: arrays[name] for name in chosen if name != "position"},
+                {
+                    "time": simulation.time,
+                    "step": simulation.steps,
+                    "body": body,
+                    "index": index,
+                    "precision": simulation.precision,
+                    "version": simulation.version,
+                },
+                real=np.float32 if simulation.precision == "single" else np.float64,
+            )
+            self._times[body][index] = simulation.time
+            frames.write_series(self._frames, body, self._times[body])
+
+    def checkpoint(self) -> Path:
+        """Write a checkpoint of this moment and drop all but the newest two."""
+        self.flush()
+        path = checkpoints.checkpoint_path(self._checkpoints, self._simulation.steps)
+        self._simulation.save_checkpoint(path)
+        checkpoints.keep_newest(self._checkpoints)
+        self.log("running")
+        return path
+
+    def flush(self) -> None:
+        """Bring the sensor file up to date."""
+        self._sensors.flush()
+        self._last_flush = clock.monotonic()
+
+    def removed(self, rows: Sequence[Sequence[Any]]) -> None:
+        """Add rows (step, body, id, policy, x, y, z) to ``removed.csv``."""
+        path = self._folder / "removed.csv"
+        with writing(path):
+            fresh = not path.exists()
+            with path.open("a", encoding="utf-8", newline="") as file:
+                table = csv.writer(file)
+                if fresh:
+                    axes = [f"{a} [m]" for a in "xyz"[: self._simulation.dimension]]
+                    table.writerow(["step", "body", "id", "policy", *axes])
+                table.writerows(rows)
+
+    def export_csv(self) -> list[Path]:
+        """Write the samples that the CSV files lack; return the files."""
+        paths = []
+        for i, series in enumerate(self._simulation.sensors.all_series()):
+            path = self._csv / f"{file_name(series.name)}.csv"
+            append_csv(path, series, self._csv_rows[i])
+            self._csv_rows[i] = len(series)
+            paths.append(path)
+        return paths
+
+    def _read_log(self) -> dict[str, Any]:
+        try:
+            content = json.loads((self._folder / "log.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return content if isinstance(content, dict) else {}
+
+    def log(self, status: str, message: str = "") -> None:
+        """Write ``log.json``: what runs, how far it is, how fast, and how it ended."""
+        simulation = self._simulation
+        content = {
+            "status": status,
+            "message": message,
+            "version": simulation.version,
+            "device": simulation.device,
+            "precision": simulation.precision,
+            "pipeline": simulation.pipeline,
+            "began": self._began,
+            "wall_time": round(clock.monotonic() - self._started, 3),
+            "time": simulation.time,
+            "steps": simulation.steps,
+            "particles": {b: len(v) for b, v in simulation.particles.items()},
+            "particle_steps_per_s": simulation.particle_steps_per_s,
+            "output": self.output.to_dict(),
+        }
+        write_json(self._folder / "log.json", content)
+
+    def finish(self, status: str, message: str = "") -> None:
+        """Bring sensors, CSV and log up to date at the end of a run."""
+        self.flush()
+        self.export_csv()
+        self.log(status, message)
+
+    def close(self) -> None:
+        """Close the sensor file."""
+        self._sensors.close()

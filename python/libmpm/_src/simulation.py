@@ -1,0 +1,455 @@
+"""A scene in motion: the run loop between the engine, the sensors and the output folder."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src import backends
+from libmpm._src.errors import CheckpointError, Error, ModelWarning, NumericalError
+from libmpm._src.faults import describe_fault, describe_removed
+from libmpm._src.interrupts import deferred_interrupt
+from libmpm._src.lowering import lower, world_offset
+from libmpm._src.output import checkpoint as checkpoints
+from libmpm._src.output.sensor_file import Series
+from libmpm._src.output.writer import Output, Writer
+from libmpm._src.plan import Plan, build_plan
+from libmpm._src.progress import Progress, State, reporter
+from libmpm._src.scene import Scene
+from libmpm._src.views import GridView, ParticlesView, SensorsView, world_shift
+
+__all__ = ["Simulation"]
+
+#: Seconds of wall time after which the engine returns, so that a key press is answered.
+SLICE = 0.2
+
+
+class Simulation:
+    """Runs a scene on one device.
+
+    Parameters
+    ----------
+    scene
+        The description; a copy is kept.
+    device
+        "auto" (CUDA if there is a device, else the CPU), "cpu", "cuda" or "cuda:<index>".
+    precision
+        "single" or "double".
+    pipeline
+        "auto", "fused" or "two-pass".
+    output
+        A folder (sensors only) or an `Output` with intervals for frames and checkpoints.
+    threads
+        CPU threads; 0 takes the default.
+    time_step
+        A fixed step, s, instead of the scene's; refused if above the stable one.
+
+    Memory is taken on first use: the first step, array or sensor that is asked for. Stepping in
+    any portions, reading, frames and checkpoints never change the bits of a run.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        device: str = "auto",
+        precision: str = "single",
+        pipeline: str = "auto",
+        output: Output | str | Path | None = None,
+        threads: int = 0,
+        time_step: float | None = None,
+    ) -> None:
+        """Check the request; nothing is allocated yet."""
+        self._scene = Scene.from_dict(scene.to_dict())
+        self._requested: dict[str, Any] = {
+            "precision": precision,
+            "pipeline": pipeline,
+            "threads": threads,
+            "time_step": time_step,
+        }
+        lower(self._scene, with_particles=False, **self._requested)
+        self._backend = backends.select(device)
+        self._output = Output(output) if isinstance(output, str | Path) else output
+        self._offset = world_offset(self._scene)
+        self._engine: Any = None
+        self._writer: Writer | None = None
+        self._plan: Plan | None = None
+        self._series: list[Series] | None = None
+        self._shifts: list[NDArray[np.float64]] = []
+        self._restored: checkpoints.Checkpoint | None = None
+        self._until = math.inf
+        self._wall = 0.0
+        self._particle_steps = 0
+        self._recorded: dict[str, Any] = {}
+        #: The "run" key of the scene file that this run came from; kept with its results.
+        self.run_settings: dict[str, Any] = {}
+        self.particles = ParticlesView(self)
+        self.grid = GridView(self)
+        self.sensors = SensorsView(self)
+
+    # What the simulation is -------------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that runs."""
+        return self._scene
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes, 2 or 3."""
+        return int(self._scene.dimension)
+
+    @property
+    def device(self) -> str:
+        """The device in use: "cpu" or "cuda:<index>"."""
+        return self._backend.name
+
+    @property
+    def precision(self) -> str:
+        """Either "single" or "double"."""
+        return str(self._requested["precision"])
+
+    @property
+    def threads(self) -> int:
+        """CPU threads asked for; 0 is the default."""
+        return int(self._requested["threads"])
+
+    @property
+    def pipeline(self) -> str:
+        """The pipeline in use: "fused" or "two-pass"."""
+        return self.plan.pipeline
+
+    @property
+    def version(self) -> str:
+        """Version of libmpm."""
+        return str(backends.core().build_info()["version"])
+
+    @property
+    def output(self) -> Output | None:
+        """The output settings, or None."""
+        return self._output
+
+    @property
+    def offset(self) -> NDArray[np.float64]:
+        """World position of the domain's lower corner, m, (dimension,)."""
+        return self._offset
+
+    @property
+    def plan(self) -> Plan:
+        """What the simulation stores, runs and costs."""
+        if self._plan is None:
+            with _warned_already():
+                self._plan = build_plan(self._scene, device=self.device, **self._requested)
+        return self._plan
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return float(self._engine.time) if self._engine is not None else self._start("time")
+
+    @property
+    def steps(self) -> int:
+        """Steps done since the scene's start."""
+        return int(self._engine.step) if self._engine is not None else int(self._start("step"))
+
+    def _start(self, key: str) -> float:
+        return 0.0 if self._restored is None else float(self._restored.header[key])
+
+    @property
+    def dt(self) -> float:
+        """The time step, s."""
+        return float(self.engine.time_step)
+
+    @property
+    def particle_steps_per_s(self) -> float:
+        """Speed since this object was made: particles times steps per second in the engine."""
+        return self._particle_steps / self._wall if self._wall > 0 else 0.0
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """Seconds spent in each phase of the step."""
+        return dict(self.engine.timings())
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """Counters of the engine, such as the number of sorts."""
+        return dict(self.engine.statistics())
+
+    def particle_count(self, body: int) -> int:
+        """Return the number of particles of body number `body` now in the run."""
+        return int(self.engine.particle_count(body))
+
+    def scene_document(self) -> dict[str, Any]:
+        """Return the scene file of this run, with its "run" settings if it came with any."""
+        return self._scene.to_dict() | ({"run": self.run_settings} if self.run_settings else {})
+
+    def __repr__(self) -> str:
+        """Return scene, device and time without touching the device."""
+        return (
+            f"<Simulation {self._scene.name!r} on {self.device}, {self.precision}: "
+            f"{self.time:g} s, step {self.steps}>"
+        )
+
+    # Construction on first use ----------------------------------------------------------------
+
+    @property
+    def engine(self) -> Any:
+        """The compiled engine; made when first asked for."""
+        if self._engine is None:
+            with _warned_already():
+                specification = lower(
+                    self._scene, device_index=self._backend.index, **self._requested
+                )
+            engine = self._backend.module.Engine(specification)
+            if self._restored is not None:
+                try:
+                    engine.load(self._restored.state)
+                except (Error, KeyError, TypeError, ValueError) as error:
+                    raise CheckpointError(
+                        f"the checkpoint does not fit {self.device} in {self.precision} "
+                        f"precision: {error}; resume with the device and version that wrote it"
+                    ) from error
+            self._make_series(engine, specification)
+            self._engine = engine
+            self._restored = None
+        return self._engine
+
+    def _make_series(self, engine: Any, specification: dict[str, Any]) -> None:
+        self._series, self._shifts = [], []
+        vertical = np.asarray(self._offset)
+        for i, description in enumerate(specification["sensors"]):
+            components, units = engine.sensor_columns(i)
+            attributes = {"kind": description["kind"], "interval": description["interval"]}
+            series = Series(description["name"], tuple(components), tuple(units), attributes)
+            self._shifts.append(world_shift(description, components, vertical))
+            if self._restored is not None and i < len(self._restored.sensors):
+                time, values, _, _ = self._restored.sensors[i]
+                series.append(time, values)
+            self._series.append(series)
+
+    def series(self) -> list[Series]:
+        """Return the series of all sensors in the scene's order."""
+        if self._series is None:
+            _ = self.engine
+        assert self._series is not None
+        return self._series
+
+    def _open(self) -> None:
+        """Make the engine and, where output is wanted, its folder."""
+        resumed = self._restored is not None
+        _ = self.engine
+        if self._output is not None and self._writer is None:
+            self._writer = Writer(self._output, self, resumed=resumed or self.steps > 0)
+
+    # Stepping ---------------------------------------------------------------------------------
+
+    def step(self, n: int = 1) -> None:
+        """Advance `n` steps."""
+        if n < 0:
+            raise ValueError(f"n is {n}; expected a number of steps, 0 or more")
+        self._advance(n, math.inf, reporter(False, 0.0, 0.0, ""))
+        if self._writer is not None:
+            self._writer.flush()
+
+    def run(self, *, until: float, progress: bool | Callable[[State], object] = True) -> None:
+        """Advance to the first step boundary with time >= `until`, s.
+
+        `progress` shows a bar, or is a callable that receives a `State` several times a second.
+        Ctrl-C stops at a step boundary with everything valid and flushed: `run` can be called
+        again.
+        """
+        until = float(until)
+        if math.isnan(until):
+            raise ValueError("until is not a number; expected seconds")
+        self._until = until
+        self._open()
+        title = self._scene.name or "libmpm"
+        status, message = "stopped", ""
+        report = reporter(progress, self.time, until, title)
+        try:
+            self._advance(-1, until, report)
+        except KeyboardInterrupt:
+            status, message = "interrupted", "stopped by an interrupt; it can be resumed"
+            if self._writer is not None and self._writer.output.checkpoint_interval:
+                self._writer.checkpoint()
+            raise
+        except Error as error:
+            status, message = "failed", str(error)
+            raise
+        finally:
+            report.close()
+            self._finish(status, message)
+
+    def _finish(self, status: str, message: str) -> None:
+        if self._writer is None:
+            return
+        try:
+            self._writer.finish(status, message)
+        except Error:
+            # The first failure is the one to report; a full disk fails every write after it.
+            if status != "failed":
+                raise
+
+    def _advance(self, steps: int, until: float, report: Progress) -> None:
+        """Advance `steps` (-1: no limit) or to `until`, serving whatever falls due."""
+        self._open()
+        engine = self._engine
+        with deferred_interrupt() as interrupted:
+            if self._writer is not None:
+                self._writer.service()
+            while steps != 0 and engine.time < until:
+                # The engine stops at the first boundary past the target and never shortens a
+                # step, so targets of frames and checkpoints leave the bits alone.
+                target = until if self._writer is None else min(until, self._writer.next_time())
+                began = clock.perf_counter()
+                result = engine.run(steps, target, SLICE)
+                self._wall += clock.perf_counter() - began
+                self._particle_steps += result["steps"] * self._count()
+                if steps > 0:
+                    steps -= result["steps"]
+                self._collect()
+                if result["reason"] == "fault":
+                    raise NumericalError(describe_fault(result["fault"], engine.time_step))
+                if self._writer is not None:
+                    self._writer.service()
+                report.update(
+                    State(engine.time, until, int(engine.step), self.particle_steps_per_s)
+                )
+                if interrupted():
+                    raise KeyboardInterrupt
+
+    def _count(self) -> int:
+        return sum(self.particle_count(i) for i in range(len(self.particles)))
+
+    def _collect(self) -> None:
+        """Take samples and removed particles from the engine."""
+        engine = self._engine
+        for series, shift, (time, values) in zip(
+            self.series(), self._shifts, engine.drain(), strict=True
+        ):
+            if len(time):
+                series.append(time, np.asarray(values) + shift)
+        gone = engine.removed()
+        if not gone:
+            return
+        names = list(self.particles)
+        rows: list[list[Any]] = []
+        for body, ids, position, step, policy in gone:
+            world = np.asarray(position) + self._offset
+            rows += [
+                [step, names[body], int(i), policy, *map(float, x)]
+                for i, x in zip(ids, world, strict=True)
+            ]
+        if self._writer is not None:
+            self._writer.removed(rows)
+        where = self._output.path / "removed.csv" if self._output is not None else None
+        warnings.warn(describe_removed(gone, names, where), ModelWarning, stacklevel=4)
+
+    # Files ------------------------------------------------------------------------------------
+
+    def export_csv(self) -> list[Path]:
+        """Write the sensor series as CSV into the output folder; return the files."""
+        self._open()
+        return [] if self._writer is None else self._writer.export_csv()
+
+    def save_checkpoint(self, path: str | Path) -> None:
+        """Write the whole state to `path` (NumPy archive), atomically."""
+        engine = self.engine
+        header = {
+            "version": self.version,
+            "scene": self._scene.to_dict(),
+            "run": self.run_settings,
+            "device": self.device,
+            "precision": self.precision,
+            "pipeline": self.pipeline,
+            "threads": self._requested["threads"],
+            "time_step": self._requested["time_step"],
+            "time": self.time,
+            "step": self.steps,
+            "until": self._until if math.isfinite(self._until) else None,
+            "output": None if self._output is None else self._output.to_dict(),
+        }
+        sensors = [(s.time, s.values, list(s.components), list(s.units)) for s in self.series()]
+        state = dict(engine.save())
+        checkpoints.save_checkpoint(Path(path), checkpoints.Checkpoint(header, state, sensors))
+
+    @classmethod
+    def resume(
+        cls,
+        path: str | Path,
+        *,
+        device: str | None = None,
+        output: Output | str | Path | None = None,
+    ) -> Simulation:
+        """Continue from a checkpoint file, or from the newest whole one in a run's folder.
+
+        `device` None takes the checkpoint's own. On the same backend, pipeline and precision the
+        continued run is bit-equal to one never stopped; elsewhere it agrees to rounding. An
+        `output` folder that holds the same run is first cut to the checkpoint's time: samples,
+        frames and checkpoints after it are removed.
+        """
+        source = checkpoints.find_newest(Path(path))
+        header = source.header
+        scene = Scene.from_dict(header["scene"])
+        recorded = header["device"].partition(":")[0]
+        chosen = header["device"] if device is None else device
+        same = backends.select(chosen).kind == recorded
+        simulation = cls(
+            scene,
+            device=chosen,
+            precision=header["precision"],
+            pipeline=header["pipeline"] if same else "auto",
+            output=output,
+            threads=header["threads"],
+            time_step=header["time_step"],
+        )
+        simulation._restored = source
+        simulation.run_settings = header.get("run") or {}
+        simulation._recorded = header
+        return simulation
+
+    def recorded_output(self) -> Output | None:
+        """Return the output settings of the run that wrote the checkpoint resumed from."""
+        settings = self._recorded.get("output")
+        return None if settings is None else Output(**settings)
+
+    def recorded_until(self) -> float | None:
+        """Return the end, s, that the run was asked for which wrote the checkpoint."""
+        until = self._recorded.get("until")
+        return None if until is None else float(until)
+
+    def set_output(self, output: Output) -> None:
+        """Choose the output of a simulation that has none and has not run yet."""
+        if self._writer is not None or self._output is not None:
+            raise ValueError("the simulation writes already; give output= when making it")
+        self._output = output
+
+    def close(self) -> None:
+        """Close the output files; stepping opens them again."""
+        if self._writer is not None:
+            self._writer.flush()
+            self._writer.close()
+
+    def __enter__(self) -> Simulation:
+        """Return the simulation."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Close the output files."""
+        self.close()
+
+
+@contextmanager
+def _warned_already() -> Iterator[None]:
+    """Silence the scene's warnings: the constructor has given them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)
+        yield
