@@ -94,7 +94,12 @@ def errors(sim, layers):
 def measure(name, fbar, arguments, halved):
     cfl = 0.15 if halved else 0.3
     scene = make(fbar, arguments.cells, arguments.width, cfl)
-    sim = libmpm.Simulation(scene, device=arguments.device, precision=arguments.precision)
+    sim = libmpm.Simulation(
+        scene,
+        device=arguments.device,
+        precision=arguments.precision,
+        threads=1,
+    )
     volume = float(np.sum(sim.particles["water"]["volume_ratio"]))
     factor = 2 if halved else 1
     speed = late_speed(sim, arguments.steps * factor)

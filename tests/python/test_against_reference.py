@@ -76,7 +76,7 @@ def test_load_cells(device):
     """Momentum that the boundaries take out, summed over the samples."""
     scene = scenes.crowded(2)
     steps = 100
-    sim = libmpm.Simulation(scene, device=device, precision="double")
+    sim = libmpm.Simulation(scene, device=device, precision="double", threads=1)
     naive = Reference(scenes.specification(scene))
     sim.step(steps)
     for k, name in enumerate(("walls", "step")):

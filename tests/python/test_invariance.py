@@ -111,7 +111,7 @@ def test_origin_moved_ten_kilometres(precision, device):
     found = []
     for origin in ((0.0, 0.0), (1e4, -1e4)):
         scene = scenes.bar(1000.0, cell_size=0.05, origin=origin)
-        sim = libmpm.Simulation(scene, device=device, precision=precision)
+        sim = libmpm.Simulation(scene, device=device, precision=precision, threads=1)
         sim.step(100)
         body = sim.particles["bar"].read(["position", "velocity", "deformation_gradient"])
         found.append((sim.time, body))
@@ -126,7 +126,7 @@ def test_looking_and_splitting_change_no_bit(device):
     """One run of 60 steps, and the same in pieces with every reader called in between."""
     found = []
     for pieces in ((60,), (1, 7, 22, 30)):
-        sim = libmpm.Simulation(scenes.crowded(2), device=device, precision="single")
+        sim = libmpm.Simulation(scenes.crowded(2), device=device, precision="single", threads=1)
         for steps in pieces:
             sim.step(steps)
             if len(pieces) > 1:

@@ -126,7 +126,7 @@ class Reference:
             self.jbar.append(j.copy())
             self.h.append(np.zeros((n, self.d, self.d)))
             moving.append(np.broadcast_to(np.asarray(b["velocity"], float), (n, self.d)))
-        self.dt = self._limited(max((np.abs(v).max() for v in moving if v.size), default=0.0))
+        self.dt = self.dt_limit  # the speed limit acts from the second step on
         self._clear()
         for k, v in enumerate(moving):
             still = np.zeros((*v.shape, self.d))

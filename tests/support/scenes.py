@@ -250,8 +250,8 @@ def crowded(dimension, *, fbar="default", moving=False):
 # ---- running ------------------------------------------------------------------------------------
 
 
-def specification(scene, *, precision="double", pipeline="auto", threads=0):
-    """The dictionary that the engine takes."""
+def specification(scene, *, precision="double", pipeline="auto", threads=1):
+    """The dictionary that the engine takes; one thread, the scenes are too small for more."""
     from libmpm._src.lowering import lower
 
     return lower(scene, precision=precision, pipeline=pipeline, threads=threads)

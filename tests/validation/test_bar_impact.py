@@ -18,7 +18,7 @@ E, LENGTH, HEIGHT = 1e6, 0.5, 0.1
 def impact(density, device, precision="double", scale=1.0, **options):
     """Run the impact; returns time, force and the closed form's force and duration."""
     scene = scenes.bar(density, scale=scale, modulus=E, **options)
-    sim = libmpm.Simulation(scene, device=device, precision=precision)
+    sim = libmpm.Simulation(scene, device=device, precision=precision, threads=1)
     duration = 2 * LENGTH * scale * np.sqrt(density / E)
     sim.run(until=0.02 * scale + 1.5 * duration, progress=False)
     time, step, pushed = scenes.force(sim)

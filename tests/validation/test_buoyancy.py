@@ -31,7 +31,7 @@ def test_floating_block(ratio, offset, device, figure):
     """At its draft it stays; one cell too high it settles, within 20 sqrt(H/g)."""
     cell = 0.05
     scene, rest = scenes.floating(ratio, offset=offset, cell_size=cell)
-    sim = libmpm.Simulation(scene, device=device, precision="double")
+    sim = libmpm.Simulation(scene, device=device, precision="double", threads=1)
     until = 20 * np.sqrt(12 * cell / scenes.GRAVITY)
     time, height = lift(sim, 40, until, cell)
     away = height + offset - rest
@@ -54,7 +54,7 @@ def test_fixed_submerged_box(device, figure):
     depth = 20 * cell
     speed = np.sqrt(scenes.stiffness(depth) / scenes.WATER)
     scene, weight = scenes.submerged(cell_size=cell, interval=4 * depth / speed)
-    sim = libmpm.Simulation(scene, device=device, precision="double")
+    sim = libmpm.Simulation(scene, device=device, precision="double", threads=1)
     until = 10 * np.sqrt(depth / scenes.GRAVITY)
     sim.run(until=until, progress=False)
     time, step, pushed = scenes.force(sim)
@@ -88,7 +88,7 @@ def test_sinking_blocks_in_order(device, figure):
         moved[density] = []
         for size in sizes:
             scene = scenes.sinking(density, cell_size=size)
-            sim = libmpm.Simulation(scene, device=device, precision="double")
+            sim = libmpm.Simulation(scene, device=device, precision="double", threads=1)
             moved[density].append(lift(sim, 1, duration, 1.0)[1][-1])
     expected = {density: model(density, duration) for density in moved}
     _, axes = figure.new()

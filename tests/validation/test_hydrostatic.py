@@ -34,7 +34,7 @@ def column(modulus, cell_size, periods, device, fbar="default", samples=0, width
         cells=(width, round(DEPTH / cell_size)), cell_size=cell_size, modulus=modulus, gravity=G,
         fbar=fbar, interval=period / samples if samples else 0.0,
     )  # fmt: skip
-    sim = libmpm.Simulation(scene, device=device, precision="double")
+    sim = libmpm.Simulation(scene, device=device, precision="double", threads=1)
     sim.run(until=periods * period * (1 + 1e-9), progress=False)
     time, step, pushed = scenes.force(sim)
     return time, step, -pushed[:, 0] / FULL, speed
