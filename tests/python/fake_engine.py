@@ -51,7 +51,7 @@ class Engine:
         sensor = self._spec["sensors"][i]
         d = self._spec["dimension"]
         if sensor["kind"] == "tracker":
-            names = [f"{q}_{i}_{a}" for i in sensor["ids"] for q in ("position", "velocity")
+            names = [f"{q}_{a}:{i}" for i in sensor["ids"] for q in ("position", "velocity")
                      for a in "xyz"[:d]]  # fmt: skip
             return names, ["m" if n.startswith("position") else "m/s" for n in names]
         names, units = _UNITS[sensor["kind"]]

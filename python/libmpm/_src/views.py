@@ -159,6 +159,8 @@ def world_shift(
     elif description["kind"] == "tracker":
         axes = "xyz"[: len(offset)]
         for i, name in enumerate(components):
-            if name.startswith("position") and name[-1] in axes:
-                shift[i] = offset[axes.index(name[-1])]
+            # Columns are called position_x:17 for particle 17.
+            quantity, _, axis = name.partition(":")[0].rpartition("_")
+            if quantity == "position":
+                shift[i] = offset[axes.index(axis)]
     return shift
