@@ -23,7 +23,7 @@ BLOCK = (0.3, 0.1, 0.1)
 #: Lower corners of the blocks on the dry bed. The rows keep three cells to the planes of the box's
 #: sides, so that no block can hang beside it, and two cells to each other, so that they part.
 ROWS = (0.25, 0.45)
-COLUMNS = (3.0, 3.5, 4.0)
+COLUMNS = (3.0, 3.45, 3.9)
 #: The box: its bottom lies two cells above the bed, so a block on the bed passes beneath.
 STRUCTURE = ((4.8, 0.1, 0.1), (5.1, 0.7, 0.7))
 
@@ -57,7 +57,7 @@ def build() -> RunFile:
                         upper=tuple(round(a + b, 9) for a, b in zip(lower, BLOCK, strict=True)),
                     ),
                     material=materials.FixedCorotated(
-                        density=500, youngs_modulus=5e5, poissons_ratio=0.3
+                        density=700, youngs_modulus=8e5, poissons_ratio=0.3
                     ),
                     particles_per_cell=8,
                 )
