@@ -134,17 +134,32 @@ MPM_INLINE bool all(PackMask<T, W> m) {
     return !any(!m);
 }
 
-template <class T, int W>
-MPM_INLINE T sum_of_lanes(Pack<T, W> p) {
-    if constexpr (W == 8) {
-        auto h = __builtin_shufflevector(p.raw, p.raw, 0, 1, 2, 3) +
-                 __builtin_shufflevector(p.raw, p.raw, 4, 5, 6, 7);
-        return (h[0] + h[2]) + (h[1] + h[3]);
-    } else {
-        T s = p[0];
-        MPM_UNROLL for (int l = 1; l < W; ++l) s += p[l];
-        return s;
+/// Lane k of the result is the sum of the lanes of a[k]: a tree of pairwise sums, three operations a pack.
+template <class T>
+MPM_INLINE Pack<T, 8> sums_of_lanes(const Pack<T, 8> (&a)[8]) {
+    typename Pack<T, 8>::Raw pair[4], quad[2];
+    MPM_UNROLL for (int k = 0; k < 4; ++k) {
+        const auto x = a[2 * k].raw, y = a[2 * k + 1].raw;
+        pair[k] = __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13) +
+                  __builtin_shufflevector(x, y, 2, 10, 3, 11, 6, 14, 7, 15);
     }
+    MPM_UNROLL for (int k = 0; k < 2; ++k) {
+        const auto x = pair[2 * k], y = pair[2 * k + 1];
+        quad[k] = __builtin_shufflevector(x, y, 0, 1, 8, 9, 4, 5, 12, 13) +
+                  __builtin_shufflevector(x, y, 2, 3, 10, 11, 6, 7, 14, 15);
+    }
+    return Pack<T, 8>::of(__builtin_shufflevector(quad[0], quad[1], 0, 1, 2, 3, 8, 9, 10, 11) +
+                          __builtin_shufflevector(quad[0], quad[1], 4, 5, 6, 7, 12, 13, 14, 15));
+}
+template <class T>
+MPM_INLINE Pack<T, 4> sums_of_lanes(const Pack<T, 4> (&a)[4]) {
+    typename Pack<T, 4>::Raw pair[2];
+    MPM_UNROLL for (int k = 0; k < 2; ++k) {
+        const auto x = a[2 * k].raw, y = a[2 * k + 1].raw;
+        pair[k] = __builtin_shufflevector(x, y, 0, 4, 2, 6) + __builtin_shufflevector(x, y, 1, 5, 3, 7);
+    }
+    return Pack<T, 4>::of(__builtin_shufflevector(pair[0], pair[1], 0, 1, 4, 5) +
+                          __builtin_shufflevector(pair[0], pair[1], 2, 3, 6, 7));
 }
 
 template <class T, int W>

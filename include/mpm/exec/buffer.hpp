@@ -41,6 +41,8 @@ class Buffer {
         }
         size_ = n;
     }
+    /// Forgets what lies beyond the first n elements.
+    void shrink(std::size_t n) { size_ = n < size_ ? n : size_; }
     void zero() { exec_->zero(data_, size_ * sizeof(T)); }
     void assign(const std::vector<T>& host) {
         reserve_discard(host.size());

@@ -53,7 +53,7 @@ class Cpu {
 
     template <class F>
     void for_each(std::int64_t n, const F& f) {
-#pragma omp parallel for schedule(static) num_threads(threads_) if (n > 4096)
+#pragma omp parallel for schedule(static) num_threads(threads_) if (n > 32768)
         for (std::int64_t i = 0; i < n; ++i) f(i);
     }
 
@@ -74,7 +74,7 @@ class Cpu {
     template <int M, class F>
     void max_each(std::int64_t n, const F& f, double* maxima) {
         double out[M] = {};
-#pragma omp parallel num_threads(threads_) if (n > 2048)
+#pragma omp parallel num_threads(threads_) if (n > 16384)
         {
             double local[M] = {};
 #pragma omp for schedule(static) nowait

@@ -32,31 +32,27 @@ MPM_INLINE void apply_boundaries(const BoundaryRecord<D>* boundaries, int count,
             }
             continue;
         }
-        // A box holds its inside by the nearest face, and the one layer of cells before each face; cells that touch it
-        // only by an edge or a corner stay free, so that the box blocks exactly its stated width.
-        int outside = 0, face = -1;
-        std::int64_t depth = 0;
+        // A box holds its inside by its nearest faces and the one layer of cells around it, which at an edge or corner
+        // takes the normals of all faces that meet there (design/walls.md: measured against Archimedes).
+        bool apart = false, inside = true;
+        std::int64_t depth[2 * D], least = 0;
         for (int a = 0; a < D; ++a) {
-            if (cell[a] < r.lower[a] - 1 || cell[a] > r.upper[a]) outside = 2;
-            if (cell[a] == r.lower[a] - 1 || cell[a] == r.upper[a]) {
-                ++outside;
-                face = 2 * a + (cell[a] == r.upper[a] ? 1 : 0);
-            }
+            depth[2 * a] = cell[a] - r.lower[a];
+            depth[2 * a + 1] = r.upper[a] - 1 - cell[a];
+            apart = apart || depth[2 * a] < -1 || depth[2 * a + 1] < -1;
+            inside = inside && depth[2 * a] >= 0 && depth[2 * a + 1] >= 0;
         }
-        if (outside > 1) continue;
-        if (outside == 0) {
-            for (int f = 0; f < 2 * D; ++f) {
-                const int a = f / 2;
-                const std::int64_t d = f % 2 == 0 ? cell[a] - r.lower[a] : r.upper[a] - 1 - cell[a];
-                if (face < 0 || d < depth) {
-                    depth = d;
-                    face = f;
-                }
-            }
+        if (apart) continue;
+        if (inside) {
+            least = depth[0];
+            for (int f = 1; f < 2 * D; ++f) least = depth[f] < least ? depth[f] : least;
         }
-        const Vec<T, D> before = v;
-        v = respond(r.law[face], face / 2, face % 2 == 0 ? T(-1) : T(1), before, wall);
-        seen(b, face, before, v);
+        for (int f = 0; f < 2 * D; ++f) {
+            if (inside ? depth[f] != least : depth[f] != -1) continue;
+            const Vec<T, D> before = v;
+            v = respond(r.law[f], f / 2, f % 2 == 0 ? T(-1) : T(1), before, wall);
+            seen(b, f, before, v);
+        }
     }
 }
 

@@ -49,6 +49,11 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     clock_.fault_particle = no_fault;
     clock_.log_stride = 1;
     for (int m = 0; m < maxima_count; ++m) clock_.scale_read[m] = clock_.scale_write[m] = 1;
+    // The first step obeys the same speed limit as every later one.
+    double speed = 0;
+    for (const auto& b : spec_.bodies)
+        for (double v : b.velocity) speed = std::max(speed, std::abs(v));
+    if (speed * clock_.dt > 0.5 * spec_.cell_size) clock_.dt = clock_.dt_next = 0.5 * spec_.cell_size / speed;
     gravity_ = upload_table(spec_.gravity, D);
 
     set_boundaries();

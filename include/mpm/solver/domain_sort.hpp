@@ -136,6 +136,7 @@ bool Domain<X, T, D>::sort() {
     exec_.for_each(slots * Block<D>::neighbours,
                    ListNeighbours<D>{table_.keys_of, keys_.data(), position.data(), occupied.data(), keys.data()});
     const auto new_slots = std::int32_t(exec_.sort_unique(keys.data(), std::int64_t(homes) * Block<D>::neighbours));
+    keys.shrink(new_slots);
     if (std::int64_t(new_slots) * block_cells >= std::int64_t(~0u)) {
         throw CapacityError("the scene needs " + std::to_string(new_slots) +
                             " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");

@@ -10,8 +10,7 @@
 #include <memory>
 
 #include "mpm/exec/cpu.hpp"
-#include "mpm/kernels/particle.hpp"
-#include "mpm/kernels/pass.hpp"
+#include "mpm/kernels/body_common.hpp"
 
 // 32-byte packs widen with the clone they are inlined into; the loader picks the clone for the processor.
 #if defined(LIBMPM_SANITIZED) || defined(__clang__)
@@ -30,7 +29,8 @@ template <class T, int D, int C>
 struct Arena {
     static constexpr int nodes = Block<D>::arena_nodes;
     alignas(64) T velocity[C][nodes];
-    alignas(64) T sums[C + 1][nodes];  // channels, then mass; in units of one particle's mass
+    static constexpr int stride = C + 1 <= 4 ? 4 : 8;  // of one node's sums
+    alignas(64) T sums[nodes][stride];                 // channels, then mass; in units of one particle's mass
 };
 
 /// Node values for `gather`: the same for all lanes.
@@ -58,20 +58,11 @@ struct CellSums {
 template <class T, int D, int C>
 struct ArenaSums {
     T* at;  // first node of the stencil, channel 0
-    MPM_INLINE static int place(int node) {
-        if constexpr (D == 2) return node / 3 * Block<2>::arena_stride(0) + node % 3;
-        else return node / 9 * Block<3>::arena_stride(0) + node / 3 % 3 * Block<3>::arena_stride(1) + node % 3;
-    }
-    MPM_INLINE void add(int node, int channel, T v) { at[channel * Block<D>::arena_nodes + place(node)] += v; }
-    MPM_INLINE void add_mass(int node, T v) { at[C * Block<D>::arena_nodes + place(node)] += v; }
+    static constexpr int stride(int axis) { return Block<D>::arena_stride(axis); }
+    MPM_INLINE static int place(int node) { return stencil_place<ArenaSums, D>(node); }
+    MPM_INLINE void add(int node, int channel, T v) { at[place(node) * Arena<T, D, C>::stride + channel] += v; }
+    MPM_INLINE void add_mass(int node, T v) { at[place(node) * Arena<T, D, C>::stride + C] += v; }
 };
-
-template <int D>
-MPM_INLINE int stencil_origin(const int (&cell)[D]) {
-    int n = 0;
-    MPM_UNROLL for (int a = 0; a < D; ++a) n += (cell[a] + Block<D>::margin - 1) * Block<D>::arena_stride(a);
-    return n;
-}
 
 /// Calls f(arena position, slot, node, length) for each run of nodes that is contiguous on both sides.
 template <int D, class F>
@@ -91,17 +82,6 @@ MPM_INLINE void for_each_run(const std::int32_t* neighbours, const F& f) {
             f(row * arena + starts[part], neighbours[neighbour], node, starts[part + 1] - starts[part]);
         }
     }
-}
-
-template <class T, class Material>
-MPM_INLINE StepNumbers<T, Material> step_numbers(const BodyNumbers& n, const double* parameters, bool carry,
-                                                 bool stress_only) {
-    return {T(n.move),
-            T(n.strain),
-            T(n.rate),
-            T(n.impulse),
-            Material::template constants<T>(parameters),
-            {T(n.ratio), carry ? T(1) : T(0), stress_only}};
 }
 
 /// What one block's pass does: the whole step, or one half of the two-pass form, or the first deposit.
@@ -167,27 +147,18 @@ struct BlockPass {
         }
     }
 
-    template <class N>
-    MPM_INLINE static MaskOf<N> sound(const Vec<N, D>& xi, const N (&state)[R]) {
-        N own[Material::template reals<D>];
-        MPM_UNROLL for (int r = 0; r < Material::template reals<D>; ++r) own[r] = state[r];
-        MaskOf<N> ok = Material::template admissible<N, D>(own);
-        // Also false for what is not a number.
-        MPM_UNROLL for (int a = 0; a < D; ++a) ok = ok & (absolute(xi[a]) <= N(T(1.75)));
-        return ok;
-    }
-    MPM_INLINE void report(std::uint32_t q) const { Cpu::keep_smallest(pass.fault_particle, pass.body_number << 40 | q); }
+    MPM_INLINE void report(std::uint32_t q) const { Cpu::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q)); }
 
     /// A particle that is, or comes to be, outside its home cell.
     MPM_INLINE void deposit_alone(const int (&home)[D], const Vec<T, D>& xi, const Affine<T, D, C>& u) const {
         int cell[D];
         Vec<T, D> local;
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            const int shift = xi[a] < T(-0.5) ? -1 : (xi[a] <= T(0.5) ? 0 : 1);
+            const int shift = cell_shift(xi[a]);
             cell[a] = home[a] + shift;
             local[a] = xi[a] - T(shift);
         }
-        ArenaSums<T, D, C> sums{&arena.sums[0][0] + stencil_origin<D>(cell)};
+        ArenaSums<T, D, C> sums{arena.sums[stencil_origin<ArenaNodes<T, D>>(cell)]};
         scatter<T, D, C>(sums, quadratic_weights<T, D>(local), T(1), u);
     }
 
@@ -197,18 +168,18 @@ struct BlockPass {
         load<T>(q, xi, state);
         int cell[D], shift[D];
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            shift[a] = xi[a] < T(-0.5) ? -1 : (xi[a] <= T(0.5) ? 0 : 1);
+            shift[a] = cell_shift(xi[a]);
             cell[a] = home[a] + shift[a];
             if constexpr (reads) xi[a] -= T(shift[a]);
         }
-        const Affine<T, D, C> u = advance<T>(q, stencil_origin<D>(cell), xi, state);
+        const Affine<T, D, C> u = advance<T>(q, stencil_origin<ArenaNodes<T, D>>(cell), xi, state);
         if constexpr (reads) {
             MPM_UNROLL for (int a = 0; a < D; ++a) {
                 xi[a] += T(shift[a]);
                 pass.body.offset[a][q] = xi[a];
             }
             MPM_UNROLL for (int r = 0; r < R; ++r) pass.body.state[r][q] = state[r];
-            if (!sound<T>(xi, state)) return report(q);
+            if (!sound<Material>(xi, state)) return report(q);
         }
         if constexpr (stage == Stage::gather) store_deposit(q, u);
         if constexpr (adds) deposit_alone(home, xi, u);
@@ -239,7 +210,7 @@ struct BlockPass {
         // Lanes without a particle of this cell compute on harmless numbers and write nothing.
         MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(before, xi[a], V(T(0)));
         MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = select(before, state[r], V(T(0)));
-        const Affine<V, D, C> u = advance<V>(q, stencil_origin<D>(home), xi, state);
+        Affine<V, D, C> u = advance<V>(q, stencil_origin<ArenaNodes<T, D>>(home), xi, state);
         Mask inside = before;
         if constexpr (reads) {
             const bool whole = count == W && all(before);
@@ -253,7 +224,7 @@ struct BlockPass {
                     MPM_UNROLL for (int r = 0; r < R; ++r) pass.body.state[r][q + l] = state[r][l];
                 }
             }
-            const Mask good = sound<V>(xi, state);
+            const Mask good = sound<Material>(xi, state);
             if (any(before & !good)) {
                 for (int l = 0; l < count; ++l)
                     if (before[l] && !good[l]) report(q + l);
@@ -277,13 +248,16 @@ struct BlockPass {
             inside = inside & still;
         }
         if constexpr (adds) {
-            MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(inside, xi[a], V(T(0)));
-            Affine<V, D, C> kept;
-            MPM_UNROLL for (int c = 0; c < C; ++c) {
-                kept.value[c] = select(inside, u.value[c], V(T(0)));
-                MPM_UNROLL for (int a = 0; a < D; ++a) kept.slope[a][c] = select(inside, u.slope[a][c], V(T(0)));
+            V unit = V(T(1));
+            if (!all(inside)) {
+                unit = select(inside, unit, V(T(0)));
+                MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(inside, xi[a], V(T(0)));
+                MPM_UNROLL for (int c = 0; c < C; ++c) {
+                    u.value[c] = select(inside, u.value[c], V(T(0)));
+                    MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] = select(inside, u.slope[a][c], V(T(0)));
+                }
             }
-            scatter<V, D, C>(sums, quadratic_weights<V, D>(xi), select(inside, V(T(1)), V(T(0))), kept);
+            scatter<V, D, C>(sums, quadratic_weights<V, D>(xi), unit, u);
         }
         if (any(present & !before)) {
             for (int l = 0; l < count; ++l)
@@ -305,10 +279,18 @@ struct BlockPass {
         }
         for (std::uint32_t q = begin; q < end; q += W) together(home, q, int(end - q < W ? end - q : W), sums);
         if constexpr (adds) {
-            T* at = &arena.sums[0][0] + stencil_origin<D>(home);
+            T* at = arena.sums[stencil_origin<ArenaNodes<T, D>>(home)];
+            constexpr int stride = Arena<T, D, C>::stride, group = stride < W ? stride : W;
             MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) {
-                const int place = ArenaSums<T, D, C>::place(n);
-                MPM_UNROLL for (int c = 0; c <= C; ++c) at[c * Block<D>::arena_nodes + place] += sum_of_lanes(sums.value[n][c]);
+                T* to = at + ArenaSums<T, D, C>::place(n) * stride;
+                MPM_UNROLL for (int first = 0; first <= C; first += group) {
+                    V parts[W];
+                    MPM_UNROLL for (int k = 0; k < W; ++k) {
+                        parts[k] = k < group && first + k <= C ? sums.value[n][first + k <= C ? first + k : 0] : V(T(0));
+                    }
+                    const V total = sums_of_lanes(parts);
+                    MPM_UNROLL for (int k = 0; k < group; ++k) to[first + k] += total[k];
+                }
             }
         }
     }
@@ -329,12 +311,12 @@ struct BlockPass {
         const T m = T(pass.body.particle_mass);
         for_each_run<D>(neighbours, [&](int at, std::int32_t slot, int node, int length) {
             T* to = g.sums + std::int64_t(slot) * g.sum_channels * block_cells + node;
-            const auto add = [&](int channel, const T* from) {
-                for (int k = 0; k < length; ++k) to[channel * block_cells + k] += m * from[at + k];
+            const auto add = [&](int channel, int from) {
+                for (int k = 0; k < length; ++k) to[channel * block_cells + k] += m * arena.sums[at + k][from];
             };
-            add(0, arena.sums[C]);
-            MPM_UNROLL for (int c = 0; c < C; ++c) add(c < D ? 1 + c : pass.group.sum, arena.sums[c]);
-            if (pass.group.weight >= 0) add(pass.group.weight, arena.sums[C]);
+            add(0, C);
+            MPM_UNROLL for (int c = 0; c < C; ++c) add(c < D ? 1 + c : pass.group.sum, c);
+            if (pass.group.weight >= 0) add(pass.group.weight, C);
         });
     }
 
@@ -364,9 +346,11 @@ void run_first_block(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>
 template <class Material, Smoothing S, class T, int D, Stage stage>
 void run_body(const Pass<Cpu, T, D>& pass) {
     if (pass.clock->halt != Halt::none) return;
-    const auto numbers = step_numbers<T, Material>(*pass.numbers, pass.parameters, pass.carry, pass.stress_only);
+    const auto numbers = step_numbers<T, Material>(
+        *pass.numbers, Material::template constants<T>(pass.parameters), pass.carry, pass.stress_only);
     using A = Arena<T, D, transfer_channels<D, S>>;
-    const int threads = pass.body.homes > 8 ? pass.exec->threads() : 1;
+    // Below some thousand particles waking the other threads costs more than they save.
+    const int threads = pass.body.count > 4096 ? pass.exec->threads() : 1;
 #pragma omp parallel num_threads(threads)
     {
         const auto arena = std::make_unique<A>();
@@ -383,13 +367,13 @@ void run_body(const Pass<Cpu, T, D>& pass) {
     }
 }
 
-/// Per home block: kinetic, elastic and potential energy in J (2D: J/m); potential relative to the lower corner.
+/// Per home block: kinetic, elastic and potential energy.
 template <class Material, Smoothing S, class T, int D>
 void energies(const Pass<Cpu, T, D>& pass, const std::int32_t* due, double* partial) {
     if (!*due) return;
-    const auto numbers = step_numbers<T, Material>(*pass.numbers, pass.parameters, pass.carry, pass.stress_only);
+    const auto numbers = step_numbers<T, Material>(
+        *pass.numbers, Material::template constants<T>(pass.parameters), pass.carry, pass.stress_only);
     constexpr int C = transfer_channels<D, S>;
-    const double dx = 4 / pass.numbers->rate;
 #pragma omp parallel num_threads(pass.exec->threads())
     {
         const auto arena = std::make_unique<Arena<T, D, C>>();
@@ -400,6 +384,7 @@ void energies(const Pass<Cpu, T, D>& pass, const std::int32_t* due, double* part
             block.fill(pass.grid.table.neighbours + std::int64_t(slot) * Block<D>::neighbours);
             std::int64_t corner[D];
             pass.grid.table.keys_of.block(pass.grid.table.keys[slot], corner);
+            for (int a = 0; a < D; ++a) corner[a] *= Block<D>::edge;
             double sum[3] = {};
             for (int c = 0; c < block_cells; ++c) {
                 int home[D];
@@ -409,25 +394,8 @@ void energies(const Pass<Cpu, T, D>& pass, const std::int32_t* due, double* part
                     Vec<T, D> xi;
                     T state[state_reals<Material, D, S>];
                     block.template load<T>(q, xi, state);
-                    int cell[D];
-                    double height = 0, kinetic = 0;
-                    for (int a = 0; a < D; ++a) {
-                        height += pass.clock->gravity[a] *
-                                  (double(corner[a] * Block<D>::edge + home[a]) + 0.5 + double(xi[a])) * dx;
-                        const int shift = xi[a] < T(-0.5) ? -1 : (xi[a] <= T(0.5) ? 0 : 1);
-                        cell[a] = home[a] + shift;
-                        xi[a] -= T(shift);
-                    }
                     const ArenaNodes<T, D> nodes{&arena->velocity[0][0]};
-                    const auto u = gather<C, T, D>(nodes, quadratic_weights<T, D>(xi), stencil_origin<D>(cell));
-                    for (int a = 0; a < D; ++a) kinetic += 0.5 * double(u.value[a]) * double(u.value[a]);
-                    double real[max_state_columns];
-                    for (int r = 0; r < Material::template reals<D>; ++r) real[r] = double(state[r]);
-                    const double still[D][D] = {};
-                    const auto o = Material::template observe<D>(real, still, pass.parameters);
-                    sum[0] += pass.body.particle_mass * kinetic;
-                    sum[1] += pass.body.particle_volume * o.elastic_energy;
-                    sum[2] -= pass.body.particle_mass * height;
+                    add_energies<Material, T, D, C>(pass, nodes, corner, home, xi, state, sum);
                 }
             }
             for (int e = 0; e < 3; ++e) partial[3 * h + e] = sum[e];
@@ -435,18 +403,7 @@ void energies(const Pass<Cpu, T, D>& pass, const std::int32_t* due, double* part
     }
 }
 
-/// The second half of the two-pass form knows no material; compiled once (src/kernels/cpu/scatter.cpp).
-struct Inert {
-    static constexpr bool volumetric = true;
-    template <class T>
-    struct Constants {};
-    template <class T>
-    static Constants<T> constants(const double*) {
-        return {};
-    }
-    template <int D>
-    static constexpr int reals = 1;
-};
+/// The second half of the two-pass form, compiled once (src/kernels/cpu/scatter.cpp).
 template <class T, int D, Smoothing S>
 void scatter_body(const Pass<Cpu, T, D>& pass);
 

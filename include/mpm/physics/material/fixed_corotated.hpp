@@ -140,7 +140,7 @@ struct FixedCorotated {
         "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
 
     template <int D>
-    static Observation<D> observe(const double* state, const double (&)[D][D], const double* q) {
+    MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D], const double* q) {
         double h[D * D];
         for (int a = 0; a < D * D; ++a) h[a] = state[a];
         const double mu = q[1] / (2 * (1 + q[2])), lambda = lame(q);
@@ -175,7 +175,7 @@ struct FixedCorotated {
     }
 
   private:
-    static double lame(const double* p) { return p[1] * p[2] / ((1 + p[2]) * (1 - 2 * p[2])); }
+    MPM_HD static double lame(const double* p) { return p[1] * p[2] / ((1 + p[2]) * (1 - 2 * p[2])); }
 };
 
 }  // namespace mpm

@@ -92,7 +92,7 @@ struct TaitFluid {
     }
 
     template <int D>
-    static Observation<D> observe(const double* state, const double (&rate)[D][D], const double* q) {
+    MPM_HD static Observation<D> observe(const double* state, const double (&rate)[D][D], const double* q) {
         const double j = state[0], J = 1 - j, K = q[1], gamma = q[2], mu = q[3];
         Observation<D> o{};
         o.volume_ratio = J;

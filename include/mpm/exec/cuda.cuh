@@ -1,0 +1,204 @@
+// The CUDA executor: memory of one device, kernels on a stream of its own. The verbs mean what they mean on the CPU
+// (exec/cpu.hpp); everything is queued and only `download`, `upload` and `wait` stop for it.
+#pragma once
+
+#include <cuda_runtime.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <utility>
+
+#include "mpm/core/config.hpp"
+#include "mpm/core/error.hpp"
+
+namespace mpm {
+
+namespace cuda {
+
+/// Throws DeviceError, or CapacityError when memory is short, unless `code` is success.
+void check(cudaError_t code, const char* what, const char* file, int line);
+#define MPM_CUDA(call) ::mpm::cuda::check((call), #call, __FILE__, __LINE__)
+
+/// Makes a device current for a scope.
+class DeviceGuard {
+  public:
+    explicit DeviceGuard(int device) {
+        MPM_CUDA(cudaGetDevice(&before_));
+        if (before_ == device) before_ = -1;
+        else MPM_CUDA(cudaSetDevice(device));
+    }
+    ~DeviceGuard() {
+        if (before_ >= 0) cudaSetDevice(before_);
+    }
+    DeviceGuard(const DeviceGuard&) = delete;
+    DeviceGuard& operator=(const DeviceGuard&) = delete;
+
+  private:
+    int before_ = -1;
+};
+
+template <class F>
+__global__ void single_kernel(const __grid_constant__ F f) {
+    f();
+}
+
+template <class F>
+__global__ void each_kernel(std::int64_t n, const __grid_constant__ F f) {
+    const std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
+    if (i < n) f(i);
+}
+
+inline constexpr int max_threads = 256;
+
+/// Maxima are not negative, so their bits order as they do, and the largest is the same in whatever order it is found.
+template <int M, class F>
+__global__ void __launch_bounds__(max_threads)
+    max_kernel(std::int64_t n, const __grid_constant__ F f, double* maxima) {
+    double local[M] = {};
+    const std::int64_t stride = std::int64_t(gridDim.x) * blockDim.x;
+    for (std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x; i < n; i += stride) {
+        f(i, local);
+    }
+    __shared__ double of_warp[max_threads / 32][M];
+    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
+    for (int m = 0; m < M; ++m) {
+        double x = local[m];
+        for (int by = 16; by > 0; by /= 2) x = fmax(x, __shfl_down_sync(~0u, x, by));
+        if (lane == 0) of_warp[warp][m] = x;
+    }
+    __syncthreads();
+    if (threadIdx.x < M) {
+        double x = 0;
+        for (int w = 0; w < max_threads / 32; ++w) x = fmax(x, of_warp[w][threadIdx.x]);
+        if (x > 0) {
+            atomicMax(reinterpret_cast<unsigned long long*>(maxima) + threadIdx.x,
+                      static_cast<unsigned long long>(__double_as_longlong(x)));
+        }
+    }
+}
+
+template <class T>
+struct SumOf;
+template <>
+struct SumOf<float> {
+    using type = std::int32_t;
+    static constexpr int bits = 31;
+};
+template <>
+struct SumOf<double> {
+    using type = std::int64_t;
+    static constexpr int bits = 62;
+};
+
+}  // namespace cuda
+
+class Cuda {
+  public:
+    static constexpr bool is_device = true;
+    /// Type of a nodal sum: fixed point, so that sums do not depend on their order.
+    template <class T>
+    using Sum = typename cuda::SumOf<T>::type;
+    template <class T>
+    static constexpr int sum_bits = cuda::SumOf<T>::bits;
+    /// How far a particle may drift from the cell it was sorted into, in cells: the arena of a block reaches one cell
+    /// beyond it.
+    static constexpr double drift_limit = 1.0;
+    /// Steps handed over before the state is looked at again.
+    static constexpr int batch = 64;
+
+    explicit Cuda(int device);
+    Cuda(Cuda&&) noexcept = default;
+    Cuda& operator=(Cuda&&) noexcept = default;
+
+    void* allocate(std::size_t bytes);
+    void release(void* p) noexcept;
+    void copy(void* to, const void* from, std::size_t bytes);
+    void upload(void* to, const void* from, std::size_t bytes);
+    void download(void* to, const void* from, std::size_t bytes);
+    void zero(void* p, std::size_t bytes);
+    void wait();
+
+    int device() const { return context_->device; }
+    cudaStream_t stream() const { return context_->stream; }
+    int multiprocessors() const { return context_->multiprocessors; }
+
+    /// Queues a kernel of `blocks` x `rows` blocks.
+    template <class... P, class... A>
+    void launch(void (*kernel)(P...), std::int64_t blocks, int rows, int threads, const A&... arguments) {
+        if (blocks <= 0) return;
+        if (blocks > 0x7fffffff) throw CapacityError("more than 2^31 - 1 blocks of threads in one launch");
+        const cuda::DeviceGuard guard(device());
+        kernel<<<dim3(unsigned(blocks), unsigned(rows)), unsigned(threads), 0, stream()>>>(arguments...);
+        MPM_CUDA(cudaGetLastError());
+    }
+
+    template <class F>
+    void single(const F& f) {
+        launch(&cuda::single_kernel<F>, 1, 1, 1, f);
+    }
+    template <class F>
+    void for_each(std::int64_t n, const F& f) {
+        launch(&cuda::each_kernel<F>, (n + 255) / 256, 1, 256, n, f);
+    }
+    /// Iterations that cost much more than a few nanoseconds each: small blocks, so that they spread.
+    template <class F>
+    void for_each_large(std::int64_t n, const F& f) {
+        launch(&cuda::each_kernel<F>, (n + 31) / 32, 1, 32, n, f);
+    }
+    /// Host work on host copies.
+    void host_for(std::int64_t n, const std::function<void(std::int64_t)>& f);
+
+    /// maxima[m] = max over i of what f(i, local) leaves in local[m]; maxima start at zero.
+    template <int M, class F>
+    void max_each(std::int64_t n, const F& f, double* maxima) {
+        zero(maxima, M * sizeof(double));
+        const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
+        const std::int64_t most = 8 * multiprocessors();
+        launch(&cuda::max_kernel<M, F>, blocks < most ? blocks : most, 1, cuda::max_threads, n, f, maxima);
+    }
+
+    /// out[i] = sum of in[0 .. i), for i in [0, n]: n + 1 results.
+    void exclusive_scan(const std::uint32_t* in, std::uint32_t* out, std::int64_t n);
+    /// Ascending, each once; returns how many remain.
+    std::int64_t sort_unique(std::uint64_t* keys, std::int64_t n);
+    /// order[k] = index of the k-th element by key, ties in index order; start[key] = first k of that key, for keys in
+    /// [0, range].
+    void stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t range, std::uint32_t* order,
+                      std::uint32_t* start);
+
+    // Inside kernels. On the host they only have to exist.
+    MPM_INLINE static void raise(std::uint32_t* flag) { *static_cast<volatile std::uint32_t*>(flag) = 1; }
+    /// Keeps the smallest value seen.
+    MPM_INLINE static void keep_smallest(std::uint64_t* to, std::uint64_t value) {
+#if defined(__CUDA_ARCH__)
+        atomicMin(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(value));
+#else
+        if (value < *to) *to = value;
+#endif
+    }
+    /// Returns the value before the addition.
+    MPM_INLINE static std::uint32_t fetch_add(std::uint32_t* to, std::uint32_t by) {
+#if defined(__CUDA_ARCH__)
+        return atomicAdd(to, by);
+#else
+        return std::exchange(*to, *to + by);
+#endif
+    }
+
+  private:
+    struct Context {
+        explicit Context(int device);
+        ~Context() { close(); }
+        void close() noexcept;
+        int device;
+        int multiprocessors = 0;
+        cudaStream_t stream = nullptr;
+        cudaMemPool_t pool = nullptr;
+        void* staging = nullptr;  // pinned, for small downloads
+    };
+    static constexpr std::size_t staging_bytes = 1 << 16;
+    std::unique_ptr<Context> context_;
+};
+
+}  // namespace mpm

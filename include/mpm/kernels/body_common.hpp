@@ -1,0 +1,104 @@
+// What the drivers of all backends share around the formulae of one particle: uniform numbers, the cell a particle
+// stands in, the checks of its state, its energies. No loop over particles and no memory.
+#pragma once
+
+#include "mpm/kernels/particle.hpp"
+#include "mpm/kernels/pass.hpp"
+
+namespace mpm {
+
+template <class T, class Material>
+MPM_INLINE StepNumbers<T, Material> step_numbers(
+    const BodyNumbers& n, const typename Material::template Constants<T>& constants, bool carry,
+    bool stress_only) {
+    return {T(n.move),    T(n.strain), T(n.rate),
+            T(n.impulse), constants,   {T(n.ratio), carry ? T(1) : T(0), stress_only}};
+}
+
+/// By how many cells a particle stands beside its home cell along one axis. Drift is limited to
+/// one.
+template <class T>
+MPM_INLINE int cell_shift(T xi) {
+    return xi < T(-0.5) ? -1 : (xi <= T(0.5) ? 0 : 1);
+}
+
+/// Index of the lowest node of a cell's stencil in an arena with the strides of `Layout`.
+template <class Layout, int D>
+MPM_INLINE int stencil_origin(const int (&cell)[D]) {
+    int n = 0;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        n += (cell[a] + Block<D>::margin - 1) * Layout::stride(a);
+    }
+    return n;
+}
+
+/// Distance of node 0 .. 3^D - 1 of a stencil from its lowest node.
+template <class Layout, int D>
+MPM_INLINE int stencil_place(int node) {
+    if constexpr (D == 2) {
+        return node / 3 * Layout::stride(0) + node % 3 * Layout::stride(1);
+    } else {
+        return node / 9 * Layout::stride(0) + node / 3 % 3 * Layout::stride(1) +
+               node % 3 * Layout::stride(2);
+    }
+}
+
+/// Offset within what the step can see, and a state for which the material's law means something.
+/// False also for what is not a number.
+template <class Material, class V, int D, int R>
+MPM_INLINE MaskOf<V> sound(const Vec<V, D>& xi, const V (&state)[R]) {
+    V own[Material::template reals<D>];
+    MPM_UNROLL for (int r = 0; r < Material::template reals<D>; ++r) own[r] = state[r];
+    MaskOf<V> ok = Material::template admissible<V, D>(own);
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        ok = ok & (absolute(xi[a]) <= V(ScalarOf<V>(1.75)));
+    }
+    return ok;
+}
+
+/// Number of a particle in a fault report: the smallest is kept.
+MPM_INLINE std::uint64_t fault_number(std::uint64_t body, std::uint32_t particle) {
+    return body << 40 | particle;
+}
+
+/// Adds one particle's kinetic, elastic and potential energy in J (2D: J/m), the last relative to
+/// the lower corner. `cell` is its home cell in the block, whose first cell is `corner`.
+template <class Material, class T, int D, int C, class Nodes, class P>
+MPM_INLINE void add_energies(const P& pass, const Nodes& nodes, const std::int64_t (&corner)[D],
+                             const int (&home)[D], Vec<T, D> xi, const T* state,
+                             double (&sum)[3]) {
+    const double dx = 4 / pass.numbers->rate;
+    int cell[D];
+    double height = 0, square = 0;
+    for (int a = 0; a < D; ++a) {
+        height += pass.clock->gravity[a] * (double(corner[a] + home[a]) + 0.5 + double(xi[a])) * dx;
+        const int shift = cell_shift(xi[a]);
+        cell[a] = home[a] + shift;
+        xi[a] -= T(shift);
+    }
+    const auto u =
+        gather<C, T, D>(nodes, quadratic_weights<T, D>(xi), stencil_origin<Nodes, D>(cell));
+    for (int a = 0; a < D; ++a) square += double(u.value[a]) * double(u.value[a]);
+    double real[Material::template reals<D>];
+    for (int r = 0; r < Material::template reals<D>; ++r) real[r] = double(state[r]);
+    const double still[D][D] = {};
+    const auto o = Material::template observe<D>(real, still, pass.parameters);
+    sum[0] += 0.5 * pass.body.particle_mass * square;
+    sum[1] += pass.body.particle_volume * o.elastic_energy;
+    sum[2] -= pass.body.particle_mass * height;
+}
+
+/// A material that says nothing: the second half of the two-pass form knows none.
+struct Inert {
+    static constexpr bool volumetric = true;
+    template <class T>
+    struct Constants {};
+    template <class T>
+    static Constants<T> constants(const double*) {
+        return {};
+    }
+    template <int D>
+    static constexpr int reals = 1;
+};
+
+}  // namespace mpm

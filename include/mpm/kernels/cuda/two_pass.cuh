@@ -1,0 +1,226 @@
+// CUDA driver of the two-pass step, of the first deposit and of energies: loops and flush; no
+// formula.
+//
+// The first half runs a thread per particle and leaves what it deposits in scratch columns. The
+// second half knows no material: a thread owns one channel of one cell, keeps its 3^D sums in
+// registers and adds them to the grid as integers.
+#pragma once
+
+#include "mpm/kernels/cuda/arena.cuh"
+
+namespace mpm::cuda {
+
+inline constexpr int pass_threads = 128;
+
+template <class Material, Smoothing S, class T, int D>
+__global__ void __launch_bounds__(pass_threads)
+    gather_step(const __grid_constant__ Pass<Cuda, T, D> pass,
+                const __grid_constant__ typename Material::template Constants<T> constants) {
+    constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
+    if (pass.clock->halt != Halt::none) return;
+    __shared__ VelocityArena<T, D, C> nodes;
+    __shared__ std::uint32_t start[block_cells + 1];
+    const std::int32_t slot = pass.body.home[blockIdx.x];
+    if (threadIdx.x <= block_cells) {
+        start[threadIdx.x] = pass.body.cell_start[std::int64_t(slot) * block_cells + threadIdx.x];
+    }
+    fill(pass, slot, nodes);
+    __syncthreads();
+    const auto numbers =
+        step_numbers<T, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
+    const std::size_t n = pass.body.count;
+    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
+        int home[D];
+        Block<D>::coordinates(cell_holding(start, q), home);
+        Vec<T, D> xi;
+        T state[R];
+        load(pass.body, q, xi, state);
+        const auto u = advance<Material, S, T, D, C>(nodes, home, xi, state, numbers);
+        store(pass.body, q, xi, state);
+        if (!sound<Material>(xi, state)) {
+            Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
+        }
+        MPM_UNROLL for (int c = 0; c < C; ++c) {
+            pass.scratch[c * n + q] = u.value[c];
+            MPM_UNROLL for (int a = 0; a < D; ++a) {
+                pass.scratch[(C + a * C + c) * n + q] = u.slope[a][c];
+            }
+        }
+    }
+}
+
+/// One channel of a cell; the mass is the channel of a constant one.
+template <class T, int D>
+struct ChannelSums {
+    T value[stencil_nodes<D>];
+    __device__ __forceinline__ void add(int node, int, T v) { value[node] += v; }
+    __device__ __forceinline__ void add_mass(int, T) {}
+};
+
+/// Takes one channel of one particle, or of a cell, to the grid.
+template <class T, int D>
+struct ChannelToGrid {
+    const Pass<Cuda, T, D>& pass;
+    const std::int32_t* neighbours;
+    T scale;
+    int channel;
+    bool is_mass;
+    int cell[D];
+    bool fits = true;
+
+    __device__ __forceinline__ void add(int node, int, T v) {
+        const T x = v * scale;
+        fits = fits & (fabs(x) <= Scales<T, D>::limit);
+        int at[D], rest = node, neighbour, number;
+        MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+            at[a] = cell[a] + rest % 3 - 1 + Block<D>::margin;
+            rest /= 3;
+        }
+        arena_node<D>(at, neighbour, number);
+        if (is_mass) add_mass_to_grid<T, D>(pass, neighbours, neighbour, number, to_fixed(x));
+        else add_to_grid<T, D>(pass, neighbours, neighbour, number, channel, to_fixed(x));
+    }
+    __device__ __forceinline__ void add_mass(int, T) {}
+};
+
+template <class T, int D>
+__global__ void __launch_bounds__(block_cells)
+    scatter_step(const __grid_constant__ Pass<Cuda, T, D> pass, int channels) {
+    if (pass.clock->halt != Halt::none) return;
+    const std::int32_t slot = pass.body.home[blockIdx.x];
+    const std::uint32_t* start =
+        pass.body.cell_start + std::int64_t(slot) * block_cells + threadIdx.x;
+    const std::uint32_t begin = start[0], end = start[1];
+    if (begin == end) return;
+    const int channel = blockIdx.y;
+    const bool is_mass = channel == channels;
+    const Scales<T, D> scales(pass);
+    int home[D];
+    Block<D>::coordinates(threadIdx.x, home);
+    ChannelToGrid<T, D> grid{
+        pass,    neighbours_of(pass.grid.table, slot),
+        is_mass ? scales.mass : (channel < D ? scales.momentum : scales.group),
+        channel, is_mass};
+    ChannelSums<T, D> sums{};
+    const std::size_t n = pass.body.count;
+#pragma unroll 1
+    for (std::uint32_t q = begin; q < end; ++q) {
+        Vec<T, D> xi, local;
+        MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = pass.body.offset[a][q];
+        Affine<T, D, 1> u;
+        u.value[0] = is_mass ? T(1) : pass.scratch[channel * n + q];
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            u.slope[a][0] = is_mass ? T(0) : pass.scratch[(channels + a * channels + channel) * n + q];
+        }
+        if (settle<T, D>(home, xi, grid.cell, local)) {
+            scatter<T, D, 1>(sums, quadratic_weights<T, D>(local), T(1), u);
+        } else {
+            scatter<T, D, 1>(grid, quadratic_weights<T, D>(local), T(1), u);
+        }
+    }
+    MPM_UNROLL for (int a = 0; a < D; ++a) grid.cell[a] = home[a];
+    MPM_UNROLL for (int k = 0; k < stencil_nodes<D>; ++k) grid.add(k, 0, sums.value[k]);
+    if (!grid.fits) Cuda::raise(pass.overflow);
+}
+
+/// Particles at rest before the first step, one thread each, straight to the grid.
+template <class Material, Smoothing S, class T, int D>
+__global__ void __launch_bounds__(pass_threads)
+    first_deposit(const __grid_constant__ Pass<Cuda, T, D> pass,
+                  const __grid_constant__ typename Material::template Constants<T> constants) {
+    constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
+    if (pass.clock->halt != Halt::none) return;
+    __shared__ std::uint32_t start[block_cells + 1];
+    const std::int32_t slot = pass.body.home[blockIdx.x];
+    if (threadIdx.x <= block_cells) {
+        start[threadIdx.x] = pass.body.cell_start[std::int64_t(slot) * block_cells + threadIdx.x];
+    }
+    __syncthreads();
+    const auto numbers =
+        step_numbers<T, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
+    const Scales<T, D> scales(pass);
+    bool fits = true;
+    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
+        Vec<T, D> xi, velocity;
+        T state[R];
+        load(pass.body, q, xi, state);
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            velocity[a] = pass.scratch[a * std::size_t(pass.body.count) + q];
+        }
+        const auto u = resting_particle<Material, S, T, D>(velocity, state, numbers);
+        GridSums<T, D, C> sums{pass, neighbours_of(pass.grid.table, slot), scales};
+        int home[D];
+        Block<D>::coordinates(cell_holding(start, q), home);
+        Vec<T, D> local;
+        settle<T, D>(home, xi, sums.cell, local);
+        scatter<T, D, C>(sums, quadratic_weights<T, D>(local), T(1), u);
+        fits = fits & sums.fits;
+    }
+    if (!fits) Cuda::raise(pass.overflow);
+}
+
+/// One block of threads a home block, in a fixed order, so that the bits never change.
+template <class Material, Smoothing S, class T, int D>
+__global__ void __launch_bounds__(pass_threads)
+    sum_energies(const __grid_constant__ Pass<Cuda, T, D> pass, const std::int32_t* due,
+                 double* partial) {
+    constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
+    if (!*due) return;
+    __shared__ VelocityArena<T, D, C> nodes;
+    __shared__ std::uint32_t start[block_cells + 1];
+    __shared__ double parts[3][pass_threads];
+    const std::int32_t slot = pass.body.home[blockIdx.x];
+    if (threadIdx.x <= block_cells) {
+        start[threadIdx.x] = pass.body.cell_start[std::int64_t(slot) * block_cells + threadIdx.x];
+    }
+    fill(pass, slot, nodes);
+    __syncthreads();
+    std::int64_t corner[D];
+    pass.grid.table.keys_of.block(pass.grid.table.keys[slot], corner);
+    MPM_UNROLL for (int a = 0; a < D; ++a) corner[a] *= Block<D>::edge;
+    double sum[3] = {};
+    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
+        int home[D];
+        Block<D>::coordinates(cell_holding(start, q), home);
+        Vec<T, D> xi;
+        T state[R];
+        load(pass.body, q, xi, state);
+        add_energies<Material, T, D, C>(pass, nodes, corner, home, xi, state, sum);
+    }
+    for (int e = 0; e < 3; ++e) parts[e][threadIdx.x] = sum[e];
+    for (int by = pass_threads / 2; by > 0; by /= 2) {
+        __syncthreads();
+        if (threadIdx.x < by) {
+            for (int e = 0; e < 3; ++e) parts[e][threadIdx.x] += parts[e][threadIdx.x + by];
+        }
+    }
+    if (threadIdx.x < 3) {
+        partial[3 * std::int64_t(blockIdx.x) + threadIdx.x] = parts[threadIdx.x][0];
+    }
+}
+
+template <class Material, Smoothing S, class T, int D>
+void run_gather(const Pass<Cuda, T, D>& pass) {
+    pass.exec->launch(&gather_step<Material, S, T, D>, pass.body.homes, 1, pass_threads, pass,
+                      Material::template constants<T>(pass.parameters));
+}
+template <class Material, Smoothing S, class T, int D>
+void run_initial(const Pass<Cuda, T, D>& pass) {
+    pass.exec->launch(&first_deposit<Material, S, T, D>, pass.body.homes, 1, pass_threads, pass,
+                      Material::template constants<T>(pass.parameters));
+}
+template <class Material, Smoothing S, class T, int D>
+void run_energies(const Pass<Cuda, T, D>& pass, const std::int32_t* due, double* partial) {
+    pass.exec->launch(&sum_energies<Material, S, T, D>, pass.body.homes, 1, pass_threads, pass, due,
+                      partial);
+}
+
+/// Compiled once, in src/kernels/cuda/scatter.cu.
+template <class T, int D>
+void scatter_body(const Pass<Cuda, T, D>& pass, int channels);
+template <class T, int D, int C>
+void run_scatter(const Pass<Cuda, T, D>& pass) {
+    scatter_body<T, D>(pass, C);
+}
+
+}  // namespace mpm::cuda
