@@ -315,7 +315,8 @@ inline void bind_engine(py::module_& m, const Factory& make, const Traits& trait
     }, py::arg("spec"), "What a spec costs, before anything is allocated (design/engine-contract.md).");
 
     using release = py::call_guard<py::gil_scoped_release>;
-    py::class_<Handle>(m, "Engine", "A simulation on one device, built from a spec (design/engine-contract.md).")
+    py::class_<Handle>(m, "Engine", "A simulation on one device, built from a spec (design/engine-contract.md).",
+                       py::module_local())
         .def(py::init([make](const py::dict& d) {
             auto h = std::make_unique<Handle>();
             h->spec = read_spec(d);

@@ -4,7 +4,11 @@
 #if defined(__CUDACC__)
 #define MPM_HD __host__ __device__
 #define MPM_INLINE __host__ __device__ __forceinline__
+#if defined(__CUDA_ARCH__)
 #define MPM_UNROLL _Pragma("unroll")
+#else
+#define MPM_UNROLL
+#endif
 #else
 #define MPM_HD
 // Packs live in registers of a width that the surrounding clone decides, so they must never cross a call.

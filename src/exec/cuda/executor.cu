@@ -1,0 +1,182 @@
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <thread>
+#include <vector>
+
+#include "mpm/exec/cuda.cuh"
+#include "mpm/exec/cuda_devices.hpp"
+
+namespace mpm {
+
+void cuda::check(cudaError_t code, const char* what, const char* file, int line) {
+    if (code == cudaSuccess) return;
+    const std::string text = std::string(cudaGetErrorName(code)) + ": " + cudaGetErrorString(code) +
+                             " (" + what + ", " + file + ":" + std::to_string(line) + ")";
+    cudaGetLastError();  // a refused allocation or launch is no lasting state
+    if (code == cudaErrorMemoryAllocation) throw CapacityError("out of device memory: " + text);
+    throw DeviceError(text);
+}
+
+std::vector<CudaDevice> cuda_devices() {
+    int count = 0;  // left as it is when the call fails
+    const cudaError_t code = cudaGetDeviceCount(&count);
+    if (code != cudaSuccess) {
+        cudaGetLastError();
+        throw DeviceError(std::string("no CUDA device can be used: ") + cudaGetErrorString(code));
+    }
+    std::vector<CudaDevice> out;
+    for (int k = 0; k < count; ++k) {
+        const cuda::DeviceGuard guard(k);
+        cudaDeviceProp properties{};
+        MPM_CUDA(cudaGetDeviceProperties(&properties, k));
+        CudaDevice d;
+        d.index = k;
+        d.name = properties.name;
+        MPM_CUDA(cudaMemGetInfo(&d.free, &d.memory));
+        d.compute_capability =
+            std::to_string(properties.major) + "." + std::to_string(properties.minor);
+        out.push_back(d);
+    }
+    return out;
+}
+
+std::string cuda_runtime() {
+    int version = 0;
+    MPM_CUDA(cudaRuntimeGetVersion(&version));
+    return std::to_string(version / 1000) + "." + std::to_string(version % 1000 / 10);
+}
+
+Cuda::Context::Context(int device) : device(device) {
+    int count = 0;
+    const cudaError_t code = cudaGetDeviceCount(&count);
+    if (code != cudaSuccess) {
+        cudaGetLastError();
+        throw DeviceError(std::string("no CUDA device can be used: ") + cudaGetErrorString(code));
+    }
+    if (device < 0 || device >= count) {
+        throw DeviceError("there is no CUDA device " + std::to_string(device) + "; found " +
+                          std::to_string(count) + ". Choose one of cuda:0 to cuda:" +
+                          std::to_string(count - 1));
+    }
+    const cuda::DeviceGuard guard(device);
+    MPM_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device));
+    int pools = 0;
+    MPM_CUDA(cudaDeviceGetAttribute(&pools, cudaDevAttrMemoryPoolsSupported, device));
+    if (!pools) {
+        throw DeviceError("CUDA device " + std::to_string(device) +
+                          " has no memory pools; use another device or device='cpu'");
+    }
+    try {
+        MPM_CUDA(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+        cudaMemPoolProps properties{};
+        properties.allocType = cudaMemAllocationTypePinned;
+        properties.location.type = cudaMemLocationTypeDevice;
+        properties.location.id = device;
+        MPM_CUDA(cudaMemPoolCreate(&pool, &properties));
+        // What a sort has used stays for the next one.
+        std::uint64_t keep = ~std::uint64_t(0);
+        MPM_CUDA(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep));
+        MPM_CUDA(cudaMallocHost(&staging, staging_bytes));
+    } catch (...) {
+        close();
+        throw;
+    }
+}
+
+void Cuda::Context::close() noexcept {
+    int before = -1;
+    cudaGetDevice(&before);
+    cudaSetDevice(device);
+    if (stream) cudaStreamSynchronize(stream);
+    if (staging) cudaFreeHost(staging);
+    if (pool) cudaMemPoolDestroy(pool);
+    if (stream) cudaStreamDestroy(stream);
+    if (before >= 0) cudaSetDevice(before);
+    cudaGetLastError();
+}
+
+Cuda::Cuda(int device) : context_(std::make_unique<Context>(device)) {}
+
+void* Cuda::allocate(std::size_t bytes) {
+    const cuda::DeviceGuard guard(device());
+    void* p = nullptr;
+    cudaError_t code = cudaMallocFromPoolAsync(&p, bytes, context_->pool, stream());
+    if (code == cudaErrorMemoryAllocation) {
+        // Freed pieces may be too small each: give them back and try once more.
+        cudaGetLastError();
+        MPM_CUDA(cudaStreamSynchronize(stream()));
+        MPM_CUDA(cudaMemPoolTrimTo(context_->pool, 0));
+        code = cudaMallocFromPoolAsync(&p, bytes, context_->pool, stream());
+    }
+    if (code == cudaErrorMemoryAllocation) {
+        cudaGetLastError();
+        std::size_t free = 0, total = 0;
+        MPM_CUDA(cudaMemGetInfo(&free, &total));
+        throw CapacityError("out of memory on CUDA device " + std::to_string(device()) + ": " +
+                            std::to_string(bytes) + " bytes asked for in one piece, " +
+                            std::to_string(free) + " of " + std::to_string(total) +
+                            " free. Use fewer particles or another device");
+    }
+    MPM_CUDA(code);
+    return p;
+}
+
+void Cuda::release(void* p) noexcept {
+    int before = -1;
+    cudaGetDevice(&before);
+    if (before != device()) cudaSetDevice(device());
+    if (cudaFreeAsync(p, stream()) != cudaSuccess) cudaGetLastError();
+    if (before >= 0 && before != device()) cudaSetDevice(before);
+}
+
+void Cuda::copy(void* to, const void* from, std::size_t bytes) {
+    const cuda::DeviceGuard guard(device());
+    MPM_CUDA(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice, stream()));
+}
+
+void Cuda::upload(void* to, const void* from, std::size_t bytes) {
+    const cuda::DeviceGuard guard(device());
+    MPM_CUDA(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream()));
+    MPM_CUDA(cudaStreamSynchronize(stream()));
+}
+
+void Cuda::download(void* to, const void* from, std::size_t bytes) {
+    const cuda::DeviceGuard guard(device());
+    const bool small = bytes <= staging_bytes;
+    MPM_CUDA(cudaMemcpyAsync(small ? context_->staging : to, from, bytes, cudaMemcpyDeviceToHost,
+                             stream()));
+    MPM_CUDA(cudaStreamSynchronize(stream()));
+    if (small) std::memcpy(to, context_->staging, bytes);
+}
+
+void Cuda::zero(void* p, std::size_t bytes) {
+    if (bytes == 0) return;
+    const cuda::DeviceGuard guard(device());
+    MPM_CUDA(cudaMemsetAsync(p, 0, bytes, stream()));
+}
+
+void Cuda::wait() {
+    const cuda::DeviceGuard guard(device());
+    MPM_CUDA(cudaStreamSynchronize(stream()));
+}
+
+void Cuda::host_for(std::int64_t n, const std::function<void(std::int64_t)>& f) {
+    const std::int64_t wanted = std::min<std::int64_t>(std::thread::hardware_concurrency(), n / 16);
+    if (wanted < 2) {
+        for (std::int64_t i = 0; i < n; ++i) f(i);
+        return;
+    }
+    std::atomic<std::int64_t> next{0};
+    const auto work = [&] {
+        for (std::int64_t i; (i = next.fetch_add(16)) < n;) {
+            for (std::int64_t k = i; k < std::min(i + 16, n); ++k) f(k);
+        }
+    };
+    std::vector<std::thread> others;
+    for (std::int64_t k = 1; k < std::min<std::int64_t>(wanted, 32); ++k) others.emplace_back(work);
+    work();
+    for (auto& t : others) t.join();
+}
+
+}  // namespace mpm
