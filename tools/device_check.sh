@@ -9,6 +9,9 @@
 #   LIBMPM_RESULTS        where logs, figures and benchmark lines go (default: results)
 #   LIBMPM_PYTHON         the interpreter (default: python3)
 #   CUDAARCHS             what to build for (default: native)
+#   LIBMPM_PYTEST         what to test (default: all that is marked gpu)
+#   LIBMPM_BENCH_SIZES    particles of the benchmarks (default: 100000 1000000 8000000)
+#   LIBMPM_SANITIZE_TOOLS, LIBMPM_SANITIZE_STEPS
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -78,25 +81,27 @@ for precision in ("single", "double"):
         assert (position == position).all()
         print(precision, pipeline, sim.time, sim.sensors["load"].values[-1:])
 SCENE
-  for tool in memcheck racecheck initcheck synccheck; do
+  for tool in ${LIBMPM_SANITIZE_TOOLS:-memcheck racecheck initcheck synccheck}; do
     echo "== $tool"
-    compute-sanitizer --tool "$tool" --error-exitcode 9 --print-limit 20 \
+    timeout 200 compute-sanitizer --tool "$tool" --error-exitcode 9 --print-limit 20 \
       "$python" "$scene" "${LIBMPM_SANITIZE_STEPS:-60}" 2>&1 | tee "$results/sanitize-$tool.log"
   done
 }
 
 bench() {
-  local precision command
-  for precision in single double; do
-    command=("$python" -m libmpm bench --device cuda --precision "$precision" ${LIBMPM_BENCH:-}
-      --json "$results/bench.jsonl")
-    echo "== ${command[*]}"
-    "${command[@]}" | tee "$results/bench-$precision.log"
+  local precision particles command
+  for particles in ${LIBMPM_BENCH_SIZES:-100000 1000000 8000000}; do
+    for precision in ${LIBMPM_BENCH_PRECISIONS:-single double}; do
+      command=("$python" -m libmpm bench --device cuda --precision "$precision"
+        --particles "$particles" ${LIBMPM_BENCH:-} --json "$results/bench.jsonl")
+      echo "== ${command[*]}"
+      "${command[@]}" | tee "$results/bench-$precision-$particles.log"
+    done
   done
   nvidia-smi --query-gpu=name,driver_version,clocks.sm,memory.total --format=csv >"$results/gpu.csv"
 }
 
-[ $# -gt 0 ] || { sed -n '2,12s/^# \{0,1\}//p' "$0"; exit 2; }
+[ $# -gt 0 ] || { sed -n '2,15s/^# \{0,1\}//p' "$0"; exit 2; }
 for part in "$@"; do
   case $part in
     build | test | sanitize | bench)
