@@ -54,8 +54,8 @@ __all__ = [
     "shapes",
 ]
 
-# A thread that waits at the end of a loop sleeps instead of spinning. libgomp reads this once, when the
-# core is first loaded. Measured with other work on the cores, spinning threads made a step seven times
+# A thread that waits at the end of a loop sleeps instead of spinning. libgomp reads this once, when
+# the core is first loaded. Measured with other work on the cores, spinning made a step seven times
 # slower; a user's own setting stands.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
