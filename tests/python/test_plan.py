@@ -7,9 +7,10 @@ import sys
 import types
 from typing import Any
 
-import libmpm
 import pytest
-from libmpm._src import plan as planning
+
+import libmpm
+from libmpm._src import backends
 
 RESULT: dict[str, Any] = {
     "bodies": [
@@ -144,10 +145,10 @@ def test_scene_plan_asks_the_module_of_the_device(
 @pytest.mark.parametrize("device", ["gpu", "cuda:x", "cpu:1", ["cpu"]])
 def test_unknown_devices(device: Any) -> None:
     with pytest.raises(libmpm.DeviceError, match="device is"):
-        planning.parse_device(device)
+        backends.parse_device(device)
 
 
 def test_device_names() -> None:
-    assert planning.parse_device("cpu") == ("cpu", 0)
-    assert planning.parse_device("cuda") == ("cuda", 0)
-    assert planning.parse_device("cuda:3") == ("cuda", 3)
+    assert backends.parse_device("cpu") == ("cpu", 0)
+    assert backends.parse_device("cuda") == ("cuda", 0)
+    assert backends.parse_device("cuda:3") == ("cuda", 3)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import functools
 import importlib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from libmpm._src.errors import DeviceError, Error
 
-__all__ = ["Backend", "CudaStatus", "core", "cuda_status", "module_for", "select"]
+__all__ = ["Backend", "CudaStatus", "core", "cuda_status", "parse_device", "planner", "select"]
 
 
 @dataclass(frozen=True)
@@ -70,42 +71,48 @@ def cuda_status() -> CudaStatus:
     return CudaStatus(module, found, "")
 
 
-def module_for(kind: str) -> Any:
-    """Return the compiled module of "cpu" or "cuda", for plans: no device needs to exist."""
-    if kind == "cpu":
-        return core()
-    status = cuda_status()
-    if status.module is None:
-        raise DeviceError(f"device 'cuda' is not available: {status.reason}")
-    return status.module
+def planner(kind: str) -> Any:
+    """Return the compiled module that plans for "cpu" or "cuda".
+
+    The device need not exist. Both modules plan from the same tables, so the CPU module stands in
+    for a CUDA module that was not built.
+    """
+    status = cuda_status() if kind == "cuda" else None
+    return core() if status is None or status.module is None else status.module
 
 
-def select(device: str | Sequence[str] = "auto") -> Backend:
-    """Return the backend of "auto", "cpu", "cuda" or "cuda:<index>".
+def parse_device(device: str | Sequence[str]) -> tuple[str, int]:
+    """Return kind ("cpu" or "cuda") and index of a device name; the device need not exist.
 
-    "auto" takes the first CUDA device if there is one and the CPU otherwise. A missing device is
-    a `DeviceError` that says what was found and what to do.
+    "auto" is the first CUDA device if there is one and the CPU otherwise.
     """
     if not isinstance(device, str):
         raise DeviceError(
             f"device is {device!r}: several devices are not built into this version; "
             "give one, such as 'cuda:0'"
         )
-    kind, _, number = device.partition(":")
-    if device == "cpu":
-        return Backend("cpu", core(), 0)
     if device == "auto":
-        status = cuda_status()
-        return Backend("cuda:0", status.module, 0) if status.devices else select("cpu")
-    if kind != "cuda" or (":" in device and not number.isdecimal()):
+        return ("cuda" if cuda_status().devices else "cpu", 0)
+    match = re.fullmatch(r"cpu|cuda(?::([0-9]+))?", device)
+    if match is None:
         raise DeviceError(f"device is {device!r}; expected 'auto', 'cpu', 'cuda' or 'cuda:<index>'")
+    return (device.partition(":")[0], int(match[1] or 0))
+
+
+def select(device: str | Sequence[str] = "auto") -> Backend:
+    """Return the backend of "auto", "cpu", "cuda" or "cuda:<index>".
+
+    A missing device is a `DeviceError` that says what was found and what to do.
+    """
+    kind, index = parse_device(device)
+    if kind == "cpu":
+        return Backend("cpu", core(), 0)
     status = cuda_status()
     if not status.devices:
         raise DeviceError(
             f"device {device!r} is not available: {status.reason}. Found: the CPU only; "
             "use device='cpu' or 'auto'"
         )
-    index = int(number or 0)
     if index >= len(status.devices):
         listed = ", ".join(f"cuda:{i} {d['name']}" for i, d in enumerate(status.devices))
         raise DeviceError(f"device {device!r} does not exist; found {listed}; use one of these")

@@ -4,53 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import html
-import importlib
 import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from libmpm._src import checks
-from libmpm._src.errors import DeviceError, SceneError
+from libmpm._src import backends, checks
+from libmpm._src.errors import SceneError
 from libmpm._src.lowering import lower
 from libmpm._src.values import nearest
 
 if TYPE_CHECKING:
     from libmpm._src.scene import Scene
 
-__all__ = ["RATES", "Plan", "build_plan", "parse_device"]
+__all__ = ["RATES", "Plan", "build_plan"]
 
-#: Particle-steps per second behind the cost estimate: CPU per thread, CUDA per device. They are
-#: orders of magnitude from a dam break with F-bar; `libmpm bench` measures a machine's own.
+#: Particle-steps per second behind the cost estimate: CPU per core, CUDA per device. The CPU
+#: figures are measured in 3D with 8 particles per cell and F-bar; the CUDA figures are estimates
+#: as yet. `libmpm bench` measures a machine's own.
 RATES = {
-    ("cpu", "single"): 7e6,
-    ("cpu", "double"): 3e6,
-    ("cuda", "single"): 5e9,
+    ("cpu", "single"): 1.6e7,
+    ("cpu", "double"): 1.05e7,
+    ("cuda", "single"): 7e9,
     ("cuda", "double"): 1e9,
 }
-
-
-def parse_device(device: str) -> tuple[str, int]:
-    """Return kind ("cpu" or "cuda") and index of a device name.
-
-    "auto" is the first CUDA device where there is one, the CPU otherwise. Raises `DeviceError`.
-    """
-    if device == "auto":
-        return ("cuda", 0) if _cuda_devices() else ("cpu", 0)
-    match = re.fullmatch(r"(cpu)|cuda(?::(\d+))?", device) if isinstance(device, str) else None
-    if match is None:
-        raise DeviceError(
-            f"device is {device!r}; expected 'auto', 'cpu', 'cuda' or 'cuda:N' with a device number"
-        )
-    return ("cpu", 0) if match[1] else ("cuda", int(match[2] or 0))
-
-
-def _cuda_devices() -> int:
-    try:
-        return len(importlib.import_module("libmpm._cuda").devices())
-    except (ImportError, RuntimeError):
-        return 0
 
 
 def build_plan(
@@ -67,7 +44,7 @@ def build_plan(
 
     Raises `SceneError`, warns as `Scene.validate`.
     """
-    kind, index = parse_device(device)
+    kind, index = backends.parse_device(device)
     spec = lower(
         scene,
         precision=precision,
@@ -77,15 +54,8 @@ def build_plan(
         time_step=time_step,
         with_particles=False,
     )
-    module = None
-    if kind == "cuda":
-        try:
-            module = importlib.import_module("libmpm._cuda")
-        except ImportError:
-            # Both modules plan from the same tables; this one is always built.
-            module = None
-    if module is None:
-        module = importlib.import_module("libmpm._core")
+    # Both modules plan from the same tables, and this one is always built.
+    module = backends.planner(kind)
     name = "cpu" if kind == "cpu" else f"cuda:{index}"
     return Plan(
         module.plan(spec),
