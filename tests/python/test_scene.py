@@ -10,8 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import libmpm
 import pytest
+
+import libmpm
 from libmpm import FBar, Method, Scene, TimeTable, boundaries, materials, sensors, shapes
 
 Make = Callable[..., Scene]
@@ -376,6 +377,13 @@ def test_empty_scene(tank: Make) -> None:
 
 
 # Files -------------------------------------------------------------------------------------
+
+
+def test_a_scene_passes_over_the_settings_of_a_run(scene: Scene, tmp_path: Path) -> None:
+    data = scene.to_dict() | {"run": {"until": 1.0}}
+    assert Scene.from_dict(data) == scene
+    (tmp_path / "scene.json").write_text(json.dumps(data))
+    assert Scene.load(tmp_path / "scene.json") == scene
 
 
 def test_a_file_reports_everything_at_once(scene: Scene) -> None:

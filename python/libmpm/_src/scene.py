@@ -424,7 +424,10 @@ class Scene:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
-        """Build the scene that `to_dict` described; raises `SceneError` with all problems."""
+        """Build the scene that `to_dict` described; raises `SceneError` with all problems.
+
+        A "run" key, with which `libmpm run` keeps its settings in the same file, is passed over.
+        """
         from libmpm._src.scene_file import SceneReader
 
         return SceneReader(data).read()
@@ -436,7 +439,10 @@ class Scene:
 
     @classmethod
     def load(cls, path: str | Path) -> Scene:
-        """Read a scene from a JSON file; raises `SceneError` with all problems."""
+        """Read a scene from a JSON file; raises `SceneError` with all problems.
+
+        A "run" key, with which `libmpm run` keeps its settings in the same file, is passed over.
+        """
         try:
             data = json.loads(Path(path).read_text(encoding="utf-8"))
         except (json.JSONDecodeError, UnicodeDecodeError) as error:

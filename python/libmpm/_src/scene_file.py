@@ -33,7 +33,8 @@ class SceneReader:
                 "save the scene again with a matching version"
             )
         kinds = ("bodies", "boundaries", "sensors")
-        known = ("libmpm", *HEAD, *kinds)
+        # "run" says how `libmpm run` treats the scene; it describes no part of it.
+        known = ("libmpm", *HEAD, *kinds, "run")
         for key in data:
             if key not in known:
                 self.problems.append(f"scene file: unknown key '{key}'; {nearest(key, known)}")
