@@ -10,8 +10,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import libmpm
 import pytest
+
+import libmpm
 from libmpm import materials
 from libmpm._src.parameters import wave_speed
 
@@ -96,7 +97,7 @@ def _tool():
     return module
 
 
-def test_generator_reproduces_the_committed_module() -> None:
+def test_generator_reproduces_the_committed_files() -> None:
     if not TOOL.is_file():
         pytest.skip("the sources are not beside the tests")
     tool = _tool()
@@ -110,12 +111,13 @@ def test_generator_reproduces_the_committed_module() -> None:
                 "parameters": [vars(p) for p in entry.parameters],
             }
         )
-    assert tool.render(table) == tool.TARGET.read_text(encoding="utf-8")
+    assert tool.render(table) == tool.MODULE.read_text(encoding="utf-8")
+    assert tool.render_page(table) == tool.PAGE.read_text(encoding="utf-8")
     table[0]["parameters"][0] = table[0]["parameters"][0] | {"default": 998.0}
-    assert tool.render(table) != tool.TARGET.read_text(encoding="utf-8")
+    assert tool.render(table) != tool.MODULE.read_text(encoding="utf-8")
 
 
-def test_committed_module_matches_the_core() -> None:
+def test_committed_files_match_the_core() -> None:
     pytest.importorskip("libmpm._core")
     if not TOOL.is_file():
         pytest.skip("the sources are not beside the tests")

@@ -18,18 +18,19 @@ __all__ = ["FixedCorotated", "TaitFluid"]
 class TaitFluid(Material):
     """Weakly compressible fluid, Tait-Murnaghan law in j = 1 - J.
 
-    ============  ======  =====  =========  =======  =======================================
+    ============  ======  =====  =========  =======  ==============================================
     parameter     symbol  unit   range      default  meaning
-    ============  ======  =====  =========  =======  =======================================
-    density       ρ       kg/m³  > 0        1000     mass per reference volume
-    bulk_modulus  K       Pa     > 0        2.2e+09  bulk modulus at zero pressure
-    exponent      γ       1      ≥ 1, ≤ 20  7.15     pressure derivative of the bulk modulus
+    ============  ======  =====  =========  =======  ==============================================
+    density       ρ       kg/m³  > 0        1000     density at zero pressure
+    bulk_modulus  K       Pa     > 0        2.2e+09  bulk modulus at zero pressure; the sound speed
+                                                     is √(K/ρ)
+    exponent      γ       1      ≥ 1, ≤ 20  7.15     growth of the bulk modulus with pressure
     viscosity     μ       Pa·s   ≥ 0        0.001    dynamic viscosity
-    ============  ======  =====  =========  =======  =======================================
+    ============  ======  =====  =========  =======  ==============================================
 
-    Particles store: j (volume loss 1 - J).
+    Particles store: j (volume loss 1 - J, positive in compression).
     Volume smoothing (`FBar`) is on by default.
-    Source: Bonus (2023) 5.4, 5.12.
+    Source: Bonus (2023), sections 5.4 and 5.12.
 
     Raises `SceneError` with every parameter out of range.
     """
@@ -38,13 +39,13 @@ class TaitFluid(Material):
     table: ClassVar[Entry] = Entry(
         name="TaitFluid",
         summary="Weakly compressible fluid, Tait-Murnaghan law in j = 1 - J",
-        source="Bonus (2023) 5.4, 5.12",
+        source="Bonus (2023), sections 5.4 and 5.12",
         needs="volume",
         columns=(
             Column(
                 name="j",
                 components=1,
-                meaning="volume loss 1 - J",
+                meaning="volume loss 1 - J, positive in compression",
                 unit="1",
             ),
         ),
@@ -59,7 +60,7 @@ class TaitFluid(Material):
                 upper=math.inf,
                 lower_open=True,
                 upper_open=True,
-                meaning="mass per reference volume",
+                meaning="density at zero pressure",
             ),
             Parameter(
                 name="bulk_modulus",
@@ -70,7 +71,7 @@ class TaitFluid(Material):
                 upper=math.inf,
                 lower_open=True,
                 upper_open=True,
-                meaning="bulk modulus at zero pressure",
+                meaning="bulk modulus at zero pressure; the sound speed is √(K/ρ)",
             ),
             Parameter(
                 name="exponent",
@@ -81,7 +82,7 @@ class TaitFluid(Material):
                 upper=20.0,
                 lower_open=False,
                 upper_open=False,
-                meaning="pressure derivative of the bulk modulus",
+                meaning="growth of the bulk modulus with pressure",
             ),
             Parameter(
                 name="viscosity",
@@ -107,17 +108,17 @@ class TaitFluid(Material):
 class FixedCorotated(Material):
     """Hyperelastic solid, fixed corotated energy.
 
-    ==============  ======  =====  ===========  ========  =========================
+    ==============  ======  =====  ===========  ========  ======================
     parameter       symbol  unit   range        default   meaning
-    ==============  ======  =====  ===========  ========  =========================
-    density         ρ       kg/m³  > 0          required  mass per reference volume
+    ==============  ======  =====  ===========  ========  ======================
+    density         ρ       kg/m³  > 0          required  density at zero strain
     youngs_modulus  E       Pa     > 0          required  Young's modulus
     poissons_ratio  ν       1      > -1, < 0.5  0.3       Poisson's ratio
-    ==============  ======  =====  ===========  ========  =========================
+    ==============  ======  =====  ===========  ========  ======================
 
     Particles store: H (displacement gradient F - I).
     No volume smoothing (`FBar`).
-    Source: Bonus (2023) 5.7.
+    Source: Bonus (2023), section 5.7.
 
     Raises `SceneError` with every parameter out of range.
     """
@@ -126,7 +127,7 @@ class FixedCorotated(Material):
     table: ClassVar[Entry] = Entry(
         name="FixedCorotated",
         summary="Hyperelastic solid, fixed corotated energy",
-        source="Bonus (2023) 5.7",
+        source="Bonus (2023), section 5.7",
         needs="deformation_gradient",
         columns=(
             Column(
@@ -147,7 +148,7 @@ class FixedCorotated(Material):
                 upper=math.inf,
                 lower_open=True,
                 upper_open=True,
-                meaning="mass per reference volume",
+                meaning="density at zero strain",
             ),
             Parameter(
                 name="youngs_modulus",
