@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import libmpm
 import pytest
+
+import libmpm
 from libmpm import boundaries, materials, sensors, shapes
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pickle
 
-import libmpm
 import pytest
+
+import libmpm
 
 
 def test_one_problem_is_the_message() -> None:

@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import libmpm
 import numpy as np
 import pytest
+
+import libmpm
 from libmpm import FBar, Scene, TimeTable, boundaries, materials, sensors, shapes
 from libmpm._src.lowering import lower, world_offset
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import pickle
 
-import libmpm
 import numpy as np
 import pytest
+
+import libmpm
 from libmpm import TimeTable
 
 
