@@ -29,8 +29,10 @@ double estimated_slots(const Spec& spec) {
     for (const auto& b : spec.bodies) {
         double n = 1;
         for (int a = 0; a < D; ++a) {
-            const double width = (b.bounds[D + a] - b.bounds[a]) / spec.cell_size / Block<D>::edge;
-            n *= std::floor(width) + 3;
+            const double block = spec.cell_size * Block<D>::edge;
+            const double first = std::floor(b.bounds[a] / block + 1e-9);
+            const double last = std::ceil(b.bounds[D + a] / block - 1e-9);  // one past
+            n *= std::max(last - first, 1.0) + 2;
         }
         slots += n;
     }
