@@ -184,7 +184,9 @@ struct Decide {
         const double calm = mass * (1e-6 * wave_speed + sqrt(g) * clock->dt_next);
         double top[maxima_count] = {0, mass, clock->maxima[max_momentum], clock->maxima[max_group]};
         if (top[max_momentum] < calm) top[max_momentum] = calm;
-        if (top[max_group] < 1e-7 * mass) top[max_group] = 1e-7 * mass;
+        // No j can change by more than 4 D speed dt / dx in this step; an eighth of that leaves room for it.
+        const double share = 1e-7 + 0.5 * D * clock->speed * clock->dt / cell_size;
+        if (top[max_group] < share * mass) top[max_group] = share * mass;
         const double room = ldexp(1.0, sum_bits - 6);
         for (int m = max_mass; m < maxima_count; ++m) clock->scale_write[m] = power_of_two_below(room / top[m]);
     }

@@ -310,7 +310,7 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
         group = std::max(group, m * std::max(j, 1e-7));
     }
     if constexpr (std::is_integral_v<Sum>) {
-        const double room = std::ldexp(1.0, X::template sum_bits<T> - 1);
+        const double room = std::ldexp(1.0, X::template sum_bits<T> - 6);  // as Decide leaves it
         clock_.scale_read[max_mass] = power_of_two_below(room / mass);
         clock_.scale_read[max_momentum] = power_of_two_below(room / momentum);
         clock_.scale_read[max_group] = power_of_two_below(room / group);

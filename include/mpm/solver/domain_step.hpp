@@ -177,8 +177,10 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             if (std::isfinite(until)) {
                 n = std::min<std::int64_t>(n, std::int64_t(std::max(0.0, until - clock_.time) / clock_.dt) + 2);
             }
+            const double t0 = now();
             for (std::int64_t k = 0; k < std::max<std::int64_t>(n, 1); ++k) one_step();
             fetch_clock();
+            timings_["steps"] += now() - t0;
         } else {
             one_step();
         }

@@ -194,6 +194,7 @@ __global__ void __launch_bounds__(pass_threads)
             for (int e = 0; e < 3; ++e) parts[e][threadIdx.x] += parts[e][threadIdx.x + by];
         }
     }
+    __syncthreads();
     if (threadIdx.x < 3) {
         partial[3 * std::int64_t(blockIdx.x) + threadIdx.x] = parts[threadIdx.x][0];
     }
