@@ -11,7 +11,8 @@
 #endif
 #else
 #define MPM_HD
-// Packs live in registers of a width that the surrounding clone decides, so they must never cross a call.
+// Packs live in registers of a width that the surrounding clone decides, so they must never cross a
+// call.
 #define MPM_INLINE inline __attribute__((always_inline))
 #define MPM_UNROLL _Pragma("GCC unroll 32")
 #endif

@@ -1,5 +1,5 @@
-// Errors that reach the user. Each names the object, the value, the rule and the remedy; Python raises the class of
-// the same name.
+// Errors that reach the user. Each names the object, the value, the rule and the remedy; Python
+// raises the class of the same name.
 #pragma once
 
 #include <stdexcept>

@@ -1,6 +1,6 @@
-// Pack<T, W>: W numbers that move together through the same formulae. The CPU drivers put the particles of one
-// cell into the lanes. Built on GCC vector extensions and 32 bytes wide, which is what widens correctly inside
-// `target_clones` functions (design/number-types.md).
+// Pack<T, W>: W numbers that move together through the same formulae. The CPU drivers put the
+// particles of one cell into the lanes. Built on GCC vector extensions and 32 bytes wide, which is
+// what widens correctly inside `target_clones` functions (design/number-types.md).
 #pragma once
 
 #include "mpm/core/config.hpp"
@@ -20,9 +20,7 @@ struct Pack {
     Raw raw;
 
     Pack() = default;
-    MPM_INLINE Pack(T x) {
-        MPM_UNROLL for (int l = 0; l < W; ++l) raw[l] = x;
-    }
+    MPM_INLINE Pack(T x) { MPM_UNROLL for (int l = 0; l < W; ++l) raw[l] = x; }
     MPM_INLINE static Pack of(Raw r) {
         Pack p;
         p.raw = r;
@@ -134,7 +132,8 @@ MPM_INLINE bool all(PackMask<T, W> m) {
     return !any(!m);
 }
 
-/// Lane k of the result is the sum of the lanes of a[k]: a tree of pairwise sums, three operations a pack.
+/// Lane k of the result is the sum of the lanes of a[k]: a tree of pairwise sums, three operations
+/// a pack.
 template <class T>
 MPM_INLINE Pack<T, 8> sums_of_lanes(const Pack<T, 8> (&a)[8]) {
     typename Pack<T, 8>::Raw pair[4], quad[2];
@@ -156,7 +155,8 @@ MPM_INLINE Pack<T, 4> sums_of_lanes(const Pack<T, 4> (&a)[4]) {
     typename Pack<T, 4>::Raw pair[2];
     MPM_UNROLL for (int k = 0; k < 2; ++k) {
         const auto x = a[2 * k].raw, y = a[2 * k + 1].raw;
-        pair[k] = __builtin_shufflevector(x, y, 0, 4, 2, 6) + __builtin_shufflevector(x, y, 1, 5, 3, 7);
+        pair[k] =
+            __builtin_shufflevector(x, y, 0, 4, 2, 6) + __builtin_shufflevector(x, y, 1, 5, 3, 7);
     }
     return Pack<T, 4>::of(__builtin_shufflevector(pair[0], pair[1], 0, 1, 4, 5) +
                           __builtin_shufflevector(pair[0], pair[1], 2, 3, 6, 7));

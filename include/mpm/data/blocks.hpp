@@ -1,6 +1,6 @@
-// The sparse grid: blocks of 64 cells (4^3, or 8^2 in two dimensions) that hold particles, and their neighbours. A
-// block's arena is the block and two nodes around it: what its particles reach while none has drifted more than one
-// cell from the cell it was sorted into.
+// The sparse grid: blocks of 64 cells (4^3, or 8^2 in two dimensions) that hold particles, and
+// their neighbours. A block's arena is the block and two nodes around it: what its particles reach
+// while none has drifted more than one cell from the cell it was sorted into.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,8 @@ struct Block {
     static constexpr int edge = D == 2 ? 8 : 4;
     static constexpr int margin = 2;
     static constexpr int arena_edge = edge + 2 * margin;
-    static constexpr int arena_nodes = D == 2 ? arena_edge * arena_edge : arena_edge * arena_edge * arena_edge;
+    static constexpr int arena_nodes =
+        D == 2 ? arena_edge * arena_edge : arena_edge * arena_edge * arena_edge;
     static constexpr int neighbours = D == 2 ? 9 : 27;
 
     /// Cell number inside a block, last axis fastest.
@@ -71,8 +72,10 @@ MPM_INLINE std::int32_t find_key(const std::uint64_t* keys, std::int32_t count, 
     std::int32_t low = 0, high = count;
     while (low < high) {
         const std::int32_t middle = (low + high) / 2;
-        if (keys[middle] < key) low = middle + 1;
-        else high = middle;
+        if (keys[middle] < key)
+            low = middle + 1;
+        else
+            high = middle;
     }
     return low < count && keys[low] == key ? low : -1;
 }
@@ -81,12 +84,15 @@ MPM_INLINE std::int32_t find_key(const std::uint64_t* keys, std::int32_t count, 
 template <int D>
 MPM_INLINE std::int32_t find_block(const BlockTableView<D>& table, const std::int64_t (&block)[D]) {
     for (int a = 0; a < D; ++a) {
-        if (block[a] < -BlockKeys<D>::rim || block[a] + BlockKeys<D>::rim >= table.keys_of.counts[a]) return -1;
+        if (block[a] < -BlockKeys<D>::rim ||
+            block[a] + BlockKeys<D>::rim >= table.keys_of.counts[a])
+            return -1;
     }
     return find_key(table.keys, table.slots, table.keys_of.key(block));
 }
 
-/// A node of a block's arena seen from the block: slot of the block that owns it (or -1) and its node number there.
+/// A node of a block's arena seen from the block: slot of the block that owns it (or -1) and its
+/// node number there.
 template <int D>
 MPM_INLINE void arena_node(const int (&at)[D], int& neighbour, int& node) {
     neighbour = 0;

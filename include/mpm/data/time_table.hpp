@@ -1,4 +1,5 @@
-// A piecewise linear function of time with values of D components, as plain memory that both backends read.
+// A piecewise linear function of time with values of D components, as plain memory that both
+// backends read.
 #pragma once
 
 #include <cstdint>
@@ -30,8 +31,10 @@ struct TimeTableView {
         int low = 0, high = count;  // the last entry with time <= t lies in [low, high)
         while (high - low > 1) {
             const int middle = (low + high) / 2;
-            if (time[middle] <= t) low = middle;
-            else high = middle;
+            if (time[middle] <= t)
+                low = middle;
+            else
+                high = middle;
         }
         double share = 0;
         if (low + 1 < count && t > time[low]) share = (t - time[low]) / (time[low + 1] - time[low]);

@@ -1,15 +1,19 @@
-// F-bar for materials that store a volume ratio: the volume that the pressure sees is blended with the grid's average
-// (Bonus 2023, sections 5.7-5.10; forms and first measurements in design/fbar.md). psi is the share of the average.
+// F-bar for materials that store a volume ratio: the volume that the pressure sees is blended with
+// the grid's average (Bonus 2023, sections 5.7-5.10; forms and first measurements in
+// design/fbar.md). psi is the share of the average.
 //
 //   own      = the particle's j advanced by its own rate
 //   average  = the gathered grid average, advanced by the same rate ("predictor": no lag)
 //
-//   one volume     stored = deposited = pressure = (1 - psi) own + psi average; psi = 1 - exp(-dt/tau) makes it a
-//                  relaxation with time tau. With `carry` the gathered gradient of j goes into the deposit, an affine
-//                  transfer of the volume, which removes the diffusion of a plain average.
-//   two volumes    own and blended volume are both stored; the blended one is deposited and gives the pressure.
-//                  Its fixed point is a Helmholtz filter of length (dx/2) sqrt(psi/(1-psi)) whatever dt.
-//   stress only    own is stored and deposited; only the pressure sees the blend. For reproduction of published runs.
+//   one volume     stored = deposited = pressure = (1 - psi) own + psi average;
+//                  psi = 1 - exp(-dt/tau) makes it a relaxation with time tau. With `carry` the
+//                  gathered gradient of j goes into the deposit, an affine transfer of the volume,
+//                  which removes the diffusion of a plain average.
+//   two volumes    own and blended volume are both stored; the blended one is deposited and gives
+//                  the pressure. Its fixed point is a Helmholtz filter of length
+//                  (dx/2) sqrt(psi/(1-psi)) whatever dt.
+//   stress only    own is stored and deposited; only the pressure sees the blend. For
+//                  reproduction of published runs.
 #pragma once
 
 #include "mpm/core/linalg.hpp"
@@ -36,7 +40,8 @@ struct SmoothedVolume {
 /// `own` is already advanced; `average` is advanced here by `advance(average)`.
 template <class V, int D, class T>
 MPM_INLINE SmoothedVolume<V, D> smooth_volume(Smoothing form, V own, V advanced_average,
-                                              const Vec<V, D>& gradient, const SmoothingNumbers<T>& k) {
+                                              const Vec<V, D>& gradient,
+                                              const SmoothingNumbers<T>& k) {
     SmoothedVolume<V, D> out;
     out.blended = own + k.ratio * (advanced_average - own);
     out.stored = form == Smoothing::two_volumes || k.stress_only ? own : out.blended;

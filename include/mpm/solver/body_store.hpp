@@ -15,8 +15,7 @@ inline constexpr std::size_t column_padding = 16;
 
 template <class X, class T, int D>
 struct BodyStore {
-    explicit BodyStore(X& x)
-        : id(x), cell_start(x), home(x), coloured(x), scratch(x) {}
+    explicit BodyStore(X& x) : id(x), cell_start(x), home(x), coloured(x), scratch(x) {}
 
     BodyPlan plan;
     BodyOps<X, T, D> ops{};

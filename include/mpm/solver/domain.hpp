@@ -1,5 +1,5 @@
-// One simulation on one executor: owns the state, runs the life of a step, sorts. Written once for both backends; they
-// differ in the executor X and in how the passes over particles run.
+// One simulation on one executor: owns the state, runs the life of a step, sorts. Written once for
+// both backends; they differ in the executor X and in how the passes over particles run.
 //
 //   begin    gravity and boundaries of this moment
 //   grid     sums -> velocities, boundaries, averages; clears the other sums; maxima
@@ -27,7 +27,7 @@ namespace mpm {
 
 template <class X, class T, int D>
 class Domain final : public Engine {
-  public:
+public:
     using Sum = typename X::template Sum<T>;
 
     template <class FindOps>
@@ -51,11 +51,11 @@ class Domain final : public Engine {
     std::map<std::string, double> timings() const override { return timings_; }
     std::map<std::string, double> statistics() const override;
 
-  private:
+private:
     using Body = BodyStore<X, T, D>;
     struct Sensor {
         SensorSpec spec;
-        int load = -1;         // index among load cells
+        int load = -1;  // index among load cells
         int gauge_channel = 0;
         double gauge_full = 1;
         Buffer<X, double> times, values, first;
@@ -95,15 +95,18 @@ class Domain final : public Engine {
 
     int parity() const { return int(clock_.step & 1); }
     GridView<T, Sum, D> grid_view(int parity) {
-        return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(), plan_.sum_channels};
+        return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(),
+                plan_.sum_channels};
     }
     NodeUpdate<T, Sum, D> node_update(int parity) {
-        return {grid_view(parity), clock_buffer_.data(), boundary_records_.data(), int(spec_.boundaries.size()),
-                touched_.data(), least_mass_};
+        return {grid_view(parity),        clock_buffer_.data(),
+                boundary_records_.data(), int(spec_.boundaries.size()),
+                touched_.data(),          least_mass_};
     }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
     double now() const {
-        return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+        return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
+            .count();
     }
 
     Spec spec_;  // without the particles' arrays

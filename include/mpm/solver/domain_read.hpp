@@ -1,13 +1,14 @@
-// Domain: what readers ask for. Everything is computed on the host in double precision from copies, so looking never
-// changes a run.
+// Domain: what readers ask for. Everything is computed on the host in double precision from copies,
+// so looking never changes a run.
 #pragma once
 
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
 
-/// Nodal velocities of the state as it stands: the grid half of the coming step without its consequences. They are
-/// already there when the last run ended at a halt of the clock; a sort or a fresh load leaves them to be made.
+/// Nodal velocities of the state as it stands: the grid half of the coming step without its
+/// consequences. They are already there when the last run ended at a halt of the clock; a sort or a
+/// fresh load leaves them to be made.
 template <class X, class T, int D>
 void Domain<X, T, D>::prepare_velocities() {
     if (dead_) return;
@@ -15,12 +16,15 @@ void Domain<X, T, D>::prepare_velocities() {
     const Clock kept = clock_;
     clock_.halt = Halt::none;
     push_clock();
-    exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(), int(spec_.boundaries.size())});
+    exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(),
+                              int(spec_.boundaries.size())});
     const int from = parity();
-    UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(), int(plan_.groups.size())};
+    UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(),
+                                 int(plan_.groups.size())};
     Buffer<X, double> maxima(exec_);
     maxima.reserve_discard(maxima_count);
-    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update, maxima.data());
+    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update,
+                                          maxima.data());
     exec_.wait();
     clock_ = kept;
     push_clock();
@@ -55,8 +59,9 @@ Array Domain<X, T, D>::positions(Body& body) {
 
 template <class X, class T, int D>
 std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
-    std::vector<std::string> names = {"id", "position", "velocity", "mass", "volume", "density", "pressure",
-                                      "stress", "speed", "kinetic_energy", "elastic_energy", "volume_ratio"};
+    std::vector<std::string> names = {"id",     "position",       "velocity",       "mass",
+                                      "volume", "density",        "pressure",       "stress",
+                                      "speed",  "kinetic_energy", "elastic_energy", "volume_ratio"};
     const Body& b = bodies_.at(std::size_t(body));
     if (!b.material->volumetric) names.push_back("deformation_gradient");
     if (b.plan.smoothing == Smoothing::two_volumes) names.push_back("volume_ratio_smoothed");
@@ -67,17 +72,22 @@ template <class X, class T, int D>
 Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string>& names) {
     Body& body = bodies_.at(std::size_t(number));
     const auto known = attribute_names(number);
-    const auto asked = [&](const char* name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+    const auto asked = [&](const char* name) {
+        return std::find(names.begin(), names.end(), name) != names.end();
+    };
     for (const auto& n : names) {
         if (std::find(known.begin(), known.end(), n) == known.end()) {
             std::string list;
             for (const auto& k : known) list += (list.empty() ? "" : ", ") + k;
-            throw SceneError("body '" + body.plan.name + "' has no attribute '" + n + "'; it has " + list);
+            throw SceneError("body '" + body.plan.name + "' has no attribute '" + n + "'; it has " +
+                             list);
         }
     }
-    const bool moving = asked("velocity") || asked("speed") || asked("kinetic_energy") || asked("stress") || asked("pressure");
-    const bool constitutive = asked("volume") || asked("density") || asked("pressure") || asked("stress") ||
-                              asked("elastic_energy") || asked("volume_ratio") || asked("deformation_gradient");
+    const bool moving = asked("velocity") || asked("speed") || asked("kinetic_energy") ||
+                        asked("stress") || asked("pressure");
+    const bool constitutive = asked("volume") || asked("density") || asked("pressure") ||
+                              asked("stress") || asked("elastic_energy") || asked("volume_ratio") ||
+                              asked("deformation_gradient");
     const std::size_t active = body.count, n = active + body.frozen_id.size();
 
     Attributes out;
@@ -118,7 +128,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     for (auto& c : body.state) state.push_back(c.host());
     const double dx = spec_.cell_size, m = body.particle_mass, V = body.particle_volume;
 
-    const auto fill = [&](std::size_t q, const double* x, const double* v, const double (&rate)[D][D], const double* s) {
+    const auto fill = [&](std::size_t q, const double* x, const double* v,
+                          const double(&rate)[D][D], const double* s) {
         double square = 0;
         for (int a = 0; a < D; ++a) {
             if (position) position[q * D + a] = x[a];
@@ -133,7 +144,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         // The stress follows the volume that F-bar gives it.
         double stress_state[max_state_columns];
         for (int r = 0; r < body.plan.state_columns; ++r) stress_state[r] = s[r];
-        if (body.plan.smoothing == Smoothing::two_volumes) stress_state[0] = s[body.plan.state_columns - 1];
+        if (body.plan.smoothing == Smoothing::two_volumes)
+            stress_state[0] = s[body.plan.state_columns - 1];
         const Observation<D> o = body.ops.observe(stress_state, rate, body.parameters.data());
         const double J = body.material->volumetric ? 1 - s[0] : o.volume_ratio;
         if (volume) volume[q] = V * J;
@@ -182,13 +194,16 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
                             arena[a] = base[a] + k[a] - 1 + Block<D>::margin;
                         }
                         arena_node<D>(arena, side, number);
-                        const std::int32_t to = neighbours[std::size_t(slot) * Block<D>::neighbours + side];
+                        const std::int32_t to =
+                            neighbours[std::size_t(slot) * Block<D>::neighbours + side];
                         if (to < 0) continue;
                         for (int a = 0; a < D; ++a) {
-                            const double u =
-                                double(grid[(std::size_t(to) * plan_.velocity_channels + a) * block_cells + number]);
+                            const double u = double(
+                                grid[(std::size_t(to) * plan_.velocity_channels + a) * block_cells +
+                                     number]);
                             v[a] += weight * u;
-                            for (int b = 0; b < D; ++b) rate[a][b] += 4 / dx * weight * u * (k[b] - 1 - xi[b]);
+                            for (int b = 0; b < D; ++b)
+                                rate[a][b] += 4 / dx * weight * u * (k[b] - 1 - xi[b]);
                         }
                     }
                 }
@@ -220,7 +235,8 @@ Array Domain<X, T, D>::grid(const std::string& name) {
         std::int64_t block[D];
         table_.keys_of.block(keys[slot], block);
         for (int node = 0; node < block_cells; ++node) {
-            const double m = from_sum<double>(sums[slot * plan_.sum_channels * block_cells + node], clock_.scale_read[max_mass]);
+            const double m = from_sum<double>(sums[slot * plan_.sum_channels * block_cells + node],
+                                              clock_.scale_read[max_mass]);
             if (!(m > negligible_mass * least_mass_)) continue;
             ++n;
             int at[D];
@@ -230,9 +246,11 @@ Array Domain<X, T, D>::grid(const std::string& name) {
                 continue;
             }
             for (int a = 0; a < D; ++a) {
-                out.data.push_back(name == "position"
-                                       ? (double(block[a] * Block<D>::edge + at[a]) + 0.5) * spec_.cell_size
-                                       : double(velocity[(slot * plan_.velocity_channels + a) * block_cells + node]));
+                out.data.push_back(
+                    name == "position"
+                        ? (double(block[a] * Block<D>::edge + at[a]) + 0.5) * spec_.cell_size
+                        : double(
+                              velocity[(slot * plan_.velocity_channels + a) * block_cells + node]));
             }
         }
     }
@@ -255,7 +273,8 @@ void Domain<X, T, D>::collect_samples() {
         to.time.resize(have + rows);
         to.values.data.resize((have + rows) * width);
         exec_.download(to.time.data() + have, r.times, rows * sizeof(double));
-        exec_.download(to.values.data.data() + have * width, r.values, rows * width * sizeof(double));
+        exec_.download(to.values.data.data() + have * width, r.values,
+                       rows * width * sizeof(double));
         to.values.shape = {have + rows, width};
         r.count = 0;
     }
@@ -281,8 +300,8 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     out["blocks"] = double(table_.slots);
     out["fastest_node"] = clock_.speed;
     out["drift"] = clock_.drift;
-    double bytes = double(keys_.bytes() + neighbours_.bytes() + touched_.bytes() + velocity_.bytes() +
-                          sums_[0].bytes() + sums_[1].bytes());
+    double bytes = double(keys_.bytes() + neighbours_.bytes() + touched_.bytes() +
+                          velocity_.bytes() + sums_[0].bytes() + sums_[1].bytes());
     for (const auto& b : bodies_) {
         for (const auto& c : b.offset) bytes += double(c.bytes());
         for (const auto& c : b.state) bytes += double(c.bytes());

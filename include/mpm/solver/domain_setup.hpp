@@ -12,7 +12,8 @@ template <class FindOps>
 Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOps& find_ops)
     : spec_(spec), plan_(plan), exec_(std::move(exec)) {
     for (int a = 0; a < D; ++a) {
-        if (spec_.cells[a] < 1) throw SceneError("the domain has no cells along axis " + std::to_string(a));
+        if (spec_.cells[a] < 1)
+            throw SceneError("the domain has no cells along axis " + std::to_string(a));
         table_.keys_of.counts[a] =
             (spec_.cells[a] + Block<D>::edge - 1) / Block<D>::edge + 2 * BlockKeys<D>::rim;
     }
@@ -21,8 +22,9 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     for (std::size_t b = 0; b < spec_.bodies.size(); ++b) {
         BodySpec& s = spec_.bodies[b];
         if (s.count >= (std::uint64_t(1) << 32) - 256) {
-            throw CapacityError("body '" + s.name + "' has " + std::to_string(s.count) +
-                                " particles; one body holds at most 4294967039. Split it into several bodies");
+            throw CapacityError(
+                "body '" + s.name + "' has " + std::to_string(s.count) +
+                " particles; one body holds at most 4294967039. Split it into several bodies");
         }
         bodies_.emplace_back(exec_);
         Body& body = bodies_.back();
@@ -53,7 +55,8 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     double speed = 0;
     for (const auto& b : spec_.bodies)
         for (double v : b.velocity) speed = std::max(speed, std::abs(v));
-    if (speed * clock_.dt > 0.5 * spec_.cell_size) clock_.dt = clock_.dt_next = 0.5 * spec_.cell_size / speed;
+    if (speed * clock_.dt > 0.5 * spec_.cell_size)
+        clock_.dt = clock_.dt_next = 0.5 * spec_.cell_size / speed;
     gravity_ = upload_table(spec_.gravity, D);
 
     set_boundaries();
@@ -72,7 +75,8 @@ TimeTableView Domain<X, T, D>::upload_table(const TableSpec& table, int componen
     const double* time = table_memory_.back().data();
     table_memory_.emplace_back(exec_);
     table_memory_.back().assign(table.value);
-    return {time, table_memory_.back().data(), std::int32_t(table.time.size()), components, table.end};
+    return {time, table_memory_.back().data(), std::int32_t(table.time.size()), components,
+            table.end};
 }
 
 template <class X, class T, int D>
@@ -137,8 +141,8 @@ void Domain<X, T, D>::place_particles(const Spec& spec) {
         }
         if (!outside.empty()) {
             throw SceneError("body '" + s.name + "': " + std::to_string(outside.size()) +
-                             " particles lie outside the domain, the first with id " + std::to_string(outside[0]) +
-                             ". Enlarge the domain or move the body");
+                             " particles lie outside the domain, the first with id " +
+                             std::to_string(outside[0]) + ". Enlarge the domain or move the body");
         }
         std::stable_sort(list.begin(), list.end(), [](const Placed& x, const Placed& y) {
             return x.key != y.key ? x.key < y.key : x.cell < y.cell;
@@ -197,7 +201,8 @@ void Domain<X, T, D>::place_particles(const Spec& spec) {
         for (int r = 0; r < body.plan.state_columns; ++r) {
             if (!s.pressure.empty()) {
                 for (std::size_t k = 0; k < list.size(); ++k) {
-                    column[k] = T(body.material->volume_from_pressure(s.pressure[list[k].index], s.parameters.data()));
+                    column[k] = T(body.material->volume_from_pressure(s.pressure[list[k].index],
+                                                                      s.parameters.data()));
                 }
             }
             body.state.emplace_back(exec_);
@@ -232,20 +237,23 @@ void Domain<X, T, D>::set_sensors() {
             for (std::size_t k = 0; b < 0 && k < bodies_.size(); ++k)
                 if (bodies_[k].material->volumetric) b = int(k);
             if (b < 0) b = 0;
-            if (bodies_[b].plan.group.weight >= 0) sensor.gauge_channel = bodies_[b].plan.group.weight;
-            sensor.gauge_full =
-                bodies_[b].material->density(bodies_[b].parameters.data()) * std::pow(spec_.cell_size, D);
+            if (bodies_[b].plan.group.weight >= 0)
+                sensor.gauge_channel = bodies_[b].plan.group.weight;
+            sensor.gauge_full = bodies_[b].material->density(bodies_[b].parameters.data()) *
+                                std::pow(spec_.cell_size, D);
         }
         if (s.kind == SensorKind::tracker) {
             const Body& body = bodies_.at(std::size_t(s.body));
             std::vector<std::int32_t> order(s.ids.size());
             std::iota(order.begin(), order.end(), 0);
-            std::sort(order.begin(), order.end(), [&](int x, int y) { return s.ids[x] < s.ids[y]; });
+            std::sort(order.begin(), order.end(),
+                      [&](int x, int y) { return s.ids[x] < s.ids[y]; });
             std::vector<std::uint32_t> ids;
             for (int k : order) {
                 if (s.ids[k] < body.first_id || s.ids[k] - body.first_id >= body.count) {
-                    throw SceneError("sensor '" + s.name + "': id " + std::to_string(s.ids[k]) + " is not of body '" +
-                                     body.plan.name + "', whose ids are " + std::to_string(body.first_id) + " to " +
+                    throw SceneError("sensor '" + s.name + "': id " + std::to_string(s.ids[k]) +
+                                     " is not of body '" + body.plan.name + "', whose ids are " +
+                                     std::to_string(body.first_id) + " to " +
                                      std::to_string(body.first_id + body.count - 1));
                 }
                 ids.push_back(std::uint32_t(s.ids[k] - body.first_id));
@@ -282,8 +290,8 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
     std::vector<BodyNumbers> numbers(bodies_.size());
     const auto constants = constants_.host();
     double gravity[3] = {};
-    TimeTableView{spec_.gravity.time.data(), spec_.gravity.value.data(), std::int32_t(spec_.gravity.time.size()), D,
-                  spec_.gravity.end}
+    TimeTableView{spec_.gravity.time.data(), spec_.gravity.value.data(),
+                  std::int32_t(spec_.gravity.time.size()), D, spec_.gravity.end}
         .at(0.0, gravity);
     double g = 0;
     for (int a = 0; a < D; ++a) g += gravity[a] * gravity[a];
@@ -296,12 +304,14 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
         double speed = 0, j = 0;
         for (double v : spec.bodies[b].velocity) speed = std::max(speed, std::abs(v));
         for (double p : spec.bodies[b].pressure)
-            j = std::max(j, std::abs(body.material->volume_from_pressure(p, body.parameters.data())));
+            j = std::max(j,
+                         std::abs(body.material->volume_from_pressure(p, body.parameters.data())));
         double stress = 0;
         for (double p : spec.bodies[b].pressure) stress = std::max(stress, std::abs(p));
         const auto start = body.cell_start.host();
         std::uint32_t most = 1;
-        for (std::size_t c = 0; c + 1 < start.size(); ++c) most = std::max(most, start[c + 1] - start[c]);
+        for (std::size_t c = 0; c + 1 < start.size(); ++c)
+            most = std::max(most, start[c + 1] - start[c]);
         // All particles of the nodes' 3^D cells, each with its largest weight (3/4)^D.
         const double m = body.particle_mass * most * stencil_nodes<D> * std::pow(0.75, D);
         mass += m;
@@ -327,7 +337,8 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
         for (int a = 0; a < D; ++a)
             for (std::size_t k = 0; k < body.count; ++k)
                 columns[a * std::size_t(body.count) + k] =
-                    T(velocity.size() == std::size_t(D) ? velocity[a] : velocity[std::size_t(id[k]) * D + a]);
+                    T(velocity.size() == std::size_t(D) ? velocity[a]
+                                                        : velocity[std::size_t(id[k]) * D + a]);
         body.scratch.assign(columns);
         body.ops.initial(pass(body, int(b), 0));
         exec_.wait();

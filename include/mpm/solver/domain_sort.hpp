@@ -13,12 +13,14 @@ void Domain<X, T, D>::link_table() {
     exec_.for_each(slots * Block<D>::neighbours, LinkBlocks<D>{table_, neighbours_.data()});
     table_.neighbours = neighbours_.data();
     touched_.reserve_discard(slots);
-    exec_.for_each(slots, TouchBoundaries<D>{table_, boundary_records_.data(), int(spec_.boundaries.size()), touched_.data()});
+    exec_.for_each(slots, TouchBoundaries<D>{table_, boundary_records_.data(),
+                                             int(spec_.boundaries.size()), touched_.data()});
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
     if (load_count_ > 0) {
         measured_.reserve_discard(slots);
-        exec_.for_each(slots, TouchBoundaries<D>{table_, measured_boundaries_.data(), measured_boundary_count_, measured_.data()});
+        exec_.for_each(slots, TouchBoundaries<D>{table_, measured_boundaries_.data(),
+                                                 measured_boundary_count_, measured_.data()});
         Buffer<X, std::uint32_t> position(exec_);
         position.reserve_discard(slots + 1);
         exec_.exclusive_scan(measured_.data(), position.data(), slots);
@@ -66,7 +68,8 @@ void Domain<X, T, D>::list_homes(Body& body) {
     }
 }
 
-/// Returns false when particles have left the domain and the policy is to stop; the state is then untouched.
+/// Returns false when particles have left the domain and the policy is to stop; the state is then
+/// untouched.
 template <class X, class T, int D>
 bool Domain<X, T, D>::sort() {
     const double began = now();
@@ -80,7 +83,8 @@ bool Domain<X, T, D>::sort() {
         Body& body = bodies_[b];
         cells.emplace_back(exec_);
         cells.back().reserve_discard(body.count);
-        FindCells<X, T, D> find{table_, body.view(), {}, occupied.data(), cells.back().data(), left.data() + b};
+        FindCells<X, T, D> find{table_,          body.view(),         {},
+                                occupied.data(), cells.back().data(), left.data() + b};
         for (int a = 0; a < D; ++a) find.cells[a] = spec_.cells[a];
         exec_.for_each(slots * block_cells, find);
     }
@@ -96,7 +100,9 @@ bool Domain<X, T, D>::sort() {
             Removed r;
             r.body = int(b);
             r.step = clock_.step;
-            r.policy = spec_.leaving == Leaving::freeze ? "freeze" : (spec_.leaving == Leaving::remove ? "delete" : "stop");
+            r.policy = spec_.leaving == Leaving::freeze
+                           ? "freeze"
+                           : (spec_.leaving == Leaving::remove ? "delete" : "stop");
             std::vector<std::size_t> rows;
             for (std::size_t k = 0; k < body.count; ++k)
                 if (cell[k] == ~0u) rows.push_back(k);
@@ -107,9 +113,16 @@ bool Domain<X, T, D>::sort() {
             }
             r.position.shape = {rows.size(), std::size_t(D)};
             if (spec_.leaving == Leaving::stop) {
-                fault_ = Fault{"left-domain", body.plan.name, r.ids, clock_.step, clock_.time, double(r.ids.size()),
-                               clock_.speed, growth_start(),
-                               std::to_string(r.ids.size()) + " particles left the domain, the first at step " +
+                fault_ = Fault{"left-domain",
+                               body.plan.name,
+                               r.ids,
+                               clock_.step,
+                               clock_.time,
+                               double(r.ids.size()),
+                               clock_.speed,
+                               growth_start(),
+                               std::to_string(r.ids.size()) +
+                                   " particles left the domain, the first at step " +
                                    std::to_string(clock_.step)};
                 return false;
             }
@@ -118,7 +131,8 @@ bool Domain<X, T, D>::sort() {
                 for (auto& s : body.state) state.push_back(s.host());
                 for (std::size_t n = 0; n < rows.size(); ++n) {
                     body.frozen_id.push_back(id[rows[n]]);
-                    for (int a = 0; a < D; ++a) body.frozen_position.push_back(r.position.data[n * D + a]);
+                    for (int a = 0; a < D; ++a)
+                        body.frozen_position.push_back(r.position.data[n * D + a]);
                     for (auto& s : state) body.frozen_state.push_back(double(s[rows[n]]));
                 }
             }
@@ -134,12 +148,15 @@ bool Domain<X, T, D>::sort() {
     Buffer<X, std::uint64_t> keys(exec_);
     keys.reserve_discard(std::size_t(homes) * Block<D>::neighbours);
     exec_.for_each(slots * Block<D>::neighbours,
-                   ListNeighbours<D>{table_.keys_of, keys_.data(), position.data(), occupied.data(), keys.data()});
-    const auto new_slots = std::int32_t(exec_.sort_unique(keys.data(), std::int64_t(homes) * Block<D>::neighbours));
+                   ListNeighbours<D>{table_.keys_of, keys_.data(), position.data(), occupied.data(),
+                                     keys.data()});
+    const auto new_slots =
+        std::int32_t(exec_.sort_unique(keys.data(), std::int64_t(homes) * Block<D>::neighbours));
     keys.shrink(new_slots);
     if (std::int64_t(new_slots) * block_cells >= std::int64_t(~0u)) {
-        throw CapacityError("the scene needs " + std::to_string(new_slots) +
-                            " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
+        throw CapacityError(
+            "the scene needs " + std::to_string(new_slots) +
+            " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
     }
     Buffer<X, std::int32_t> map(exec_);
     map.reserve_discard(slots);
@@ -176,10 +193,12 @@ bool Domain<X, T, D>::sort() {
     const int now_reading = parity();
     Buffer<X, Sum> moved(exec_);
     moved.reserve_discard(std::size_t(new_slots) * plan_.sum_channels * block_cells);
-    exec_.for_each_large(new_slots, MoveSums<Sum>{sums_[now_reading].data(), moved.data(), keys_.data(), std::int32_t(slots),
-                                                  keys.data(), plan_.sum_channels});
+    exec_.for_each_large(new_slots,
+                         MoveSums<Sum>{sums_[now_reading].data(), moved.data(), keys_.data(),
+                                       std::int32_t(slots), keys.data(), plan_.sum_channels});
     sums_[now_reading].swap(moved);
-    sums_[1 - now_reading].reserve_discard(std::size_t(new_slots) * plan_.sum_channels * block_cells);
+    sums_[1 - now_reading].reserve_discard(std::size_t(new_slots) * plan_.sum_channels *
+                                           block_cells);
     exec_.wait();
 
     keys_.swap(keys);

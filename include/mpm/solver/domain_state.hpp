@@ -1,5 +1,5 @@
-// Domain: the whole state, out and in. Order, home cells, drift and the sensors' accumulators are part of it, so that a
-// resumed run continues bit for bit on the same backend.
+// Domain: the whole state, out and in. Order, home cells, drift and the sensors' accumulators are
+// part of it, so that a resumed run continues bit for bit on the same backend.
 #pragma once
 
 #include <cstring>
@@ -12,13 +12,20 @@ namespace detail {
 
 template <class E>
 constexpr char type_code() {
-    if constexpr (std::is_same_v<E, float>) return 'f';
-    else if constexpr (std::is_same_v<E, double>) return 'd';
-    else if constexpr (std::is_same_v<E, std::int32_t>) return 'i';
-    else if constexpr (std::is_same_v<E, std::int64_t>) return 'l';
-    else if constexpr (std::is_same_v<E, std::uint32_t>) return 'I';
-    else if constexpr (std::is_same_v<E, std::uint64_t>) return 'L';
-    else return 'B';
+    if constexpr (std::is_same_v<E, float>)
+        return 'f';
+    else if constexpr (std::is_same_v<E, double>)
+        return 'd';
+    else if constexpr (std::is_same_v<E, std::int32_t>)
+        return 'i';
+    else if constexpr (std::is_same_v<E, std::int64_t>)
+        return 'l';
+    else if constexpr (std::is_same_v<E, std::uint32_t>)
+        return 'I';
+    else if constexpr (std::is_same_v<E, std::uint64_t>)
+        return 'L';
+    else
+        return 'B';
 }
 
 template <class E>
@@ -33,7 +40,9 @@ Blob to_blob(const std::vector<E>& v) {
 
 inline const Blob& find(const State& state, const std::string& name) {
     const auto it = state.find(name);
-    if (it == state.end()) throw SceneError("the saved state has no entry '" + name + "'; it is not a state of this scene");
+    if (it == state.end())
+        throw SceneError("the saved state has no entry '" + name +
+                         "'; it is not a state of this scene");
     return it->second;
 }
 
@@ -41,7 +50,8 @@ template <class E>
 std::vector<E> from_blob(const State& state, const std::string& name) {
     const Blob& b = find(state, name);
     if (b.bytes.size() % sizeof(E) != 0 || b.type != type_code<E>()) {
-        throw SceneError("the saved state's entry '" + name + "' has another type than this run; it was saved by another "
+        throw SceneError("the saved state's entry '" + name +
+                         "' has another type than this run; it was saved by another "
                          "version or precision");
     }
     std::vector<E> v(b.bytes.size() / sizeof(E));
@@ -71,7 +81,9 @@ inline std::vector<double> numbers(const State& state, const std::string& name) 
 
 template <class X, class T, int D>
 State Domain<X, T, D>::save() {
-    if (dead_) throw NumericalError("this run has failed; a state that is not finite or not admissible is not saved");
+    if (dead_)
+        throw NumericalError(
+            "this run has failed; a state that is not finite or not admissible is not saved");
     fetch_clock();
     State s;
     s["clock"] = detail::to_blob(std::vector<Clock>{clock_});
@@ -97,7 +109,8 @@ State Domain<X, T, D>::save() {
             v.resize(body.count);
             return v;
         };
-        for (int a = 0; a < D; ++a) s[p + "offset" + std::to_string(a)] = detail::to_blob(cut(body.offset[a].host()));
+        for (int a = 0; a < D; ++a)
+            s[p + "offset" + std::to_string(a)] = detail::to_blob(cut(body.offset[a].host()));
         for (std::size_t r = 0; r < body.state.size(); ++r)
             s[p + "state" + std::to_string(r)] = detail::to_blob(cut(body.state[r].host()));
         s[p + "id"] = detail::to_blob(cut(body.id.host()));
@@ -114,7 +127,9 @@ State Domain<X, T, D>::save() {
 template <class X, class T, int D>
 void Domain<X, T, D>::load(const State& state) {
     const auto clock = detail::from_blob<Clock>(state, "clock");
-    if (clock.size() != 1) throw SceneError("the saved clock has another size; the state was saved by another version");
+    if (clock.size() != 1)
+        throw SceneError(
+            "the saved clock has another size; the state was saved by another version");
     const auto channels = detail::from_blob<std::int32_t>(state, "sum_channels");
     if (channels.size() != 1 || channels[0] != plan_.sum_channels) {
         throw SceneError("the saved state has other grid channels than this scene");
@@ -139,7 +154,8 @@ void Domain<X, T, D>::load(const State& state) {
         id.resize(id.size() + column_padding, 0);
         body.id.assign(id);
         for (int a = 0; a < D; ++a) body.offset[a].assign(column("offset" + std::to_string(a)));
-        for (std::size_t r = 0; r < body.state.size(); ++r) body.state[r].assign(column("state" + std::to_string(r)));
+        for (std::size_t r = 0; r < body.state.size(); ++r)
+            body.state[r].assign(column("state" + std::to_string(r)));
         body.cell_start.assign(detail::from_blob<std::uint32_t>(state, p + "cell_start"));
         body.frozen_id = detail::from_blob<std::uint32_t>(state, p + "frozen_id");
         body.frozen_position = detail::from_blob<double>(state, p + "frozen_position");
@@ -171,13 +187,17 @@ void Domain<X, T, D>::load(const State& state) {
         for (int m = 0; m < maxima_count; ++m) {
             clock_.scale_read[m] = 1;
             if constexpr (std::is_integral_v<Sum>) {
-                if (top[m] > 0) clock_.scale_read[m] = power_of_two_below(std::ldexp(1.0, X::template sum_bits<T> - 2) / top[m]);
+                if (top[m] > 0)
+                    clock_.scale_read[m] =
+                        power_of_two_below(std::ldexp(1.0, X::template sum_bits<T> - 2) / top[m]);
             }
             clock_.scale_write[m] = clock_.scale_read[m];
         }
         for (std::size_t k = 0; k < value.size(); ++k) {
-            if constexpr (std::is_integral_v<Sum>) sums[k] = Sum(std::llrint(value[k] * clock_.scale_read[kind(k)]));
-            else sums[k] = Sum(value[k]);
+            if constexpr (std::is_integral_v<Sum>)
+                sums[k] = Sum(std::llrint(value[k] * clock_.scale_read[kind(k)]));
+            else
+                sums[k] = Sum(value[k]);
         }
         sums_[reading].assign(sums);
     }
@@ -188,7 +208,8 @@ void Domain<X, T, D>::load(const State& state) {
     const auto next = detail::from_blob<std::int64_t>(state, "sensor_next");
     const auto last = detail::from_blob<double>(state, "sensor_last");
     const auto first = detail::from_blob<double>(state, "sensor_first");
-    if (next.size() != records.size()) throw SceneError("the saved state has other sensors than this scene");
+    if (next.size() != records.size())
+        throw SceneError("the saved state has other sensors than this scene");
     for (std::size_t k = 0; k < records.size(); ++k) {
         records[k].next = next[k];
         records[k].last_time = last[k];

@@ -28,15 +28,19 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
 
 template <class X, class T, int D>
 void Domain<X, T, D>::update_grid() {
-    exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(), int(spec_.boundaries.size())});
+    exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(),
+                              int(spec_.boundaries.size())});
     const int from = parity();
-    UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(), int(plan_.groups.size())};
-    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update, maxima_.data());
+    UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(),
+                                 int(plan_.groups.size())};
+    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update,
+                                          maxima_.data());
     int bits = 0;
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
-    exec_.single(Decide<D>{clock_buffer_.data(), maxima_.data(), spec_.cell_size, constants_.data(), numbers_.data(),
-                           int(bodies_.size()), sensor_records_.data(), int(sensors_.size()), bits, least_mass_,
-                           plan_.wave_speed, overflow_.data()});
+    exec_.single(Decide<D>{clock_buffer_.data(), maxima_.data(), spec_.cell_size, constants_.data(),
+                           numbers_.data(), int(bodies_.size()), sensor_records_.data(),
+                           int(sensors_.size()), bits, least_mass_, plan_.wave_speed,
+                           overflow_.data()});
 }
 
 template <class X, class T, int D>
@@ -52,10 +56,13 @@ void Domain<X, T, D>::run_sensors() {
         }
         switch (s.spec.kind) {
             case SensorKind::load_cell:
-                exec_.single(SampleLoad<D>{clock, record, load_impulse_.data() + s.load * load_columns<D>});
+                exec_.single(
+                    SampleLoad<D>{clock, record, load_impulse_.data() + s.load * load_columns<D>});
                 break;
             case SensorKind::wave_gauge: {
-                SampleGauge<T, Sum, D> gauge{node, record, {}, s.spec.axis, s.gauge_channel, s.gauge_full, spec_.cell_size, {}};
+                SampleGauge<T, Sum, D> gauge{
+                    node,         record,          {}, s.spec.axis, s.gauge_channel,
+                    s.gauge_full, spec_.cell_size, {}};
                 for (int a = 0; a < D; ++a) {
                     gauge.position[a] = s.spec.position[a];
                     gauge.cells[a] = spec_.cells[a];
@@ -72,9 +79,10 @@ void Domain<X, T, D>::run_sensors() {
             case SensorKind::tracker: {
                 Body& body = bodies_[s.spec.body];
                 exec_.single(OpenTrack{clock, record});
-                exec_.for_each_large(body.homes, TrackParticles<T, Sum, D>{node, record, body.view(), s.ids.data(),
-                                                                          s.columns.data(), int(s.spec.ids.size()),
-                                                                          spec_.cell_size});
+                exec_.for_each_large(
+                    body.homes, TrackParticles<T, Sum, D>{node, record, body.view(), s.ids.data(),
+                                                          s.columns.data(), int(s.spec.ids.size()),
+                                                          spec_.cell_size});
                 break;
             }
             case SensorKind::energy: {
@@ -86,7 +94,8 @@ void Domain<X, T, D>::run_sensors() {
                 for (std::size_t b = 0; b < bodies_.size(); ++b) {
                     if (s.spec.body >= 0 && s.spec.body != int(b)) continue;
                     if (bodies_[b].homes > 0) {
-                        bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due, s.partial.data() + 3 * at);
+                        bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due,
+                                                s.partial.data() + 3 * at);
                     }
                     at += bodies_[b].homes;
                 }
@@ -96,10 +105,13 @@ void Domain<X, T, D>::run_sensors() {
         }
     }
     if (load_count_ > 0) {
-        exec_.for_each_large(measured_count_, MeasureLoads<T, Sum, D>{node, measured_slots_.data(), load_cells_.data(), load_count_,
-                                                                      spec_.cell_size, load_partial_.data()});
+        exec_.for_each_large(
+            measured_count_,
+            MeasureLoads<T, Sum, D>{node, measured_slots_.data(), load_cells_.data(), load_count_,
+                                    spec_.cell_size, load_partial_.data()});
         const int columns = load_count_ * load_columns<D>;
-        exec_.for_each(columns, AddLoads<D>{clock, load_partial_.data(), measured_count_, columns, load_impulse_.data()});
+        exec_.for_each(columns, AddLoads<D>{clock, load_partial_.data(), measured_count_, columns,
+                                            load_impulse_.data()});
     }
 }
 
@@ -169,13 +181,17 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
     push_clock();
     while (true) {
         if constexpr (X::is_device) {
-            // As many steps as the drift will probably allow; a wrong guess costs launches that do nothing.
+            // As many steps as the drift will probably allow; a wrong guess costs launches that do
+            // nothing.
             const double share = clock_.speed * clock_.dt / spec_.cell_size;
             std::int64_t n = X::batch;
-            if (share > 0) n = std::min<std::int64_t>(n, std::int64_t((clock_.drift_limit - clock_.drift) / share) + 1);
+            if (share > 0)
+                n = std::min<std::int64_t>(
+                    n, std::int64_t((clock_.drift_limit - clock_.drift) / share) + 1);
             if (clock_.steps_left >= 0) n = std::min<std::int64_t>(n, clock_.steps_left + 1);
             if (std::isfinite(until)) {
-                n = std::min<std::int64_t>(n, std::int64_t(std::max(0.0, until - clock_.time) / clock_.dt) + 2);
+                n = std::min<std::int64_t>(
+                    n, std::int64_t(std::max(0.0, until - clock_.time) / clock_.dt) + 2);
             }
             const double t0 = now();
             for (std::int64_t k = 0; k < std::max<std::int64_t>(n, 1); ++k) one_step();
@@ -216,7 +232,8 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
     return result;
 }
 
-/// The first step from which on the fastest node never again was slower than a tenth of what it is now.
+/// The first step from which on the fastest node never again was slower than a tenth of what it is
+/// now.
 template <class X, class T, int D>
 std::int64_t Domain<X, T, D>::growth_start() const {
     std::int64_t since = 0;
@@ -235,13 +252,16 @@ Fault Domain<X, T, D>::describe_fault() {
     f.value = clock_.fault_value;
     if (clock_.fault == FaultKind::outran) {
         f.code = clock_.fault_value < 1e299 ? "outran-cell" : "non-finite";
-        f.message = clock_.fault_value < 1e299 ? "a node would carry its particles across more than one cell in one step"
-                                               : "a nodal velocity is not finite";
+        f.message = clock_.fault_value < 1e299
+                        ? "a node would carry its particles across more than one cell in one step"
+                        : "a nodal velocity is not finite";
         return f;
     }
     if (clock_.fault == FaultKind::fixed_point) {
         f.code = "fixed-point";
-        f.message = "nodal sums grew more than 32-fold within one step and no longer fit their fixed-point scale";
+        f.message =
+            "nodal sums grew more than 32-fold within one step and no longer fit their fixed-point "
+            "scale";
         return f;
     }
     const std::size_t b = clock_.fault_particle >> 40;

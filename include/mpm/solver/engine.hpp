@@ -18,7 +18,8 @@ struct Array {
     std::vector<double> data;
 };
 
-/// A named piece of a saved state. `type`: 'f' float32, 'd' float64, 'i' int32, 'l' int64, 'I' uint32, 'L' uint64, 'B' bytes.
+/// A named piece of a saved state. `type`: 'f' float32, 'd' float64, 'i' int32, 'l' int64, 'I'
+/// uint32, 'L' uint64, 'B' bytes.
 struct Blob {
     char type = 'B';
     std::vector<std::size_t> shape;
@@ -64,7 +65,7 @@ struct Attributes {
 };
 
 class Engine {
-  public:
+public:
     Engine() = default;
     Engine(const Engine&) = delete;
     Engine& operator=(const Engine&) = delete;
@@ -87,7 +88,8 @@ class Engine {
 };
 
 /// Names of a sensor's columns and their units.
-std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(const Spec& spec, int sensor);
+std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(const Spec& spec,
+                                                                             int sensor);
 
 std::unique_ptr<Engine> make_cpu_engine(const Spec& spec);
 std::unique_ptr<Engine> make_cuda_engine(const Spec& spec);

@@ -1,4 +1,5 @@
-// What a scene will cost, decided before anything is allocated; the engine allocates by the same decisions.
+// What a scene will cost, decided before anything is allocated; the engine allocates by the same
+// decisions.
 #pragma once
 
 #include <string>
@@ -16,8 +17,8 @@ const MaterialInfo& material(const std::string& name);
 /// What the backend that will run the scene is like.
 struct BackendTraits {
     bool device = false;
-    int sum_bytes = 4;      // of one nodal sum
-    bool fused = true;      // has the fused form in this precision
+    int sum_bytes = 4;  // of one nodal sum
+    bool fused = true;  // has the fused form in this precision
     std::string name;
 };
 BackendTraits cpu_traits(bool single);

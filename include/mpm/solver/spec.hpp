@@ -1,5 +1,5 @@
-// What a caller asks for, as plain values. Python validates and explains; here only what would corrupt a run is checked
-// again. See design/engine-contract.md for the meaning of every entry.
+// What a caller asks for, as plain values. Python validates and explains; here only what would
+// corrupt a run is checked again. See design/engine-contract.md for the meaning of every entry.
 #pragma once
 
 #include <cstdint>

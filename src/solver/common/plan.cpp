@@ -44,7 +44,8 @@ double estimated_slots(const Spec& spec) {
 Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     const int D = spec.dimension;
     if (D != 2 && D != 3) {
-        throw SceneError("dimension is " + std::to_string(D) + "; built are 2 (plane strain) and 3");
+        throw SceneError("dimension is " + std::to_string(D) +
+                         "; built are 2 (plane strain) and 3");
     }
     if (spec.pipeline != "auto" && spec.pipeline != "fused" && spec.pipeline != "two-pass") {
         throw SceneError("pipeline is '" + spec.pipeline + "'; expected auto, fused or two-pass");
@@ -55,13 +56,14 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
 
     plan.fused = spec.pipeline == "auto" ? backend.fused : spec.pipeline == "fused";
     if (plan.fused && !backend.fused) {
-        throw SceneError("pipeline 'fused' is not built for " + numbers + " precision on " + backend.name +
-                         "; use pipeline=\"auto\" or \"two-pass\"");
+        throw SceneError("pipeline 'fused' is not built for " + numbers + " precision on " +
+                         backend.name + "; use pipeline=\"auto\" or \"two-pass\"");
     }
-    plan.pipeline_reason = spec.pipeline != "auto" ? "asked for"
-                           : plan.fused ? "quadratic splines and affine transfer: one pass over the particles"
-                                        : numbers + " precision on " + backend.name +
-                                              " has no fused form: too many sums for the registers of one worker";
+    plan.pipeline_reason =
+        spec.pipeline != "auto" ? "asked for"
+        : plan.fused ? "quadratic splines and affine transfer: one pass over the particles"
+                     : numbers + " precision on " + backend.name +
+                           " has no fused form: too many sums for the registers of one worker";
 
     // Bodies of equal material and equal F-bar settings average their volume together.
     struct Group {
@@ -74,18 +76,21 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         const BodySpec& body = spec.bodies[b];
         const MaterialInfo& m = material(body.material);
         if (int(body.parameters.size()) != m.parameter_count) {
-            throw SceneError("body '" + body.name + "': " + m.name + " takes " + std::to_string(m.parameter_count) +
-                             " parameters, " + std::to_string(body.parameters.size()) + " were given");
+            throw SceneError("body '" + body.name + "': " + m.name + " takes " +
+                             std::to_string(m.parameter_count) + " parameters, " +
+                             std::to_string(body.parameters.size()) + " were given");
         }
         if (body.smoothing == SmoothingForm::none) continue;
         if (!m.volumetric) {
-            throw SceneError("body '" + body.name + "': F-bar needs a material that stores a volume ratio; " + m.name +
+            throw SceneError("body '" + body.name +
+                             "': F-bar needs a material that stores a volume ratio; " + m.name +
                              " does not. Remove fbar from this body");
         }
         for (std::size_t g = 0; g < groups.size(); ++g) {
             const BodySpec& o = *groups[g].first;
-            if (o.material == body.material && o.parameters == body.parameters && o.smoothing == body.smoothing &&
-                o.smoothing_time == body.smoothing_time && o.smoothing_ratio == body.smoothing_ratio) {
+            if (o.material == body.material && o.parameters == body.parameters &&
+                o.smoothing == body.smoothing && o.smoothing_time == body.smoothing_time &&
+                o.smoothing_ratio == body.smoothing_ratio) {
                 group_of[b] = int(g);
             }
         }
@@ -97,7 +102,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     }
     if (int(groups.size()) > max_groups) {
         throw SceneError("the scene has " + std::to_string(groups.size()) +
-                         " different F-bar settings or materials; at most " + std::to_string(max_groups) +
+                         " different F-bar settings or materials; at most " +
+                         std::to_string(max_groups) +
                          " may be smoothed. Give bodies the same material and FBar, or fbar=None");
     }
 
@@ -136,7 +142,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         }
         if (group_of[b] >= 0) {
             p.group = plan.groups[group_of[b]];
-            p.smoothing = body.smoothing == SmoothingForm::two_volume ? Smoothing::two_volumes : Smoothing::one_volume;
+            p.smoothing = body.smoothing == SmoothingForm::two_volume ? Smoothing::two_volumes
+                                                                      : Smoothing::one_volume;
             p.carry = body.smoothing == SmoothingForm::one_volume_gradient;
             p.stress_only = body.smoothing == SmoothingForm::stress_only;
             if (p.smoothing == Smoothing::two_volumes) {
@@ -165,11 +172,13 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     }
     plan.time_step = plan.wave_speed > 0 ? spec.cfl * spec.cell_size / plan.wave_speed : 0;
     if (spec.time_step > 0) {
-        // A lone particle is unstable beyond dx / (c sqrt(d)) (digest, fact 5); one factor covers all materials.
+        // A lone particle is unstable beyond dx / (c sqrt(d)) (digest, fact 5); one factor covers
+        // all materials.
         const double stable = spec.cell_size / (plan.wave_speed * std::sqrt(double(D)));
         if (spec.time_step > stable) {
             char text[192];
-            std::snprintf(text, sizeof text, "time_step is %.6g s; the stable limit of this scene is %.6g s (%s). ",
+            std::snprintf(text, sizeof text,
+                          "time_step is %.6g s; the stable limit of this scene is %.6g s (%s). ",
                           spec.time_step, stable, plan.limited_by.c_str());
             throw SceneError(std::string(text) + "Lower it, or leave it out and set cfl");
         }
@@ -179,7 +188,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
 
     const double slots = D == 2 ? estimated_slots<2>(spec) : estimated_slots<3>(spec);
     plan.memory_grid = slots * block_cells * plan.bytes_per_node;
-    plan.memory_tables = slots * (8 + 4 * (D == 2 ? 9 : 27) + 12) + double(spec.bodies.size()) * slots * block_cells * 4;
+    plan.memory_tables = slots * (8 + 4 * (D == 2 ? 9 : 27) + 12) +
+                         double(spec.bodies.size()) * slots * block_cells * 4;
 
     plan.kernels = {"update_grid", "decide"};
     bool loads = false;

@@ -3,10 +3,12 @@
 
 namespace mpm {
 
-std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(const Spec& spec, int sensor) {
+std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(const Spec& spec,
+                                                                             int sensor) {
     const SensorSpec& s = spec.sensors.at(std::size_t(sensor));
     const bool flat = spec.dimension == 2;
-    const std::vector<std::string> axes = flat ? std::vector<std::string>{"x", "y"} : std::vector<std::string>{"x", "y", "z"};
+    const std::vector<std::string> axes =
+        flat ? std::vector<std::string>{"x", "y"} : std::vector<std::string>{"x", "y", "z"};
     std::vector<std::string> names, units;
     const auto add = [&](const std::string& name, const std::string& unit) {
         names.push_back(name);
@@ -15,10 +17,14 @@ std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(con
     switch (s.kind) {
         case SensorKind::load_cell:
             for (const auto& a : axes) add("force_" + a, flat ? "N/m" : "N");
-            if (flat) add("moment_z", "N");
-            else for (const auto& a : axes) add("moment_" + a, "N m");
+            if (flat)
+                add("moment_z", "N");
+            else
+                for (const auto& a : axes) add("moment_" + a, "N m");
             break;
-        case SensorKind::wave_gauge: add("elevation", "m"); break;
+        case SensorKind::wave_gauge:
+            add("elevation", "m");
+            break;
         case SensorKind::velocity_probe:
             for (const auto& a : axes) add("velocity_" + a, "m/s");
             break;
@@ -29,7 +35,8 @@ std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(con
             }
             break;
         case SensorKind::energy:
-            for (const char* n : {"kinetic", "elastic", "potential", "dissipated"}) add(n, flat ? "J/m" : "J");
+            for (const char* n : {"kinetic", "elastic", "potential", "dissipated"})
+                add(n, flat ? "J/m" : "J");
             break;
     }
     return {names, units};

@@ -1,12 +1,13 @@
-// What one wall does to one node (Bonus 2023, section 5.3 in the consistent form of the digest, 1.10): the outward
-// normal n points out of the wall, u is the node's velocity relative to the wall, u_n = u . n.
+// What one wall does to one node (Bonus 2023, section 5.3 in the consistent form of the
+// digest, 1.10): the outward normal n points out of the wall, u is the node's velocity relative to
+// the wall, u_n = u . n.
 //
 //   sticky     u <- 0
 //   slip       u <- u - u_n n
 //   separable  the same where u_n < 0, nothing where the material leaves
 //
-// Coulomb friction takes from the tangential part at most static * |removed normal speed| whole, else the fraction
-// dynamic * |removed normal speed| / |u_t|.
+// Coulomb friction takes from the tangential part at most static * |removed normal speed| whole,
+// else the fraction dynamic * |removed normal speed| / |u_t|.
 #pragma once
 
 #include "mpm/core/linalg.hpp"

@@ -1,5 +1,5 @@
-// What a material says about itself. Constructors, validation, representation, serialisation and documentation in
-// Python follow from this table (tools/generate_materials.py).
+// What a material says about itself. Constructors, validation, representation, serialisation and
+// documentation in Python follow from this table (tools/generate_materials.py).
 #pragma once
 
 #include <limits>
@@ -31,11 +31,11 @@ inline constexpr double unbounded = std::numeric_limits<double>::infinity();
 /// What the host computes for a reader from one particle's state, in double precision.
 template <int D>
 struct Observation {
-    double volume_ratio;         // J
-    double pressure;             // Pa, positive in compression: -tr(sigma) / 3 with the out-of-plane part
-    double stress[D][D];         // Cauchy stress, Pa (in-plane part in two dimensions)
-    double elastic_energy;       // J per m^3 of undeformed volume
-    double deformation[D][D];    // F; identity for materials that do not store it
+    double volume_ratio;  // J
+    double pressure;      // Pa, positive in compression: -tr(sigma) / 3 with the out-of-plane part
+    double stress[D][D];  // Cauchy stress, Pa (in-plane part in two dimensions)
+    double elastic_energy;     // J per m^3 of undeformed volume
+    double deformation[D][D];  // F; identity for materials that do not store it
 };
 
 }  // namespace mpm

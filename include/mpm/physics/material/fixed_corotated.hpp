@@ -3,9 +3,12 @@
 //   Psi = mu sum (sigma_i - 1)^2 + lambda / 2 (J - 1)^2
 //   tau = P F^T = 2 mu (F - R) F^T + lambda (J - 1) J I
 //
-// The state is H = F - I, so that small strains keep their digits in single precision. With V = F R^T the left
-// stretch and b - I = H + H^T + H H^T, (F - R) F^T = (V - I) V = (b - I) - (b - I) (V + I)^-1: no difference of nearly
-// equal matrices is formed. Two dimensions are plane strain.
+// The state is H = F - I, so that small strains keep their digits in single precision. With
+// V = F R^T the left stretch and b - I = H + H^T + H H^T,
+//
+//   (F - R) F^T = (V - I) V = (b - I) - (b - I) (V + I)^-1
+//
+// and no difference of nearly equal matrices is formed. Two dimensions are plane strain.
 #pragma once
 
 #include "mpm/core/linalg.hpp"
@@ -15,8 +18,8 @@ namespace mpm {
 
 namespace detail {
 
-/// Rotation of the polar decomposition of a matrix with positive determinant by Newton's iteration, which doubles the
-/// correct digits each round; it stops when no lane moves any more.
+/// Rotation of the polar decomposition of a matrix with positive determinant by Newton's iteration,
+/// which doubles the correct digits each round; it stops when no lane moves any more.
 template <class V>
 MPM_INLINE Mat<V, 3> polar_rotation(const Mat<V, 3>& f) {
     using T = ScalarOf<V>;
@@ -85,12 +88,13 @@ struct FixedCorotated {
     }
 
     template <int D>
-    static constexpr int reals = D * D;
+    static constexpr int reals = (D * D);
 
     template <class V, int D>
     MPM_INLINE static Mat<V, D> displacement_gradient(const V (&state)[D * D]) {
         Mat<V, D> h;
-        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) h.e[a][b] = state[a * D + b];
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) h.e[a][b] =
+            state[a * D + b];
         return h;
     }
 
@@ -120,7 +124,8 @@ struct FixedCorotated {
         MPM_UNROLL for (int a = 0; a < D; ++a) s.e[a][a] = s.e[a][a] + T(1);
         const Mat<V, D> c = cofactors(s);
         const V scale = T(1) / determinant(s, c);
-        const Mat<V, D> x = product_transposed(excess, c);  // (b - I) (V + I)^-1 times the determinant
+        const Mat<V, D> x =
+            product_transposed(excess, c);  // (b - I) (V + I)^-1 times the determinant
         const V volumetric_part = k.lame * (dJ * J);
         Mat<V, D> tau;
         MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
@@ -140,7 +145,8 @@ struct FixedCorotated {
         "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
 
     template <int D>
-    MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D], const double* q) {
+    MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],
+                                         const double* q) {
         double h[D * D];
         for (int a = 0; a < D * D; ++a) h[a] = state[a];
         const double mu = q[1] / (2 * (1 + q[2])), lambda = lame(q);
@@ -174,8 +180,10 @@ struct FixedCorotated {
         return o;
     }
 
-  private:
-    MPM_HD static double lame(const double* p) { return p[1] * p[2] / ((1 + p[2]) * (1 - 2 * p[2])); }
+private:
+    MPM_HD static double lame(const double* p) {
+        return p[1] * p[2] / ((1 + p[2]) * (1 - 2 * p[2]));
+    }
 };
 
 }  // namespace mpm

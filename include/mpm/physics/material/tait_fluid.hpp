@@ -1,6 +1,7 @@
-// Weakly compressible fluid: Tait-Murnaghan equation of state in the precision-accelerated form (Bonus 2023,
-// sections 5.4 and 5.12). The state is j = 1 - J [-], positive in compression, advanced as itself; J is never
-// formed, so single precision keeps increments down to 1e-38 instead of 6e-8.
+// Weakly compressible fluid: Tait-Murnaghan equation of state in the precision-accelerated form
+// (Bonus 2023, sections 5.4 and 5.12). The state is j = 1 - J [-], positive in compression,
+// advanced as itself; J is never formed, so single precision keeps increments down to 1e-38 instead
+// of 6e-8.
 //
 //   p = (K / gamma) (J^-gamma - 1) = (K / gamma) expm1(-gamma log1p(-j))           [Pa]
 //   j <- j - eps (1 - j),   eps = dt tr(grad v)
@@ -19,12 +20,14 @@ struct TaitFluid {
     static constexpr const char* source = "Bonus (2023), sections 5.4 and 5.12";
     static constexpr bool volumetric = true;  // stores a volume ratio alone, so F-bar may smooth it
     static constexpr const char* needs = "volume";
-    static constexpr Column columns[] = {{"j", {1, 1}, "volume loss 1 - J, positive in compression", "1"}};
+    static constexpr Column columns[] = {
+        {"j", {1, 1}, "volume loss 1 - J, positive in compression", "1"}};
     static constexpr Parameter parameters[] = {
         {"density", "ρ", "kg/m³", 1000.0, 0.0, unbounded, true, true, "density at zero pressure"},
         {"bulk_modulus", "K", "Pa", 2.2e9, 0.0, unbounded, true, true,
          "bulk modulus at zero pressure; the sound speed is √(K/ρ)"},
-        {"exponent", "γ", "1", 7.15, 1.0, 20.0, false, false, "growth of the bulk modulus with pressure"},
+        {"exponent", "γ", "1", 7.15, 1.0, 20.0, false, false,
+         "growth of the bulk modulus with pressure"},
         {"viscosity", "μ", "Pa·s", 0.001, 0.0, unbounded, false, true, "dynamic viscosity"},
     };
 
@@ -92,7 +95,8 @@ struct TaitFluid {
     }
 
     template <int D>
-    MPM_HD static Observation<D> observe(const double* state, const double (&rate)[D][D], const double* q) {
+    MPM_HD static Observation<D> observe(const double* state, const double (&rate)[D][D],
+                                         const double* q) {
         const double j = state[0], J = 1 - j, K = q[1], gamma = q[2], mu = q[3];
         Observation<D> o{};
         o.volume_ratio = J;
@@ -106,9 +110,10 @@ struct TaitFluid {
                 o.deformation[a][b] = a == b ? 1.0 : 0.0;
             }
         // The closed form loses all digits near J = 1; the series holds there.
-        o.elastic_energy = std::abs(j) < 1e-3
-                               ? K * (0.5 * j * j + (gamma + 1) / 6 * j * j * j)
-                               : K / gamma * (J + std::pow(J, 1 - gamma) / (gamma - 1) - gamma / (gamma - 1));
+        o.elastic_energy =
+            std::abs(j) < 1e-3
+                ? K * (0.5 * j * j + (gamma + 1) / 6 * j * j * j)
+                : K / gamma * (J + std::pow(J, 1 - gamma) / (gamma - 1) - gamma / (gamma - 1));
         return o;
     }
 };

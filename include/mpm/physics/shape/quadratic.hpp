@@ -1,6 +1,6 @@
-// Quadratic B-splines on a grid whose node i is the centre of cell i (Bonus 2023, eq. 2.28). A particle in cell c
-// touches the nodes c-1, c, c+1 on each axis; xi is its offset from the centre of c in cells. The formulae hold for
-// any xi in [-1/2, 1/2].
+// Quadratic B-splines on a grid whose node i is the centre of cell i (Bonus 2023, eq. 2.28). A
+// particle in cell c touches the nodes c-1, c, c+1 on each axis; xi is its offset from the centre
+// of c in cells. The formulae hold for any xi in [-1/2, 1/2].
 #pragma once
 
 #include "mpm/core/linalg.hpp"

@@ -1,17 +1,20 @@
-// Affine transfer between particles and nodes (APIC in its MLS-MPM form; Bonus 2023, eqs. 2.46-2.48, 2.58-2.59).
+// Affine transfer between particles and nodes (APIC in its MLS-MPM form; Bonus 2023,
+// eqs. 2.46-2.48, 2.58-2.59).
 //
 // gather:  value = sum N_i u_i,  slope = sum N_i u_i (x_i - x_p)     for C channels u
 // scatter: node  += N_i (value + slope . (x_i - x_p))
 //
-// Both contract one axis at a time, so that a node costs two multiply-adds a channel instead of four.
-// `Nodes` supplies node values, `Sums` takes them: registers of one worker, fixed-point memory, or plain memory.
+// Both contract one axis at a time, so that a node costs two multiply-adds a channel instead of
+// four. `Nodes` supplies node values, `Sums` takes them: registers of one worker, fixed-point
+// memory, or plain memory.
 #pragma once
 
 #include "mpm/physics/shape/quadratic.hpp"
 
 namespace mpm {
 
-/// A quantity that varies linearly around a particle: value at the particle, slope per cell along each axis.
+/// A quantity that varies linearly around a particle: value at the particle, slope per cell along
+/// each axis.
 template <class V, int D, int C>
 struct Affine {
     V value[C];
@@ -27,7 +30,8 @@ struct Moments {
 };
 
 template <int Axis, class V, int D, int C, class Nodes>
-MPM_INLINE Moments<V, C, D - Axis> collapse(const Nodes& nodes, const Weights<V, D>& w, int offset) {
+MPM_INLINE Moments<V, C, D - Axis> collapse(const Nodes& nodes, const Weights<V, D>& w,
+                                            int offset) {
     Moments<V, C, D - Axis> out;
     MPM_UNROLL for (int k = 0; k < 3; ++k) {
         const int at = offset + k * Nodes::stride(Axis);
@@ -66,7 +70,8 @@ MPM_INLINE void spread(Sums& sums, const Weights<V, D>& w, V weight, const V (&v
         MPM_UNROLL for (int k = 0; k < 3; ++k) {
             const V n = w.value[Axis][k], m = w.moment[Axis][k];
             sums.add_mass(node + k, weight * n);
-            MPM_UNROLL for (int c = 0; c < C; ++c) sums.add(node + k, c, level[c] * n + tilt[c] * m);
+            MPM_UNROLL for (int c = 0; c < C; ++c)
+                sums.add(node + k, c, level[c] * n + tilt[c] * m);
         }
     } else {
         constexpr int step = (D - 1 - Axis) == 1 ? 3 : 9;
@@ -74,7 +79,8 @@ MPM_INLINE void spread(Sums& sums, const Weights<V, D>& w, V weight, const V (&v
             const V distance = T(k - 1) - w.offset(Axis);
             V at[C];
             MPM_UNROLL for (int c = 0; c < C; ++c) at[c] = value[c] + slope[Axis][c] * distance;
-            spread<Axis + 1, V, D, C>(sums, w, weight * w.value[Axis][k], at, slope, node + k * step);
+            spread<Axis + 1, V, D, C>(sums, w, weight * w.value[Axis][k], at, slope,
+                                      node + k * step);
         }
     }
 }
