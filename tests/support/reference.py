@@ -65,7 +65,7 @@ def respond(v, wall_velocity, normal, response):
     tangential = u - un[:, None] * normal
     static, dynamic = response["static_friction"], response["dynamic_friction"]
     if static > 0 or dynamic > 0:
-        a, size = np.abs(un), np.linalg.norm(tangential, axis=1)
+        a, size = np.maximum(0.0, -un), np.linalg.norm(tangential, axis=1)  # only where pressed
         slide = np.maximum(0.0, 1 - dynamic * a / np.where(size > 0, size, 1.0))
         tangential = tangential * np.where(size <= static * a, 0.0, slide)[:, None]
     return np.where(active[:, None], wall_velocity + tangential, v)
@@ -79,18 +79,11 @@ def constrained_nodes(boundary, cells):
         for a, name in enumerate("xyz"[: len(cells)]):
             masks |= {name + "-": index[a] <= 0, name + "+": index[a] >= cells[a] - 1}
         return {face: mask for face, mask in masks.items() if face in boundary["faces"]}
+    # Depth below each face, 0 in the cells next to it, -1 in the layer of cells around the box.
     lower, upper = boundary["lower"], boundary["upper"]
-    span = [(i >= lo) & (i < hi) for i, lo, hi in zip(index, lower, upper, strict=True)]
-    inside = np.logical_and.reduce(span)
     depth = [d for i, lo, hi in zip(index, lower, upper, strict=True) for d in (i - lo, hi - 1 - i)]
-    nearest = np.argmin(depth, axis=0)  # the first of equals
-    masks = {}
-    for face, (axis, side) in enumerate(itertools.product(range(len(cells)), (0, 1))):
-        layer = index[axis] == (upper[axis] if side else lower[axis] - 1)
-        tangential = [s for a, s in enumerate(span) if a != axis]
-        outside = np.logical_and.reduce([layer, *tangential])
-        masks[FACES[face]] = (inside & (nearest == face)) | outside
-    return masks
+    least = np.min(depth, axis=0)  # inside every face at the least depth acts, around it all at -1
+    return {FACES[f]: (d == least) & (least >= -1) for f, d in enumerate(depth)}
 
 
 class Reference:
@@ -126,7 +119,7 @@ class Reference:
             self.jbar.append(j.copy())
             self.h.append(np.zeros((n, self.d, self.d)))
             moving.append(np.broadcast_to(np.asarray(b["velocity"], float), (n, self.d)))
-        self.dt = self.dt_limit  # the speed limit acts from the second step on
+        self.dt = self._limited(max(np.abs(v).max() for v in moving))
         self._clear()
         for k, v in enumerate(moving):
             still = np.zeros((*v.shape, self.d))
