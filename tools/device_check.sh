@@ -5,7 +5,7 @@
 # Expected there: nvcc, Python 3.11 or newer with numpy, h5py, scikit-build-core, pybind11, cmake and
 # ninja, and
 #   LIBMPM_EIGEN_INCLUDE  a folder with Eigen's headers (it holds Eigen/Core)
-#   LIBMPM_WHEELS         a folder of wheels for what is missing there (pydantic, ...); optional
+#   LIBMPM_WHEELS         a folder of wheels for what is missing there; optional
 #   LIBMPM_RESULTS        where logs, figures and benchmark lines go (default: results)
 #   LIBMPM_PYTHON         the interpreter (default: python3)
 #   CUDAARCHS             what to build for (default: native)
