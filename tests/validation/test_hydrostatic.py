@@ -136,6 +136,8 @@ def test_without_smoothing_it_rings_on(device, figure):
     left = [ringing(time, force, period, k) for k in range(periods - 1)]
     _, axes = figure.new()
     axes.plot(left)
+    axes.axhline(0.65, color="r", label="bound")
+    axes.legend()
     axes.set(xlabel="period 4H/c", ylabel="half range of f / f_H", title="no F-bar")
     assert left[0] > 0.9
     assert left[-1] > 0.65
