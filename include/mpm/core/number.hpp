@@ -147,7 +147,7 @@ template <class V>
 struct Split {
     V factor;    // in [sqrt(1/2), sqrt(2))
     V exponent;  // integral
-    V inverse;   // 2^-exponent
+    V inverse;   // 2^(2 - exponent): a normal number for every x
 };
 
 template <class V>
@@ -161,7 +161,7 @@ MPM_INLINE Split<V> split(V x) {
     out.factor = from_bits<V>(bits - (biased << F::mantissa) + (Bits(F::bias) << F::mantissa));
     auto magic = to_bits(V(F::two_mantissa));
     out.exponent = from_bits<V>(biased | magic) - T(F::two_mantissa + F::bias);
-    out.inverse = from_bits<V>((Bits(2 * F::bias) - biased) << F::mantissa);
+    out.inverse = from_bits<V>((Bits(2 * F::bias + 2) - biased) << F::mantissa);
     return out;
 }
 
@@ -181,7 +181,8 @@ MPM_INLINE V expm1_of(V x) {
     V half = (k * T(0.5)) + T(F::magic);
     V first = detail::power_of_two(half);
     V second = detail::power_of_two((k - (half - T(F::magic))) + T(F::magic));
-    V y = first * (second * em1) + (first * second - T(1));
+    V inverse = detail::power_of_two(T(F::magic) - (half - T(F::magic)));
+    V y = first * (second * em1 + (second - inverse));
     y = select(x > V(T(F::exp_high)), V(std::numeric_limits<T>::infinity()), y);
     return select(x == x, y, x);
 }
@@ -212,7 +213,7 @@ MPM_INLINE V log1p_of(V x) {
     V u = x + T(1);
     V lost = select(absolute(x) < V(T(1)), x - (u - T(1)), T(1) - (u - x));
     auto s = detail::split(u);
-    V f = (s.factor - T(1)) + lost * s.inverse;
+    V f = (s.factor - T(1)) + T(0.25) * (lost * s.inverse);
     V y = s.exponent * T(F::ln2_high) + (detail::log_reduced(f) + s.exponent * T(F::ln2_low));
     y = select(u == V(T(0)), V(-std::numeric_limits<T>::infinity()), y);
     y = select(u < V(T(0)), V(std::numeric_limits<T>::quiet_NaN()), y);

@@ -1,0 +1,288 @@
+// Properties that every material must have. The list of models is the build's own, so a new
+// material is covered without a line here.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "mpm/core/number.hpp"
+#include "mpm/kernels/model_headers.inc"
+#include "support/random.hpp"
+
+namespace mpm {
+namespace {
+
+template <class, class... M>
+struct List {
+    using Types = ::testing::Types<M...>;
+};
+#define MPM_MODEL(Model) , Model
+using Models = List<void
+#include "mpm/kernels/models.inc"
+                    >::Types;
+#undef MPM_MODEL
+
+/// Defaults, and usual numbers for what has none.
+template <class M>
+std::vector<double> usual_parameters() {
+    std::vector<double> out;
+    for (const Parameter& p : M::parameters) {
+        if (!std::isnan(p.default_value))
+            out.push_back(p.default_value);
+        else if (std::strcmp(p.unit, "Pa") == 0)
+            out.push_back(1e6);
+        else if (std::strcmp(p.unit, "kg/m³") == 0)
+            out.push_back(1000);
+        else if (std::isinf(p.upper))
+            out.push_back(std::isinf(p.lower) ? 1 : p.lower + 1);
+        else
+            out.push_back(0.5 * (p.lower + p.upper));
+    }
+    return out;
+}
+
+template <class M>
+class Materials : public ::testing::Test {
+protected:
+    std::vector<double> parameters = usual_parameters<M>();
+    test::Random random{23};
+    const double* q() const { return parameters.data(); }
+    double stiffness() const { return M::density(q()) * M::wave_speed(q()) * M::wave_speed(q()); }
+
+    template <class T, int D>
+    struct State {
+        T r[M::template reals<D>] = {};
+    };
+    template <int D>
+    State<double, D> advanced(State<double, D> s, const Mat<double, D>& strain, double by = 1) {
+        Mat<double, D> e = strain;
+        for (auto& row : e.e)
+            for (double& x : row) x *= by;
+        M::template advance<double, D>(s.r, e);
+        return s;
+    }
+    template <int D>
+    Mat<double, D> stress(const State<double, D>& s, const Mat<double, D>& rate = {}) {
+        return M::template kirchhoff<double, D, double>(s.r, rate,
+                                                        M::template constants<double>(q()));
+    }
+    template <int D>
+    Observation<D> observe(const State<double, D>& s, const Mat<double, D>& rate = {}) {
+        return M::template observe<D>(s.r, rate.e, q());
+    }
+    template <int D>
+    static double contract(const Mat<double, D>& a, const Mat<double, D>& b) {
+        double s = 0;
+        for (int i = 0; i < D; ++i)
+            for (int j = 0; j < D; ++j) s += a(i, j) * b(i, j);
+        return s;
+    }
+
+    template <int D>
+    void stress_is_the_derivative_of_the_energy() {
+        for (double size : {1e-6, 1e-4, 1e-2, 0.2}) {
+            for (int round = 0; round < 200; ++round) {
+                const auto s = advanced<D>({}, random.template matrix<D>(size));
+                const auto direction = random.template matrix<D>(1);
+                const double h = 1e-3 * size;
+                const double slope = (observe<D>(advanced<D>(s, direction, h)).elastic_energy -
+                                      observe<D>(advanced<D>(s, direction, -h)).elastic_energy) /
+                                     (2 * h);
+                const auto tau = stress<D>(s);
+                ASSERT_NEAR(contract<D>(tau, direction), slope, 5e-4 * D * test::largest<D>(tau))
+                    << "strain " << size;
+            }
+        }
+    }
+
+    template <int D>
+    void objectivity() {
+        for (double size : {1e-4, 0.2}) {
+            for (int round = 0; round < 200; ++round) {
+                const auto s = advanced<D>({}, random.template matrix<D>(size));
+                const auto rate = random.template matrix<D>(10);
+                const auto turn = random.template rotation<D>();
+                State<double, D> turned = s;
+                if (!M::volumetric) {  // F <- Q F
+                    Mat<double, D> increment = turn;
+                    for (int a = 0; a < D; ++a) increment(a, a) -= 1;
+                    turned = advanced<D>(s, increment);
+                }
+                const auto rotate = [&](const Mat<double, D>& m) {
+                    return product_transposed(product(turn, m), turn);
+                };
+                const auto expected = rotate(stress<D>(s, rate));
+                const auto found = stress<D>(turned, rotate(rate));
+                const auto before = observe<D>(s, rate), after = observe<D>(turned, rotate(rate));
+                const double bound = 1e-12 * stiffness();
+                for (int a = 0; a < D; ++a)
+                    for (int b = 0; b < D; ++b) {
+                        ASSERT_NEAR(found(a, b), expected(a, b), bound);
+                        // Cauchy's stress of the reader is the same law.
+                        ASSERT_NEAR(after.volume_ratio * after.stress[a][b], expected(a, b), bound);
+                        ASSERT_NEAR(found(a, b), found(b, a), bound);
+                    }
+                ASSERT_NEAR(after.volume_ratio, before.volume_ratio, 1e-13);
+                ASSERT_NEAR(after.pressure, before.pressure, 2 * bound);
+                ASSERT_NEAR(after.elastic_energy, before.elastic_energy, bound * size);
+            }
+        }
+    }
+
+    template <int D>
+    void rest() {
+        const State<double, D> s;
+        const auto o = observe<D>(s);
+        const auto tau = stress<D>(s);
+        const State<float, D> single;
+        const auto rough = M::template kirchhoff<float, D, float>(
+            single.r, Mat<float, D>{}, M::template constants<float>(q()));
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b) {
+                EXPECT_EQ(tau(a, b), 0);
+                EXPECT_EQ(rough(a, b), 0);
+                EXPECT_EQ(o.stress[a][b], 0);
+            }
+        EXPECT_EQ(o.elastic_energy, 0);
+        EXPECT_EQ(o.pressure, 0);
+        EXPECT_EQ(o.volume_ratio, 1);
+        EXPECT_TRUE((M::template admissible<double, D>(s.r)));
+    }
+
+    /// rho c^2 is the slope of the normal stress under a strain along one axis only.
+    template <int D>
+    void wave_speed() {
+        for (int axis = 0; axis < D; ++axis) {
+            Mat<double, D> e{};
+            e(axis, axis) = 1e-6;
+            const double up = stress<D>(advanced<D>({}, e))(axis, axis);
+            const double down = stress<D>(advanced<D>({}, e, -1))(axis, axis);
+            EXPECT_NEAR((up - down) / 2e-6, stiffness(), 1e-6 * stiffness());
+        }
+    }
+
+    template <int D>
+    void admissible_range() {
+        const auto at = [&](double ratio) {
+            Mat<double, D> e{};
+            e(0, 0) = ratio - 1;
+            const auto s = advanced<D>({}, e);
+            EXPECT_NEAR(observe<D>(s).volume_ratio, ratio, 1e-12 * std::fabs(ratio));
+            return M::template admissible<double, D>(s.r);
+        };
+        EXPECT_TRUE(at(0.9));
+        EXPECT_TRUE(at(1.1));
+        EXPECT_FALSE(at(1e-3));
+        EXPECT_FALSE(at(-0.5));
+        EXPECT_FALSE(at(1e3));
+        for (int r = 0; r < M::template reals<D>; ++r) {
+            for (double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+                State<double, D> s;
+                s.r[r] = bad;
+                EXPECT_FALSE((M::template admissible<double, D>(s.r))) << bad << " at " << r;
+            }
+        }
+    }
+
+    /// Same state in both precisions: relative to the largest stress, a few units of single.
+    template <int D>
+    void single_precision() {
+        for (double size : {1e-7, 1e-5, 1e-3, 0.1}) {
+            for (int round = 0; round < 100; ++round) {
+                const auto drawn = advanced<D>({}, random.template matrix<D>(size));
+                State<float, D> single;
+                State<double, D> wide;
+                for (int r = 0; r < M::template reals<D>; ++r) {
+                    wide.r[r] = single.r[r] = float(drawn.r[r]);
+                }
+                const auto found = M::template kirchhoff<float, D, float>(
+                    single.r, Mat<float, D>{}, M::template constants<float>(q()));
+                const auto exact = stress<D>(wide);
+                const double scale = M::volumetric ? test::largest<D>(exact) : stiffness() * size;
+                for (int a = 0; a < D; ++a)
+                    for (int b = 0; b < D; ++b) {
+                        ASSERT_NEAR(found(a, b), exact(a, b), 4e-6 * scale) << "strain " << size;
+                    }
+            }
+        }
+    }
+
+    /// A lane computes what a scalar computes, whatever its neighbours are.
+    template <int D>
+    void lanes() {
+        using V = Pack<float, 8>;
+        constexpr int R = M::template reals<D>;
+        const auto constants = M::template constants<float>(q());
+        for (int round = 0; round < 100; ++round) {
+            float column[R][8];
+            State<float, D> alone[8];
+            for (int l = 0; l < 8; ++l) {
+                const auto s =
+                    advanced<D>({}, random.template matrix<D>(l < 2 ? 0 : std::pow(10.0, -l)));
+                for (int r = 0; r < R; ++r) alone[l].r[r] = column[r][l] = float(s.r[r]);
+            }
+            V packed[R];
+            for (int r = 0; r < R; ++r) packed[r] = V::load(column[r]);
+            Mat<V, D> still;
+            for (auto& row : still.e)
+                for (V& x : row) x = V(0.0f);
+            const auto together = M::template kirchhoff<V, D, float>(packed, still, constants);
+            const auto good = M::template admissible<V, D>(packed);
+            for (int l = 0; l < 8; ++l) {
+                EXPECT_TRUE(good[l]);
+                const auto one =
+                    M::template kirchhoff<float, D, float>(alone[l].r, Mat<float, D>{}, constants);
+                double scale = 0;
+                for (auto& row : one.e)
+                    for (float x : row) scale = std::fmax(scale, std::fabs(x));
+                for (int a = 0; a < D; ++a)
+                    for (int b = 0; b < D; ++b) {
+                        ASSERT_NEAR(together(a, b)[l], one(a, b), 1e-5 * scale) << "lane " << l;
+                    }
+            }
+        }
+    }
+};
+TYPED_TEST_SUITE(Materials, Models);
+
+#define MPM_IN_BOTH_DIMENSIONS(property) \
+    TYPED_TEST(Materials, property) {    \
+        this->template property<2>();    \
+        this->template property<3>();    \
+    }
+MPM_IN_BOTH_DIMENSIONS(stress_is_the_derivative_of_the_energy)
+MPM_IN_BOTH_DIMENSIONS(objectivity)
+MPM_IN_BOTH_DIMENSIONS(rest)
+MPM_IN_BOTH_DIMENSIONS(wave_speed)
+MPM_IN_BOTH_DIMENSIONS(admissible_range)
+MPM_IN_BOTH_DIMENSIONS(single_precision)
+MPM_IN_BOTH_DIMENSIONS(lanes)
+
+TYPED_TEST(Materials, table) {
+    using M = TypeParam;
+    std::set<std::string> names;
+    for (const Parameter& p : M::parameters) {
+        EXPECT_TRUE(names.insert(p.name).second) << p.name;
+        EXPECT_LT(p.lower, p.upper) << p.name;
+        EXPECT_NE(std::string(p.meaning), "") << p.name;
+        if (std::isnan(p.default_value)) continue;
+        EXPECT_TRUE(p.lower_open ? p.default_value > p.lower : p.default_value >= p.lower)
+            << p.name;
+        EXPECT_TRUE(p.upper_open ? p.default_value < p.upper : p.default_value <= p.upper)
+            << p.name;
+    }
+    int reals[2] = {};
+    for (const Column& c : M::columns)
+        for (int d = 0; d < 2; ++d) reals[d] += c.components[d];
+    EXPECT_EQ(reals[0], M::template reals<2>);
+    EXPECT_EQ(reals[1], M::template reals<3>);
+    EXPECT_GT(M::density(this->q()), 0);
+    EXPECT_GT(M::wave_speed(this->q()), 0);
+}
+
+}  // namespace
+}  // namespace mpm

@@ -1,0 +1,167 @@
+// Small scenes for engine tests, and what they are asked for.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "mpm/solver/engine.hpp"
+#include "support/random.hpp"
+
+namespace mpm::test {
+
+inline constexpr double forever = std::numeric_limits<double>::infinity();
+
+inline std::vector<double> fluid(double bulk_modulus = 2e5) {
+    return {1000, bulk_modulus, 7.15, 0.001};
+}
+inline std::vector<double> solid(double youngs_modulus = 1e6) { return {800, youngs_modulus, 0.3}; }
+
+inline Spec empty_scene(int dimension, bool single, std::vector<std::int64_t> cells,
+                        double cell_size = 0.1) {
+    Spec s;
+    s.dimension = dimension;
+    s.single = single;
+    s.threads = 1;
+    s.cell_size = cell_size;
+    s.cells = std::move(cells);
+    s.gravity.time = {0};
+    s.gravity.value.assign(std::size_t(dimension), 0.0);
+    return s;
+}
+
+/// Particles at given positions, in metres; the mass follows from `per_cell` particles a cell.
+inline BodySpec body(const Spec& s, std::string name, std::string material,
+                     std::vector<double> parameters, std::vector<double> position,
+                     double per_cell) {
+    BodySpec b;
+    b.name = std::move(name);
+    b.material = std::move(material);
+    b.parameters = std::move(parameters);
+    b.position = std::move(position);
+    b.count = b.position.size() / std::size_t(s.dimension);
+    b.particle_mass = b.parameters[0] * std::pow(s.cell_size, s.dimension) / per_cell;
+    b.velocity.assign(std::size_t(s.dimension), 0.0);
+    b.bounds.assign(std::size_t(2 * s.dimension), 0.0);
+    for (int a = 0; a < s.dimension; ++a)
+        b.bounds[std::size_t(s.dimension + a)] = double(s.cells[a]) * s.cell_size;
+    for (const auto& o : s.bodies) b.first_id = std::max(b.first_id, o.first_id + o.count);
+    return b;
+}
+
+/// A lattice with `n` particles a cell along each axis over the cells [lower, upper).
+inline std::vector<double> lattice(const Spec& s, std::vector<int> lower, std::vector<int> upper,
+                                   int n) {
+    std::vector<double> out;
+    std::size_t total = 1;
+    for (int a = 0; a < s.dimension; ++a) total *= std::size_t((upper[a] - lower[a]) * n);
+    for (std::size_t k = 0; k < total; ++k) {
+        std::size_t rest = k;
+        for (int a = 0; a < s.dimension; ++a) {
+            const std::size_t count = std::size_t((upper[a] - lower[a]) * n);
+            out.push_back((lower[a] + (double(rest % count) + 0.5) / n) * s.cell_size);
+            rest /= count;
+        }
+    }
+    return out;
+}
+
+inline void add_walls(Spec& s, Response response) {
+    BoundarySpec b;
+    b.name = "walls";
+    b.present.assign(std::size_t(2 * s.dimension), 1);
+    b.law.assign(std::size_t(2 * s.dimension), {response, 0, 0});
+    b.end = forever;
+    s.boundaries.push_back(b);
+}
+
+inline void add_energy(Spec& s, double interval) {
+    SensorSpec e;
+    e.name = "energy";
+    e.kind = SensorKind::energy;
+    e.interval = interval;
+    s.sensors.push_back(e);
+}
+
+/// Water and two solid blocks that fall into each other in a closed basin: both materials, two
+/// bodies of one material, F-bar, walls, a box, sensors of all kinds, sorts.
+inline Spec busy_scene(int dimension, bool single) {
+    const bool flat = dimension == 2;
+    Spec s = empty_scene(
+        dimension, single,
+        flat ? std::vector<std::int64_t>{70, 40} : std::vector<std::int64_t>{20, 14, 12});
+    s.gravity.value[std::size_t(dimension - 1)] = -9.81;
+    s.bodies.push_back(
+        body(s, "water", "TaitFluid", fluid(),
+             flat ? lattice(s, {0, 0}, {50, 22}, 2) : lattice(s, {0, 0, 0}, {12, 14, 6}, 2),
+             flat ? 4 : 8));
+    s.bodies.back().smoothing = SmoothingForm::one_volume_gradient;
+    s.bodies.back().smoothing_time = 0.01;
+    for (int k = 0; k < 2; ++k) {
+        const int x = 2 + 5 * k;
+        s.bodies.push_back(body(
+            s, "block" + std::to_string(k), "FixedCorotated", solid(),
+            flat ? lattice(s, {x, 25}, {x + 4, 28}, 3) : lattice(s, {x, 4, 8}, {x + 3, 8, 10}, 2),
+            flat ? 9 : 8));
+        s.bodies.back().velocity[std::size_t(dimension - 1)] = -3.0;
+        s.bodies.back().velocity[0] = 1.0 - 1.5 * k;
+    }
+    add_walls(s, Response::separable);
+    BoundarySpec box;
+    box.name = "box";
+    box.is_box = true;
+    box.lower = flat ? std::vector<int>{58, 0} : std::vector<int>{15, 4, 0};
+    box.upper = flat ? std::vector<int>{62, 20} : std::vector<int>{18, 9, 8};
+    box.present.assign(std::size_t(2 * dimension), 1);
+    box.law.assign(std::size_t(2 * dimension), {Response::separable, 0.3, 0.2});
+    box.end = forever;
+    s.boundaries.push_back(box);
+    add_energy(s, 0.003);
+    SensorSpec load;
+    load.name = "load";
+    load.kind = SensorKind::load_cell;
+    load.boundary = 0;
+    load.faces = (1 << (2 * dimension)) - 1;
+    load.reference.assign(std::size_t(dimension), 0.0);
+    s.sensors.push_back(load);
+    SensorSpec track;
+    track.name = "track";
+    track.kind = SensorKind::tracker;
+    track.body = 1;
+    track.interval = 0.002;
+    track.ids = {s.bodies[1].first_id + 5, s.bodies[1].first_id};
+    s.sensors.push_back(track);
+    return s;
+}
+
+/// Attributes of one body by id: id -> the numbers of all its attributes in a row.
+inline std::map<std::uint64_t, std::vector<double>> table(Engine& engine, int body) {
+    auto names = engine.attribute_names(body);
+    names.erase(std::remove(names.begin(), names.end(), std::string("id")), names.end());
+    const Attributes a = engine.attributes(body, names);
+    std::map<std::uint64_t, std::vector<double>> out;
+    for (std::size_t k = 0; k < a.id.size(); ++k) {
+        auto& row = out[a.id[k]];
+        for (const auto& [name, array] : a.values) {
+            const std::size_t width = array.data.size() / a.id.size();
+            for (std::size_t c = 0; c < width; ++c) row.push_back(array.data[k * width + c]);
+        }
+    }
+    return out;
+}
+
+/// Everything a state consists of, byte for byte; the clock's fields that only tell of the present
+/// call (steps left, time to stop at, why it halted) are not state.
+inline std::map<std::string, std::vector<unsigned char>> state_bytes(Engine& engine) {
+    std::map<std::string, std::vector<unsigned char>> out;
+    for (const auto& [name, blob] : engine.save())
+        if (name != "clock") out[name] = blob.bytes;
+    return out;
+}
+
+}  // namespace mpm::test
