@@ -133,6 +133,9 @@ def test_scene_plan_asks_the_module_of_the_device(
     core.plan = answer
     monkeypatch.setitem(sys.modules, "libmpm._core", core)
     monkeypatch.setitem(sys.modules, "libmpm._cuda", None)
+    # What was found is kept: neither this absence nor what other tests found may leak.
+    absent = backends.CudaStatus(None, (), "not built")
+    monkeypatch.setattr(backends, "cuda_status", lambda: absent)
     plan = scene.plan(device="cuda:1", precision="double", pipeline="two-pass", until=1.0)
     assert plan.device == "cuda:1"
     assert plan.steps == 10000
