@@ -1,4 +1,4 @@
-"""Taichi's usual MLS-MPM step on the benchmark case of ``libmpm bench``, for a comparison on one machine.
+"""Taichi's usual MLS-MPM step on the benchmark case of ``libmpm bench``, on the same machine.
 
 The same cube of water collapses in the same box: 8 particles per cell, sound speed
 c0 = 10 sqrt(2 g H), time step 0.3 dx / c0, quadratic B-splines, affine transfer, one loop over

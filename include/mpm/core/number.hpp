@@ -1,6 +1,7 @@
-// What a physics formula may ask of its number type V: float, double, or a pack of either. Formulae never branch
-// on values; they select. exp, log, expm1 and log1p are our own, without branches or tables, so that a lane, a GPU
-// thread and a scalar compute the same thing; tests hold them to 4 units in the last place.
+// What a physics formula may ask of its number type V: float, double, or a pack of either. Formulae
+// never branch on values; they select. exp, log, expm1 and log1p are our own, without branches or
+// tables, so that a lane, a GPU thread and a scalar compute the same thing; tests hold them to 4
+// units in the last place.
 #pragma once
 
 #include <cmath>
@@ -66,7 +67,8 @@ struct Format<double> {
     static constexpr Bits sqrt_half = 0x3fe6a09e667f3bcdull;
     static constexpr double magic = 6755399441055744.0;
     static constexpr double two_mantissa = 4503599627370496.0;
-    static constexpr double ln2_high = 6.93147180369123816490e-01, ln2_low = 1.90821492927058770002e-10;
+    static constexpr double ln2_high = 6.93147180369123816490e-01,
+                            ln2_low = 1.90821492927058770002e-10;
     static constexpr double exp_low = -745.1332, exp_high = 709.7827;
     static constexpr int exp_terms = 14, log_terms = 12;
 };
@@ -156,7 +158,8 @@ MPM_INLINE Split<V> split(V x) {
     using F = Format<T>;
     using Bits = typename F::Bits;
     auto bits = to_bits(x);
-    auto biased = (bits - F::sqrt_half + (Bits(F::bias) << F::mantissa)) >> F::mantissa;  // exponent + bias
+    auto biased =
+        (bits - F::sqrt_half + (Bits(F::bias) << F::mantissa)) >> F::mantissa;  // exponent + bias
     Split<V> out;
     out.factor = from_bits<V>(bits - (biased << F::mantissa) + (Bits(F::bias) << F::mantissa));
     auto magic = to_bits(V(F::two_mantissa));
