@@ -87,8 +87,11 @@ def rows_of_cells(dimension, count, first=6):
     return grid.reshape(-1, dimension)[:count] + first
 
 
-def compare(spec_of, precision, steps, pipeline="auto"):
-    """Run CPU double and CUDA; positions, velocities and states agree."""
+def compare(spec_of, precision, steps, pipeline="auto", adds=1.0):
+    """Run CPU double and CUDA; positions, velocities and states agree.
+
+    `adds`: how many times more roundings a sum suffers than with eight particles a cell, as a root.
+    """
     reference = scenes.engine(spec_of("double", "auto"))
     machine = scenes.engine(spec_of(precision, pipeline), "cuda")
     for engine in (reference, machine):
@@ -101,7 +104,7 @@ def compare(spec_of, precision, steps, pipeline="auto"):
     )
     assert all(np.isfinite(found[name]).all() for name in found)
     bound = SINGLE if single else {"position": REFERENCE, "velocity": REFERENCE}
-    growth = steps if single else 1
+    growth = steps * adds if single else 1
     error = {name: np.abs(found[name] - expected[name]).max() for name in found}
     assert error["position"] < growth * bound["position"] * DX, error
     assert error["velocity"] < growth * bound["velocity"] * SOUND, error
@@ -140,7 +143,7 @@ def test_particles_piled_into_one_cell(per_cell, material, precision):
             box_scene(3, material()), position, per_cell, precision=precision, pipeline=pipeline
         )
 
-    machine = compare(spec_of, precision, 20)
+    machine = compare(spec_of, precision, 20, adds=max(1.0, np.sqrt(per_cell / 8)))
     assert machine.particle_count(0) == per_cell
 
 

@@ -222,4 +222,15 @@ struct EndStep {
     }
 };
 
+/// The end of a step and the beginning of the next, for backends that pay for every launch.
+template <int D>
+struct TurnStep {
+    EndStep end;
+    BeginStep<D> begin;
+    MPM_HD void operator()() const {
+        end();
+        begin();
+    }
+};
+
 }  // namespace mpm

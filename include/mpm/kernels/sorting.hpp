@@ -133,7 +133,7 @@ struct TouchBoundaries {
     }
 };
 
-/// Present slot -> new slot (-1 where the block vanished).
+/// Slots of one table -> slots of another (-1 where the block is not in it).
 struct MapSlots {
     const std::uint64_t* old_keys;
     const std::uint64_t* new_keys;
@@ -193,15 +193,15 @@ template <class Sum>
 struct MoveSums {
     const Sum* from;
     Sum* to;
-    const std::uint64_t* old_keys;
-    std::int32_t old_slots;
-    const std::uint64_t* new_keys;
+    const std::int32_t* old_slot;  // of each new slot
     int channels;
-    MPM_INLINE void operator()(std::int64_t slot) const {
-        const std::int32_t old = find_key(old_keys, old_slots, new_keys[slot]);
-        Sum* out = to + slot * channels * block_cells;
-        const Sum* in = from + std::int64_t(old) * channels * block_cells;
-        for (int k = 0; k < channels * block_cells; ++k) out[k] = old < 0 ? Sum(0) : in[k];
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::int64_t slot = i / block_cells, old = old_slot[slot];
+        Sum* out = to + slot * channels * block_cells + i % block_cells;
+        const Sum* in = from + old * channels * block_cells + i % block_cells;
+        for (int c = 0; c < channels; ++c) {
+            out[c * block_cells] = old < 0 ? Sum(0) : in[c * block_cells];
+        }
     }
 };
 

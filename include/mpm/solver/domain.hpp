@@ -71,6 +71,8 @@ private:
     void set_boundaries();
     void set_sensors();
     void first_deposit(const Spec& spec);
+    void deposit_all(const Spec& spec);
+    void set_scales(const double (&top)[maxima_count]);
     TimeTableView upload_table(const TableSpec& table, int components);
 
     // domain_step.hpp
@@ -93,6 +95,15 @@ private:
     void link_table();
     void list_homes(Body& body);
 
+    /// Which scale a nodal sum has, by its index among all sums.
+    int scale_of_sum(std::size_t k) const {
+        const int c = int(k / block_cells % std::size_t(plan_.sum_channels));
+        if (c == 0) return max_mass;
+        if (c <= D) return max_momentum;
+        for (const auto& g : plan_.groups)
+            if (g.weight == c) return max_mass;
+        return max_group;
+    }
     int parity() const { return int(clock_.step & 1); }
     GridView<T, Sum, D> grid_view(int parity) {
         return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(),
@@ -102,6 +113,10 @@ private:
         return {grid_view(parity),        clock_buffer_.data(),
                 boundary_records_.data(), int(spec_.boundaries.size()),
                 touched_.data(),          least_mass_};
+    }
+    BeginStep<D> begin_step() {
+        return {clock_buffer_.data(), gravity_, boundary_records_.data(),
+                int(spec_.boundaries.size())};
     }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
     double now() const {

@@ -319,15 +319,40 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
                          (std::sqrt(g) * clock_.dt + 1e-6 * plan_.wave_speed));
         group = std::max(group, m * std::max(j, 1e-7));
     }
-    if constexpr (std::is_integral_v<Sum>) {
-        const double room = std::ldexp(1.0, X::template sum_bits<T> - 6);  // as Decide leaves it
-        clock_.scale_read[max_mass] = power_of_two_below(room / mass);
-        clock_.scale_read[max_momentum] = power_of_two_below(room / momentum);
-        clock_.scale_read[max_group] = power_of_two_below(room / group);
-        for (int m = 0; m < maxima_count; ++m) clock_.scale_write[m] = clock_.scale_read[m];
-    }
-    push_clock();
+    const double bound[maxima_count] = {0, mass, momentum, group};
+    set_scales(bound);
     numbers_.assign(numbers);
+    deposit_all(spec);
+    if constexpr (std::is_integral_v<Sum>) {
+        // The bound may be far above the sums; once more with the scales that the sums ask for.
+        const auto sums = sums_[0].host();
+        double top[maxima_count] = {};
+        for (std::size_t k = 0; k < sums.size(); ++k) {
+            const int m = scale_of_sum(k);
+            top[m] = std::max(top[m], std::abs(double(sums[k])) / clock_.scale_write[m]);
+        }
+        // What cancels in a sum still has to fit alone: no less than a 32nd of the bound.
+        for (int m = 0; m < maxima_count; ++m) top[m] = std::max(top[m], bound[m] / 32);
+        set_scales(top);
+        sums_[0].zero();
+        deposit_all(spec);
+    }
+}
+
+/// Fixed-point scales for sums that reach `top`, with the head room that Decide leaves.
+template <class X, class T, int D>
+void Domain<X, T, D>::set_scales(const double (&top)[maxima_count]) {
+    if constexpr (std::is_integral_v<Sum>) {
+        const double room = std::ldexp(1.0, X::template sum_bits<T> - 6);
+        for (int m = max_mass; m < maxima_count; ++m) {
+            clock_.scale_read[m] = clock_.scale_write[m] = power_of_two_below(room / top[m]);
+        }
+    }
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::deposit_all(const Spec& spec) {
+    push_clock();
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         if (body.count == 0) continue;

@@ -171,17 +171,9 @@ void Domain<X, T, D>::load(const State& state) {
         auto value = detail::numbers(state, "sums");
         const bool was_fixed = saved.type == 'i' || saved.type == 'l';
         double top[maxima_count] = {};
-        const auto kind = [&](std::size_t k) {
-            const int c = int(k / block_cells % plan_.sum_channels);
-            if (c == 0) return int(max_mass);
-            if (c <= D) return int(max_momentum);
-            for (const auto& g : plan_.groups)
-                if (g.weight == c) return int(max_mass);
-            return int(max_group);
-        };
         for (std::size_t k = 0; k < value.size(); ++k) {
-            if (was_fixed) value[k] /= clock_.scale_read[kind(k)];
-            top[kind(k)] = std::max(top[kind(k)], std::abs(value[k]));
+            if (was_fixed) value[k] /= clock_.scale_read[scale_of_sum(k)];
+            top[scale_of_sum(k)] = std::max(top[scale_of_sum(k)], std::abs(value[k]));
         }
         std::vector<Sum> sums(value.size());
         for (int m = 0; m < maxima_count; ++m) {
@@ -195,7 +187,7 @@ void Domain<X, T, D>::load(const State& state) {
         }
         for (std::size_t k = 0; k < value.size(); ++k) {
             if constexpr (std::is_integral_v<Sum>)
-                sums[k] = Sum(std::llrint(value[k] * clock_.scale_read[kind(k)]));
+                sums[k] = Sum(std::llrint(value[k] * clock_.scale_read[scale_of_sum(k)]));
             else
                 sums[k] = Sum(value[k]);
         }

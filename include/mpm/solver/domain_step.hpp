@@ -28,8 +28,7 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
 
 template <class X, class T, int D>
 void Domain<X, T, D>::update_grid() {
-    exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(),
-                              int(spec_.boundaries.size())});
+    if constexpr (!X::is_device) exec_.single(begin_step());  // a device did at the last turn
     const int from = parity();
     UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(),
                                  int(plan_.groups.size())};
@@ -140,7 +139,7 @@ void Domain<X, T, D>::one_step() {
         update_grid();
         run_sensors();
         run_bodies();
-        exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});
+        exec_.single(TurnStep<D>{{clock_buffer_.data(), spec_.cell_size}, begin_step()});
         ++clock_.step;  // what the queue assumes; fetch_clock() brings the truth
     } else {
         const double t0 = now();
@@ -194,6 +193,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
                     n, std::int64_t(std::max(0.0, until - clock_.time) / clock_.dt) + 2);
             }
             const double t0 = now();
+            exec_.single(begin_step());
             for (std::int64_t k = 0; k < std::max<std::int64_t>(n, 1); ++k) one_step();
             fetch_clock();
             timings_["steps"] += now() - t0;

@@ -25,14 +25,18 @@ __global__ void count_up(std::uint32_t* out, std::int64_t n) {
     if (i < n) out[i] = std::uint32_t(i);
 }
 
-/// Every k in [0, n] writes the starts of the keys between its predecessor's and its own.
+/// First place of every key in [0, range], by bisection; a warp's keys read the same places.
 __global__ void mark_starts(const std::uint32_t* sorted, std::int64_t n, std::int64_t range,
                             std::uint32_t* start) {
-    const std::int64_t k = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
-    if (k > n) return;
-    const std::int64_t first = k == 0 ? 0 : std::int64_t(sorted[k - 1]) + 1;
-    const std::int64_t last = k == n ? range : std::int64_t(sorted[k]);
-    for (std::int64_t key = first; key <= last; ++key) start[key] = std::uint32_t(k);
+    const std::int64_t key = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
+    if (key > range) return;
+    std::int64_t low = 0, high = n;
+    while (low < high) {
+        const std::int64_t middle = (low + high) / 2;
+        if (std::int64_t(sorted[middle]) < key) low = middle + 1;
+        else high = middle;
+    }
+    start[key] = std::uint32_t(low);
 }
 
 int bits_for(std::int64_t range) {
@@ -85,7 +89,7 @@ void Cuda::stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t r
                                                    order, n, 0, bits_for(range), stream());
         });
     }
-    launch(&mark_starts, (n + 256) / 256, 1, 256, sorted.data(), n, range, start);
+    launch(&mark_starts, (range + 256) / 256, 1, 256, sorted.data(), n, range, start);
 }
 
 }  // namespace mpm

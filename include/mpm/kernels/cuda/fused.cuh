@@ -14,8 +14,9 @@ namespace mpm::cuda {
 template <int D, int C>
 struct RegisterSums {
     float value[stencil_nodes<D>][C + 1];
-    __device__ __forceinline__ void add(int node, int channel, float v) {
-        value[node][channel] += v;
+    __device__ __forceinline__ void add_terms(int node, int channel, float x, float y) {
+        value[node][channel] += x;
+        value[node][channel] += y;
     }
     __device__ __forceinline__ void add_mass(int node, float v) { value[node][C] += v; }
 };
@@ -23,7 +24,7 @@ struct RegisterSums {
 /// What strays deposit, from the thread that moved them to the one that adds it.
 template <int D, int C>
 struct StrayList {
-    static constexpr int room = 64;
+    static constexpr int room = 128;
     static constexpr int reals = D + C * (1 + D);
     float value[reals][room];
     int cell[room];

@@ -53,7 +53,10 @@ __global__ void __launch_bounds__(pass_threads)
 template <class T, int D>
 struct ChannelSums {
     T value[stencil_nodes<D>];
-    __device__ __forceinline__ void add(int node, int, T v) { value[node] += v; }
+    __device__ __forceinline__ void add_terms(int node, int, T x, T y) {
+        value[node] += x;
+        value[node] += y;
+    }
     __device__ __forceinline__ void add_mass(int, T) {}
 };
 

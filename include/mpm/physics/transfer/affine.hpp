@@ -70,8 +70,14 @@ MPM_INLINE void spread(Sums& sums, const Weights<V, D>& w, V weight, const V (&v
         MPM_UNROLL for (int k = 0; k < 3; ++k) {
             const V n = w.value[Axis][k], m = w.moment[Axis][k];
             sums.add_mass(node + k, weight * n);
-            MPM_UNROLL for (int c = 0; c < C; ++c)
-                sums.add(node + k, c, level[c] * n + tilt[c] * m);
+            MPM_UNROLL for (int c = 0; c < C; ++c) {
+                // Sums that take the terms one by one save an addition in fused multiply-adds.
+                if constexpr (requires { sums.add_terms(node, c, n, m); }) {
+                    sums.add_terms(node + k, c, level[c] * n, tilt[c] * m);
+                } else {
+                    sums.add(node + k, c, level[c] * n + tilt[c] * m);
+                }
+            }
         }
     } else {
         constexpr int step = (D - 1 - Axis) == 1 ? 3 : 9;
