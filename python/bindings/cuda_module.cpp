@@ -10,37 +10,43 @@ namespace py = pybind11;
 PYBIND11_MODULE(_cuda, m) {
     m.doc() = "Compiled core of libmpm: CUDA backend.";
     mpm::python::bind_engine(m, mpm::make_cuda_engine, mpm::cuda_traits);
-    m.def("build_info", [] {
-        py::dict d;
-        d["version"] = LIBMPM_VERSION;
-        d["compiler"] = "g++ " __VERSION__;
-        d["cuda"] = true;
-        d["openmp"] = false;
-        d["instruction_set"] = "cuda";
-        d["dimensions"] = std::vector<int>{2, 3};
-        d["precisions"] = std::vector<std::string>{"single", "double"};
-        std::vector<std::string> names;
-        for (const auto& material : mpm::materials()) names.push_back(material.name);
-        d["materials"] = names;
-        d["threads"] = 0;
-        d["cuda_runtime"] = mpm::cuda_runtime();
-        std::vector<std::string> architectures;
-        std::istringstream text(LIBMPM_CUDA_ARCHITECTURES);
-        for (std::string one; std::getline(text, one, ',');) architectures.push_back(one);
-        d["architectures"] = architectures;
-        return d;
-    }, "How this library was built.");
-    m.def("devices", [] {
-        py::list out;
-        for (const auto& device : mpm::cuda_devices()) {
+    m.def(
+        "build_info",
+        [] {
             py::dict d;
-            d["index"] = device.index;
-            d["name"] = device.name;
-            d["memory"] = device.memory;
-            d["free"] = device.free;
-            d["compute_capability"] = device.compute_capability;
-            out.append(d);
-        }
-        return out;
-    }, "The CUDA devices; raises DeviceError with the reason when there are none.");
+            d["version"] = LIBMPM_VERSION;
+            d["compiler"] = "g++ " __VERSION__;
+            d["cuda"] = true;
+            d["openmp"] = false;
+            d["instruction_set"] = "cuda";
+            d["dimensions"] = std::vector<int>{2, 3};
+            d["precisions"] = std::vector<std::string>{"single", "double"};
+            std::vector<std::string> names;
+            for (const auto& material : mpm::materials()) names.push_back(material.name);
+            d["materials"] = names;
+            d["threads"] = 0;
+            d["cuda_runtime"] = mpm::cuda_runtime();
+            std::vector<std::string> architectures;
+            std::istringstream text(LIBMPM_CUDA_ARCHITECTURES);
+            for (std::string one; std::getline(text, one, ',');) architectures.push_back(one);
+            d["architectures"] = architectures;
+            return d;
+        },
+        "How this library was built.");
+    m.def(
+        "devices",
+        [] {
+            py::list out;
+            for (const auto& device : mpm::cuda_devices()) {
+                py::dict d;
+                d["index"] = device.index;
+                d["name"] = device.name;
+                d["memory"] = device.memory;
+                d["free"] = device.free;
+                d["compute_capability"] = device.compute_capability;
+                out.append(d);
+            }
+            return out;
+        },
+        "The CUDA devices; raises DeviceError with the reason when there are none.");
 }

@@ -1,5 +1,6 @@
-// The CUDA executor: memory of one device, kernels on a stream of its own. The verbs mean what they mean on the CPU
-// (exec/cpu.hpp); everything is queued and only `download`, `upload` and `wait` stop for it.
+// The CUDA executor: memory of one device, kernels on a stream of its own. The verbs mean what they
+// mean on the CPU (exec/cpu.hpp); everything is queued and only `download`, `upload` and `wait`
+// stop for it.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -22,11 +23,13 @@ void check(cudaError_t code, const char* what, const char* file, int line);
 
 /// Makes a device current for a scope.
 class DeviceGuard {
-  public:
+public:
     explicit DeviceGuard(int device) {
         MPM_CUDA(cudaGetDevice(&before_));
-        if (before_ == device) before_ = -1;
-        else MPM_CUDA(cudaSetDevice(device));
+        if (before_ == device)
+            before_ = -1;
+        else
+            MPM_CUDA(cudaSetDevice(device));
     }
     ~DeviceGuard() {
         if (before_ >= 0) cudaSetDevice(before_);
@@ -34,7 +37,7 @@ class DeviceGuard {
     DeviceGuard(const DeviceGuard&) = delete;
     DeviceGuard& operator=(const DeviceGuard&) = delete;
 
-  private:
+private:
     int before_ = -1;
 };
 
@@ -51,7 +54,8 @@ __global__ void each_kernel(std::int64_t n, const __grid_constant__ F f) {
 
 inline constexpr int max_threads = 256;
 
-/// Maxima are not negative, so their bits order as they do, and the largest is the same in whatever order it is found.
+/// Maxima are not negative, so their bits order as they do, and the largest is the same in whatever
+/// order it is found.
 template <int M, class F>
 __global__ void __launch_bounds__(max_threads)
     max_kernel(std::int64_t n, const __grid_constant__ F f, double* maxima) {
@@ -94,7 +98,7 @@ struct SumOf<double> {
 }  // namespace cuda
 
 class Cuda {
-  public:
+public:
     static constexpr bool is_device = true;
     /// Type of a nodal sum: fixed point, so that sums do not depend on their order.
     template <class T>
@@ -126,11 +130,14 @@ class Cuda {
 
     /// Queues a kernel of `blocks` x `rows` blocks.
     template <class... P, class... A>
-    void launch(void (*kernel)(P...), std::int64_t blocks, int rows, int threads, const A&... arguments) {
+    void launch(void (*kernel)(P...), std::int64_t blocks, int rows, int threads,
+                const A&... arguments) {
         if (blocks <= 0) return;
-        if (blocks > 0x7fffffff) throw CapacityError("more than 2^31 - 1 blocks of threads in one launch");
+        if (blocks > 0x7fffffff)
+            throw CapacityError("more than 2^31 - 1 blocks of threads in one launch");
         const cuda::DeviceGuard guard(device());
-        kernel<<<dim3(unsigned(blocks), unsigned(rows)), unsigned(threads), 0, stream()>>>(arguments...);
+        kernel<<<dim3(unsigned(blocks), unsigned(rows)), unsigned(threads), 0, stream()>>>(
+            arguments...);
         MPM_CUDA(cudaGetLastError());
     }
 
@@ -142,7 +149,8 @@ class Cuda {
     void for_each(std::int64_t n, const F& f) {
         launch(&cuda::each_kernel<F>, (n + 255) / 256, 1, 256, n, f);
     }
-    /// Iterations that cost much more than a few nanoseconds each: small blocks, so that they spread.
+    /// Iterations that cost much more than a few nanoseconds each: small blocks, so that they
+    /// spread.
     template <class F>
     void for_each_large(std::int64_t n, const F& f) {
         launch(&cuda::each_kernel<F>, (n + 31) / 32, 1, 32, n, f);
@@ -156,24 +164,28 @@ class Cuda {
         zero(maxima, M * sizeof(double));
         const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
         const std::int64_t most = 8 * multiprocessors();
-        launch(&cuda::max_kernel<M, F>, blocks < most ? blocks : most, 1, cuda::max_threads, n, f, maxima);
+        launch(&cuda::max_kernel<M, F>, blocks < most ? blocks : most, 1, cuda::max_threads, n, f,
+               maxima);
     }
 
     /// out[i] = sum of in[0 .. i), for i in [0, n]: n + 1 results.
     void exclusive_scan(const std::uint32_t* in, std::uint32_t* out, std::int64_t n);
     /// Ascending, each once; returns how many remain.
     std::int64_t sort_unique(std::uint64_t* keys, std::int64_t n);
-    /// order[k] = index of the k-th element by key, ties in index order; start[key] = first k of that key, for keys in
-    /// [0, range].
-    void stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t range, std::uint32_t* order,
-                      std::uint32_t* start);
+    /// order[k] = index of the k-th element by key, ties in index order; start[key] = first k of
+    /// that key, for keys in [0, range].
+    void stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t range,
+                      std::uint32_t* order, std::uint32_t* start);
 
     // Inside kernels. On the host they only have to exist.
-    MPM_INLINE static void raise(std::uint32_t* flag) { *static_cast<volatile std::uint32_t*>(flag) = 1; }
+    MPM_INLINE static void raise(std::uint32_t* flag) {
+        *static_cast<volatile std::uint32_t*>(flag) = 1;
+    }
     /// Keeps the smallest value seen.
     MPM_INLINE static void keep_smallest(std::uint64_t* to, std::uint64_t value) {
 #if defined(__CUDA_ARCH__)
-        atomicMin(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(value));
+        atomicMin(reinterpret_cast<unsigned long long*>(to),
+                  static_cast<unsigned long long>(value));
 #else
         if (value < *to) *to = value;
 #endif
@@ -187,7 +199,7 @@ class Cuda {
 #endif
     }
 
-  private:
+private:
     struct Context {
         explicit Context(int device);
         ~Context() { close(); }

@@ -1,5 +1,6 @@
-// What the drivers of all backends share around the formulae of one particle: uniform numbers, the cell a particle
-// stands in, the checks of its state, its energies. No loop over particles and no memory.
+// What the drivers of all backends share around the formulae of one particle: uniform numbers, the
+// cell a particle stands in, the checks of its state, its energies. No loop over particles and no
+// memory.
 #pragma once
 
 #include "mpm/kernels/particle.hpp"
@@ -50,9 +51,7 @@ MPM_INLINE MaskOf<V> sound(const Vec<V, D>& xi, const V (&state)[R]) {
     V own[Material::template reals<D>];
     MPM_UNROLL for (int r = 0; r < Material::template reals<D>; ++r) own[r] = state[r];
     MaskOf<V> ok = Material::template admissible<V, D>(own);
-    MPM_UNROLL for (int a = 0; a < D; ++a) {
-        ok = ok & (absolute(xi[a]) <= V(ScalarOf<V>(1.75)));
-    }
+    MPM_UNROLL for (int a = 0; a < D; ++a) { ok = ok & (absolute(xi[a]) <= V(ScalarOf<V>(1.75))); }
     return ok;
 }
 
@@ -65,8 +64,7 @@ MPM_INLINE std::uint64_t fault_number(std::uint64_t body, std::uint32_t particle
 /// the lower corner. `cell` is its home cell in the block, whose first cell is `corner`.
 template <class Material, class T, int D, int C, class Nodes, class P>
 MPM_INLINE void add_energies(const P& pass, const Nodes& nodes, const std::int64_t (&corner)[D],
-                             const int (&home)[D], Vec<T, D> xi, const T* state,
-                             double (&sum)[3]) {
+                             const int (&home)[D], Vec<T, D> xi, const T* state, double (&sum)[3]) {
     const double dx = 4 / pass.numbers->rate;
     int cell[D];
     double height = 0, square = 0;

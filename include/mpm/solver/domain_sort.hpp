@@ -194,11 +194,10 @@ bool Domain<X, T, D>::sort() {
     Buffer<X, Sum> moved(exec_);
     moved.reserve_discard(std::size_t(new_slots) * plan_.sum_channels * block_cells);
     map.reserve_discard(new_slots);
-    exec_.for_each(new_slots,
-                   MapSlots{keys.data(), keys_.data(), std::int32_t(slots), map.data()});
-    exec_.for_each(std::int64_t(new_slots) * block_cells,
-                   MoveSums<Sum>{sums_[now_reading].data(), moved.data(), map.data(),
-                                 plan_.sum_channels});
+    exec_.for_each(new_slots, MapSlots{keys.data(), keys_.data(), std::int32_t(slots), map.data()});
+    exec_.for_each(
+        std::int64_t(new_slots) * block_cells,
+        MoveSums<Sum>{sums_[now_reading].data(), moved.data(), map.data(), plan_.sum_channels});
     sums_[now_reading].swap(moved);
     sums_[1 - now_reading].reserve_discard(std::size_t(new_slots) * plan_.sum_channels *
                                            block_cells);

@@ -56,8 +56,8 @@ Cuda::Context::Context(int device) : device(device) {
     }
     if (device < 0 || device >= count) {
         throw DeviceError("there is no CUDA device " + std::to_string(device) + "; found " +
-                          std::to_string(count) + ". Choose one of cuda:0 to cuda:" +
-                          std::to_string(count - 1));
+                          std::to_string(count) +
+                          ". Choose one of cuda:0 to cuda:" + std::to_string(count - 1));
     }
     const cuda::DeviceGuard guard(device);
     MPM_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device));

@@ -33,8 +33,10 @@ __global__ void mark_starts(const std::uint32_t* sorted, std::int64_t n, std::in
     std::int64_t low = 0, high = n;
     while (low < high) {
         const std::int64_t middle = (low + high) / 2;
-        if (std::int64_t(sorted[middle]) < key) low = middle + 1;
-        else high = middle;
+        if (std::int64_t(sorted[middle]) < key)
+            low = middle + 1;
+        else
+            high = middle;
     }
     start[key] = std::uint32_t(low);
 }

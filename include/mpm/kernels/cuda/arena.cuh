@@ -127,9 +127,9 @@ __device__ __forceinline__ void add_to_grid(const Pass<Cuda, T, D>& pass,
                                             const std::int32_t* neighbours, int neighbour, int node,
                                             int channel, Cuda::Sum<T> x) {
     if (x == 0) return;
-    Cuda::Sum<T>* to =
-        pass.grid.sums +
-        std::int64_t(neighbours[neighbour]) * pass.grid.sum_channels * block_cells + node;
+    Cuda::Sum<T>* to = pass.grid.sums +
+                       std::int64_t(neighbours[neighbour]) * pass.grid.sum_channels * block_cells +
+                       node;
     const int place = channel < D ? 1 + channel : pass.group.sum;
     add_fixed(to + place * block_cells, x);
 }
@@ -138,9 +138,9 @@ __device__ __forceinline__ void add_mass_to_grid(const Pass<Cuda, T, D>& pass,
                                                  const std::int32_t* neighbours, int neighbour,
                                                  int node, Cuda::Sum<T> x) {
     if (x == 0) return;
-    Cuda::Sum<T>* to =
-        pass.grid.sums +
-        std::int64_t(neighbours[neighbour]) * pass.grid.sum_channels * block_cells + node;
+    Cuda::Sum<T>* to = pass.grid.sums +
+                       std::int64_t(neighbours[neighbour]) * pass.grid.sum_channels * block_cells +
+                       node;
     add_fixed(to, x);
     if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, x);
 }
@@ -163,8 +163,10 @@ struct GridSums {
             rest /= 3;
         }
         arena_node<D>(at, neighbour, number);
-        if (channel < C) add_to_grid<T, D>(pass, neighbours, neighbour, number, channel, to_fixed(x));
-        else add_mass_to_grid<T, D>(pass, neighbours, neighbour, number, to_fixed(x));
+        if (channel < C)
+            add_to_grid<T, D>(pass, neighbours, neighbour, number, channel, to_fixed(x));
+        else
+            add_mass_to_grid<T, D>(pass, neighbours, neighbour, number, to_fixed(x));
     }
     __device__ __forceinline__ void add(int node, int channel, T v) { put(node, channel, v); }
     __device__ __forceinline__ void add_mass(int node, T v) { put(node, C, v); }
@@ -176,8 +178,10 @@ __device__ __forceinline__ int cell_holding(const I* start, I i) {
     int low = 0, high = block_cells;
     MPM_UNROLL for (int k = 0; k < 6; ++k) {
         const int middle = (low + high) / 2;
-        if (start[middle] <= i) low = middle;
-        else high = middle;
+        if (start[middle] <= i)
+            low = middle;
+        else
+            high = middle;
     }
     return low;
 }
@@ -211,9 +215,10 @@ __device__ __forceinline__ void store(const BodyView<T, D>& body, std::uint32_t 
 
 /// One particle's step up to its deposit; xi stays relative to the home cell.
 template <class Material, Smoothing S, class T, int D, int C>
-__device__ __forceinline__ Affine<T, D, C> advance(
-    const VelocityArena<T, D, C>& nodes, const int (&home)[D], Vec<T, D>& xi,
-    T (&state)[state_reals<Material, D, S>], const StepNumbers<T, Material>& numbers) {
+__device__ __forceinline__ Affine<T, D, C> advance(const VelocityArena<T, D, C>& nodes,
+                                                   const int (&home)[D], Vec<T, D>& xi,
+                                                   T (&state)[state_reals<Material, D, S>],
+                                                   const StepNumbers<T, Material>& numbers) {
     using Arena = VelocityArena<T, D, C>;
     int cell[D];
     Vec<T, D> local;

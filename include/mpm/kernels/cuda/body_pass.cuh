@@ -29,8 +29,10 @@ namespace mpm {
 template <class T, int D, class Material>
 BodyOps<Cuda, T, D> cuda_body_ops(Smoothing s) {
     if constexpr (Material::volumetric) {
-        if (s == Smoothing::one_volume) return cuda::instance<Material, Smoothing::one_volume, T, D>();
-        if (s == Smoothing::two_volumes) return cuda::instance<Material, Smoothing::two_volumes, T, D>();
+        if (s == Smoothing::one_volume)
+            return cuda::instance<Material, Smoothing::one_volume, T, D>();
+        if (s == Smoothing::two_volumes)
+            return cuda::instance<Material, Smoothing::two_volumes, T, D>();
     }
     return cuda::instance<Material, Smoothing::none, T, D>();
 }

@@ -1,10 +1,10 @@
 // CUDA driver of the fused step in single precision: loops, lists and flush; no formula.
 //
-// A block of 64 threads owns a block of 64 cells, a thread one cell. A thread takes the particles of
-// its cell one after another and keeps the 3^D x (C + 1) sums of the cell in registers; at the end
-// they go to shared memory as integers, and from there to the grid. Two kinds of particles are done
-// afterwards, one thread each: strays, no longer in the cell they were sorted into, and the surplus
-// of cells that hold more than the others, which would hold up their warp.
+// A block of 64 threads owns a block of 64 cells, a thread one cell. A thread takes the particles
+// of its cell one after another and keeps the 3^D x (C + 1) sums of the cell in registers; at the
+// end they go to shared memory as integers, and from there to the grid. Two kinds of particles are
+// done afterwards, one thread each: strays, no longer in the cell they were sorted into, and the
+// surplus of cells that hold more than the others, which would hold up their warp.
 #pragma once
 
 #include "mpm/kernels/cuda/arena.cuh"
@@ -141,8 +141,10 @@ __global__ void __launch_bounds__(block_cells, 4)
                 scatter<float, D, C>(sums, quadratic_weights<float, D>(xi), 1.0f, u);
             } else {
                 const int k = atomicAdd(&strays.count, 1);
-                if (k < strays.room) strays.put(k, cell, local, u);
-                else fits = deposit(cell, local, u) & fits;
+                if (k < strays.room)
+                    strays.put(k, cell, local, u);
+                else
+                    fits = deposit(cell, local, u) & fits;
             }
         }
         std::int32_t* at = arena.at + stencil_origin<Sums, D>(home);

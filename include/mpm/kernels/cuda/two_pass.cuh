@@ -80,8 +80,10 @@ struct ChannelToGrid {
             rest /= 3;
         }
         arena_node<D>(at, neighbour, number);
-        if (is_mass) add_mass_to_grid<T, D>(pass, neighbours, neighbour, number, to_fixed(x));
-        else add_to_grid<T, D>(pass, neighbours, neighbour, number, channel, to_fixed(x));
+        if (is_mass)
+            add_mass_to_grid<T, D>(pass, neighbours, neighbour, number, to_fixed(x));
+        else
+            add_to_grid<T, D>(pass, neighbours, neighbour, number, channel, to_fixed(x));
     }
     __device__ __forceinline__ void add_mass(int, T) {}
 };
@@ -100,10 +102,9 @@ __global__ void __launch_bounds__(block_cells)
     const Scales<T, D> scales(pass);
     int home[D];
     Block<D>::coordinates(threadIdx.x, home);
-    ChannelToGrid<T, D> grid{
-        pass,    neighbours_of(pass.grid.table, slot),
-        is_mass ? scales.mass : (channel < D ? scales.momentum : scales.group),
-        channel, is_mass};
+    ChannelToGrid<T, D> grid{pass, neighbours_of(pass.grid.table, slot),
+                             is_mass ? scales.mass : (channel < D ? scales.momentum : scales.group),
+                             channel, is_mass};
     ChannelSums<T, D> sums{};
     const std::size_t n = pass.body.count;
 #pragma unroll 1
@@ -113,7 +114,8 @@ __global__ void __launch_bounds__(block_cells)
         Affine<T, D, 1> u;
         u.value[0] = is_mass ? T(1) : pass.scratch[channel * n + q];
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            u.slope[a][0] = is_mass ? T(0) : pass.scratch[(channels + a * channels + channel) * n + q];
+            u.slope[a][0] =
+                is_mass ? T(0) : pass.scratch[(channels + a * channels + channel) * n + q];
         }
         if (settle<T, D>(home, xi, grid.cell, local)) {
             scatter<T, D, 1>(sums, quadratic_weights<T, D>(local), T(1), u);
