@@ -16,10 +16,6 @@ from support.tolerances import ROUNDING
 PRECISIONS = pytest.mark.parametrize("precision", ["single", "double"])
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
 STEPS = 200
-DROPPED = (
-    "nodes below 1e-10 of a particle's mass are left out of the grid: in double precision each "
-    "such node loses more than rounding (1.3e-12 of the momentum in 200 steps, 2D)"
-)
 
 
 def sums(mass, velocity, position):
@@ -39,14 +35,12 @@ def grid(machine):
 
 @PRECISIONS
 @DIMENSIONS
-def test_free_spinning_body(dimension, precision, device, request):
+def test_free_spinning_body(dimension, precision, device):
     """Without walls and gravity nothing changes, the affine part of the rotation included.
 
     The sums of the grid hold it: Σ m x × v over nodes equals the particles' angular momentum plus
     that of their affine velocities, and a symmetric stress adds none.
     """
-    if precision == "double":
-        request.applymarker(pytest.mark.xfail(strict=True, reason=DROPPED))
     spec = scenes.specification(scenes.free_body(dimension), precision=precision)
     body = spec["bodies"][0]
     arm = body["position"] - body["position"].mean(axis=0)

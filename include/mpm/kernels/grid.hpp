@@ -5,9 +5,11 @@
 
 namespace mpm {
 
-/// Below this share of the lightest particle's mass a node does not move: its weight in any particle's velocity is
-/// smaller still, and its quotient momentum / mass would be noise.
-inline constexpr double negligible_mass = 1e-10;
+/// Below this share of the lightest particle's mass a node does not move: its weight in any particle's
+/// velocity is smaller still, and in single precision its quotient momentum / mass would be noise.
+/// What such nodes hold is lost, so the share lies below the rounding of the sums around it.
+template <class T>
+inline constexpr double negligible_mass = sizeof(T) == 4 ? 1e-10 : 1e-18;
 /// With fixed-point sums, the least number of quanta for the same reason.
 inline constexpr double least_quanta = 16;
 
@@ -80,7 +82,7 @@ struct NodeUpdate {
             if (double(s[0]) < least_quanta) return 0;
         }
         const T m = from_sum<T>(s[0], clock->scale_read[max_mass]);
-        return m > T(negligible_mass * least_mass) ? m : T(0);
+        return m > T(negligible_mass<T> * least_mass) ? m : T(0);
     }
     MPM_INLINE void cell(std::int32_t slot, int node, std::int64_t (&c)[D]) const {
         std::int64_t b[D];

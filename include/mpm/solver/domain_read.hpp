@@ -237,7 +237,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
         for (int node = 0; node < block_cells; ++node) {
             const double m = from_sum<double>(sums[slot * plan_.sum_channels * block_cells + node],
                                               clock_.scale_read[max_mass]);
-            if (!(m > negligible_mass * least_mass_)) continue;
+            if (!(m > negligible_mass<T> * least_mass_)) continue;
             ++n;
             int at[D];
             Block<D>::coordinates(node, at);
