@@ -57,7 +57,7 @@ def build() -> RunFile:
                         upper=tuple(round(a + b, 9) for a, b in zip(lower, BLOCK, strict=True)),
                     ),
                     material=materials.FixedCorotated(
-                        density=700, youngs_modulus=8e5, poissons_ratio=0.3
+                        density=600, youngs_modulus=1.2e6, poissons_ratio=0.3
                     ),
                     particles_per_cell=8,
                 )

@@ -11,19 +11,24 @@ namespace {
 /// What the loader picks for the cloned loops on this processor.
 const char* instruction_set() {
     __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw") &&
-        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512cd")) {
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+        __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
+        __builtin_cpu_supports("avx512cd")) {
         return "x86-64-v4";
     }
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")) return "x86-64-v3";
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
+        __builtin_cpu_supports("bmi2"))
+        return "x86-64-v3";
     return "x86-64";
 }
 
 template <class T>
-py::array_t<T> equation_of_state(const py::array_t<T, py::array::c_style>& j, double bulk_modulus, double exponent) {
+py::array_t<T> equation_of_state(const py::array_t<T, py::array::c_style>& j, double bulk_modulus,
+                                 double exponent) {
     py::array_t<T> out(j.size());
     for (py::ssize_t k = 0; k < j.size(); ++k) {
-        out.mutable_data()[k] = mpm::TaitFluid::pressure<T, T>(j.data()[k], T(bulk_modulus / exponent), T(exponent));
+        out.mutable_data()[k] =
+            mpm::TaitFluid::pressure<T, T>(j.data()[k], T(bulk_modulus / exponent), T(exponent));
     }
     return out;
 }
@@ -33,27 +38,33 @@ py::array_t<T> equation_of_state(const py::array_t<T, py::array::c_style>& j, do
 PYBIND11_MODULE(_core, m) {
     m.doc() = "Compiled core of libmpm: CPU backend (OpenMP).";
     mpm::python::bind_engine(m, mpm::make_cpu_engine, mpm::cpu_traits);
-    m.def("material_table", &mpm::python::material_table, "Descriptions of all materials and their parameters.");
-    m.def("build_info", [] {
-        py::dict d;
-        d["version"] = LIBMPM_VERSION;
-        d["compiler"] = "g++ " __VERSION__;
+    m.def("material_table", &mpm::python::material_table,
+          "Descriptions of all materials and their parameters.");
+    m.def(
+        "build_info",
+        [] {
+            py::dict d;
+            d["version"] = LIBMPM_VERSION;
+            d["compiler"] = "g++ " __VERSION__;
 #if defined(LIBMPM_WITH_CUDA)
-        d["cuda"] = true;
+            d["cuda"] = true;
 #else
-        d["cuda"] = false;
+            d["cuda"] = false;
 #endif
-        d["openmp"] = true;
-        d["instruction_set"] = instruction_set();
-        d["dimensions"] = std::vector<int>{2, 3};
-        d["precisions"] = std::vector<std::string>{"single", "double"};
-        std::vector<std::string> names;
-        for (const auto& material : mpm::materials()) names.push_back(material.name);
-        d["materials"] = names;
-        d["threads"] = omp_get_max_threads();
-        return d;
-    }, "How this library was built and what it will use.");
-    m.def("equation_of_state", &equation_of_state<float>, py::arg("j").noconvert(), py::arg("bulk_modulus"), py::arg("exponent"),
+            d["openmp"] = true;
+            d["instruction_set"] = instruction_set();
+            d["dimensions"] = std::vector<int>{2, 3};
+            d["precisions"] = std::vector<std::string>{"single", "double"};
+            std::vector<std::string> names;
+            for (const auto& material : mpm::materials()) names.push_back(material.name);
+            d["materials"] = names;
+            d["threads"] = omp_get_max_threads();
+            return d;
+        },
+        "How this library was built and what it will use.");
+    m.def("equation_of_state", &equation_of_state<float>, py::arg("j").noconvert(),
+          py::arg("bulk_modulus"), py::arg("exponent"),
           "Pressure [Pa] of TaitFluid for volume losses j = 1 - J, in the precision of j.");
-    m.def("equation_of_state", &equation_of_state<double>, py::arg("j").noconvert(), py::arg("bulk_modulus"), py::arg("exponent"));
+    m.def("equation_of_state", &equation_of_state<double>, py::arg("j").noconvert(),
+          py::arg("bulk_modulus"), py::arg("exponent"));
 }

@@ -1,4 +1,5 @@
-// What both modules export: Engine, plan and the reading of a spec. Thin: no defaults, no policy; Python owns those.
+// What both modules export: Engine, plan and the reading of a spec. Thin: no defaults, no policy;
+// Python owns those.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -29,8 +30,8 @@ inline TableSpec read_table(const py::dict& d, int dimension, const std::string&
     const auto end = d["end"].cast<std::string>();
     t.end = end == "repeat" ? TableEnd::repeat : (end == "zero" ? TableEnd::zero : TableEnd::hold);
     if (t.time.empty() || t.value.size() != t.time.size() * std::size_t(dimension)) {
-        throw SceneError(owner + ": a time table needs as many rows of " + std::to_string(dimension) +
-                         " values as times, and at least one");
+        throw SceneError(owner + ": a time table needs as many rows of " +
+                         std::to_string(dimension) + " values as times, and at least one");
     }
     for (std::size_t k = 1; k < t.time.size(); ++k)
         if (!(t.time[k] > t.time[k - 1])) throw SceneError(owner + ": times must increase");
@@ -41,7 +42,8 @@ inline int face_number(const std::string& face, int dimension) {
     const std::string axes = "xyz";
     const auto axis = face.size() == 2 ? axes.find(face[0]) : std::string::npos;
     if (axis == std::string::npos || int(axis) >= dimension || (face[1] != '-' && face[1] != '+')) {
-        throw SceneError("face '" + face + "' is not one of x-, x+, y-, y+, z-, z+ of this dimension");
+        throw SceneError("face '" + face +
+                         "' is not one of x-, x+, y-, y+, z-, z+ of this dimension");
     }
     return int(axis) * 2 + (face[1] == '+');
 }
@@ -54,14 +56,17 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
     const py::dict values = d["parameters"];
     for (int k = 0; k < m.parameter_count; ++k) {
         if (!values.contains(m.parameters[k].name)) {
-            throw SceneError("body '" + b.name + "': " + m.name + " needs the parameter " + m.parameters[k].name);
+            throw SceneError("body '" + b.name + "': " + m.name + " needs the parameter " +
+                             m.parameters[k].name);
         }
         const double v = values[m.parameters[k].name].cast<double>();
         const Parameter& p = m.parameters[k];
-        const bool low = p.lower_open ? v > p.lower : v >= p.lower, high = p.upper_open ? v < p.upper : v <= p.upper;
+        const bool low = p.lower_open ? v > p.lower : v >= p.lower,
+                   high = p.upper_open ? v < p.upper : v <= p.upper;
         if (!low || !high) {
-            throw SceneError("body '" + b.name + "': " + p.name + " is " + std::to_string(v) + ", outside " +
-                             std::to_string(p.lower) + " to " + std::to_string(p.upper));
+            throw SceneError("body '" + b.name + "': " + p.name + " is " + std::to_string(v) +
+                             ", outside " + std::to_string(p.lower) + " to " +
+                             std::to_string(p.upper));
         }
         b.parameters.push_back(v);
     }
@@ -73,25 +78,31 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
         b.position = doubles(d["position"]);
         b.velocity = doubles(d["velocity"]);
         if (b.position.size() != b.count * dimension ||
-            (b.velocity.size() != std::size_t(dimension) && b.velocity.size() != b.count * dimension)) {
+            (b.velocity.size() != std::size_t(dimension) &&
+             b.velocity.size() != b.count * dimension)) {
             throw SceneError("body '" + b.name + "': positions or velocities do not match its " +
                              std::to_string(b.count) + " particles");
         }
     }
     if (!d["pressure"].is_none()) {
         b.pressure = doubles(d["pressure"]);
-        if (b.pressure.size() != b.count) throw SceneError("body '" + b.name + "': one pressure a particle is needed");
-        if (!m.volumetric) throw SceneError("body '" + b.name + "': " + m.name + " stores no volume ratio to set a pressure by");
+        if (b.pressure.size() != b.count)
+            throw SceneError("body '" + b.name + "': one pressure a particle is needed");
+        if (!m.volumetric)
+            throw SceneError("body '" + b.name + "': " + m.name +
+                             " stores no volume ratio to set a pressure by");
     }
     const py::dict f = d["fbar"];
     const auto form = f["form"].cast<std::string>();
-    const std::map<std::string, SmoothingForm> forms = {{"none", SmoothingForm::none},
-                                                        {"one-volume", SmoothingForm::one_volume},
-                                                        {"one-volume-gradient", SmoothingForm::one_volume_gradient},
-                                                        {"two-volume", SmoothingForm::two_volume},
-                                                        {"stress-only", SmoothingForm::stress_only}};
+    const std::map<std::string, SmoothingForm> forms = {
+        {"none", SmoothingForm::none},
+        {"one-volume", SmoothingForm::one_volume},
+        {"one-volume-gradient", SmoothingForm::one_volume_gradient},
+        {"two-volume", SmoothingForm::two_volume},
+        {"stress-only", SmoothingForm::stress_only}};
     const auto it = forms.find(form);
-    if (it == forms.end()) throw SceneError("body '" + b.name + "': F-bar form '" + form + "' is not built");
+    if (it == forms.end())
+        throw SceneError("body '" + b.name + "': F-bar form '" + form + "' is not built");
     b.smoothing = it->second;
     b.smoothing_time = f["time"].cast<double>();
     b.smoothing_ratio = f["ratio"].cast<double>();
@@ -106,7 +117,8 @@ inline BoundarySpec read_boundary(const py::dict& d, int dimension) {
         b.lower = d["lower"].cast<std::vector<int>>();
         b.upper = d["upper"].cast<std::vector<int>>();
         if (int(b.lower.size()) != dimension || int(b.upper.size()) != dimension) {
-            throw SceneError("boundary '" + b.name + "': its box needs one lower and one upper cell an axis");
+            throw SceneError("boundary '" + b.name +
+                             "': its box needs one lower and one upper cell an axis");
         }
     }
     b.present.assign(2 * dimension, 0);
@@ -116,7 +128,9 @@ inline BoundarySpec read_boundary(const py::dict& d, int dimension) {
         const py::dict r = response.cast<py::dict>();
         const auto kind = r["kind"].cast<std::string>();
         b.present[f] = 1;
-        b.law[f].response = kind == "sticky" ? Response::sticky : (kind == "slip" ? Response::slip : Response::separable);
+        b.law[f].response = kind == "sticky"
+                                ? Response::sticky
+                                : (kind == "slip" ? Response::slip : Response::separable);
         b.law[f].static_friction = r["static_friction"].cast<double>();
         b.law[f].dynamic_friction = r["dynamic_friction"].cast<double>();
     }
@@ -138,21 +152,26 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
                                                      {"tracker", SensorKind::tracker},
                                                      {"energy", SensorKind::energy}};
     const auto it = kinds.find(d["kind"].cast<std::string>());
-    if (it == kinds.end()) throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() + "' is not built");
+    if (it == kinds.end())
+        throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() +
+                         "' is not built");
     s.kind = it->second;
     s.interval = d["interval"].cast<double>();
     const auto check = [&](int index, std::size_t count, const char* what) {
         if (index < 0 || std::size_t(index) >= count) {
-            throw SceneError("sensor '" + s.name + "': there is no " + what + " number " + std::to_string(index));
+            throw SceneError("sensor '" + s.name + "': there is no " + what + " number " +
+                             std::to_string(index));
         }
     };
     if (s.kind == SensorKind::load_cell) {
         s.boundary = d["boundary"].cast<int>();
         check(s.boundary, spec.boundaries.size(), "boundary");
-        for (const auto& f : d["faces"]) s.faces |= 1 << face_number(f.cast<std::string>(), spec.dimension);
+        for (const auto& f : d["faces"])
+            s.faces |= 1 << face_number(f.cast<std::string>(), spec.dimension);
         s.reference = doubles(d["reference"]);
     }
-    if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe) s.position = doubles(d["position"]);
+    if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe)
+        s.position = doubles(d["position"]);
     if (s.kind == SensorKind::wave_gauge) {
         s.axis = d["axis"].cast<int>();
         check(s.axis, std::size_t(spec.dimension), "axis");
@@ -167,7 +186,8 @@ inline Spec read_spec(const py::dict& d) {
     Spec s;
     s.dimension = d["dimension"].cast<int>();
     if (s.dimension != 2 && s.dimension != 3) {
-        throw SceneError("dimension is " + std::to_string(s.dimension) + "; built are 2 (plane strain) and 3");
+        throw SceneError("dimension is " + std::to_string(s.dimension) +
+                         "; built are 2 (plane strain) and 3");
     }
     const auto precision = d["precision"].cast<std::string>();
     if (precision != "single" && precision != "double") {
@@ -183,10 +203,13 @@ inline Spec read_spec(const py::dict& d) {
     s.cfl = d["cfl"].cast<double>();
     s.time_step = d["time_step"].is_none() ? 0 : d["time_step"].cast<double>();
     const auto leaving = d["leaving"].cast<std::string>();
-    s.leaving = leaving == "freeze" ? Leaving::freeze : (leaving == "delete" ? Leaving::remove : Leaving::stop);
-    for (const auto& b : d["bodies"]) s.bodies.push_back(read_body(b.cast<py::dict>(), s.dimension));
+    s.leaving = leaving == "freeze" ? Leaving::freeze
+                                    : (leaving == "delete" ? Leaving::remove : Leaving::stop);
+    for (const auto& b : d["bodies"])
+        s.bodies.push_back(read_body(b.cast<py::dict>(), s.dimension));
     if (s.bodies.empty()) throw SceneError("the scene has no body; add one with scene.add_body");
-    for (const auto& b : d["boundaries"]) s.boundaries.push_back(read_boundary(b.cast<py::dict>(), s.dimension));
+    for (const auto& b : d["boundaries"])
+        s.boundaries.push_back(read_boundary(b.cast<py::dict>(), s.dimension));
     for (const auto& x : d["sensors"]) s.sensors.push_back(read_sensor(x.cast<py::dict>(), s));
     return s;
 }
@@ -196,7 +219,9 @@ inline py::array numpy(const Array& a) {
     std::copy(a.data.begin(), a.data.end(), out.mutable_data());
     return out;
 }
-inline py::array numpy(const std::vector<std::uint64_t>& v) { return py::array_t<std::uint64_t>(py::ssize_t(v.size()), v.data()); }
+inline py::array numpy(const std::vector<std::uint64_t>& v) {
+    return py::array_t<std::uint64_t>(py::ssize_t(v.size()), v.data());
+}
 
 inline py::dict plan_dict(const Plan& p) {
     py::dict out;
@@ -265,11 +290,17 @@ inline State read_state(const py::dict& d) {
     State s;
     for (const auto& [key, value] : d) {
         const auto a = py::array::ensure(value, py::array::c_style);
-        if (!a) throw SceneError("the saved state's entry '" + key.cast<std::string>() + "' is not an array");
+        if (!a)
+            throw SceneError("the saved state's entry '" + key.cast<std::string>() +
+                             "' is not an array");
         Blob b;
         const char kind = a.dtype().kind();
         const auto size = a.itemsize();
-        b.type = kind == 'f' ? (size == 4 ? 'f' : 'd') : kind == 'i' ? (size == 4 ? 'i' : 'l') : size == 4 ? 'I' : size == 8 ? 'L' : 'B';
+        b.type = kind == 'f'   ? (size == 4 ? 'f' : 'd')
+                 : kind == 'i' ? (size == 4 ? 'i' : 'l')
+                 : size == 4   ? 'I'
+                 : size == 8   ? 'L'
+                               : 'B';
         for (py::ssize_t k = 0; k < a.ndim(); ++k) b.shape.push_back(std::size_t(a.shape(k)));
         const auto* bytes = static_cast<const unsigned char*>(a.data());
         b.bytes.assign(bytes, bytes + a.nbytes());
@@ -309,104 +340,143 @@ inline void bind_engine(py::module_& m, const Factory& make, const Traits& trait
         }
     });
 
-    m.def("plan", [traits](const py::dict& d) {
-        const Spec spec = read_spec(d);
-        return plan_dict(make_plan(spec, traits(spec.single)));
-    }, py::arg("spec"), "What a spec costs, before anything is allocated (design/engine-contract.md).");
+    m.def(
+        "plan",
+        [traits](const py::dict& d) {
+            const Spec spec = read_spec(d);
+            return plan_dict(make_plan(spec, traits(spec.single)));
+        },
+        py::arg("spec"),
+        "What a spec costs, before anything is allocated (design/engine-contract.md).");
 
     using release = py::call_guard<py::gil_scoped_release>;
-    py::class_<Handle>(m, "Engine", "A simulation on one device, built from a spec (design/engine-contract.md).",
+    py::class_<Handle>(m, "Engine",
+                       "A simulation on one device, built from a spec (design/engine-contract.md).",
                        py::module_local())
         .def(py::init([make](const py::dict& d) {
-            auto h = std::make_unique<Handle>();
-            h->spec = read_spec(d);
-            {
-                py::gil_scoped_release unlocked;
-                h->engine = make(h->spec);
-            }
-            for (auto& b : h->spec.bodies) b.position = b.velocity = b.pressure = {};
-            return h;
-        }), py::arg("spec"))
-        .def("run", [](Handle& h, std::int64_t steps, double until, double wall) {
-            RunResult r;
-            {
-                py::gil_scoped_release unlocked;
-                r = h.engine->run(steps, until, wall);
-            }
-            py::dict d;
-            d["reason"] = r.reason;
-            d["steps"] = r.steps;
-            d["time"] = r.time;
-            if (r.reason == "fault") d["fault"] = fault_dict(r.fault);
-            return d;
-        }, py::arg("steps"), py::arg("until"), py::arg("wall"))
+                 auto h = std::make_unique<Handle>();
+                 h->spec = read_spec(d);
+                 {
+                     py::gil_scoped_release unlocked;
+                     h->engine = make(h->spec);
+                 }
+                 for (auto& b : h->spec.bodies) b.position = b.velocity = b.pressure = {};
+                 return h;
+             }),
+             py::arg("spec"))
+        .def(
+            "run",
+            [](Handle& h, std::int64_t steps, double until, double wall) {
+                RunResult r;
+                {
+                    py::gil_scoped_release unlocked;
+                    r = h.engine->run(steps, until, wall);
+                }
+                py::dict d;
+                d["reason"] = r.reason;
+                d["steps"] = r.steps;
+                d["time"] = r.time;
+                if (r.reason == "fault") d["fault"] = fault_dict(r.fault);
+                return d;
+            },
+            py::arg("steps"), py::arg("until"), py::arg("wall"))
         .def_property_readonly("time", [](const Handle& h) { return h.engine->time(); })
         .def_property_readonly("step", [](const Handle& h) { return h.engine->step(); })
         .def_property_readonly("time_step", [](const Handle& h) { return h.engine->time_step(); })
-        .def("particle_count", [](const Handle& h, int body) { return h.engine->particle_count(body); }, py::arg("body"))
-        .def("drain", [](Handle& h) {
-            py::list out;
-            for (const auto& s : h.engine->drain()) {
-                out.append(py::make_tuple(py::array_t<double>(py::ssize_t(s.time.size()), s.time.data()), numpy(s.values)));
-            }
-            return out;
-        })
-        .def("sensor_columns", [](const Handle& h, int sensor) { return sensor_columns(h.spec, sensor); }, py::arg("sensor"))
-        .def("removed", [](Handle& h) {
-            py::list out;
-            for (const auto& r : h.engine->removed())
-                out.append(py::make_tuple(r.body, numpy(r.ids), numpy(r.position), r.step, r.policy));
-            return out;
-        })
-        .def("attribute_names", [](const Handle& h, int body) { return h.engine->attribute_names(body); }, py::arg("body"))
-        .def("attributes", [](Handle& h, int body, const std::vector<std::string>& names) {
-            Attributes a;
-            std::vector<std::string> without_id;
-            for (const auto& n : names)
-                if (n != "id") without_id.push_back(n);
-            {
+        .def(
+            "particle_count",
+            [](const Handle& h, int body) { return h.engine->particle_count(body); },
+            py::arg("body"))
+        .def("drain",
+             [](Handle& h) {
+                 py::list out;
+                 for (const auto& s : h.engine->drain()) {
+                     out.append(py::make_tuple(
+                         py::array_t<double>(py::ssize_t(s.time.size()), s.time.data()),
+                         numpy(s.values)));
+                 }
+                 return out;
+             })
+        .def(
+            "sensor_columns",
+            [](const Handle& h, int sensor) { return sensor_columns(h.spec, sensor); },
+            py::arg("sensor"))
+        .def("removed",
+             [](Handle& h) {
+                 py::list out;
+                 for (const auto& r : h.engine->removed())
+                     out.append(
+                         py::make_tuple(r.body, numpy(r.ids), numpy(r.position), r.step, r.policy));
+                 return out;
+             })
+        .def(
+            "attribute_names",
+            [](const Handle& h, int body) { return h.engine->attribute_names(body); },
+            py::arg("body"))
+        .def(
+            "attributes",
+            [](Handle& h, int body, const std::vector<std::string>& names) {
+                Attributes a;
+                std::vector<std::string> without_id;
+                for (const auto& n : names)
+                    if (n != "id") without_id.push_back(n);
+                {
+                    py::gil_scoped_release unlocked;
+                    a = h.engine->attributes(body, without_id);
+                }
+                py::dict d;
+                d["id"] = numpy(a.id);
+                for (const auto& [name, value] : a.values) d[py::str(name)] = numpy(value);
+                return d;
+            },
+            py::arg("body"), py::arg("names"))
+        .def(
+            "attribute",
+            [](Handle& h, int body, const std::string& name) -> py::object {
+                Attributes a;
+                {
+                    py::gil_scoped_release unlocked;
+                    a = h.engine->attributes(body, name == "id" ? std::vector<std::string>{}
+                                                                : std::vector<std::string>{name});
+                }
+                if (name == "id") return numpy(a.id);
+                return numpy(a.values.at(name));
+            },
+            py::arg("body"), py::arg("name"))
+        .def(
+            "grid",
+            [](Handle& h, const std::string& name) {
+                Array a;
+                {
+                    py::gil_scoped_release unlocked;
+                    a = h.engine->grid(name);
+                }
+                return numpy(a);
+            },
+            py::arg("name"))
+        .def("save",
+             [](Handle& h) {
+                 State s;
+                 {
+                     py::gil_scoped_release unlocked;
+                     s = h.engine->save();
+                 }
+                 py::dict d;
+                 for (const auto& [name, blob] : s) d[py::str(name)] = blob_array(blob);
+                 return d;
+             })
+        .def(
+            "load",
+            [](Handle& h, const py::dict& d) {
+                const State s = read_state(d);
                 py::gil_scoped_release unlocked;
-                a = h.engine->attributes(body, without_id);
-            }
-            py::dict d;
-            d["id"] = numpy(a.id);
-            for (const auto& [name, value] : a.values) d[py::str(name)] = numpy(value);
-            return d;
-        }, py::arg("body"), py::arg("names"))
-        .def("attribute", [](Handle& h, int body, const std::string& name) -> py::object {
-            Attributes a;
-            {
-                py::gil_scoped_release unlocked;
-                a = h.engine->attributes(body, name == "id" ? std::vector<std::string>{} : std::vector<std::string>{name});
-            }
-            if (name == "id") return numpy(a.id);
-            return numpy(a.values.at(name));
-        }, py::arg("body"), py::arg("name"))
-        .def("grid", [](Handle& h, const std::string& name) {
-            Array a;
-            {
-                py::gil_scoped_release unlocked;
-                a = h.engine->grid(name);
-            }
-            return numpy(a);
-        }, py::arg("name"))
-        .def("save", [](Handle& h) {
-            State s;
-            {
-                py::gil_scoped_release unlocked;
-                s = h.engine->save();
-            }
-            py::dict d;
-            for (const auto& [name, blob] : s) d[py::str(name)] = blob_array(blob);
-            return d;
-        })
-        .def("load", [](Handle& h, const py::dict& d) {
-            const State s = read_state(d);
-            py::gil_scoped_release unlocked;
-            h.engine->load(s);
-        }, py::arg("state"))
-        .def("timings", [](const Handle& h) { return h.engine->timings(); }, release())
-        .def("statistics", [](const Handle& h) { return h.engine->statistics(); }, release());
+                h.engine->load(s);
+            },
+            py::arg("state"))
+        .def(
+            "timings", [](const Handle& h) { return h.engine->timings(); }, release())
+        .def(
+            "statistics", [](const Handle& h) { return h.engine->statistics(); }, release());
 }
 
 inline py::list material_table() {
@@ -433,7 +503,9 @@ inline py::list material_table() {
             c["name"] = p.name;
             c["symbol"] = p.symbol;
             c["unit"] = p.unit;
-            c["default"] = p.default_value == p.default_value ? py::object(py::float_(p.default_value)) : py::object(py::none());
+            c["default"] = p.default_value == p.default_value
+                               ? py::object(py::float_(p.default_value))
+                               : py::object(py::none());
             c["lower"] = p.lower;
             c["upper"] = p.upper;
             c["lower_open"] = p.lower_open;

@@ -82,8 +82,10 @@ def constrained_nodes(boundary, cells):
     # Depth below each face, 0 in the cells next to it, -1 in the layer of cells around the box.
     lower, upper = boundary["lower"], boundary["upper"]
     depth = [d for i, lo, hi in zip(index, lower, upper, strict=True) for d in (i - lo, hi - 1 - i)]
-    least = np.min(depth, axis=0)  # inside every face at the least depth acts, around it all at -1
-    return {FACES[f]: (d == least) & (least >= -1) for f, d in enumerate(depth)}
+    least = np.min(depth, axis=0)  # inside, every face at the least depth acts
+    beside = sum(np.minimum(*depth[2 * a : 2 * a + 2]) < 0 for a in range(len(cells)))
+    held = (least >= -1) & (beside <= 1)  # around it, only cells that share a face with it
+    return {FACES[f]: (d == least) & held for f, d in enumerate(depth)}
 
 
 class Reference:

@@ -12,7 +12,7 @@ template <class X, class T>
 class Buffer {
     static_assert(std::is_trivially_copyable_v<T>);
 
-  public:
+public:
     explicit Buffer(X& x) : exec_(&x) {}
     Buffer(const Buffer&) = delete;
     Buffer& operator=(const Buffer&) = delete;
@@ -29,7 +29,8 @@ class Buffer {
     std::size_t size() const { return size_; }
     std::size_t bytes() const { return capacity_ * sizeof(T); }
 
-    /// Room for n elements; what was there is lost when it has to grow. Grows by a sixteenth beyond what is asked.
+    /// Room for n elements; what was there is lost when it has to grow. Grows by a sixteenth beyond
+    /// what is asked.
     void reserve_discard(std::size_t n) {
         if (n > capacity_) {
             if (data_) exec_->release(data_);
@@ -60,7 +61,7 @@ class Buffer {
         std::swap(capacity_, other.capacity_);
     }
 
-  private:
+private:
     X* exec_ = nullptr;
     T* data_ = nullptr;
     std::size_t size_ = 0;

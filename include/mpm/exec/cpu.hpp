@@ -1,6 +1,7 @@
-// The CPU executor: memory on the heap, loops by OpenMP. Verbs, not loops, are what common code may use: `for_each`
-// promises independent iterations and therefore cannot write sums; `max_each` reduces maxima, whose order does not
-// matter; scatters happen in the body passes, which own what they add to.
+// The CPU executor: memory on the heap, loops by OpenMP. Verbs, not loops, are what common code may
+// use: `for_each` promises independent iterations and therefore cannot write sums; `max_each`
+// reduces maxima, whose order does not matter; scatters happen in the body passes, which own what
+// they add to.
 #pragma once
 
 #include <omp.h>
@@ -19,13 +20,13 @@
 namespace mpm {
 
 class Cpu {
-  public:
+public:
     static constexpr bool is_device = false;
     /// Type of a nodal sum: the number itself.
     template <class T>
     using Sum = T;
-    /// How far a particle may drift from the cell it was sorted into, in cells. Particles outside their cell go one
-    /// by one, which costs three times a lane, so the CPU sorts early.
+    /// How far a particle may drift from the cell it was sorted into, in cells. Particles outside
+    /// their cell go one by one, which costs three times a lane, so the CPU sorts early.
     static constexpr double drift_limit = 0.3;
     /// Steps handed over before the state is looked at again.
     static constexpr int batch = 1;
@@ -35,7 +36,9 @@ class Cpu {
 
     void* allocate(std::size_t bytes) {
         void* p = std::aligned_alloc(64, (bytes + 63) / 64 * 64);
-        if (!p) throw CapacityError("out of memory: " + std::to_string(bytes) + " bytes asked for in one piece");
+        if (!p)
+            throw CapacityError("out of memory: " + std::to_string(bytes) +
+                                " bytes asked for in one piece");
         return p;
     }
     void release(void* p) noexcept { std::free(p); }
@@ -102,10 +105,11 @@ class Cpu {
         return std::unique(keys, keys + n) - keys;
     }
 
-    /// order[k] = index of the k-th element by key, ties in index order; start[key] = first k of that key, for keys in
-    /// [0, range]. Particles are nearly in order, so each thread's chunk spans few keys and a histogram of its own.
-    void stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t range, std::uint32_t* order,
-                      std::uint32_t* start) {
+    /// order[k] = index of the k-th element by key, ties in index order; start[key] = first k of
+    /// that key, for keys in [0, range]. Particles are nearly in order, so each thread's chunk
+    /// spans few keys and a histogram of its own.
+    void stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t range,
+                      std::uint32_t* order, std::uint32_t* start) {
         const int workers = n > 65536 ? threads_ : 1;
         struct Chunk {
             std::int64_t low = 0;
@@ -138,7 +142,8 @@ class Cpu {
         for (int w = 0; w < workers; ++w) {
             const std::int64_t b = n * w / workers, e = n * (w + 1) / workers;
             auto& c = chunks[w];
-            for (std::int64_t i = b; i < e; ++i) order[start[key[i]] + c.count[key[i] - c.low]++] = std::uint32_t(i);
+            for (std::int64_t i = b; i < e; ++i)
+                order[start[key[i]] + c.count[key[i] - c.low]++] = std::uint32_t(i);
         }
     }
 
@@ -147,7 +152,8 @@ class Cpu {
     /// Keeps the smallest value seen.
     static void keep_smallest(std::uint64_t* to, std::uint64_t value) {
         std::uint64_t seen = __atomic_load_n(to, __ATOMIC_RELAXED);
-        while (value < seen && !__atomic_compare_exchange_n(to, &seen, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
+        while (value < seen && !__atomic_compare_exchange_n(to, &seen, value, true,
+                                                            __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
         }
     }
     /// Returns the value before the addition.
@@ -155,7 +161,7 @@ class Cpu {
         return __atomic_fetch_add(to, by, __ATOMIC_RELAXED);
     }
 
-  private:
+private:
     int threads_;
 };
 

@@ -1,6 +1,7 @@
-// The clock of a run: time, step size, drift, and whether the next step may go on. It lives where the particles live
-// and is advanced by two small functions, so that a device needs no word from the host between steps: when something
-// must happen (a sort, the end, a fault) the clock halts, what is still queued does nothing, and the host looks.
+// The clock of a run: time, step size, drift, and whether the next step may go on. It lives where
+// the particles live and is advanced by two small functions, so that a device needs no word from
+// the host between steps: when something must happen (a sort, the end, a fault) the clock halts,
+// what is still queued does nothing, and the host looks.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +18,15 @@ inline constexpr int max_groups = 8;
 inline constexpr int speed_log_size = 128;
 inline constexpr std::uint64_t no_fault = ~std::uint64_t(0);
 
-/// Slots of `maxima`: fastest node [m/s], then the largest nodal mass, momentum and group sum for fixed point.
-enum Maximum : int { max_speed = 0, max_mass = 1, max_momentum = 2, max_group = 3, maxima_count = 4 };
+/// Slots of `maxima`: fastest node [m/s], then the largest nodal mass, momentum and group sum for
+/// fixed point.
+enum Maximum : int {
+    max_speed = 0,
+    max_mass = 1,
+    max_momentum = 2,
+    max_group = 3,
+    maxima_count = 4
+};
 
 struct Clock {
     double time, dt, dt_next, dt_stable;
@@ -28,7 +36,8 @@ struct Clock {
     double drift_limit;  // when to sort
     double speed;        // fastest node of the step in progress
     double maxima[maxima_count];
-    // Fixed-point exponents as factors: value = integer / scale. `read` belongs to the sums being read.
+    // Fixed-point exponents as factors: value = integer / scale. `read` belongs to the sums being
+    // read.
     double scale_read[maxima_count], scale_write[maxima_count];
     double until;
     std::int64_t steps_left;
@@ -67,17 +76,19 @@ struct BoundaryRecord {
 
 struct SensorRecord {
     double interval;
-    std::int64_t next;      // index of the next sample: due at the first step boundary with time >= next * interval
-    double last_time;       // of the sample before
+    std::int64_t next;  // index of the next sample: due at the first step boundary with time >=
+                        // next * interval
+    double last_time;   // of the sample before
     std::int32_t due;
-    std::int32_t count;     // rows in the ring
+    std::int32_t count;  // rows in the ring
     std::int32_t capacity;
     std::int32_t columns;
-    double* times;          // (capacity,)
-    double* values;         // (capacity, columns)
+    double* times;   // (capacity,)
+    double* values;  // (capacity, columns)
 };
 
-/// First half: forces and boundaries of this moment. Runs before the grid update, again after a halt.
+/// First half: forces and boundaries of this moment. Runs before the grid update, again after a
+/// halt.
 template <int D>
 struct BeginStep {
     Clock* clock;
@@ -103,7 +114,8 @@ MPM_HD inline double power_of_two_below(double x) {
     return ldexp(1.0, e - 1);
 }
 
-/// Second half, after the grid update has left its maxima: may this step go on, and how long is the next one?
+/// Second half, after the grid update has left its maxima: may this step go on, and how long is the
+/// next one?
 template <int D>
 struct Decide {
     Clock* clock;
@@ -133,17 +145,21 @@ struct Decide {
             return;
         }
         for (int s = 0; s < sensor_count; ++s) {
-            if (clock->time >= double(sensors[s].next) * sensors[s].interval && sensors[s].count >= sensors[s].capacity) {
+            if (clock->time >= double(sensors[s].next) * sensors[s].interval &&
+                sensors[s].count >= sensors[s].capacity) {
                 clock->halt = Halt::samples;
                 return;
             }
         }
         for (int s = 0; s < sensor_count; ++s) {
             auto& r = sensors[s];
-            if (r.interval <= 0 ? r.next <= clock->step : clock->time >= double(r.next) * r.interval) {
+            if (r.interval <= 0 ? r.next <= clock->step
+                                : clock->time >= double(r.next) * r.interval) {
                 r.due = 1;
-                if (r.interval <= 0) r.next = clock->step + 1;
-                else while (clock->time >= double(r.next) * r.interval) ++r.next;
+                if (r.interval <= 0)
+                    r.next = clock->step + 1;
+                else
+                    while (clock->time >= double(r.next) * r.interval) ++r.next;
             }
         }
         if (clock->steps_left == 0) {
@@ -154,17 +170,20 @@ struct Decide {
             clock->halt = Halt::until;
             return;
         }
-        // No node may cross more than half a cell, so that its particles stay inside what the step can see.
+        // No node may cross more than half a cell, so that its particles stay inside what the step
+        // can see.
         clock->dt_next = clock->dt_stable;
-        if (clock->speed * clock->dt_next > 0.5 * cell_size) clock->dt_next = 0.5 * cell_size / clock->speed;
+        if (clock->speed * clock->dt_next > 0.5 * cell_size)
+            clock->dt_next = 0.5 * cell_size / clock->speed;
         for (int b = 0; b < bodies; ++b) {
             auto& n = numbers[b];
             n.move = clock->dt / cell_size;
             n.strain = 4 * clock->dt / cell_size;
             n.rate = 4 / cell_size;
             n.impulse = 4 * clock->dt_next / (constants[b].density * cell_size);
-            n.ratio = constants[b].smoothing_time > 0 ? -expm1(-clock->dt / constants[b].smoothing_time)
-                                                      : constants[b].smoothing_ratio;
+            n.ratio = constants[b].smoothing_time > 0
+                          ? -expm1(-clock->dt / constants[b].smoothing_time)
+                          : constants[b].smoothing_ratio;
         }
         if (sum_bits > 0) choose_scales();
         remember_speed();
@@ -176,19 +195,23 @@ struct Decide {
         clock->fault_value = value;
     }
 
-    /// Six bits of head room over the present maximum: a sum may grow 32-fold in one step before it is refused.
+    /// Six bits of head room over the present maximum: a sum may grow 32-fold in one step before it
+    /// is refused.
     MPM_HD void choose_scales() const {
         double g = 0;
         for (int a = 0; a < D; ++a) g += clock->gravity[a] * clock->gravity[a];
-        const double mass = clock->maxima[max_mass] > least_mass ? clock->maxima[max_mass] : least_mass;
+        const double mass =
+            clock->maxima[max_mass] > least_mass ? clock->maxima[max_mass] : least_mass;
         const double calm = mass * (1e-6 * wave_speed + sqrt(g) * clock->dt_next);
         double top[maxima_count] = {0, mass, clock->maxima[max_momentum], clock->maxima[max_group]};
         if (top[max_momentum] < calm) top[max_momentum] = calm;
-        // No j can change by more than 4 D speed dt / dx in this step; an eighth of that leaves room for it.
+        // No j can change by more than 4 D speed dt / dx in this step; an eighth of that leaves
+        // room for it.
         const double share = 1e-7 + 0.5 * D * clock->speed * clock->dt / cell_size;
         if (top[max_group] < share * mass) top[max_group] = share * mass;
         const double room = ldexp(1.0, sum_bits - 6);
-        for (int m = max_mass; m < maxima_count; ++m) clock->scale_write[m] = power_of_two_below(room / top[m]);
+        for (int m = max_mass; m < maxima_count; ++m)
+            clock->scale_write[m] = power_of_two_below(room / top[m]);
     }
 
     MPM_HD void remember_speed() const {

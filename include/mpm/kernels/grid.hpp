@@ -5,18 +5,20 @@
 
 namespace mpm {
 
-/// Below this share of the lightest particle's mass a node does not move: its weight in any particle's
-/// velocity is smaller still, and in single precision its quotient momentum / mass would be noise.
-/// What such nodes hold is lost, so the share lies below the rounding of the sums around it.
+/// Below this share of the lightest particle's mass a node does not move: its weight in any
+/// particle's velocity is smaller still, and in single precision its quotient momentum / mass would
+/// be noise. What such nodes hold is lost, so the share lies below the rounding of the sums around
+/// it.
 template <class T>
 inline constexpr double negligible_mass = sizeof(T) == 4 ? 1e-10 : 1e-18;
 /// With fixed-point sums, the least number of quanta for the same reason.
 inline constexpr double least_quanta = 16;
 
-/// What the boundaries leave of a node's velocity. `seen(boundary, face, before, after)` hears of every response.
+/// What the boundaries leave of a node's velocity. `seen(boundary, face, before, after)` hears of
+/// every response.
 template <class T, int D, class Seen>
-MPM_INLINE void apply_boundaries(const BoundaryRecord<D>* boundaries, int count, const std::int64_t (&cell)[D],
-                                 Vec<T, D>& v, const Seen& seen) {
+MPM_INLINE void apply_boundaries(const BoundaryRecord<D>* boundaries, int count,
+                                 const std::int64_t (&cell)[D], Vec<T, D>& v, const Seen& seen) {
     for (int b = 0; b < count; ++b) {
         const BoundaryRecord<D>& r = boundaries[b];
         if (!r.active) continue;
@@ -34,23 +36,24 @@ MPM_INLINE void apply_boundaries(const BoundaryRecord<D>* boundaries, int count,
             }
             continue;
         }
-        // A box holds its inside by its nearest faces and the one layer of cells around it, which at an edge or corner
-        // takes the normals of all faces that meet there (design/walls.md: measured against Archimedes).
-        bool apart = false, inside = true;
+        // A box holds its inside by its nearest faces and the one layer of cells before each face.
+        // Cells that touch it only by an edge or a corner stay free: holding them too would choke
+        // gaps beside the box (design/walls.md).
         std::int64_t depth[2 * D], least = 0;
+        int outside = 0;
         for (int a = 0; a < D; ++a) {
             depth[2 * a] = cell[a] - r.lower[a];
             depth[2 * a + 1] = r.upper[a] - 1 - cell[a];
-            apart = apart || depth[2 * a] < -1 || depth[2 * a + 1] < -1;
-            inside = inside && depth[2 * a] >= 0 && depth[2 * a + 1] >= 0;
+            const std::int64_t nearest =
+                depth[2 * a] < depth[2 * a + 1] ? depth[2 * a] : depth[2 * a + 1];
+            outside += nearest < -1 ? 2 : (nearest < 0 ? 1 : 0);
+            if (a == 0 || nearest < least) least = nearest;
         }
-        if (apart) continue;
-        if (inside) {
-            least = depth[0];
-            for (int f = 1; f < 2 * D; ++f) least = depth[f] < least ? depth[f] : least;
-        }
+        if (outside > 1) continue;
+        // Inside, all faces at the least depth: with one alone, particles would slide in along the
+        // diagonals.
         for (int f = 0; f < 2 * D; ++f) {
-            if (inside ? depth[f] != least : depth[f] != -1) continue;
+            if (depth[f] != least) continue;
             const Vec<T, D> before = v;
             v = respond(r.law[f], f / 2, f % 2 == 0 ? T(-1) : T(1), before, wall);
             seen(b, f, before, v);
@@ -97,8 +100,9 @@ struct NodeUpdate {
         Vec<T, D> v;
         const T inverse = T(1) / m;
         for (int a = 0; a < D; ++a) {
-            v[a] = from_sum<T>(s[(1 + a) * block_cells], clock->scale_read[max_momentum]) * inverse +
-                   T(clock->dt * clock->gravity[a]);
+            v[a] =
+                from_sum<T>(s[(1 + a) * block_cells], clock->scale_read[max_momentum]) * inverse +
+                T(clock->dt * clock->gravity[a]);
         }
         if (touched[slot]) {
             std::int64_t c[D];
@@ -109,8 +113,8 @@ struct NodeUpdate {
     }
 };
 
-/// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will fill, and
-/// gathers the maxima that the clock decides by.
+/// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will
+/// fill, and gathers the maxima that the clock decides by.
 template <class T, class Sum, int D>
 struct UpdateGrid {
     NodeUpdate<T, Sum, D> node;
@@ -139,16 +143,20 @@ struct UpdateGrid {
         }
         for (int k = 0; k < group_count; ++k) {
             const GroupChannels& c = groups[k];
-            const double sum = from_sum<double>(s[c.sum * block_cells], node.clock->scale_read[max_group]);
-            const T weight = c.weight < 0 ? m : from_sum<T>(s[c.weight * block_cells], node.clock->scale_read[max_mass]);
+            const double sum =
+                from_sum<double>(s[c.sum * block_cells], node.clock->scale_read[max_group]);
+            const T weight = c.weight < 0 ? m
+                                          : from_sum<T>(s[c.weight * block_cells],
+                                                        node.clock->scale_read[max_mass]);
             out[c.average * block_cells] = weight > T(0) ? T(sum) / weight : T(0);
             if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_group], absolute(sum));
         }
         if constexpr (std::is_integral_v<Sum>) {
             larger_of(maxima[max_mass], double(m));
             for (int a = 0; a < D; ++a) {
-                larger_of(maxima[max_momentum], absolute(from_sum<double>(s[(1 + a) * block_cells],
-                                                                          node.clock->scale_read[max_momentum])));
+                larger_of(maxima[max_momentum],
+                          absolute(from_sum<double>(s[(1 + a) * block_cells],
+                                                    node.clock->scale_read[max_momentum])));
             }
         }
     }

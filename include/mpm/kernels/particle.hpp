@@ -1,5 +1,5 @@
-// What happens to one particle in one step, for every backend and number type: gather, advance the state, move, and
-// hand back what it deposits. No memory is touched here except through `Nodes`.
+// What happens to one particle in one step, for every backend and number type: gather, advance the
+// state, move, and hand back what it deposits. No memory is touched here except through `Nodes`.
 #pragma once
 
 #include "mpm/physics/transfer/affine.hpp"
@@ -10,27 +10,40 @@ namespace mpm {
 /// Uniform numbers of one body in one step.
 template <class T, class Material>
 struct StepNumbers {
-    T move;       // dt / dx                  velocity [m/s] -> offset [cells]
-    T strain;     // 4 dt / dx                first moment of velocity -> dt grad v
-    T rate;       // 4 / dx                   first moment of velocity -> grad v [1/s]
-    T impulse;    // 4 dt_next / (rho0 dx)    Kirchhoff stress -> velocity per cell
+    T move;     // dt / dx                  velocity [m/s] -> offset [cells]
+    T strain;   // 4 dt / dx                first moment of velocity -> dt grad v
+    T rate;     // 4 / dx                   first moment of velocity -> grad v [1/s]
+    T impulse;  // 4 dt_next / (rho0 dx)    Kirchhoff stress -> velocity per cell
     typename Material::template Constants<T> material;
     SmoothingNumbers<T> smoothing;
 };
 
-template <class Material, int D, Smoothing S>
-inline constexpr int state_reals = Material::template reals<D> + (S == Smoothing::two_volumes ? 1 : 0);
+/// A material whose law needs real branches says `static constexpr bool lane_wise = true`; the CPU
+/// then takes its particles one by one instead of a pack at a time.
+template <class Material>
+inline constexpr bool lane_wise = [] {
+    if constexpr (requires { Material::lane_wise; })
+        return Material::lane_wise;
+    else
+        return false;
+}();
 
-/// Channels a particle reads from and adds to a node besides its mass: velocity or momentum, and j with F-bar.
+template <class Material, int D, Smoothing S>
+inline constexpr int state_reals = Material::template reals<D> +
+                                   (S == Smoothing::two_volumes ? 1 : 0);
+
+/// Channels a particle reads from and adds to a node besides its mass: velocity or momentum, and j
+/// with F-bar.
 template <int D, Smoothing S>
 inline constexpr int transfer_channels = D + (S == Smoothing::none ? 0 : 1);
 
-/// `xi` is the offset from the centre of the cell whose stencil starts at node `origin`; it is advanced in place and
-/// may leave [-1/2, 1/2]. `state` holds the material's reals, then the blended volume where two are stored.
+/// `xi` is the offset from the centre of the cell whose stencil starts at node `origin`; it is
+/// advanced in place and may leave [-1/2, 1/2]. `state` holds the material's reals, then the
+/// blended volume where two are stored.
 template <class Material, Smoothing S, class V, int D, class T, class Nodes>
-MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(const Nodes& nodes, int origin, Vec<V, D>& xi,
-                                                                  V (&state)[state_reals<Material, D, S>],
-                                                                  const StepNumbers<T, Material>& k) {
+MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(
+    const Nodes& nodes, int origin, Vec<V, D>& xi, V (&state)[state_reals<Material, D, S>],
+    const StepNumbers<T, Material>& k) {
     constexpr int C = transfer_channels<D, S>;
     constexpr int reals = Material::template reals<D>;
     const Weights<V, D> w = quadratic_weights<V, D>(xi);
@@ -56,7 +69,8 @@ MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(const Nodes& n
         static_assert(Material::volumetric);
         const V average = Material::advance_volume(u.value[D], trace(strain));
         Vec<V, D> gradient;
-        MPM_UNROLL for (int a = 0; a < D; ++a) gradient[a] = T(quadratic_inverse_moment) * u.slope[a][D];
+        MPM_UNROLL for (int a = 0; a < D; ++a) gradient[a] =
+            T(quadratic_inverse_moment) * u.slope[a][D];
         const auto s = smooth_volume(S, own[0], average, gradient, k.smoothing);
         state[0] = s.stored;
         if constexpr (S == Smoothing::two_volumes) state[reals] = s.blended;
@@ -72,17 +86,19 @@ MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(const Nodes& n
     return out;
 }
 
-/// What a particle deposits before the first step: its given velocity, no affine part, the stress of its state.
+/// What a particle deposits before the first step: its given velocity, no affine part, the stress
+/// of its state.
 template <class Material, Smoothing S, class V, int D, class T>
-MPM_INLINE Affine<V, D, transfer_channels<D, S>> resting_particle(const Vec<V, D>& velocity,
-                                                                  const V (&state)[state_reals<Material, D, S>],
-                                                                  const StepNumbers<T, Material>& k) {
+MPM_INLINE Affine<V, D, transfer_channels<D, S>> resting_particle(
+    const Vec<V, D>& velocity, const V (&state)[state_reals<Material, D, S>],
+    const StepNumbers<T, Material>& k) {
     constexpr int reals = Material::template reals<D>;
     V own[reals];
     MPM_UNROLL for (int r = 0; r < reals; ++r) own[r] = state[r];
     if constexpr (S == Smoothing::two_volumes) own[0] = state[reals];
     Mat<V, D> still;
-    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) still.e[a][b] = V(T(0));
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) still.e[a][b] =
+        V(T(0));
     const Mat<V, D> tau = Material::kirchhoff(own, still, k.material);
     Affine<V, D, transfer_channels<D, S>> out;
     MPM_UNROLL for (int c = 0; c < D; ++c) {

@@ -1,5 +1,5 @@
-// The seam between the solver and the instances compiled for one material: a plain struct of functions. The solver
-// never names a material, an instance never sees a scene.
+// The seam between the solver and the instances compiled for one material: a plain struct of
+// functions. The solver never names a material, an instance never sees a scene.
 #pragma once
 
 #include <string>
@@ -30,21 +30,22 @@ struct Pass {
     bool carry;        // F-bar: deposit the gradient of j
     bool stress_only;  // F-bar: only the pressure sees the blend
     T* scratch;        // two-pass: (channels * (1 + D), count), what a particle deposits
-    const std::int32_t* coloured;      // CPU: home blocks by colour; blocks of one colour share no node
+    const std::int32_t* coloured;  // CPU: home blocks by colour; blocks of one colour share no node
     const std::int32_t* colour_start;  // (2^D + 1)
 };
 
 /// Host-side answers about one particle.
 template <int D>
-using Observe = Observation<D> (*)(const double* state, const double (&rate)[D][D], const double* parameters);
+using Observe = Observation<D> (*)(const double* state, const double (&rate)[D][D],
+                                   const double* parameters);
 
 template <class X, class T, int D>
 struct BodyOps {
     using Run = void (*)(const Pass<X, T, D>&);
-    Run fused;       // null where this backend and precision have no fused form
-    Run gather;      // two-pass, first half
-    Run scatter;     // two-pass, second half
-    Run initial;     // deposit of resting particles; velocities in scratch (D, count)
+    Run fused;    // null where this backend and precision have no fused form
+    Run gather;   // two-pass, first half
+    Run scatter;  // two-pass, second half
+    Run initial;  // deposit of resting particles; velocities in scratch (D, count)
     // Where *due is set, per home block: kinetic, elastic, potential energy.
     void (*energies)(const Pass<X, T, D>&, const std::int32_t* due, double* partial);
     int state_columns;
@@ -86,7 +87,9 @@ MaterialInfo describe_material() {
     m.density = &Material::density;
     m.wave_speed = &Material::wave_speed;
     if constexpr (Material::volumetric) m.volume_from_pressure = &Material::volume_from_pressure;
-    m.reals = [](int d) { return d == 2 ? Material::template reals<2> : Material::template reals<3>; };
+    m.reals = [](int d) {
+        return d == 2 ? Material::template reals<2> : Material::template reals<3>;
+    };
     static_assert(sizeof(Material::parameters) / sizeof(Parameter) <= max_parameters);
     return m;
 }

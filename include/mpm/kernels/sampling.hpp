@@ -1,5 +1,6 @@
-// Sensors, evaluated where the state lives and written into a ring per sensor. A sample is taken after the grid update
-// of the step that starts at its time, so it sees the velocity with which that step moves the particles.
+// Sensors, evaluated where the state lives and written into a ring per sensor. A sample is taken
+// after the grid update of the step that starts at its time, so it sees the velocity with which
+// that step moves the particles.
 #pragma once
 
 #include "mpm/kernels/grid.hpp"
@@ -7,11 +8,11 @@
 
 namespace mpm {
 
-/// Velocity at a point given by cell and offset, from the nodes around it that carry mass; false where none does.
-/// `weight` returns the share of the kernel that lies on such nodes.
+/// Velocity at a point given by cell and offset, from the nodes around it that carry mass; false
+/// where none does. `weight` returns the share of the kernel that lies on such nodes.
 template <class T, class Sum, int D>
-MPM_INLINE bool velocity_at(const NodeUpdate<T, Sum, D>& node, const std::int64_t (&cell)[D], const double (&xi)[D],
-                            double (&v)[D]) {
+MPM_INLINE bool velocity_at(const NodeUpdate<T, Sum, D>& node, const std::int64_t (&cell)[D],
+                            const double (&xi)[D], double (&v)[D]) {
     const auto& grid = node.grid;
     Vec<double, D> local;
     for (int a = 0; a < D; ++a) {
@@ -39,7 +40,8 @@ MPM_INLINE bool velocity_at(const NodeUpdate<T, Sum, D>& node, const std::int64_
         if (slot < 0) continue;
         const int number = Block<D>::cell(at);
         if (!(node.mass(slot, number) > T(0))) continue;
-        const T* u = grid.velocity + std::int64_t(slot) * grid.velocity_channels * block_cells + number;
+        const T* u =
+            grid.velocity + std::int64_t(slot) * grid.velocity_channels * block_cells + number;
         for (int a = 0; a < D; ++a) v[a] += weight * double(u[a * block_cells]);
         total += weight;
     }
@@ -66,8 +68,8 @@ struct LoadCellRecord {
     double reference[D];
 };
 
-/// Momentum that the boundaries of load cells take from the nodes of one block in this step. On one worker per block
-/// and in a fixed order, so that the bits do not depend on who came first.
+/// Momentum that the boundaries of load cells take from the nodes of one block in this step. On one
+/// worker per block and in a fixed order, so that the bits do not depend on who came first.
 template <class T, class Sum, int D>
 struct MeasureLoads {
     NodeUpdate<T, Sum, D> node;
@@ -87,7 +89,8 @@ struct MeasureLoads {
             if (!(m > T(0))) continue;
             std::int64_t at[D];
             node.cell(slot, n, at);
-            const auto seen = [&](int boundary, int face, const Vec<T, D>& before, const Vec<T, D>& after) {
+            const auto seen = [&](int boundary, int face, const Vec<T, D>& before,
+                                  const Vec<T, D>& after) {
                 for (int c = 0; c < count; ++c) {
                     if (cells[c].boundary != boundary || !(cells[c].faces >> face & 1)) continue;
                     double f[D], r[D];
@@ -148,16 +151,17 @@ struct SampleLoad {
     }
 };
 
-/// Free surface above a point: where the nodes' fill falls through one half, from above, interpolated linearly along
-/// the vertical and between the columns of nodes around the point. Not-a-number where the column is dry.
+/// Free surface above a point: where the nodes' fill falls through one half, from above,
+/// interpolated linearly along the vertical and between the columns of nodes around the point.
+/// Not-a-number where the column is dry.
 template <class T, class Sum, int D>
 struct SampleGauge {
     NodeUpdate<T, Sum, D> node;
     SensorRecord* sensor;
     double position[D];
-    int axis;      // vertical
-    int channel;   // of the sums: mass of all, or of one body
-    double full;   // mass of a full node, kg
+    int axis;     // vertical
+    int channel;  // of the sums: mass of all, or of one body
+    double full;  // mass of a full node, kg
     double cell_size;
     std::int64_t cells[D];
 
@@ -268,8 +272,10 @@ struct TrackParticles {
                 int low = 0, high = count;
                 while (low < high) {
                     const int middle = (low + high) / 2;
-                    if (ids[middle] < body.id[q]) low = middle + 1;
-                    else high = middle;
+                    if (ids[middle] < body.id[q])
+                        low = middle + 1;
+                    else
+                        high = middle;
                 }
                 if (low == count || ids[low] != body.id[q]) continue;
                 int at[D];
@@ -292,7 +298,8 @@ struct TrackParticles {
     }
 };
 
-/// Adds the parts that the bodies' energy passes left, in order. `first` keeps the total of the first sample.
+/// Adds the parts that the bodies' energy passes left, in order. `first` keeps the total of the
+/// first sample.
 struct SampleEnergy {
     const Clock* clock;
     SensorRecord* sensor;

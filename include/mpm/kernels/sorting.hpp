@@ -1,5 +1,5 @@
-// Sorting particles by cell and rebuilding the table of blocks. Runs when drift demands it, between two steps. All of
-// it is maps over blocks, cells or particles, so both backends share the text.
+// Sorting particles by cell and rebuilding the table of blocks. Runs when drift demands it, between
+// two steps. All of it is maps over blocks, cells or particles, so both backends share the text.
 #pragma once
 
 #include "mpm/kernels/views.hpp"
@@ -18,16 +18,17 @@ MPM_INLINE T wrap_offset(T x, int& shift) {
     return x;
 }
 
-/// Per cell of the present table: where do its particles stand now? Changes no particle, so that a run may still be
-/// refused with its state intact. A particle has moved by at most one cell, so its block is a neighbour.
+/// Per cell of the present table: where do its particles stand now? Changes no particle, so that a
+/// run may still be refused with its state intact. A particle has moved by at most one cell, so its
+/// block is a neighbour.
 template <class X, class T, int D>
 struct FindCells {
     BlockTableView<D> table;
     BodyView<T, D> body;
-    std::int64_t cells[D];     // of the domain
-    std::uint32_t* occupied;   // per present slot
-    std::uint32_t* new_cell;   // per particle: present slot * 64 + cell, or `outside`
-    std::uint32_t* left;       // count of particles outside the domain
+    std::int64_t cells[D];    // of the domain
+    std::uint32_t* occupied;  // per present slot
+    std::uint32_t* new_cell;  // per particle: present slot * 64 + cell, or `outside`
+    std::uint32_t* left;      // count of particles outside the domain
 
     static constexpr std::uint32_t outside = ~0u;
 
@@ -57,7 +58,8 @@ struct FindCells {
                 X::fetch_add(left, 1);
                 continue;
             }
-            const std::int32_t to = table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
+            const std::int32_t to =
+                table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
             X::raise(&occupied[to]);
             new_cell[p] = std::uint32_t(to) * block_cells + std::uint32_t(Block<D>::cell(c));
         }
@@ -83,7 +85,8 @@ struct ListNeighbours {
             b[a] += n % 3 - 1;
             n /= 3;
         }
-        out[std::int64_t(position[slot]) * Block<D>::neighbours + i % Block<D>::neighbours] = keys_of.key(b);
+        out[std::int64_t(position[slot]) * Block<D>::neighbours + i % Block<D>::neighbours] =
+            keys_of.key(b);
     }
 };
 
@@ -102,7 +105,8 @@ struct LinkBlocks {
         for (int a = D - 1; a >= 0; --a) {
             b[a] += n % 3 - 1;
             n /= 3;
-            outside = outside || b[a] < -BlockKeys<D>::rim || b[a] + BlockKeys<D>::rim >= table.keys_of.counts[a];
+            outside = outside || b[a] < -BlockKeys<D>::rim ||
+                      b[a] + BlockKeys<D>::rim >= table.keys_of.counts[a];
         }
         neighbours[i] = outside ? -1 : find_key(table.keys, table.slots, table.keys_of.key(b));
     }
@@ -123,9 +127,11 @@ struct TouchBoundaries {
             const BoundaryRecord<D>& r = boundaries[k];
             bool apart = false, rim = false;
             for (int a = 0; a < D; ++a) {
-                const std::int64_t low = b[a] * Block<D>::edge, high = low + Block<D>::edge;  // cells [low, high)
+                const std::int64_t low = b[a] * Block<D>::edge,
+                                   high = low + Block<D>::edge;  // cells [low, high)
                 apart = apart || high <= r.lower[a] - 1 || low > r.upper[a];
-                rim = rim || (r.present[2 * a] && low <= r.lower[a]) || (r.present[2 * a + 1] && high >= r.upper[a]);
+                rim = rim || (r.present[2 * a] && low <= r.lower[a]) ||
+                      (r.present[2 * a + 1] && high >= r.upper[a]);
             }
             hit |= r.is_box ? !apart : rim;
         }
@@ -139,17 +145,21 @@ struct MapSlots {
     const std::uint64_t* new_keys;
     std::int32_t new_slots;
     std::int32_t* map;
-    MPM_INLINE void operator()(std::int64_t slot) const { map[slot] = find_key(new_keys, new_slots, old_keys[slot]); }
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        map[slot] = find_key(new_keys, new_slots, old_keys[slot]);
+    }
 };
 
-/// new_cell from the present table's numbering to the new one; particles outside sort behind everything.
+/// new_cell from the present table's numbering to the new one; particles outside sort behind
+/// everything.
 struct RenumberCells {
     std::uint32_t* cell;
     const std::int32_t* map;
     std::uint32_t behind;
     MPM_INLINE void operator()(std::int64_t p) const {
         const std::uint32_t c = cell[p];
-        cell[p] = c == ~0u ? behind : std::uint32_t(map[c / block_cells]) * block_cells + c % block_cells;
+        cell[p] =
+            c == ~0u ? behind : std::uint32_t(map[c / block_cells]) * block_cells + c % block_cells;
     }
 };
 

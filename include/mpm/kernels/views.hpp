@@ -10,13 +10,15 @@ namespace mpm {
 
 inline constexpr int max_state_columns = 16;
 
-/// Nodal values of all active blocks, by block, channel, node: entry (slot * channels + c) * 64 + node.
+/// Nodal values of all active blocks, by block, channel, node: entry (slot * channels + c) * 64 +
+/// node.
 template <class T, class Sum, int D>
 struct GridView {
     BlockTableView<D> table;
     T* velocity;  // D velocities [m/s], then one averaged j per F-bar group
     int velocity_channels;
-    Sum* sums;  // mass [kg], D momenta [kg m/s], then per group mass * j [kg] and, where it differs, the group's mass
+    Sum* sums;  // mass [kg], D momenta [kg m/s], then per group mass * j [kg] and, where it
+                // differs, the group's mass
     int sum_channels;
 };
 
@@ -29,9 +31,10 @@ struct GroupChannels {
 
 template <class T, int D>
 struct BodyView {
-    T* offset[D];                  // from the centre of the home cell, cells
-    T* state[max_state_columns];   // the material's reals, then the blended volume where it is stored
-    const std::uint32_t* id;       // counted from the body's first
+    T* offset[D];                 // from the centre of the home cell, cells
+    T* state[max_state_columns];  // the material's reals, then the blended volume where it is
+                                  // stored
+    const std::uint32_t* id;      // counted from the body's first
     std::uint32_t count;
     const std::uint32_t* cell_start;  // (slots * 64 + 1)
     const std::int32_t* home;         // slots that hold particles, ascending

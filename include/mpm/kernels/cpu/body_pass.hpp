@@ -1,10 +1,11 @@
 // CPU driver of the passes over a body's particles: loops, arenas, lanes and flush; no formula.
 //
-// One worker owns one block at a time. It copies the velocities that the block's particles can reach into an arena,
-// walks the cells, and takes the particles of a cell a pack at a time: lanes share the cell's nodes, so node values
-// are broadcast and each lane adds to sums of its own that are added up once a cell. Particles that have left the
-// cell they were sorted into go one by one through the same formulae with a scalar number type. Blocks of one colour
-// share no node, so the order of additions, and with it every bit, is independent of the number of threads.
+// One worker owns one block at a time. It copies the velocities that the block's particles can
+// reach into an arena, walks the cells, and takes the particles of a cell a pack at a time: lanes
+// share the cell's nodes, so node values are broadcast and each lane adds to sums of its own that
+// are added up once a cell. Particles that have left the cell they were sorted into go one by one
+// through the same formulae with a scalar number type. Blocks of one colour share no node, so the
+// order of additions, and with it every bit, is independent of the number of threads.
 #pragma once
 
 #include <memory>
@@ -12,7 +13,8 @@
 #include "mpm/exec/cpu.hpp"
 #include "mpm/kernels/body_common.hpp"
 
-// 32-byte packs widen with the clone they are inlined into; the loader picks the clone for the processor.
+// 32-byte packs widen with the clone they are inlined into; the loader picks the clone for the
+// processor.
 #if defined(LIBMPM_SANITIZED) || defined(__clang__)
 #define MPM_CLONES
 #else
@@ -30,7 +32,7 @@ struct Arena {
     static constexpr int nodes = Block<D>::arena_nodes;
     alignas(64) T velocity[C][nodes];
     static constexpr int stride = C + 1 <= 4 ? 4 : 8;  // of one node's sums
-    alignas(64) T sums[nodes][stride];                 // channels, then mass; in units of one particle's mass
+    alignas(64) T sums[nodes][stride];  // channels, then mass; in units of one particle's mass
 };
 
 /// Node values for `gather`: the same for all lanes.
@@ -60,11 +62,14 @@ struct ArenaSums {
     T* at;  // first node of the stencil, channel 0
     static constexpr int stride(int axis) { return Block<D>::arena_stride(axis); }
     MPM_INLINE static int place(int node) { return stencil_place<ArenaSums, D>(node); }
-    MPM_INLINE void add(int node, int channel, T v) { at[place(node) * Arena<T, D, C>::stride + channel] += v; }
+    MPM_INLINE void add(int node, int channel, T v) {
+        at[place(node) * Arena<T, D, C>::stride + channel] += v;
+    }
     MPM_INLINE void add_mass(int node, T v) { at[place(node) * Arena<T, D, C>::stride + C] += v; }
 };
 
-/// Calls f(arena position, slot, node, length) for each run of nodes that is contiguous on both sides.
+/// Calls f(arena position, slot, node, length) for each run of nodes that is contiguous on both
+/// sides.
 template <int D, class F>
 MPM_INLINE void for_each_run(const std::int32_t* neighbours, const F& f) {
     constexpr int edge = Block<D>::edge, margin = Block<D>::margin, arena = Block<D>::arena_edge;
@@ -79,12 +84,14 @@ MPM_INLINE void for_each_run(const std::int32_t* neighbours, const F& f) {
             at[D - 1] = starts[part];
             int neighbour, node;
             arena_node<D>(at, neighbour, node);
-            f(row * arena + starts[part], neighbours[neighbour], node, starts[part + 1] - starts[part]);
+            f(row * arena + starts[part], neighbours[neighbour], node,
+              starts[part + 1] - starts[part]);
         }
     }
 }
 
-/// What one block's pass does: the whole step, or one half of the two-pass form, or the first deposit.
+/// What one block's pass does: the whole step, or one half of the two-pass form, or the first
+/// deposit.
 enum class Stage { fused, gather, scatter, initial };
 
 template <class Material, Smoothing S, class T, int D, Stage stage>
@@ -109,30 +116,37 @@ struct BlockPass {
     }
     template <class N>
     MPM_INLINE static N load_from(const T* p) {
-        if constexpr (std::is_same_v<N, T>) return *p;
-        else return N::load(p);
+        if constexpr (std::is_same_v<N, T>)
+            return *p;
+        else
+            return N::load(p);
     }
 
-    /// What a particle deposits, carried between the halves of the two-pass form: value and slopes by channel.
+    /// What a particle deposits, carried between the halves of the two-pass form: value and slopes
+    /// by channel.
     template <class N>
     MPM_INLINE void load_deposit(std::uint32_t q, Affine<N, D, C>& u) const {
         const std::size_t n = pass.body.count;
         MPM_UNROLL for (int c = 0; c < C; ++c) {
             u.value[c] = load_from<N>(pass.scratch + c * n + q);
-            MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] = load_from<N>(pass.scratch + (C + a * C + c) * n + q);
+            MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] =
+                load_from<N>(pass.scratch + (C + a * C + c) * n + q);
         }
     }
     MPM_INLINE void store_deposit(std::uint32_t q, const Affine<T, D, C>& u) const {
         const std::size_t n = pass.body.count;
         MPM_UNROLL for (int c = 0; c < C; ++c) {
             pass.scratch[c * n + q] = u.value[c];
-            MPM_UNROLL for (int a = 0; a < D; ++a) pass.scratch[(C + a * C + c) * n + q] = u.slope[a][c];
+            MPM_UNROLL for (int a = 0; a < D; ++a) pass.scratch[(C + a * C + c) * n + q] =
+                u.slope[a][c];
         }
     }
 
-    /// The step of particles whose stencil starts at `origin`; xi is relative to that cell's centre.
+    /// The step of particles whose stencil starts at `origin`; xi is relative to that cell's
+    /// centre.
     template <class N>
-    MPM_INLINE Affine<N, D, C> advance(std::uint32_t q, int origin, Vec<N, D>& xi, N (&state)[R]) const {
+    MPM_INLINE Affine<N, D, C> advance(std::uint32_t q, int origin, Vec<N, D>& xi,
+                                       N (&state)[R]) const {
         if constexpr (reads) {
             const ArenaNodes<T, D> nodes{&arena.velocity[0][0]};
             return advance_particle<Material, S, N, D>(nodes, origin, xi, state, numbers);
@@ -142,15 +156,19 @@ struct BlockPass {
             return u;
         } else {
             Vec<N, D> v;
-            MPM_UNROLL for (int a = 0; a < D; ++a) v[a] = load_from<N>(pass.scratch + a * std::size_t(pass.body.count) + q);
+            MPM_UNROLL for (int a = 0; a < D; ++a) v[a] =
+                load_from<N>(pass.scratch + a * std::size_t(pass.body.count) + q);
             return resting_particle<Material, S, N, D>(v, state, numbers);
         }
     }
 
-    MPM_INLINE void report(std::uint32_t q) const { Cpu::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q)); }
+    MPM_INLINE void report(std::uint32_t q) const {
+        Cpu::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
+    }
 
     /// A particle that is, or comes to be, outside its home cell.
-    MPM_INLINE void deposit_alone(const int (&home)[D], const Vec<T, D>& xi, const Affine<T, D, C>& u) const {
+    MPM_INLINE void deposit_alone(const int (&home)[D], const Vec<T, D>& xi,
+                                  const Affine<T, D, C>& u) const {
         int cell[D];
         Vec<T, D> local;
         MPM_UNROLL for (int a = 0; a < D; ++a) {
@@ -200,7 +218,8 @@ struct BlockPass {
         return m;
     }
 
-    MPM_INLINE void together(const int (&home)[D], std::uint32_t q, int count, CellSums<V, D, C>& sums) const {
+    MPM_INLINE void together(const int (&home)[D], std::uint32_t q, int count,
+                             CellSums<V, D, C>& sums) const {
         using Mask = MaskOf<V>;
         Vec<V, D> xi;
         V state[R];
@@ -254,7 +273,8 @@ struct BlockPass {
                 MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(inside, xi[a], V(T(0)));
                 MPM_UNROLL for (int c = 0; c < C; ++c) {
                     u.value[c] = select(inside, u.value[c], V(T(0)));
-                    MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] = select(inside, u.slope[a][c], V(T(0)));
+                    MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] =
+                        select(inside, u.slope[a][c], V(T(0)));
                 }
             }
             scatter<V, D, C>(sums, quadratic_weights<V, D>(xi), unit, u);
@@ -268,16 +288,18 @@ struct BlockPass {
     MPM_INLINE void cell(int number, std::uint32_t begin, std::uint32_t end) const {
         int home[D];
         Block<D>::coordinates(number, home);
-        if constexpr (stage == Stage::initial) {  // once a run: not worth the lanes
+        if constexpr (stage == Stage::initial ||
+                      lane_wise<Material>) {  // the first runs once: not worth lanes
             for (std::uint32_t q = begin; q < end; ++q) alone(home, q);
             return;
         }
         CellSums<V, D, C> sums;
         if constexpr (adds) {
-            MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n)
-                for (int c = 0; c <= C; ++c) sums.value[n][c] = V(T(0));
+            MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) for (int c = 0; c <= C; ++c)
+                sums.value[n][c] = V(T(0));
         }
-        for (std::uint32_t q = begin; q < end; q += W) together(home, q, int(end - q < W ? end - q : W), sums);
+        for (std::uint32_t q = begin; q < end; q += W)
+            together(home, q, int(end - q < W ? end - q : W), sums);
         if constexpr (adds) {
             T* at = arena.sums[stencil_origin<ArenaNodes<T, D>>(home)];
             constexpr int stride = Arena<T, D, C>::stride, group = stride < W ? stride : W;
@@ -286,7 +308,9 @@ struct BlockPass {
                 MPM_UNROLL for (int first = 0; first <= C; first += group) {
                     V parts[W];
                     MPM_UNROLL for (int k = 0; k < W; ++k) {
-                        parts[k] = k < group && first + k <= C ? sums.value[n][first + k <= C ? first + k : 0] : V(T(0));
+                        parts[k] = k < group && first + k <= C
+                                       ? sums.value[n][first + k <= C ? first + k : 0]
+                                       : V(T(0));
                     }
                     const V total = sums_of_lanes(parts);
                     MPM_UNROLL for (int k = 0; k < group; ++k) to[first + k] += total[k];
@@ -300,7 +324,9 @@ struct BlockPass {
         for_each_run<D>(neighbours, [&](int at, std::int32_t slot, int node, int length) {
             MPM_UNROLL for (int c = 0; c < C; ++c) {
                 const int channel = c < D ? c : pass.group.average;
-                const T* from = g.velocity + (std::int64_t(slot) * g.velocity_channels + channel) * block_cells + node;
+                const T* from = g.velocity +
+                                (std::int64_t(slot) * g.velocity_channels + channel) * block_cells +
+                                node;
                 for (int k = 0; k < length; ++k) arena.velocity[c][at + k] = from[k];
             }
         });
@@ -312,7 +338,8 @@ struct BlockPass {
         for_each_run<D>(neighbours, [&](int at, std::int32_t slot, int node, int length) {
             T* to = g.sums + std::int64_t(slot) * g.sum_channels * block_cells + node;
             const auto add = [&](int channel, int from) {
-                for (int k = 0; k < length; ++k) to[channel * block_cells + k] += m * arena.sums[at + k][from];
+                for (int k = 0; k < length; ++k)
+                    to[channel * block_cells + k] += m * arena.sums[at + k][from];
             };
             add(0, C);
             MPM_UNROLL for (int c = 0; c < C; ++c) add(c < D ? 1 + c : pass.group.sum, c);
@@ -321,7 +348,8 @@ struct BlockPass {
     }
 
     MPM_INLINE void block(std::int32_t slot) const {
-        const std::int32_t* neighbours = pass.grid.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
+        const std::int32_t* neighbours =
+            pass.grid.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
         if constexpr (reads) fill(neighbours);
         if constexpr (adds) std::memset(arena.sums, 0, sizeof(arena.sums));
         const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
@@ -346,8 +374,9 @@ void run_first_block(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>
 template <class Material, Smoothing S, class T, int D, Stage stage>
 void run_body(const Pass<Cpu, T, D>& pass) {
     if (pass.clock->halt != Halt::none) return;
-    const auto numbers = step_numbers<T, Material>(
-        *pass.numbers, Material::template constants<T>(pass.parameters), pass.carry, pass.stress_only);
+    const auto numbers =
+        step_numbers<T, Material>(*pass.numbers, Material::template constants<T>(pass.parameters),
+                                  pass.carry, pass.stress_only);
     using A = Arena<T, D, transfer_channels<D, S>>;
     // Below some thousand particles waking the other threads costs more than they save.
     const int threads = pass.body.count > 4096 ? pass.exec->threads() : 1;
@@ -356,7 +385,8 @@ void run_body(const Pass<Cpu, T, D>& pass) {
         const auto arena = std::make_unique<A>();
         for (int colour = 0; colour < (1 << D); ++colour) {
 #pragma omp for schedule(dynamic, 1)
-            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k) {
+            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1];
+                 ++k) {
                 if constexpr (stage == Stage::initial) {
                     run_first_block<Material, S, T, D>(pass, numbers, *arena, pass.coloured[k]);
                 } else {
@@ -371,8 +401,9 @@ void run_body(const Pass<Cpu, T, D>& pass) {
 template <class Material, Smoothing S, class T, int D>
 void energies(const Pass<Cpu, T, D>& pass, const std::int32_t* due, double* partial) {
     if (!*due) return;
-    const auto numbers = step_numbers<T, Material>(
-        *pass.numbers, Material::template constants<T>(pass.parameters), pass.carry, pass.stress_only);
+    const auto numbers =
+        step_numbers<T, Material>(*pass.numbers, Material::template constants<T>(pass.parameters),
+                                  pass.carry, pass.stress_only);
     constexpr int C = transfer_channels<D, S>;
 #pragma omp parallel num_threads(pass.exec->threads())
     {
@@ -412,7 +443,8 @@ BodyOps<Cpu, T, D> instance() {
     BodyOps<Cpu, T, D> ops{};
     ops.fused = &run_body<Material, S, T, D, Stage::fused>;
     ops.gather = &run_body<Material, S, T, D, Stage::gather>;
-    ops.scatter = &scatter_body<T, D, S == Smoothing::none ? Smoothing::none : Smoothing::one_volume>;
+    ops.scatter = &scatter_body < T, D,
+    S == Smoothing::none ? Smoothing::none : Smoothing::one_volume > ;
     ops.initial = &run_body<Material, S, T, D, Stage::initial>;
     ops.energies = &energies<Material, S, T, D>;
     ops.state_columns = state_reals<Material, D, S>;
@@ -428,8 +460,10 @@ namespace mpm {
 template <class T, int D, class Material>
 BodyOps<Cpu, T, D> cpu_body_ops(Smoothing s) {
     if constexpr (Material::volumetric) {
-        if (s == Smoothing::one_volume) return cpu::instance<Material, Smoothing::one_volume, T, D>();
-        if (s == Smoothing::two_volumes) return cpu::instance<Material, Smoothing::two_volumes, T, D>();
+        if (s == Smoothing::one_volume)
+            return cpu::instance<Material, Smoothing::one_volume, T, D>();
+        if (s == Smoothing::two_volumes)
+            return cpu::instance<Material, Smoothing::two_volumes, T, D>();
     }
     return cpu::instance<Material, Smoothing::none, T, D>();
 }

@@ -1,0 +1,82 @@
+// A material that asks to be taken one particle at a time gives what the packs give, to rounding.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "mpm/kernels/cpu/body_pass.hpp"
+#include "mpm/physics/material/tait_fluid.hpp"
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+namespace {
+
+struct BranchingFluid : TaitFluid {
+    static constexpr bool lane_wise = true;
+};
+static_assert(lane_wise<BranchingFluid> && !lane_wise<TaitFluid>);
+
+Spec puddle() {
+    Spec s;
+    s.dimension = 2;
+    s.single = false;
+    s.threads = 1;
+    s.cell_size = 0.1;
+    s.cells = {12, 12};
+    s.gravity = {{0.0}, {0.0, -9.81}, TableEnd::hold};
+    BodySpec b;
+    b.name = "water";
+    b.material = "TaitFluid";
+    b.parameters = {1000, 1e6, 7, 0.001};
+    for (int i = 0; i < 14; ++i)
+        for (int j = 0; j < 10; ++j) {
+            b.position.push_back(0.05 * (i + 0.5));
+            b.position.push_back(0.05 * (j + 0.5));
+        }
+    b.count = b.position.size() / 2;
+    b.bounds = {0, 0, 0.7, 0.5};
+    b.particle_mass = 1000 * 0.05 * 0.05;
+    b.velocity = {0.5, 0.0};
+    b.smoothing = SmoothingForm::one_volume_gradient;
+    b.smoothing_time = 0.1;
+    s.bodies = {b};
+    BoundarySpec walls;
+    walls.name = "walls";
+    walls.present.assign(4, 1);
+    walls.law.assign(4, SurfaceLaw{});
+    walls.end = 1e300;
+    s.boundaries = {walls};
+    return s;
+}
+
+template <class Material>
+std::vector<double> run() {
+    const Spec spec = puddle();
+    const Plan plan = make_plan(spec, cpu_traits(false));
+    Domain<Cpu, double, 2> domain(spec, plan, Cpu(1), [](const std::string&, Smoothing s) {
+        return cpu_body_ops<double, 2, Material>(s);
+    });
+    EXPECT_EQ(domain.run(400, 1e300, 1e300).reason, "steps");
+    const Attributes a = domain.attributes(0, {"position"});
+    std::vector<double> by_id(a.values.at("position").data.size());
+    for (std::size_t k = 0; k < a.id.size(); ++k)
+        for (int c = 0; c < 2; ++c)
+            by_id[2 * a.id[k] + c] = a.values.at("position").data[2 * k + c];
+    return by_id;
+}
+
+TEST(LaneWise, AgreesWithThePacks) {
+    const auto packs = run<TaitFluid>(), alone = run<BranchingFluid>();
+    double apart = 0, moved = 0;
+    const auto start = puddle().bodies[0].position;
+    for (std::size_t k = 0; k < packs.size(); ++k) {
+        apart = std::max(apart, std::abs(packs[k] - alone[k]));
+        moved = std::max(moved, std::abs(packs[k] - start[k]));
+    }
+    EXPECT_GT(moved, 0.05);
+    EXPECT_LT(apart, 1e-10);
+}
+
+}  // namespace
+}  // namespace mpm
