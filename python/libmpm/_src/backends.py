@@ -7,11 +7,21 @@ import importlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from libmpm._src.errors import DeviceError, Error
 
-__all__ = ["Backend", "CudaStatus", "core", "cuda_status", "parse_device", "planner", "select"]
+__all__ = [
+    "Backend",
+    "CudaStatus",
+    "core",
+    "cuda_status",
+    "memory_free",
+    "parse_device",
+    "planner",
+    "select",
+]
 
 
 @dataclass(frozen=True)
@@ -46,6 +56,18 @@ def core() -> Any:
             f"the compiled module libmpm._core cannot be loaded: {error}; "
             "install libmpm with `pip install .` rather than importing its source folder"
         ) from error
+
+
+def memory_free(backend: Backend) -> int | None:
+    """Return the bytes that a device can still give, or None where that cannot be told."""
+    if backend.kind == "cuda":
+        return int(backend.module.devices()[backend.index]["free"])
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return None
+    found = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
+    return found[0] if found else None
 
 
 @functools.cache

@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src import backends
-from libmpm._src.errors import CheckpointError, Error, ModelWarning, NumericalError
+from libmpm._src.errors import (
+    CapacityError,
+    CheckpointError,
+    Error,
+    ModelWarning,
+    NumericalError,
+)
 from libmpm._src.faults import describe_fault, describe_removed
 from libmpm._src.interrupts import deferred_interrupt
 from libmpm._src.lowering import lower, world_offset
@@ -204,11 +210,15 @@ class Simulation:
     def engine(self) -> Any:
         """The compiled engine; made when first asked for."""
         if self._engine is None:
+            self._require_memory()
             with _warned_already():
                 specification = lower(
                     self._scene, device_index=self._backend.index, **self._requested
                 )
-            engine = self._backend.module.Engine(specification)
+            try:
+                engine = self._backend.module.Engine(specification)
+            except CapacityError as error:
+                raise CapacityError(f"{error}. {self._memory_planned()}") from error
             if self._restored is not None:
                 try:
                     engine.load(self._restored.state)
@@ -221,6 +231,20 @@ class Simulation:
             self._engine = engine
             self._restored = None
         return self._engine
+
+    def _require_memory(self) -> None:
+        """Refuse what cannot fit before anything is allocated."""
+        free = backends.memory_free(self._backend)
+        if free is not None and self.plan.memory_total > free:
+            raise CapacityError(f"{self.device} has {free / 2**20:,.0f} MiB free. "
+                                f"{self._memory_planned()}")  # fmt: skip
+
+    def _memory_planned(self) -> str:
+        parts = ", ".join(f"{k} {v / 2**20:,.0f}" for k, v in self.plan.memory.items())
+        return (
+            f"The plan asks for {self.plan.memory_total / 2**20:,.0f} MiB ({parts}); use a larger "
+            "cell_size, fewer particles_per_cell, single precision or a device with more memory"
+        )
 
     def _make_series(self, engine: Any, specification: dict[str, Any]) -> None:
         self._series, self._shifts = [], []
