@@ -1,0 +1,219 @@
+// From the dictionary that crosses the seam (design/engine-contract.md) to a Spec. What Python has
+// validated is checked again only where it would corrupt a run.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "mpm/core/error.hpp"
+#include "mpm/solver/plan.hpp"
+#include "mpm/solver/spec.hpp"
+
+namespace mpm::python {
+
+namespace py = pybind11;
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+inline std::vector<double> doubles(const py::handle& value) {
+    const auto a = Doubles::ensure(value);
+    if (!a) throw SceneError("expected an array of numbers");
+    return {a.data(), a.data() + a.size()};
+}
+
+inline TableSpec read_table(const py::dict& d, int dimension, const std::string& owner) {
+    TableSpec t;
+    t.time = doubles(d["time"]);
+    t.value = doubles(d["value"]);
+    const auto end = d["end"].cast<std::string>();
+    t.end = end == "repeat" ? TableEnd::repeat : (end == "zero" ? TableEnd::zero : TableEnd::hold);
+    if (t.time.empty() || t.value.size() != t.time.size() * std::size_t(dimension)) {
+        throw SceneError(owner + ": a time table needs as many rows of " +
+                         std::to_string(dimension) + " values as times, and at least one");
+    }
+    for (std::size_t k = 1; k < t.time.size(); ++k)
+        if (!(t.time[k] > t.time[k - 1])) throw SceneError(owner + ": times must increase");
+    return t;
+}
+
+inline int face_number(const std::string& face, int dimension) {
+    const std::string axes = "xyz";
+    const auto axis = face.size() == 2 ? axes.find(face[0]) : std::string::npos;
+    if (axis == std::string::npos || int(axis) >= dimension || (face[1] != '-' && face[1] != '+')) {
+        throw SceneError("face '" + face +
+                         "' is not one of x-, x+, y-, y+, z-, z+ of this dimension");
+    }
+    return int(axis) * 2 + (face[1] == '+');
+}
+
+inline BodySpec read_body(const py::dict& d, int dimension) {
+    BodySpec b;
+    b.name = d["name"].cast<std::string>();
+    b.material = d["material"].cast<std::string>();
+    const MaterialInfo& m = material(b.material);
+    const py::dict values = d["parameters"];
+    for (int k = 0; k < m.parameter_count; ++k) {
+        if (!values.contains(m.parameters[k].name)) {
+            throw SceneError("body '" + b.name + "': " + m.name + " needs the parameter " +
+                             m.parameters[k].name);
+        }
+        const double v = values[m.parameters[k].name].cast<double>();
+        const Parameter& p = m.parameters[k];
+        const bool low = p.lower_open ? v > p.lower : v >= p.lower,
+                   high = p.upper_open ? v < p.upper : v <= p.upper;
+        if (!low || !high) {
+            throw SceneError("body '" + b.name + "': " + p.name + " is " + std::to_string(v) +
+                             ", outside " + std::to_string(p.lower) + " to " +
+                             std::to_string(p.upper));
+        }
+        b.parameters.push_back(v);
+    }
+    b.count = d["count"].cast<std::uint64_t>();
+    b.bounds = doubles(d["bounds"]);
+    b.particle_mass = d["particle_mass"].cast<double>();
+    b.first_id = d["first_id"].cast<std::uint64_t>();
+    if (!d["position"].is_none()) {
+        b.position = doubles(d["position"]);
+        b.velocity = doubles(d["velocity"]);
+        if (b.position.size() != b.count * dimension ||
+            (b.velocity.size() != std::size_t(dimension) &&
+             b.velocity.size() != b.count * dimension)) {
+            throw SceneError("body '" + b.name + "': positions or velocities do not match its " +
+                             std::to_string(b.count) + " particles");
+        }
+    }
+    if (!d["pressure"].is_none()) {
+        b.pressure = doubles(d["pressure"]);
+        if (b.pressure.size() != b.count)
+            throw SceneError("body '" + b.name + "': one pressure a particle is needed");
+        if (!m.volumetric)
+            throw SceneError("body '" + b.name + "': " + m.name +
+                             " stores no volume ratio to set a pressure by");
+    }
+    const py::dict f = d["fbar"];
+    const auto form = f["form"].cast<std::string>();
+    const std::map<std::string, SmoothingForm> forms = {
+        {"none", SmoothingForm::none},
+        {"one-volume", SmoothingForm::one_volume},
+        {"one-volume-gradient", SmoothingForm::one_volume_gradient},
+        {"two-volume", SmoothingForm::two_volume},
+        {"stress-only", SmoothingForm::stress_only}};
+    const auto it = forms.find(form);
+    if (it == forms.end())
+        throw SceneError("body '" + b.name + "': F-bar form '" + form + "' is not built");
+    b.smoothing = it->second;
+    b.smoothing_time = f["time"].cast<double>();
+    b.smoothing_ratio = f["ratio"].cast<double>();
+    return b;
+}
+
+inline BoundarySpec read_boundary(const py::dict& d, int dimension) {
+    BoundarySpec b;
+    b.name = d["name"].cast<std::string>();
+    b.is_box = d["kind"].cast<std::string>() == "box";
+    if (b.is_box) {
+        b.lower = d["lower"].cast<std::vector<int>>();
+        b.upper = d["upper"].cast<std::vector<int>>();
+        if (int(b.lower.size()) != dimension || int(b.upper.size()) != dimension) {
+            throw SceneError("boundary '" + b.name +
+                             "': its box needs one lower and one upper cell an axis");
+        }
+    }
+    b.present.assign(2 * dimension, 0);
+    b.law.assign(2 * dimension, SurfaceLaw{});
+    for (const auto& [face, response] : d["faces"].cast<py::dict>()) {
+        const int f = face_number(face.cast<std::string>(), dimension);
+        const py::dict r = response.cast<py::dict>();
+        const auto kind = r["kind"].cast<std::string>();
+        b.present[f] = 1;
+        b.law[f].response = kind == "sticky"
+                                ? Response::sticky
+                                : (kind == "slip" ? Response::slip : Response::separable);
+        b.law[f].static_friction = r["static_friction"].cast<double>();
+        b.law[f].dynamic_friction = r["dynamic_friction"].cast<double>();
+    }
+    b.start = d["start"].cast<double>();
+    b.end = d["end"].cast<double>();
+    if (!d["velocity"].is_none()) {
+        b.moves = true;
+        b.motion = read_table(d["velocity"], dimension, "boundary '" + b.name + "'");
+    }
+    return b;
+}
+
+inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
+    SensorSpec s;
+    s.name = d["name"].cast<std::string>();
+    const std::map<std::string, SensorKind> kinds = {{"load-cell", SensorKind::load_cell},
+                                                     {"wave-gauge", SensorKind::wave_gauge},
+                                                     {"velocity-probe", SensorKind::velocity_probe},
+                                                     {"tracker", SensorKind::tracker},
+                                                     {"energy", SensorKind::energy}};
+    const auto it = kinds.find(d["kind"].cast<std::string>());
+    if (it == kinds.end())
+        throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() +
+                         "' is not built");
+    s.kind = it->second;
+    s.interval = d["interval"].cast<double>();
+    const auto check = [&](int index, std::size_t count, const char* what) {
+        if (index < 0 || std::size_t(index) >= count) {
+            throw SceneError("sensor '" + s.name + "': there is no " + what + " number " +
+                             std::to_string(index));
+        }
+    };
+    if (s.kind == SensorKind::load_cell) {
+        s.boundary = d["boundary"].cast<int>();
+        check(s.boundary, spec.boundaries.size(), "boundary");
+        for (const auto& f : d["faces"])
+            s.faces |= 1 << face_number(f.cast<std::string>(), spec.dimension);
+        s.reference = doubles(d["reference"]);
+    }
+    if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe)
+        s.position = doubles(d["position"]);
+    if (s.kind == SensorKind::wave_gauge) {
+        s.axis = d["axis"].cast<int>();
+        check(s.axis, std::size_t(spec.dimension), "axis");
+    }
+    if (d.contains("body")) s.body = d["body"].cast<int>();
+    if (s.kind == SensorKind::tracker) check(s.body, spec.bodies.size(), "body");
+    if (s.kind == SensorKind::tracker) s.ids = d["ids"].cast<std::vector<std::uint64_t>>();
+    return s;
+}
+
+inline Spec read_spec(const py::dict& d) {
+    Spec s;
+    s.dimension = d["dimension"].cast<int>();
+    if (s.dimension != 2 && s.dimension != 3) {
+        throw SceneError("dimension is " + std::to_string(s.dimension) +
+                         "; built are 2 (plane strain) and 3");
+    }
+    const auto precision = d["precision"].cast<std::string>();
+    if (precision != "single" && precision != "double") {
+        throw SceneError("precision '" + precision + "' is not built; built are single and double");
+    }
+    s.single = precision == "single";
+    s.device = d["device"].cast<int>();
+    s.pipeline = d["pipeline"].cast<std::string>();
+    s.threads = d["threads"].cast<int>();
+    s.cell_size = d["cell_size"].cast<double>();
+    s.cells = d["cells"].cast<std::vector<std::int64_t>>();
+    s.gravity = read_table(d["gravity"], s.dimension, "gravity");
+    s.cfl = d["cfl"].cast<double>();
+    s.time_step = d["time_step"].is_none() ? 0 : d["time_step"].cast<double>();
+    const auto leaving = d["leaving"].cast<std::string>();
+    s.leaving = leaving == "freeze" ? Leaving::freeze
+                                    : (leaving == "delete" ? Leaving::remove : Leaving::stop);
+    for (const auto& b : d["bodies"])
+        s.bodies.push_back(read_body(b.cast<py::dict>(), s.dimension));
+    if (s.bodies.empty()) throw SceneError("the scene has no body; add one with scene.add_body");
+    for (const auto& b : d["boundaries"])
+        s.boundaries.push_back(read_boundary(b.cast<py::dict>(), s.dimension));
+    for (const auto& x : d["sensors"]) s.sensors.push_back(read_sensor(x.cast<py::dict>(), s));
+    return s;
+}
+
+}  // namespace mpm::python
