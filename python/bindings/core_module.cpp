@@ -25,11 +25,11 @@ const char* instruction_set() {
 template <class T>
 py::array_t<T> equation_of_state(const py::array_t<T, py::array::c_style>& j, double bulk_modulus,
                                  double exponent) {
+    const double parameters[] = {1.0, bulk_modulus, exponent, 0.0};
+    const auto constants = mpm::TaitFluid::constants<T>(parameters);
     py::array_t<T> out(j.size());
-    for (py::ssize_t k = 0; k < j.size(); ++k) {
-        out.mutable_data()[k] =
-            mpm::TaitFluid::pressure<T, T>(j.data()[k], T(bulk_modulus / exponent), T(exponent));
-    }
+    for (py::ssize_t k = 0; k < j.size(); ++k)
+        out.mutable_data()[k] = mpm::TaitFluid::pressure(j.data()[k], constants);
     return out;
 }
 

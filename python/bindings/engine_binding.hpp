@@ -8,7 +8,7 @@
 #include <functional>
 
 #include "mpm/solver/engine.hpp"
-#include "mpm/solver/plan.hpp"
+#include "mpm/solver/merged.hpp"
 #include "spec_reader.hpp"
 
 namespace mpm::python {
@@ -143,7 +143,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Traits& trait
         "plan",
         [traits](const py::dict& d) {
             const Spec spec = read_spec(d);
-            return plan_dict(make_plan(spec, traits(spec.single)));
+            return plan_dict(plan_scene(spec, traits(spec.single)));
         },
         py::arg("spec"),
         "What a spec costs, before anything is allocated (design/engine-contract.md).");
@@ -159,7 +159,10 @@ inline void bind_engine(py::module_& m, const Factory& make, const Traits& trait
                      py::gil_scoped_release unlocked;
                      h->engine = make(h->spec);
                  }
-                 for (auto& b : h->spec.bodies) b.position = b.velocity = b.pressure = {};
+                 for (auto& b : h->spec.bodies) {
+                     b.position = b.pressure = nullptr;
+                     b.velocity = {};
+                 }
                  return h;
              }),
              py::arg("spec"))

@@ -6,7 +6,9 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -23,6 +25,49 @@ inline std::vector<double> doubles(const py::handle& value) {
     const auto a = Doubles::ensure(value);
     if (!a) throw SceneError("expected an array of numbers");
     return {a.data(), a.data() + a.size()};
+}
+
+/// The values of `rows` rows, each of the shape `row`; `what` names them in the error otherwise.
+inline Doubles shaped(const py::handle& value, std::uint64_t rows,
+                      const std::vector<py::ssize_t>& row, const std::string& what) {
+    std::vector<py::ssize_t> shape{py::ssize_t(rows)};
+    shape.insert(shape.end(), row.begin(), row.end());
+    const auto text = [](const py::handle& x) { return py::str(x).cast<std::string>(); };
+    const auto a = Doubles::ensure(value);
+    if (a && std::equal(shape.begin(), shape.end(), a.shape(), a.shape() + a.ndim())) return a;
+    throw SceneError(what +
+                     (a ? " has the shape " + text(a.attr("shape"))
+                        : " is no array of numbers but of " + text(py::type::handle_of(value))) +
+                     "; expected the shape " + text(py::tuple(py::cast(shape))));
+}
+
+/// Rows of an array, which is kept and not copied, or those that a Python function gives. The
+/// engine may ask for them, and drop them, with or without the GIL.
+inline Rows read_rows(py::object value, std::uint64_t count, std::vector<py::ssize_t> row,
+                      const std::string& what) {
+    const auto keep = [](py::object x) {
+        return std::shared_ptr<py::object>(new py::object(std::move(x)), [](py::object* p) {
+            py::gil_scoped_acquire locked;
+            delete p;
+        });
+    };
+    std::size_t width = 1;
+    for (py::ssize_t n : row) width *= std::size_t(n);
+    if (PyCallable_Check(value.ptr())) {
+        return [function = keep(std::move(value)), row = std::move(row), width, what](
+                   std::uint64_t first, std::uint64_t last, double* out) {
+            py::gil_scoped_acquire locked;
+            const Doubles a =
+                shaped((*function)(first, last), last - first, row,
+                       what + "(" + std::to_string(first) + ", " + std::to_string(last) + ")");
+            std::copy(a.data(), a.data() + (last - first) * width, out);
+        };
+    }
+    const Doubles a = shaped(value, count, row, what);
+    return [array = keep(a), data = a.data(), width](std::uint64_t first, std::uint64_t last,
+                                                     double* out) {
+        std::copy(data + first * width, data + last * width, out);
+    };
 }
 
 inline TableSpec read_table(const py::dict& d, int dimension, const std::string& owner) {
@@ -77,19 +122,19 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
     b.particle_mass = d["particle_mass"].cast<double>();
     b.first_id = d["first_id"].cast<std::uint64_t>();
     if (!d["position"].is_none()) {
-        b.position = doubles(d["position"]);
+        b.position =
+            read_rows(d["position"], b.count, {dimension}, "body '" + b.name + "': position");
         b.velocity = doubles(d["velocity"]);
-        if (b.position.size() != b.count * dimension ||
-            (b.velocity.size() != std::size_t(dimension) &&
-             b.velocity.size() != b.count * dimension)) {
-            throw SceneError("body '" + b.name + "': positions or velocities do not match its " +
-                             std::to_string(b.count) + " particles");
+        if (b.velocity.size() != std::size_t(dimension) &&
+            b.velocity.size() != b.count * dimension) {
+            throw SceneError("body '" + b.name + "': " + std::to_string(b.velocity.size()) +
+                             " velocity components; expected " + std::to_string(dimension) +
+                             ", or as many for each of its " + std::to_string(b.count) +
+                             " particles");
         }
     }
     if (!d["pressure"].is_none()) {
-        b.pressure = doubles(d["pressure"]);
-        if (b.pressure.size() != b.count)
-            throw SceneError("body '" + b.name + "': one pressure a particle is needed");
+        b.pressure = read_rows(d["pressure"], b.count, {}, "body '" + b.name + "': pressure");
         if (!m.volumetric)
             throw SceneError("body '" + b.name + "': " + m.name +
                              " stores no volume ratio to set a pressure by");

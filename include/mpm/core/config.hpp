@@ -6,8 +6,10 @@
 #define MPM_INLINE __host__ __device__ __forceinline__
 #if defined(__CUDA_ARCH__)
 #define MPM_UNROLL _Pragma("unroll")
+#define MPM_NO_UNROLL _Pragma("unroll 1")
 #else
 #define MPM_UNROLL
+#define MPM_NO_UNROLL
 #endif
 #else
 #define MPM_HD
@@ -15,4 +17,5 @@
 // call.
 #define MPM_INLINE inline __attribute__((always_inline))
 #define MPM_UNROLL _Pragma("GCC unroll 32")
+#define MPM_NO_UNROLL _Pragma("GCC unroll 1")
 #endif

@@ -32,6 +32,8 @@ using ScalarOf = typename NumberTraits<V>::Scalar;
 template <class V>
 using MaskOf = typename NumberTraits<V>::Mask;
 
+MPM_INLINE float absolute(float x) { return ::fabsf(x); }
+MPM_INLINE double absolute(double x) { return ::fabs(x); }
 template <class V>
 MPM_INLINE V absolute(V x) {
     return select(x < V(ScalarOf<V>(0)), -x, x);

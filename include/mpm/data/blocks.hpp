@@ -3,6 +3,7 @@
 // while none has drifted more than one cell from the cell it was sorted into.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 #include "mpm/core/config.hpp"
@@ -50,6 +51,14 @@ struct BlockKeys {
         MPM_UNROLL for (int a = 0; a < D; ++a) k = k * counts[a] + (b[a] + rim);
         return std::uint64_t(k);
     }
+    /// Bits that the largest key needs.
+    int bits() const {
+        double blocks = 1;
+        for (std::int64_t n : counts) blocks *= double(n);
+        int b = 1;
+        while (b < 64 && std::ldexp(1.0, b) < blocks) ++b;
+        return b;
+    }
     MPM_INLINE void block(std::uint64_t key, std::int64_t (&b)[D]) const {
         std::int64_t k = std::int64_t(key);
         MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
@@ -64,6 +73,7 @@ struct BlockTableView {
     BlockKeys<D> keys_of;
     std::int32_t slots;
     const std::uint64_t* keys;       // (slots,) ascending
+    const std::int32_t* corners;     // (slots, D): first cell of each block
     const std::int32_t* neighbours;  // (slots, 3^D): slot or -1; own slot in the middle
 };
 

@@ -49,9 +49,11 @@ public:
         reserve_discard(host.size());
         if (!host.empty()) exec_->upload(data_, host.data(), host.size() * sizeof(T));
     }
-    std::vector<T> host() const {
-        std::vector<T> out(size_);
-        if (size_) exec_->download(out.data(), data_, size_ * sizeof(T));
+    std::vector<T> host() const { return host(size_); }
+    /// The first n elements.
+    std::vector<T> host(std::size_t n) const {
+        std::vector<T> out(n);
+        if (n) exec_->download(out.data(), data_, n * sizeof(T));
         return out;
     }
     void swap(Buffer& other) noexcept {

@@ -47,6 +47,7 @@ public:
     void download(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
     void zero(void* p, std::size_t bytes) { std::memset(p, 0, bytes); }
     void wait() {}
+    void trim() {}
     void check(const char*) {}
 
     template <class F>
@@ -73,9 +74,10 @@ public:
         for_each_large(n, f);
     }
 
-    /// maxima[m] = max over i of what f(i, local) leaves in local[m]; maxima start at zero.
-    template <int M, class F>
-    void max_each(std::int64_t n, const F& f, double* maxima) {
+    /// then(maxima), with maxima[m] = max over i of what f(i, local) leaves in local[m], at least
+    /// 0.
+    template <int M, class F, class G>
+    void max_each(std::int64_t n, const F& f, const G& then) {
         double out[M] = {};
 #pragma omp parallel num_threads(threads_) if (n > 16384)
         {
@@ -85,7 +87,7 @@ public:
 #pragma omp critical(mpm_maxima)
             for (int m = 0; m < M; ++m) out[m] = std::max(out[m], local[m]);
         }
-        for (int m = 0; m < M; ++m) maxima[m] = out[m];
+        then(static_cast<const double*>(out));
     }
 
     /// out[i] = sum of in[0 .. i), for i in [0, n]: n + 1 results.
@@ -99,8 +101,9 @@ public:
         out[n] = sum;
     }
 
-    /// Ascending, each once; returns how many remain.
-    std::int64_t sort_unique(std::uint64_t* keys, std::int64_t n) {
+    /// Keys ascending, each once; returns how many remain. Devices want to know how many bits they
+    /// have.
+    std::int64_t sort_unique(std::uint64_t* keys, std::int64_t n, int /*bits*/) {
         std::sort(keys, keys + n);
         return std::unique(keys, keys + n) - keys;
     }

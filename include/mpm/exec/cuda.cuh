@@ -54,11 +54,25 @@ __global__ void each_kernel(std::int64_t n, const __grid_constant__ F f) {
 
 inline constexpr int max_threads = 256;
 
+/// Runs f once, on the last of `all` blocks that come here. Every thread of every block must call
+/// it; `arrivals` is zero before and after. What f reads of the blocks' results they must have
+/// fenced.
+template <class F>
+__device__ __forceinline__ void last_of(std::uint32_t all, std::uint32_t* arrivals, const F& f) {
+    __syncthreads();
+    if (threadIdx.x != 0) return;
+    if (atomicAdd(arrivals, 1u) + 1 != all) return;
+    __threadfence();
+    f();
+    *arrivals = 0;
+}
+
 /// Maxima are not negative, so their bits order as they do, and the largest is the same in whatever
-/// order it is found.
-template <int M, class F>
+/// order it is found. They are zero before and after; `then` reads them in between.
+template <int M, class F, class G>
 __global__ void __launch_bounds__(max_threads)
-    max_kernel(std::int64_t n, const __grid_constant__ F f, double* maxima) {
+    max_kernel(std::int64_t n, const __grid_constant__ F f, double* maxima,
+               const __grid_constant__ G then, std::uint32_t* arrivals) {
     double local[M] = {};
     const std::int64_t stride = std::int64_t(gridDim.x) * blockDim.x;
     for (std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x; i < n; i += stride) {
@@ -78,8 +92,13 @@ __global__ void __launch_bounds__(max_threads)
         if (x > 0) {
             atomicMax(reinterpret_cast<unsigned long long*>(maxima) + threadIdx.x,
                       static_cast<unsigned long long>(__double_as_longlong(x)));
+            __threadfence();
         }
     }
+    last_of(gridDim.x, arrivals, [&] {
+        then(const_cast<const double*>(maxima));
+        for (int m = 0; m < M; ++m) maxima[m] = 0;
+    });
 }
 
 template <class T>
@@ -105,10 +124,12 @@ public:
     using Sum = typename cuda::SumOf<T>::type;
     template <class T>
     static constexpr int sum_bits = cuda::SumOf<T>::bits;
-    /// How far a particle may drift from the cell it was sorted into, in cells. The arena of a
-    /// block would allow one; on an H200 particles beside their cell then cost more than the sorts
-    /// that are saved.
-    static constexpr double drift_limit = 0.5;
+    /// How far a particle may drift from the cell it was sorted into, in cells: the arena of a
+    /// block allows one.
+    static constexpr double drift_limit = 0.95;
+    /// Particles beside their cell, summed over the steps since the last sort, that have cost as
+    /// much as a sort does: then it pays. Measured on an H200 (docs/performance.md).
+    static std::uint64_t stray_limit(std::uint64_t particles) { return 500'000 + particles / 2; }
     /// Steps handed over before the state is looked at again.
     static constexpr int batch = 64;
 
@@ -123,9 +144,15 @@ public:
     void download(void* to, const void* from, std::size_t bytes);
     void zero(void* p, std::size_t bytes);
     void wait();
+    /// Gives memory back that was freed and is kept for later.
+    void trim();
 
     int device() const { return context_->device; }
-    cudaStream_t stream() const { return context_->stream; }
+    cudaStream_t stream() const { return context_->beside ? context_->side : context_->stream; }
+    /// What is launched from here on may run beside what follows `main_stream`, until `join`.
+    void side_stream();
+    void main_stream() { context_->beside = false; }
+    void join();
     int multiprocessors() const { return context_->multiprocessors; }
 
     /// Queues a kernel of `blocks` x `rows` blocks.
@@ -158,24 +185,30 @@ public:
     /// Host work on host copies.
     void host_for(std::int64_t n, const std::function<void(std::int64_t)>& f);
 
-    /// maxima[m] = max over i of what f(i, local) leaves in local[m]; maxima start at zero.
-    template <int M, class F>
-    void max_each(std::int64_t n, const F& f, double* maxima) {
-        zero(maxima, M * sizeof(double));
+    /// then(maxima), with maxima[m] = max over i of what f(i, local) leaves in local[m], at least
+    /// 0.
+    template <int M, class F, class G>
+    void max_each(std::int64_t n, const F& f, const G& then) {
+        static_assert(M <= max_maxima);
         const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
         const std::int64_t most = 8 * multiprocessors();
-        launch(&cuda::max_kernel<M, F>, blocks < most ? blocks : most, 1, cuda::max_threads, n, f,
-               maxima);
+        launch(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
+               cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
     }
+    /// For kernels that end with something done once (`cuda::last_of`).
+    std::uint32_t* arrivals() const { return context_->arrivals; }
 
     /// out[i] = sum of in[0 .. i), for i in [0, n]: n + 1 results.
     void exclusive_scan(const std::uint32_t* in, std::uint32_t* out, std::int64_t n);
-    /// Ascending, each once; returns how many remain.
-    std::int64_t sort_unique(std::uint64_t* keys, std::int64_t n);
-    /// order[k] = index of the k-th element by key, ties in index order; start[key] = first k of
-    /// that key, for keys in [0, range].
-    void stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t range,
+    /// Keys below 2^bits ascending, each once; returns how many remain.
+    std::int64_t sort_unique(std::uint64_t* keys, std::int64_t n, int bits);
+    /// order[start[k] .. start[k + 1]) = the elements of key k, in no particular order, for keys in
+    /// [0, range); start has range + 1 entries.
+    void bucket_order(const std::uint32_t* key, std::int64_t n, std::int64_t range,
                       std::uint32_t* order, std::uint32_t* start);
+
+    /// Stable order of values by keys below 2^bits, in place; for few values and few bits.
+    void sort_by_key(std::uint32_t* keys, std::int32_t* values, std::int64_t n, int bits);
 
     // Inside kernels. On the host they only have to exist.
     MPM_INLINE static void raise(std::uint32_t* flag) {
@@ -206,11 +239,16 @@ private:
         void close() noexcept;
         int device;
         int multiprocessors = 0;
-        cudaStream_t stream = nullptr;
+        cudaStream_t stream = nullptr, side = nullptr;
+        cudaEvent_t event = nullptr;
+        bool beside = false;
         cudaMemPool_t pool = nullptr;
         void* staging = nullptr;  // pinned, for small downloads
+        double* maxima = nullptr;
+        std::uint32_t* arrivals = nullptr;
     };
     static constexpr std::size_t staging_bytes = 1 << 16;
+    static constexpr int max_maxima = 8;
     std::unique_ptr<Context> context_;
 };
 

@@ -12,8 +12,11 @@ template <class T, class Material>
 MPM_INLINE StepNumbers<T, Material> step_numbers(
     const BodyNumbers& n, const typename Material::template Constants<T>& constants, bool carry,
     bool stress_only) {
-    return {T(n.move),    T(n.strain), T(n.rate),
-            T(n.impulse), constants,   {T(n.ratio), carry ? T(1) : T(0), stress_only}};
+    return {T(n.move),
+            T(n.rate),
+            T(n.impulse),
+            constants,
+            {T(n.ratio), carry ? T(1) : T(0), stress_only}};
 }
 
 /// By how many cells a particle stands beside its home cell along one axis. Drift is limited to
@@ -55,6 +58,22 @@ MPM_INLINE MaskOf<V> sound(const Vec<V, D>& xi, const V (&state)[R]) {
     return ok;
 }
 
+/// What a deposit puts on any node is no more than this times its share of the node's mass:
+/// |value| + 3/2 sum |slope|, the largest over channels [First, Last).
+template <int First, int Last, class V, int D, int C>
+MPM_INLINE V deposit_size(const Affine<V, D, C>& u) {
+    using T = ScalarOf<V>;
+    V most = V(T(0)), all = V(T(0));
+    MPM_UNROLL for (int c = First; c < Last; ++c) {
+        V tilt = absolute(u.slope[0][c]);
+        MPM_UNROLL for (int a = 1; a < D; ++a) tilt = tilt + absolute(u.slope[a][c]);
+        const V size = absolute(u.value[c]) + T(1.5) * tilt;
+        most = larger(most, size);
+        all = all + size;
+    }
+    return most + all * T(0);  // not-a-number anywhere is not-a-number here
+}
+
 /// Number of a particle in a fault report: the smallest is kept.
 MPM_INLINE std::uint64_t fault_number(std::uint64_t body, std::uint32_t particle) {
     return body << 40 | particle;
@@ -62,10 +81,10 @@ MPM_INLINE std::uint64_t fault_number(std::uint64_t body, std::uint32_t particle
 
 /// Adds one particle's kinetic, elastic and potential energy in J (2D: J/m), the last relative to
 /// the lower corner. `cell` is its home cell in the block, whose first cell is `corner`.
-template <class Material, class T, int D, int C, class Nodes, class P>
-MPM_INLINE void add_energies(const P& pass, const Nodes& nodes, const std::int64_t (&corner)[D],
+template <class Material, class T, int D, int C, class Lines, class P>
+MPM_INLINE void add_energies(const P& pass, const Lines& lines, const std::int64_t (&corner)[D],
                              const int (&home)[D], Vec<T, D> xi, const T* state, double (&sum)[3]) {
-    const double dx = 4 / pass.numbers->rate;
+    const double dx = 1 / pass.numbers->rate;
     int cell[D];
     double height = 0, square = 0;
     for (int a = 0; a < D; ++a) {
@@ -75,7 +94,7 @@ MPM_INLINE void add_energies(const P& pass, const Nodes& nodes, const std::int64
         xi[a] -= T(shift);
     }
     const auto u =
-        gather<C, T, D>(nodes, quadratic_weights<T, D>(xi), stencil_origin<Nodes, D>(cell));
+        gather<C, T, D>(lines, quadratic_weights<T, D>(xi), stencil_origin<Lines, D>(cell));
     for (int a = 0; a < D; ++a) square += double(u.value[a]) * double(u.value[a]);
     double real[Material::template reals<D>];
     for (int r = 0; r < Material::template reals<D>; ++r) real[r] = double(state[r]);

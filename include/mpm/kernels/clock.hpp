@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "mpm/data/time_table.hpp"
+#include "mpm/kernels/fixed_point.hpp"
 #include "mpm/physics/boundary/response.hpp"
 
 namespace mpm {
@@ -18,27 +19,25 @@ inline constexpr int max_groups = 8;
 inline constexpr int speed_log_size = 128;
 inline constexpr std::uint64_t no_fault = ~std::uint64_t(0);
 
-/// Slots of `maxima`: fastest node [m/s], then the largest nodal mass, momentum and group sum for
-/// fixed point.
-enum Maximum : int {
-    max_speed = 0,
-    max_mass = 1,
-    max_momentum = 2,
-    max_group = 3,
-    maxima_count = 4
-};
+/// Slots of `maxima`: fastest node [m/s] and, for fixed point, largest nodal mass [kg].
+enum Maximum : int { max_speed = 0, max_mass = 1, maxima_count = 2 };
 
 struct Clock {
     double time, dt, dt_next, dt_stable;
     std::int64_t step;
     double gravity[3];
     double drift;        // cells that a particle may have moved since the last sort
-    double drift_limit;  // when to sort
-    double speed;        // fastest node of the step in progress
+    double drift_limit;  // when to sort at the latest
+    // Particles that stood beside their home cell, over all steps since the last sort, and how many
+    // cost more than a sort.
+    std::uint64_t strays, stray_limit;
+    double speed;  // fastest node of the step in progress
     double maxima[maxima_count];
-    // Fixed-point exponents as factors: value = integer / scale. `read` belongs to the sums being
-    // read.
-    double scale_read[maxima_count], scale_write[maxima_count];
+    // Fixed point: number = integer * unit for the sums being read, integer = number * scale for
+    // those being filled; the largest deposits into the latter, and what they may be.
+    double unit_read[quantities], scale_write[quantities];
+    double deposited[quantities], deposit_limit[quantities];
+    double numbers_dt, numbers_dt_next;  // steps that the bodies' numbers are for
     double until;
     std::int64_t steps_left;
     Halt halt;
@@ -53,7 +52,7 @@ struct Clock {
 
 /// What changes in a body's numbers from step to step.
 struct BodyNumbers {
-    double move, strain, rate, impulse, ratio;
+    double move, rate, impulse, ratio;
 };
 struct BodyConstants {
     double density;
@@ -108,18 +107,11 @@ struct BeginStep {
     }
 };
 
-MPM_HD inline double power_of_two_below(double x) {
-    int e;
-    frexp(x, &e);
-    return ldexp(1.0, e - 1);
-}
-
 /// Second half, after the grid update has left its maxima: may this step go on, and how long is the
 /// next one?
 template <int D>
 struct Decide {
     Clock* clock;
-    double* maxima;
     double cell_size;
     const BodyConstants* constants;
     BodyNumbers* numbers;
@@ -129,23 +121,40 @@ struct Decide {
     int sum_bits;       // bits of a fixed-point sum that may be used; 0: sums are plain numbers
     double least_mass;  // of a particle, kg
     double wave_speed;
-    const std::uint32_t* overflow;  // raised by a pass whose sums did not fit
 
-    MPM_HD void operator()() const {
+    /// What is read comes first and together: on a device one thread does this, and each read that
+    /// had to wait for a write before it would cost more than all the rest.
+    MPM_HD void operator()(const double* maxima) const {
+        const Halt halt = clock->halt;
+        const std::uint64_t fault = clock->fault_particle, strays = clock->strays,
+                            stray_limit = clock->stray_limit;
+        const double time = clock->time, dt = clock->dt, dt_stable = clock->dt_stable,
+                     drift = clock->drift, drift_limit = clock->drift_limit, until = clock->until,
+                     numbers_dt = clock->numbers_dt, numbers_dt_next = clock->numbers_dt_next;
+        const std::int64_t step = clock->step, steps_left = clock->steps_left;
+        const double speed = maxima[max_speed], mass = maxima[max_mass];
+        double gravity[D], deposited[quantities], limit[quantities];
+        for (int a = 0; a < D; ++a) gravity[a] = clock->gravity[a];
+        for (int q = 0; q < quantities; ++q) {
+            deposited[q] = clock->deposited[q];
+            limit[q] = clock->deposit_limit[q];
+        }
+
         for (int s = 0; s < sensor_count; ++s) sensors[s].due = 0;
-        if (clock->halt != Halt::none) return;
-        for (int m = 0; m < maxima_count; ++m) clock->maxima[m] = maxima[m];
-        clock->speed = maxima[max_speed];
-        if (clock->fault_particle != no_fault) return stop(FaultKind::particle, 0);
-        if (sum_bits > 0 && *overflow) return stop(FaultKind::fixed_point, 0);
-        const double moved = clock->speed * clock->dt / cell_size;
-        if (!(moved <= 1.0)) return stop(FaultKind::outran, clock->speed);
-        if (clock->drift > 0 && clock->drift + moved > clock->drift_limit) {
+        if (halt != Halt::none) return;
+        clock->maxima[max_speed] = clock->speed = speed;
+        clock->maxima[max_mass] = mass;
+        if (fault != no_fault) return stop(FaultKind::particle, 0);
+        for (int q = 0; q < quantities && sum_bits > 0; ++q)
+            if (!(deposited[q] <= limit[q])) return stop(FaultKind::fixed_point, deposited[q]);
+        const double moved = speed * dt / cell_size;
+        if (!(moved <= 1.0)) return stop(FaultKind::outran, speed);
+        if (drift > 0 && (drift + moved > drift_limit || strays >= stray_limit)) {
             clock->halt = Halt::sort;
             return;
         }
         for (int s = 0; s < sensor_count; ++s) {
-            if (clock->time >= double(sensors[s].next) * sensors[s].interval &&
+            if (time >= double(sensors[s].next) * sensors[s].interval &&
                 sensors[s].count >= sensors[s].capacity) {
                 clock->halt = Halt::samples;
                 return;
@@ -153,40 +162,44 @@ struct Decide {
         }
         for (int s = 0; s < sensor_count; ++s) {
             auto& r = sensors[s];
-            if (r.interval <= 0 ? r.next <= clock->step
-                                : clock->time >= double(r.next) * r.interval) {
+            if (r.interval <= 0 ? r.next <= step : time >= double(r.next) * r.interval) {
                 r.due = 1;
                 if (r.interval <= 0)
-                    r.next = clock->step + 1;
+                    r.next = step + 1;
                 else
-                    while (clock->time >= double(r.next) * r.interval) ++r.next;
+                    while (time >= double(r.next) * r.interval) ++r.next;
             }
         }
-        if (clock->steps_left == 0) {
+        if (steps_left == 0) {
             clock->halt = Halt::steps;
             return;
         }
-        if (clock->time >= clock->until) {
+        if (time >= until) {
             clock->halt = Halt::until;
             return;
         }
         // No node may cross more than half a cell, so that its particles stay inside what the step
         // can see.
-        clock->dt_next = clock->dt_stable;
-        if (clock->speed * clock->dt_next > 0.5 * cell_size)
-            clock->dt_next = 0.5 * cell_size / clock->speed;
+        double dt_next = dt_stable;
+        if (speed * dt_next > 0.5 * cell_size) dt_next = 0.5 * cell_size / speed;
+        clock->dt_next = dt_next;
+        if (dt != numbers_dt || dt_next != numbers_dt_next) set_numbers(dt, dt_next);
+        if (sum_bits > 0) choose_scales(gravity, deposited, speed, mass, moved, dt_next);
+        remember_speed(step, speed);
+    }
+
+    MPM_HD void set_numbers(double dt, double dt_next) const {
         for (int b = 0; b < bodies; ++b) {
-            auto& n = numbers[b];
-            n.move = clock->dt / cell_size;
-            n.strain = 4 * clock->dt / cell_size;
-            n.rate = 4 / cell_size;
-            n.impulse = 4 * clock->dt_next / (constants[b].density * cell_size);
-            n.ratio = constants[b].smoothing_time > 0
-                          ? -expm1(-clock->dt / constants[b].smoothing_time)
-                          : constants[b].smoothing_ratio;
+            BodyNumbers n{};
+            n.move = dt / cell_size;
+            n.rate = 1 / cell_size;
+            n.impulse = 4 * dt_next / (constants[b].density * cell_size);
+            n.ratio = constants[b].smoothing_time > 0 ? -expm1(-dt / constants[b].smoothing_time)
+                                                      : constants[b].smoothing_ratio;
+            numbers[b] = n;
         }
-        if (sum_bits > 0) choose_scales();
-        remember_speed();
+        clock->numbers_dt = dt;
+        clock->numbers_dt_next = dt_next;
     }
 
     MPM_HD void stop(FaultKind kind, double value) const {
@@ -195,27 +208,26 @@ struct Decide {
         clock->fault_value = value;
     }
 
-    /// Six bits of head room over the present maximum: a sum may grow 32-fold in one step before it
-    /// is refused.
-    MPM_HD void choose_scales() const {
+    /// See kernels/fixed_point.hpp. A floor keeps rounding out of fluids at rest.
+    MPM_HD void choose_scales(const double (&gravity)[D], const double (&deposited)[quantities],
+                              double speed, double mass, double moved, double dt_next) const {
         double g = 0;
-        for (int a = 0; a < D; ++a) g += clock->gravity[a] * clock->gravity[a];
-        const double mass =
-            clock->maxima[max_mass] > least_mass ? clock->maxima[max_mass] : least_mass;
-        const double calm = mass * (1e-6 * wave_speed + sqrt(g) * clock->dt_next);
-        double top[maxima_count] = {0, mass, clock->maxima[max_momentum], clock->maxima[max_group]};
-        if (top[max_momentum] < calm) top[max_momentum] = calm;
-        // No j can change by more than 4 D speed dt / dx in this step; an eighth of that leaves
-        // room for it.
-        const double share = 1e-7 + 0.5 * D * clock->speed * clock->dt / cell_size;
-        if (top[max_group] < share * mass) top[max_group] = share * mass;
-        const double room = ldexp(1.0, sum_bits - 6);
-        for (int m = max_mass; m < maxima_count; ++m)
-            clock->scale_write[m] = power_of_two_below(room / top[m]);
+        for (int a = 0; a < D; ++a) g += gravity[a] * gravity[a];
+        const double calm = 1e-6 * wave_speed + sqrt(g) * dt_next;
+        const FixedPoint f =
+            fixed_point(sum_bits, (mass > least_mass ? mass : least_mass) * mass_growth(moved, D),
+                        deposit_growth * (deposited[momentum_sum] + calm) +
+                            deposit_of_blow(wave_speed * dt_next / cell_size) * speed,
+                        deposit_growth * (deposited[group_sum] + D * moved + 1e-7));
+        for (int q = 0; q < quantities; ++q) {
+            clock->scale_write[q] = f.scale[q];
+            clock->deposit_limit[q] = f.limit[q];
+            clock->deposited[q] = 0;
+        }
     }
 
-    MPM_HD void remember_speed() const {
-        if (clock->step % clock->log_stride != 0) return;
+    MPM_HD void remember_speed(std::int64_t step, double speed) const {
+        if ((step & (clock->log_stride - 1)) != 0) return;  // a power of two
         if (clock->log_count == speed_log_size) {
             for (int k = 0; k < speed_log_size / 2; ++k) {
                 clock->log_step[k] = clock->log_step[2 * k];
@@ -223,10 +235,10 @@ struct Decide {
             }
             clock->log_count = speed_log_size / 2;
             clock->log_stride *= 2;
-            if (clock->step % clock->log_stride != 0) return;
+            if ((step & (clock->log_stride - 1)) != 0) return;
         }
-        clock->log_step[clock->log_count] = clock->step;
-        clock->log_speed[clock->log_count] = clock->speed;
+        clock->log_step[clock->log_count] = step;
+        clock->log_speed[clock->log_count] = speed;
         ++clock->log_count;
     }
 };
@@ -236,12 +248,17 @@ struct EndStep {
     double cell_size;
     MPM_HD void operator()() const {
         if (clock->halt != Halt::none) return;
-        clock->drift += clock->speed * clock->dt / cell_size;
-        clock->time += clock->dt;
-        clock->dt = clock->dt_next;
-        ++clock->step;
-        --clock->steps_left;
-        for (int m = 0; m < maxima_count; ++m) clock->scale_read[m] = clock->scale_write[m];
+        const double dt = clock->dt, dt_next = clock->dt_next, drift = clock->drift,
+                     time = clock->time, speed = clock->speed;
+        const std::int64_t step = clock->step, steps_left = clock->steps_left;
+        double scale[quantities];
+        for (int q = 0; q < quantities; ++q) scale[q] = clock->scale_write[q];
+        clock->drift = drift + speed * dt / cell_size;
+        clock->time = time + dt;
+        clock->dt = dt_next;
+        clock->step = step + 1;
+        clock->steps_left = steps_left - 1;
+        for (int q = 0; q < quantities; ++q) clock->unit_read[q] = 1 / scale[q];
     }
 };
 

@@ -12,7 +12,7 @@ namespace mpm {
 template <class T>
 inline constexpr double negligible_mass = sizeof(T) == 4 ? 1e-10 : 1e-18;
 /// With fixed-point sums, the least number of quanta for the same reason.
-inline constexpr double least_quanta = 16;
+inline constexpr int least_quanta = 16;
 
 /// What the boundaries leave of a node's velocity. `seen(boundary, face, before, after)` hears of
 /// every response.
@@ -82,17 +82,15 @@ struct NodeUpdate {
     MPM_INLINE T mass(std::int32_t slot, int node) const {
         const Sum* s = sums(slot, node);
         if constexpr (std::is_integral_v<Sum>) {
-            if (double(s[0]) < least_quanta) return 0;
+            if (s[0] < least_quanta) return 0;
         }
-        const T m = from_sum<T>(s[0], clock->scale_read[max_mass]);
+        const T m = from_sum<T>(s[0], clock->unit_read[mass_sum]);
         return m > T(negligible_mass<T> * least_mass) ? m : T(0);
     }
     MPM_INLINE void cell(std::int32_t slot, int node, std::int64_t (&c)[D]) const {
-        std::int64_t b[D];
         int at[D];
-        grid.table.keys_of.block(grid.table.keys[slot], b);
         Block<D>::coordinates(node, at);
-        for (int a = 0; a < D; ++a) c[a] = b[a] * Block<D>::edge + at[a];
+        for (int a = 0; a < D; ++a) c[a] = grid.table.corners[std::int64_t(slot) * D + a] + at[a];
     }
     template <class Seen>
     MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Seen& seen) const {
@@ -100,9 +98,8 @@ struct NodeUpdate {
         Vec<T, D> v;
         const T inverse = T(1) / m;
         for (int a = 0; a < D; ++a) {
-            v[a] =
-                from_sum<T>(s[(1 + a) * block_cells], clock->scale_read[max_momentum]) * inverse +
-                T(clock->dt * clock->gravity[a]);
+            v[a] = from_sum<T>(s[(1 + a) * block_cells], clock->unit_read[momentum_sum]) * inverse +
+                   T(clock->dt * clock->gravity[a]);
         }
         if (touched[slot]) {
             std::int64_t c[D];
@@ -127,38 +124,29 @@ struct UpdateGrid {
         if (node.clock->halt != Halt::none) return;
         const std::int32_t slot = std::int32_t(i / block_cells);
         const int n = int(i % block_cells);
-        T* out = g.velocity + std::int64_t(slot) * g.velocity_channels * block_cells + n;
+        T* out = g.velocity + g.velocity_place(slot, n);
         Sum* clear = next + std::int64_t(slot) * g.sum_channels * block_cells + n;
         for (int c = 0; c < g.sum_channels; ++c) clear[c * block_cells] = 0;
         const T m = node.mass(slot, n);
         if (!(m > T(0))) {
-            for (int c = 0; c < g.velocity_channels; ++c) out[c * block_cells] = 0;
+            for (int c = 0; c < g.velocity_channels; ++c) out[c] = 0;
             return;
         }
         const Vec<T, D> v = node.velocity(slot, n, m, NothingSeen{});
         const Sum* s = node.sums(slot, n);
         for (int a = 0; a < D; ++a) {
-            out[a * block_cells] = v[a];
+            out[a] = v[a];
             larger_of(maxima[max_speed], absolute(double(v[a])));
         }
         for (int k = 0; k < group_count; ++k) {
             const GroupChannels& c = groups[k];
-            const double sum =
-                from_sum<double>(s[c.sum * block_cells], node.clock->scale_read[max_group]);
+            const T sum = from_sum<T>(s[c.sum * block_cells], node.clock->unit_read[group_sum]);
             const T weight = c.weight < 0 ? m
                                           : from_sum<T>(s[c.weight * block_cells],
-                                                        node.clock->scale_read[max_mass]);
-            out[c.average * block_cells] = weight > T(0) ? T(sum) / weight : T(0);
-            if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_group], absolute(sum));
+                                                        node.clock->unit_read[mass_sum]);
+            out[c.average] = weight > T(0) ? sum / weight : T(0);
         }
-        if constexpr (std::is_integral_v<Sum>) {
-            larger_of(maxima[max_mass], double(m));
-            for (int a = 0; a < D; ++a) {
-                larger_of(maxima[max_momentum],
-                          absolute(from_sum<double>(s[(1 + a) * block_cells],
-                                                    node.clock->scale_read[max_momentum])));
-            }
-        }
+        if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
     }
     // Not-a-number counts as infinite: nothing that is wrong may pass for slow.
     MPM_INLINE static void larger_of(double& to, double x) {

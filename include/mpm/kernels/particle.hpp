@@ -1,5 +1,5 @@
 // What happens to one particle in one step, for every backend and number type: gather, advance the
-// state, move, and hand back what it deposits. No memory is touched here except through `Nodes`.
+// state, move, and hand back what it deposits. No memory is touched here except through `Lines`.
 #pragma once
 
 #include "mpm/physics/transfer/affine.hpp"
@@ -10,9 +10,8 @@ namespace mpm {
 /// Uniform numbers of one body in one step.
 template <class T, class Material>
 struct StepNumbers {
-    T move;     // dt / dx                  velocity [m/s] -> offset [cells]
-    T strain;   // 4 dt / dx                first moment of velocity -> dt grad v
-    T rate;     // 4 / dx                   first moment of velocity -> grad v [1/s]
+    T move;  // dt / dx                  velocity -> offset [cells], its slope per cell -> dt grad v
+    T rate;  // 1 / dx                   slope of velocity per cell -> grad v [1/s]
     T impulse;  // 4 dt_next / (rho0 dx)    Kirchhoff stress -> velocity per cell
     typename Material::template Constants<T> material;
     SmoothingNumbers<T> smoothing;
@@ -40,14 +39,14 @@ inline constexpr int transfer_channels = D + (S == Smoothing::none ? 0 : 1);
 /// `xi` is the offset from the centre of the cell whose stencil starts at node `origin`; it is
 /// advanced in place and may leave [-1/2, 1/2]. `state` holds the material's reals, then the
 /// blended volume where two are stored.
-template <class Material, Smoothing S, class V, int D, class T, class Nodes>
+template <class Material, Smoothing S, class V, int D, class T, class Lines>
 MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(
-    const Nodes& nodes, int origin, Vec<V, D>& xi, V (&state)[state_reals<Material, D, S>],
+    const Lines& lines, int origin, Vec<V, D>& xi, V (&state)[state_reals<Material, D, S>],
     const StepNumbers<T, Material>& k) {
     constexpr int C = transfer_channels<D, S>;
     constexpr int reals = Material::template reals<D>;
     const Weights<V, D> w = quadratic_weights<V, D>(xi);
-    const Affine<V, D, C> u = gather<C, V, D>(nodes, w, origin);
+    const Affine<V, D, C> u = gather<C, V, D>(lines, w, origin);
 
     Affine<V, D, C> out;
     Mat<V, D> strain, rate;
@@ -55,7 +54,7 @@ MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(
         out.value[c] = u.value[c];
         xi[c] = xi[c] + k.move * u.value[c];
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            strain.e[c][a] = k.strain * u.slope[a][c];
+            strain.e[c][a] = k.move * u.slope[a][c];
             rate.e[c][a] = k.rate * u.slope[a][c];
         }
     }
@@ -69,8 +68,7 @@ MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(
         static_assert(Material::volumetric);
         const V average = Material::advance_volume(u.value[D], trace(strain));
         Vec<V, D> gradient;
-        MPM_UNROLL for (int a = 0; a < D; ++a) gradient[a] =
-            T(quadratic_inverse_moment) * u.slope[a][D];
+        MPM_UNROLL for (int a = 0; a < D; ++a) gradient[a] = u.slope[a][D];
         const auto s = smooth_volume(S, own[0], average, gradient, k.smoothing);
         state[0] = s.stored;
         if constexpr (S == Smoothing::two_volumes) state[reals] = s.blended;
@@ -81,7 +79,7 @@ MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(
 
     const Mat<V, D> tau = Material::kirchhoff(own, rate, k.material);
     MPM_UNROLL for (int c = 0; c < D; ++c) MPM_UNROLL for (int a = 0; a < D; ++a) {
-        out.slope[a][c] = T(quadratic_inverse_moment) * u.slope[a][c] - k.impulse * tau.e[c][a];
+        out.slope[a][c] = u.slope[a][c] - k.impulse * tau.e[c][a];
     }
     return out;
 }

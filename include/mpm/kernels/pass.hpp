@@ -24,7 +24,12 @@ struct Pass {
     const Clock* clock;
     const BodyNumbers* numbers;
     std::uint64_t* fault_particle;
-    std::uint32_t* overflow;
+    std::uint64_t* strays;  // devices: counts particles beside their home cell
+    double* deposited;      // fixed point: the largest deposits of this step, by quantity
+    // Devices: the last worker of a step's passes turns the clock.
+    TurnStep<D> turn;
+    std::uint32_t workers;  // that are to arrive, of all bodies
+    std::uint32_t* arrivals;
     std::uint64_t body_number;
     double parameters[max_parameters];
     bool carry;        // F-bar: deposit the gradient of j

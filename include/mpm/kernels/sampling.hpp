@@ -40,9 +40,8 @@ MPM_INLINE bool velocity_at(const NodeUpdate<T, Sum, D>& node, const std::int64_
         if (slot < 0) continue;
         const int number = Block<D>::cell(at);
         if (!(node.mass(slot, number) > T(0))) continue;
-        const T* u =
-            grid.velocity + std::int64_t(slot) * grid.velocity_channels * block_cells + number;
-        for (int a = 0; a < D; ++a) v[a] += weight * double(u[a * block_cells]);
+        const T* u = grid.velocity + grid.velocity_place(slot, number);
+        for (int a = 0; a < D; ++a) v[a] += weight * double(u[a]);
         total += weight;
     }
     if (!(total > 1e-6)) return false;
@@ -175,7 +174,7 @@ struct SampleGauge {
         const std::int32_t slot = find_block<D>(node.grid.table, block);
         if (slot < 0) return 0;
         const Sum* s = node.sums(slot, Block<D>::cell(at));
-        return from_sum<double>(s[channel * block_cells], node.clock->scale_read[max_mass]) / full;
+        return from_sum<double>(s[channel * block_cells], node.clock->unit_read[mass_sum]) / full;
     }
     MPM_INLINE double surface(std::int64_t (&c)[D]) const {
         double above = 0;
@@ -267,33 +266,32 @@ struct TrackParticles {
         std::int64_t block[D];
         node.grid.table.keys_of.block(node.grid.table.keys[slot], block);
         const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
-        for (int c = 0; c < block_cells; ++c) {
-            for (std::uint32_t q = start[c]; q < start[c + 1]; ++q) {
-                int low = 0, high = count;
-                while (low < high) {
-                    const int middle = (low + high) / 2;
-                    if (ids[middle] < body.id[q])
-                        low = middle + 1;
-                    else
-                        high = middle;
-                }
-                if (low == count || ids[low] != body.id[q]) continue;
-                int at[D];
-                Block<D>::coordinates(c, at);
-                std::int64_t cell[D];
-                double xi[D], v[D];
-                double* out = row + column[low] * 2 * D;
-                for (int a = 0; a < D; ++a) {
-                    const double x = double(body.offset[a][q]);
-                    cell[a] = block[a] * Block<D>::edge + at[a];
-                    out[a] = (double(cell[a]) + 0.5 + x) * cell_size;
-                    const int shift = x < -0.5 ? -1 : (x <= 0.5 ? 0 : 1);
-                    cell[a] += shift;
-                    xi[a] = x - shift;
-                }
-                const bool wet = velocity_at<T, Sum, D>(node, cell, xi, v);
-                for (int a = 0; a < D; ++a) out[D + a] = wet ? v[a] : nan("");
+        HomeCells homes{start, body.cell};
+        for (std::uint32_t q = start[0]; q < start[block_cells]; ++q) {
+            int low = 0, high = count;
+            while (low < high) {
+                const int middle = (low + high) / 2;
+                if (ids[middle] < body.id[q])
+                    low = middle + 1;
+                else
+                    high = middle;
             }
+            if (low == count || ids[low] != body.id[q]) continue;
+            int at[D];
+            Block<D>::coordinates(homes.of(q), at);
+            std::int64_t cell[D];
+            double xi[D], v[D];
+            double* out = row + column[low] * 2 * D;
+            for (int a = 0; a < D; ++a) {
+                const double x = double(body.offset[a][q]);
+                cell[a] = block[a] * Block<D>::edge + at[a];
+                out[a] = (double(cell[a]) + 0.5 + x) * cell_size;
+                const int shift = x < -0.5 ? -1 : (x <= 0.5 ? 0 : 1);
+                cell[a] += shift;
+                xi[a] = x - shift;
+            }
+            const bool wet = velocity_at<T, Sum, D>(node, cell, xi, v);
+            for (int a = 0; a < D; ++a) out[D + a] = wet ? v[a] : nan("");
         }
     }
 };

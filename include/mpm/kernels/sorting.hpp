@@ -25,68 +25,85 @@ template <class X, class T, int D>
 struct FindCells {
     BlockTableView<D> table;
     BodyView<T, D> body;
-    std::int64_t cells[D];    // of the domain
+    std::int32_t cells[D];    // of the domain
     std::uint32_t* occupied;  // per present slot
     std::uint32_t* new_cell;  // per particle: present slot * 64 + cell, or `outside`
     std::uint32_t* left;      // count of particles outside the domain
 
     static constexpr std::uint32_t outside = ~0u;
 
+    /// Workers of a home block. On a device each has a particle or two, as it takes them one after
+    /// another; on the CPU a cell.
+    static constexpr int lanes = X::is_device ? 256 : block_cells;
+
     MPM_INLINE void operator()(std::int64_t i) const {
-        const std::uint32_t begin = body.cell_start[i], end = body.cell_start[i + 1];
-        if (begin == end) return;
-        const std::int32_t slot = std::int32_t(i / block_cells);
-        int home[D];
-        Block<D>::coordinates(int(i % block_cells), home);
-        std::int64_t block[D];
-        table.keys_of.block(table.keys[slot], block);
-        for (std::uint32_t p = begin; p < end; ++p) {
-            int neighbour = 0, c[D];
-            bool inside = true;
-            for (int a = 0; a < D; ++a) {
-                int shift;
-                wrap_offset(body.offset[a][p], shift);
-                const int at = home[a] + shift;
-                const std::int64_t global = block[a] * Block<D>::edge + at;
-                inside = inside && global >= 0 && global < cells[a];
-                const int side = at < 0 ? 0 : (at < Block<D>::edge ? 1 : 2);
-                neighbour = neighbour * 3 + side;
-                c[a] = at - (side - 1) * Block<D>::edge;
-            }
-            if (!inside) {
-                new_cell[p] = outside;
-                X::fetch_add(left, 1);
-                continue;
-            }
-            const std::int32_t to =
-                table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
-            X::raise(&occupied[to]);
-            new_cell[p] = std::uint32_t(to) * block_cells + std::uint32_t(Block<D>::cell(c));
+        const std::int32_t slot = body.home[i / lanes];
+        const int lane = int(i % lanes);
+        const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
+        const std::int32_t* corner = table.corners + std::int64_t(slot) * D;
+        if constexpr (X::is_device) {
+            for (std::uint32_t p = start[0] + lane; p < start[block_cells]; p += lanes)
+                find(p, body.cell[p], slot, corner);
+        } else {
+            for (std::uint32_t p = start[lane]; p < start[lane + 1]; ++p)
+                find(p, lane, slot, corner);
         }
+    }
+
+    MPM_INLINE void find(std::uint32_t p, int cell, std::int32_t slot,
+                         const std::int32_t* corner) const {
+        int home[D], c[D], neighbour = 0;
+        Block<D>::coordinates(cell, home);
+        bool inside = true;
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            int shift;
+            wrap_offset(body.offset[a][p], shift);
+            const int at = home[a] + shift;
+            const std::int32_t global = corner[a] + at;
+            inside = inside && global >= 0 && global < cells[a];
+            const int side = at < 0 ? 0 : (at < Block<D>::edge ? 1 : 2);
+            neighbour = neighbour * 3 + side;
+            c[a] = at - (side - 1) * Block<D>::edge;
+        }
+        if (!inside) {
+            new_cell[p] = outside;
+            X::fetch_add(left, 1);
+            return;
+        }
+        const std::int32_t to =
+            table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
+        if (!occupied[to]) X::raise(&occupied[to]);
+        new_cell[p] = std::uint32_t(to) * block_cells + std::uint32_t(Block<D>::cell(c));
     }
 };
 
-/// Candidates for the new table: every occupied block and its neighbours.
+/// Keys of the occupied blocks of a table.
+struct ListKeys {
+    const std::uint64_t* keys;
+    const std::uint32_t* position;  // scan of `occupied`
+    const std::uint32_t* occupied;
+    std::uint64_t* out;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        if (occupied[slot]) out[position[slot]] = keys[slot];
+    }
+};
+
+/// Candidates for a table: every home block and its neighbours.
 template <int D>
 struct ListNeighbours {
     BlockKeys<D> keys_of;
-    const std::uint64_t* keys;      // present table
-    const std::uint32_t* position;  // scan of `occupied`
-    const std::uint32_t* occupied;
-    std::uint64_t* out;  // (occupied blocks * 3^D)
+    const std::uint64_t* homes;
+    std::uint64_t* out;  // (homes * 3^D)
 
     MPM_INLINE void operator()(std::int64_t i) const {
-        const std::int64_t slot = i / Block<D>::neighbours;
-        if (!occupied[slot]) return;
         int n = int(i % Block<D>::neighbours);
         std::int64_t b[D];
-        keys_of.block(keys[slot], b);
+        keys_of.block(homes[i / Block<D>::neighbours], b);
         for (int a = D - 1; a >= 0; --a) {
             b[a] += n % 3 - 1;
             n /= 3;
         }
-        out[std::int64_t(position[slot]) * Block<D>::neighbours + i % Block<D>::neighbours] =
-            keys_of.key(b);
+        out[i] = keys_of.key(b);
     }
 };
 
@@ -95,6 +112,7 @@ template <int D>
 struct LinkBlocks {
     BlockTableView<D> table;
     std::int32_t* neighbours;
+    std::int32_t* corners;
 
     MPM_INLINE void operator()(std::int64_t i) const {
         const std::int64_t slot = i / Block<D>::neighbours;
@@ -102,6 +120,9 @@ struct LinkBlocks {
         std::int64_t b[D];
         table.keys_of.block(table.keys[slot], b);
         bool outside = false;
+        if (n == 0) {
+            for (int a = 0; a < D; ++a) corners[slot * D + a] = std::int32_t(b[a] * Block<D>::edge);
+        }
         for (int a = D - 1; a >= 0; --a) {
             b[a] += n % 3 - 1;
             n /= 3;
@@ -154,39 +175,65 @@ struct MapSlots {
 /// everything.
 struct RenumberCells {
     std::uint32_t* cell;
-    const std::int32_t* map;
+    const std::int32_t* map;  // null: the numbering stays
     std::uint32_t behind;
     MPM_INLINE void operator()(std::int64_t p) const {
         const std::uint32_t c = cell[p];
-        cell[p] =
-            c == ~0u ? behind : std::uint32_t(map[c / block_cells]) * block_cells + c % block_cells;
+        if (c == ~0u)
+            cell[p] = behind;
+        else if (map)
+            cell[p] = std::uint32_t(map[c / block_cells]) * block_cells + c % block_cells;
     }
 };
 
-template <class E>
+/// Particles into their new order, a few columns at a time: as many as there is spare room for.
+template <class T>
 struct Permute {
+    static constexpr int most = 4;
     const std::uint32_t* order;
-    const E* from;
-    E* to;
+    const T* from[most];
+    T* to[most];
+    int columns;
+    int offsets;  // of them, the first so many are offsets, which return to [-1/2, 1/2)
+    MPM_INLINE void operator()(std::int64_t k) const {
+        const std::uint32_t p = order[k];
+        for (int c = 0; c < columns; ++c) {
+            const T x = from[c][p];
+            int shift;
+            to[c][k] = c < offsets ? wrap_offset(x, shift) : x;
+        }
+    }
+};
+/// How many columns are permuted together: spare columns are cheap while they are small.
+inline int permuted_together(std::uint64_t particles) {
+    return particles <= (std::uint64_t(1) << 24) ? Permute<float>::most : 1;
+}
+
+struct PermuteIds {
+    const std::uint32_t* order;
+    const std::uint32_t* from;
+    std::uint32_t* to;
     MPM_INLINE void operator()(std::int64_t k) const { to[k] = from[order[k]]; }
 };
 
-template <class T>
-struct PermuteOffset {
-    const std::uint32_t* order;
-    const T* from;
-    T* to;
-    MPM_INLINE void operator()(std::int64_t k) const {
-        int shift;
-        to[k] = wrap_offset(from[order[k]], shift);
+/// Is any occupied block new to the table's homes? Its neighbours may then be missing.
+template <class X>
+struct FindNewHomes {
+    const std::uint32_t* occupied;
+    const std::uint32_t* before;
+    std::uint32_t* found;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        if (occupied[slot] && !before[slot]) X::raise(found);
     }
 };
 
 struct FlagHomes {
     const std::uint32_t* cell_start;
-    std::uint32_t* flag;
+    std::uint32_t* flag;  // of this body
+    std::uint32_t* any;   // of any body
     MPM_INLINE void operator()(std::int64_t slot) const {
         flag[slot] = cell_start[(slot + 1) * block_cells] > cell_start[slot * block_cells];
+        if (flag[slot]) any[slot] = 1;
     }
 };
 struct ListHomes {
@@ -195,6 +242,21 @@ struct ListHomes {
     std::int32_t* home;
     MPM_INLINE void operator()(std::int64_t slot) const {
         if (flag[slot]) home[position[slot]] = std::int32_t(slot);
+    }
+};
+
+/// How far behind the fullest a home block comes when blocks are handed to a device: heavy ones
+/// first, so that the last to finish are light.
+struct WeighHomes {
+    static constexpr int bits = 3;
+    const std::int32_t* home;
+    const std::uint32_t* cell_start;
+    std::uint32_t mean;
+    std::uint32_t* key;
+    MPM_INLINE void operator()(std::int64_t h) const {
+        const std::uint32_t* start = cell_start + std::int64_t(home[h]) * block_cells;
+        const std::uint32_t weight = 4 * (start[block_cells] - start[0]) / mean;
+        key[h] = weight < (1u << bits) ? (1u << bits) - 1 - weight : 0;
     }
 };
 

@@ -10,8 +10,10 @@ namespace mpm {
 
 inline constexpr int max_state_columns = 16;
 
-/// Nodal values of all active blocks, by block, channel, node: entry (slot * channels + c) * 64 +
-/// node.
+/// Nodal values of all active blocks. Sums by block, channel, node: entry (slot * channels + c) *
+/// 64
+/// + node, so that neighbouring workers add to neighbouring numbers. Velocities by block, node,
+/// channel, so that a reader takes a node in one piece.
 template <class T, class Sum, int D>
 struct GridView {
     BlockTableView<D> table;
@@ -20,6 +22,11 @@ struct GridView {
     Sum* sums;  // mass [kg], D momenta [kg m/s], then per group mass * j [kg] and, where it
                 // differs, the group's mass
     int sum_channels;
+
+    /// Where a node's velocities begin.
+    MPM_INLINE std::int64_t velocity_place(std::int32_t slot, int node) const {
+        return (std::int64_t(slot) * block_cells + node) * velocity_channels;
+    }
 };
 
 /// Where one F-bar group keeps its channels; -1: absent (`weight` < 0: the nodal mass serves).
@@ -37,16 +44,29 @@ struct BodyView {
     const std::uint32_t* id;      // counted from the body's first
     std::uint32_t count;
     const std::uint32_t* cell_start;  // (slots * 64 + 1)
+    const std::uint8_t* cell;         // devices: a particle's home cell in its block
     const std::int32_t* home;         // slots that hold particles, ascending
     std::int32_t homes;
     double particle_mass;    // kg (2D: kg/m)
     double particle_volume;  // m^3 at zero strain (2D: m^2)
 };
 
+/// Home cells of a block's particles, asked for in storage order.
+struct HomeCells {
+    const std::uint32_t* start;  // of the block's cells
+    const std::uint8_t* cell;    // null where particles are stored cell by cell
+    int here = 0;
+    MPM_INLINE int of(std::uint32_t q) {
+        if (cell) return cell[q];
+        while (start[here + 1] <= q) ++here;
+        return here;
+    }
+};
+
 template <class T, class Sum>
-MPM_INLINE T from_sum(Sum s, double scale) {
+MPM_INLINE T from_sum(Sum s, double unit) {
     if constexpr (std::is_integral_v<Sum>) {
-        return T(double(s) / scale);
+        return T(s) * T(unit);  // a power of two: rounds once
     } else {
         return s;
     }

@@ -15,7 +15,7 @@ inline constexpr std::size_t column_padding = 16;
 
 template <class X, class T, int D>
 struct BodyStore {
-    explicit BodyStore(X& x) : id(x), cell_start(x), home(x), coloured(x), scratch(x) {}
+    explicit BodyStore(X& x) : id(x), cell_start(x), cell(x), home(x), coloured(x), scratch(x) {}
 
     BodyPlan plan;
     BodyOps<X, T, D> ops{};
@@ -30,6 +30,7 @@ struct BodyStore {
     std::vector<Buffer<X, T>> state;
     Buffer<X, std::uint32_t> id;
     Buffer<X, std::uint32_t> cell_start;  // (slots * 64 + 1)
+    Buffer<X, std::uint8_t> cell;         // devices: home cell of each particle in its block
     Buffer<X, std::int32_t> home;
     std::int32_t homes = 0;
     Buffer<X, std::int32_t> coloured;        // CPU: home blocks by colour
@@ -48,6 +49,7 @@ struct BodyStore {
         v.id = id.data();
         v.count = count;
         v.cell_start = cell_start.data();
+        v.cell = X::is_device ? cell.data() : nullptr;
         v.home = home.data();
         v.homes = homes;
         v.particle_mass = particle_mass;

@@ -17,7 +17,9 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/exec/buffer.hpp"
+#include "mpm/kernels/arrange.hpp"
 #include "mpm/kernels/grid.hpp"
+#include "mpm/kernels/order.hpp"
 #include "mpm/kernels/sampling.hpp"
 #include "mpm/kernels/sorting.hpp"
 #include "mpm/solver/body_store.hpp"
@@ -67,12 +69,16 @@ private:
     };
 
     // domain_setup.hpp
-    void place_particles(const Spec& spec);
     void set_boundaries();
     void set_sensors();
+
+    // domain_place.hpp
+    void place_particles(const Spec& spec);
+    void find_blocks(const Spec& spec);
+    void place_body(Body& body, const BodySpec& spec);
     void first_deposit(const Spec& spec);
     void deposit_all(const Spec& spec);
-    void set_scales(const double (&top)[maxima_count]);
+    void set_scales(double mass, double momentum_limit, double group_limit);
     TimeTableView upload_table(const TableSpec& table, int components);
 
     // domain_step.hpp
@@ -82,8 +88,13 @@ private:
     void run_bodies();
     Fault describe_fault();
     std::int64_t growth_start() const;
+    std::int64_t steps_to_sort() const;
     void fetch_clock();
     void push_clock() { clock_buffer_.assign({clock_}); }
+
+    // domain_state.hpp
+    std::vector<std::uint32_t> cell_by_cell(const Body& body,
+                                            std::vector<std::uint8_t>* cell = nullptr) const;
 
     // domain_read.hpp
     void prepare_velocities();
@@ -92,17 +103,25 @@ private:
 
     // domain_sort.hpp
     bool sort();
+    bool remove_left(const std::vector<std::uint32_t>& left,
+                     const std::vector<Buffer<X, std::uint32_t>>& cells);
+    void set_neighbourhood(const Buffer<X, std::uint64_t>& homes, Buffer<X, std::uint64_t>& keys);
+    void rebuild_table(const Buffer<X, std::uint32_t>& occupied, Buffer<X, std::uint64_t>& keys,
+                       Buffer<X, std::int32_t>& map);
+    void adopt_table(Buffer<X, std::uint64_t>& keys);
+    void permute(Body& body, const std::uint32_t* order);
     void link_table();
-    void list_homes(Body& body);
+    void list_homes();
+    void sort_by_colour(Body& body);
 
     /// Which scale a nodal sum has, by its index among all sums.
     int scale_of_sum(std::size_t k) const {
         const int c = int(k / block_cells % std::size_t(plan_.sum_channels));
-        if (c == 0) return max_mass;
-        if (c <= D) return max_momentum;
+        if (c == 0) return mass_sum;
+        if (c <= D) return momentum_sum;
         for (const auto& g : plan_.groups)
-            if (g.weight == c) return max_mass;
-        return max_group;
+            if (g.weight == c) return mass_sum;
+        return group_sum;
     }
     int parity() const { return int(clock_.step & 1); }
     GridView<T, Sum, D> grid_view(int parity) {
@@ -118,6 +137,7 @@ private:
         return {clock_buffer_.data(), gravity_, boundary_records_.data(),
                 int(spec_.boundaries.size())};
     }
+    TurnStep<D> turn_step() { return {{clock_buffer_.data(), spec_.cell_size}, begin_step()}; }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
     double now() const {
         return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
@@ -133,8 +153,6 @@ private:
     Fault fault_;
 
     Buffer<X, Clock> clock_buffer_{exec_};
-    Buffer<X, double> maxima_{exec_};
-    Buffer<X, std::uint32_t> overflow_{exec_};
     Buffer<X, BodyConstants> constants_{exec_};
     Buffer<X, BodyNumbers> numbers_{exec_};
     Buffer<X, GroupChannels> groups_{exec_};
@@ -144,8 +162,10 @@ private:
 
     BlockTableView<D> table_{};
     Buffer<X, std::uint64_t> keys_{exec_};
-    Buffer<X, std::int32_t> neighbours_{exec_};
+    Buffer<X, std::int32_t> neighbours_{exec_}, corners_{exec_};
     Buffer<X, std::uint32_t> touched_{exec_};
+    Buffer<X, std::uint32_t> occupied_{exec_};  // (slots,): does any body hold particles there
+    int sorts_of_table_ = 0;
     Buffer<X, T> velocity_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
@@ -165,11 +185,12 @@ private:
 
     std::vector<Removed> removed_;
     std::map<std::string, double> timings_;
-    std::int64_t sorts_ = 0;
+    std::int64_t sorts_ = 0, last_sort_ = 0, sort_interval_ = 0;
 };
 
 }  // namespace mpm
 
+#include "mpm/solver/domain_place.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_setup.hpp"
 #include "mpm/solver/domain_sort.hpp"

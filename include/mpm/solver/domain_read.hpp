@@ -6,6 +6,11 @@
 
 namespace mpm {
 
+/// The grid half of a step without its consequences.
+struct NothingDecided {
+    MPM_HD void operator()(const double*) const {}
+};
+
 /// Nodal velocities of the state as it stands: the grid half of the coming step without its
 /// consequences. They are already there when the last run ended at a halt of the clock; a sort or a
 /// fresh load leaves them to be made.
@@ -21,10 +26,8 @@ void Domain<X, T, D>::prepare_velocities() {
     const int from = parity();
     UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(),
                                  int(plan_.groups.size())};
-    Buffer<X, double> maxima(exec_);
-    maxima.reserve_discard(maxima_count);
     exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update,
-                                          maxima.data());
+                                          NothingDecided{});
     exec_.wait();
     clock_ = kept;
     push_clock();
@@ -36,21 +39,22 @@ Array Domain<X, T, D>::positions(Body& body) {
     Array out;
     out.shape = {body.count, std::size_t(D)};
     out.data.resize(std::size_t(body.count) * D);
-    const auto start = body.cell_start.host();
+    const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
+    const auto cell = body.cell.host(X::is_device ? body.count : 0);
     const auto home = body.home.host();
     const auto keys = keys_.host();
     for (int a = 0; a < D; ++a) {
-        const auto x = body.offset[a].host();
+        const auto x = body.offset[a].host(body.count);
         for (std::int32_t h : home) {
             std::int64_t block[D];
             table_.keys_of.block(keys[h], block);
-            for (int c = 0; c < block_cells; ++c) {
+            const std::uint32_t* cells = start.data() + std::size_t(h) * block_cells;
+            HomeCells homes{cells, X::is_device ? cell.data() : nullptr};
+            for (std::uint32_t q = cells[0]; q < cells[block_cells]; ++q) {
                 int at[D];
-                Block<D>::coordinates(c, at);
+                Block<D>::coordinates(homes.of(q), at);
                 const double centre = double(block[a] * Block<D>::edge + at[a]) + 0.5;
-                const std::size_t cell = std::size_t(h) * block_cells + c;
-                for (std::uint32_t q = start[cell]; q < start[cell + 1]; ++q)
-                    out.data[std::size_t(q) * D + a] = (centre + double(x[q])) * spec_.cell_size;
+                out.data[std::size_t(q) * D + a] = (centre + double(x[q])) * spec_.cell_size;
             }
         }
     }
@@ -91,7 +95,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     const std::size_t active = body.count, n = active + body.frozen_id.size();
 
     Attributes out;
-    const auto id = body.id.host();
+    const auto id = body.id.host(body.count);
     out.id.resize(n);
     for (std::size_t k = 0; k < active; ++k) out.id[k] = body.first_id + id[k];
     for (std::size_t k = active; k < n; ++k) out.id[k] = body.first_id + body.frozen_id[k - active];
@@ -118,14 +122,15 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     double* smoothed = make("volume_ratio_smoothed", 1, 0);
 
     if (moving) prepare_velocities();
-    const auto start = body.cell_start.host();
+    const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
+    const auto cells = body.cell.host(X::is_device ? body.count : 0);
     const auto home = body.home.host();
     const auto keys = keys_.host();
     const auto neighbours = neighbours_.host();
     const std::vector<T> grid = moving ? velocity_.host() : std::vector<T>();
     std::vector<std::vector<T>> offset, state;
-    for (auto& c : body.offset) offset.push_back(c.host());
-    for (auto& c : body.state) state.push_back(c.host());
+    for (auto& c : body.offset) offset.push_back(c.host(body.count));
+    for (auto& c : body.state) state.push_back(c.host(body.count));
     const double dx = spec_.cell_size, m = body.particle_mass, V = body.particle_volume;
 
     const auto fill = [&](std::size_t q, const double* x, const double* v,
@@ -164,51 +169,50 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         const std::int32_t slot = home[h];
         std::int64_t block[D];
         table_.keys_of.block(keys[slot], block);
-        for (int c = 0; c < block_cells; ++c) {
+        const std::uint32_t* of = start.data() + std::size_t(slot) * block_cells;
+        HomeCells homes{of, X::is_device ? cells.data() : nullptr};
+        for (std::uint32_t q = of[0]; q < of[block_cells]; ++q) {
             int at[D];
-            Block<D>::coordinates(c, at);
-            const std::size_t cell = std::size_t(slot) * block_cells + c;
-            for (std::uint32_t q = start[cell]; q < start[cell + 1]; ++q) {
-                double x[D], v[D] = {}, rate[D][D] = {}, s[max_state_columns];
-                Vec<double, D> xi;
-                int base[D];
-                for (int a = 0; a < D; ++a) {
-                    const double o = double(offset[a][q]);
-                    x[a] = (double(block[a] * Block<D>::edge + at[a]) + 0.5 + o) * dx;
-                    const int shift = o < -0.5 ? -1 : (o <= 0.5 ? 0 : 1);
-                    base[a] = at[a] + shift;
-                    xi[a] = o - shift;
-                }
-                for (std::size_t r = 0; r < state.size(); ++r) s[r] = double(state[r][q]);
-                if (moving) {
-                    const Weights<double, D> w = quadratic_weights<double, D>(xi);
-                    for (int node = 0; node < stencil_nodes<D>; ++node) {
-                        int rest = node, k[D], arena[D], side, number;
-                        double weight = 1;
-                        for (int a = D - 1; a >= 0; --a) {
-                            k[a] = rest % 3;
-                            rest /= 3;
-                        }
-                        for (int a = 0; a < D; ++a) {
-                            weight *= w.value[a][k[a]];
-                            arena[a] = base[a] + k[a] - 1 + Block<D>::margin;
-                        }
-                        arena_node<D>(arena, side, number);
-                        const std::int32_t to =
-                            neighbours[std::size_t(slot) * Block<D>::neighbours + side];
-                        if (to < 0) continue;
-                        for (int a = 0; a < D; ++a) {
-                            const double u = double(
-                                grid[(std::size_t(to) * plan_.velocity_channels + a) * block_cells +
-                                     number]);
-                            v[a] += weight * u;
-                            for (int b = 0; b < D; ++b)
-                                rate[a][b] += 4 / dx * weight * u * (k[b] - 1 - xi[b]);
-                        }
+            Block<D>::coordinates(homes.of(q), at);
+            double x[D], v[D] = {}, rate[D][D] = {}, s[max_state_columns];
+            Vec<double, D> xi;
+            int base[D];
+            for (int a = 0; a < D; ++a) {
+                const double o = double(offset[a][q]);
+                x[a] = (double(block[a] * Block<D>::edge + at[a]) + 0.5 + o) * dx;
+                const int shift = o < -0.5 ? -1 : (o <= 0.5 ? 0 : 1);
+                base[a] = at[a] + shift;
+                xi[a] = o - shift;
+            }
+            for (std::size_t r = 0; r < state.size(); ++r) s[r] = double(state[r][q]);
+            if (moving) {
+                const Weights<double, D> w = quadratic_weights<double, D>(xi);
+                for (int node = 0; node < stencil_nodes<D>; ++node) {
+                    int rest = node, k[D], arena[D], side, number;
+                    double weight = 1;
+                    for (int a = D - 1; a >= 0; --a) {
+                        k[a] = rest % 3;
+                        rest /= 3;
+                    }
+                    for (int a = 0; a < D; ++a) {
+                        weight *= w.value[a][k[a]];
+                        arena[a] = base[a] + k[a] - 1 + Block<D>::margin;
+                    }
+                    arena_node<D>(arena, side, number);
+                    const std::int32_t to =
+                        neighbours[std::size_t(slot) * Block<D>::neighbours + side];
+                    if (to < 0) continue;
+                    for (int a = 0; a < D; ++a) {
+                        const double u = double(grid[(std::size_t(to) * block_cells + number) *
+                                                         plan_.velocity_channels +
+                                                     a]);
+                        v[a] += weight * u;
+                        for (int b = 0; b < D; ++b)
+                            rate[a][b] += 4 / dx * weight * u * (k[b] - 1 - xi[b]);
                     }
                 }
-                fill(q, x, v, rate, s);
             }
+            fill(q, x, v, rate, s);
         }
     });
     const double still[D][D] = {}, rest[D] = {};
@@ -236,7 +240,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
         table_.keys_of.block(keys[slot], block);
         for (int node = 0; node < block_cells; ++node) {
             const double m = from_sum<double>(sums[slot * plan_.sum_channels * block_cells + node],
-                                              clock_.scale_read[max_mass]);
+                                              clock_.unit_read[mass_sum]);
             if (!(m > negligible_mass<T> * least_mass_)) continue;
             ++n;
             int at[D];
@@ -250,7 +254,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
                     name == "position"
                         ? (double(block[a] * Block<D>::edge + at[a]) + 0.5) * spec_.cell_size
                         : double(
-                              velocity[(slot * plan_.velocity_channels + a) * block_cells + node]));
+                              velocity[(slot * block_cells + node) * plan_.velocity_channels + a]));
             }
         }
     }
@@ -300,12 +304,14 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     out["blocks"] = double(table_.slots);
     out["fastest_node"] = clock_.speed;
     out["drift"] = clock_.drift;
-    double bytes = double(keys_.bytes() + neighbours_.bytes() + touched_.bytes() +
-                          velocity_.bytes() + sums_[0].bytes() + sums_[1].bytes());
+    double bytes =
+        double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() + touched_.bytes() +
+               velocity_.bytes() + sums_[0].bytes() + sums_[1].bytes());
     for (const auto& b : bodies_) {
         for (const auto& c : b.offset) bytes += double(c.bytes());
         for (const auto& c : b.state) bytes += double(c.bytes());
-        bytes += double(b.id.bytes() + b.cell_start.bytes() + b.home.bytes() + b.scratch.bytes());
+        bytes += double(b.id.bytes() + b.cell.bytes() + b.cell_start.bytes() + b.home.bytes() +
+                        b.scratch.bytes());
     }
     out["bytes"] = bytes;
     return out;

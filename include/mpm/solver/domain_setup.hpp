@@ -42,15 +42,15 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     constants_.assign(constants);
     numbers_.reserve_discard(constants.size());
     groups_.assign(plan_.groups);
-    maxima_.assign(std::vector<double>(maxima_count, 0.0));
-    overflow_.assign({0});
 
     clock_.dt_stable = clock_.dt = clock_.dt_next = plan_.time_step;
     clock_.drift_limit = X::drift_limit;
     clock_.until = std::numeric_limits<double>::infinity();
     clock_.fault_particle = no_fault;
     clock_.log_stride = 1;
-    for (int m = 0; m < maxima_count; ++m) clock_.scale_read[m] = clock_.scale_write[m] = 1;
+    clock_.numbers_dt = -1;
+    clock_.stray_limit = ~std::uint64_t(0);
+    for (int q = 0; q < quantities; ++q) clock_.unit_read[q] = clock_.scale_write[q] = 1;
     // The first step obeys the same speed limit as every later one.
     double speed = 0;
     for (const auto& b : spec_.bodies)
@@ -63,9 +63,13 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     place_particles(spec_);
     set_sensors();
     link_table();
-    for (auto& body : bodies_) list_homes(body);
+    list_homes();
     first_deposit(spec_);
-    for (auto& b : spec_.bodies) b.position = b.velocity = b.pressure = {};
+    exec_.trim();
+    for (auto& b : spec_.bodies) {
+        b.position = b.pressure = {};
+        b.velocity = {};
+    }
 }
 
 template <class X, class T, int D>
@@ -106,109 +110,6 @@ void Domain<X, T, D>::set_boundaries() {
     boundary_records_.assign(records);
     measured_boundaries_.assign(measured);
     measured_boundary_count_ = int(measured.size());
-}
-
-template <class X, class T, int D>
-void Domain<X, T, D>::place_particles(const Spec& spec) {
-    const BlockKeys<D>& keys_of = table_.keys_of;
-    struct Placed {
-        std::uint64_t key;
-        std::uint32_t cell, index;
-    };
-    std::vector<std::vector<Placed>> placed(bodies_.size());
-    std::vector<std::uint64_t> home_keys;
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        const BodySpec& s = spec.bodies[b];
-        auto& list = placed[b];
-        list.resize(s.count);
-        std::vector<std::uint64_t> outside;
-        for (std::size_t p = 0; p < s.count; ++p) {
-            std::int64_t block[D];
-            int cell[D];
-            bool inside = true;
-            for (int a = 0; a < D; ++a) {
-                const double x = s.position[p * D + a] / spec.cell_size;
-                const auto c = std::int64_t(std::floor(x));
-                inside = inside && x >= 0 && c < spec.cells[a];
-                block[a] = c / Block<D>::edge;
-                cell[a] = int(c % Block<D>::edge);
-            }
-            if (!inside) {
-                outside.push_back(s.first_id + p);
-                continue;
-            }
-            list[p] = {keys_of.key(block), std::uint32_t(Block<D>::cell(cell)), std::uint32_t(p)};
-        }
-        if (!outside.empty()) {
-            throw SceneError("body '" + s.name + "': " + std::to_string(outside.size()) +
-                             " particles lie outside the domain, the first with id " +
-                             std::to_string(outside[0]) + ". Enlarge the domain or move the body");
-        }
-        std::stable_sort(list.begin(), list.end(), [](const Placed& x, const Placed& y) {
-            return x.key != y.key ? x.key < y.key : x.cell < y.cell;
-        });
-        for (std::size_t k = 0; k < list.size(); ++k)
-            if (k == 0 || list[k].key != list[k - 1].key) home_keys.push_back(list[k].key);
-    }
-
-    std::vector<std::uint64_t> candidates;
-    candidates.reserve(home_keys.size() * Block<D>::neighbours);
-    for (std::uint64_t key : home_keys) {
-        std::int64_t at[D];
-        keys_of.block(key, at);
-        for (int n = 0; n < Block<D>::neighbours; ++n) {
-            std::int64_t b[D];
-            int rest = n;
-            for (int a = D - 1; a >= 0; --a) {
-                b[a] = at[a] + rest % 3 - 1;
-                rest /= 3;
-            }
-            candidates.push_back(keys_of.key(b));
-        }
-    }
-    std::sort(candidates.begin(), candidates.end());
-    candidates.erase(std::unique(candidates.begin(), candidates.end()), candidates.end());
-    keys_.assign(candidates);
-    table_.keys = keys_.data();
-    table_.slots = std::int32_t(candidates.size());
-
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        const BodySpec& s = spec.bodies[b];
-        Body& body = bodies_[b];
-        const auto& list = placed[b];
-        body.count = std::uint32_t(s.count);
-        std::vector<std::uint32_t> start(candidates.size() * block_cells + 1, 0);
-        std::size_t slot = 0;
-        for (const Placed& p : list) {
-            while (candidates[slot] != p.key) ++slot;
-            ++start[slot * block_cells + p.cell + 1];
-        }
-        std::partial_sum(start.begin(), start.end(), start.begin());
-        body.cell_start.assign(start);
-        std::vector<std::uint32_t> id(s.count + column_padding, 0);
-        for (std::size_t k = 0; k < list.size(); ++k) id[k] = list[k].index;
-        body.id.assign(id);
-        std::vector<T> column(s.count + column_padding, T(0));
-        for (int a = 0; a < D; ++a) {
-            for (std::size_t k = 0; k < list.size(); ++k) {
-                const double x = s.position[std::size_t(list[k].index) * D + a] / spec.cell_size;
-                column[k] = T(x - std::floor(x) - 0.5);
-            }
-            body.offset.emplace_back(exec_);
-            body.offset.back().assign(column);
-        }
-        std::fill(column.begin(), column.end(), T(0));
-        for (int r = 0; r < body.plan.state_columns; ++r) {
-            if (!s.pressure.empty()) {
-                for (std::size_t k = 0; k < list.size(); ++k) {
-                    column[k] = T(body.material->volume_from_pressure(s.pressure[list[k].index],
-                                                                      s.parameters.data()));
-                }
-            }
-            body.state.emplace_back(exec_);
-            body.state.back().assign(column);
-        }
-    }
 }
 
 template <class X, class T, int D>
@@ -277,98 +178,6 @@ void Domain<X, T, D>::set_sensors() {
     load_count_ = int(loads.size());
     load_cells_.assign(loads);
     load_impulse_.assign(std::vector<double>(std::size_t(load_count_) * load_columns<D>, 0.0));
-}
-
-template <class X, class T, int D>
-void Domain<X, T, D>::first_deposit(const Spec& spec) {
-    for (auto& s : sums_) {
-        s.reserve_discard(std::size_t(table_.slots) * plan_.sum_channels * block_cells);
-        s.zero();
-    }
-    // Fixed-point scales of the first deposit, from what is known before anything was summed.
-    double mass = 0, momentum = 0, group = 0;
-    std::vector<BodyNumbers> numbers(bodies_.size());
-    const auto constants = constants_.host();
-    double gravity[3] = {};
-    TimeTableView{spec_.gravity.time.data(), spec_.gravity.value.data(),
-                  std::int32_t(spec_.gravity.time.size()), D, spec_.gravity.end}
-        .at(0.0, gravity);
-    double g = 0;
-    for (int a = 0; a < D; ++a) g += gravity[a] * gravity[a];
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        Body& body = bodies_[b];
-        numbers[b].move = clock_.dt / spec_.cell_size;
-        numbers[b].rate = 4 / spec_.cell_size;
-        numbers[b].strain = 0;
-        numbers[b].impulse = 4 * clock_.dt / (constants[b].density * spec_.cell_size);
-        double speed = 0, j = 0;
-        for (double v : spec.bodies[b].velocity) speed = std::max(speed, std::abs(v));
-        for (double p : spec.bodies[b].pressure)
-            j = std::max(j,
-                         std::abs(body.material->volume_from_pressure(p, body.parameters.data())));
-        double stress = 0;
-        for (double p : spec.bodies[b].pressure) stress = std::max(stress, std::abs(p));
-        const auto start = body.cell_start.host();
-        std::uint32_t most = 1;
-        for (std::size_t c = 0; c + 1 < start.size(); ++c)
-            most = std::max(most, start[c + 1] - start[c]);
-        // All particles of the nodes' 3^D cells, each with its largest weight (3/4)^D.
-        const double m = body.particle_mass * most * stencil_nodes<D> * std::pow(0.75, D);
-        mass += m;
-        momentum += m * (speed + 1.5 * numbers[b].impulse * stress +
-                         (std::sqrt(g) * clock_.dt + 1e-6 * plan_.wave_speed));
-        group = std::max(group, m * std::max(j, 1e-7));
-    }
-    const double bound[maxima_count] = {0, mass, momentum, group};
-    set_scales(bound);
-    numbers_.assign(numbers);
-    deposit_all(spec);
-    if constexpr (std::is_integral_v<Sum>) {
-        // The bound may be far above the sums; once more with the scales that the sums ask for.
-        const auto sums = sums_[0].host();
-        double top[maxima_count] = {};
-        for (std::size_t k = 0; k < sums.size(); ++k) {
-            const int m = scale_of_sum(k);
-            top[m] = std::max(top[m], std::abs(double(sums[k])) / clock_.scale_write[m]);
-        }
-        // What cancels in a sum still has to fit alone: no less than a 32nd of the bound.
-        for (int m = 0; m < maxima_count; ++m) top[m] = std::max(top[m], bound[m] / 32);
-        set_scales(top);
-        sums_[0].zero();
-        deposit_all(spec);
-    }
-}
-
-/// Fixed-point scales for sums that reach `top`, with the head room that Decide leaves.
-template <class X, class T, int D>
-void Domain<X, T, D>::set_scales(const double (&top)[maxima_count]) {
-    if constexpr (std::is_integral_v<Sum>) {
-        const double room = std::ldexp(1.0, X::template sum_bits<T> - 6);
-        for (int m = max_mass; m < maxima_count; ++m) {
-            clock_.scale_read[m] = clock_.scale_write[m] = power_of_two_below(room / top[m]);
-        }
-    }
-}
-
-template <class X, class T, int D>
-void Domain<X, T, D>::deposit_all(const Spec& spec) {
-    push_clock();
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        Body& body = bodies_[b];
-        if (body.count == 0) continue;
-        const auto& velocity = spec.bodies[b].velocity;
-        const auto id = body.id.host();
-        std::vector<T> columns(std::size_t(body.count) * D + column_padding, T(0));
-        for (int a = 0; a < D; ++a)
-            for (std::size_t k = 0; k < body.count; ++k)
-                columns[a * std::size_t(body.count) + k] =
-                    T(velocity.size() == std::size_t(D) ? velocity[a]
-                                                        : velocity[std::size_t(id[k]) * D + a]);
-        body.scratch.assign(columns);
-        body.ops.initial(pass(body, int(b), 0));
-        exec_.wait();
-        body.scratch = Buffer<X, T>(exec_);
-    }
 }
 
 }  // namespace mpm

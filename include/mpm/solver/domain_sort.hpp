@@ -10,8 +10,11 @@ template <class X, class T, int D>
 void Domain<X, T, D>::link_table() {
     const std::int64_t slots = table_.slots;
     neighbours_.reserve_discard(slots * Block<D>::neighbours);
-    exec_.for_each(slots * Block<D>::neighbours, LinkBlocks<D>{table_, neighbours_.data()});
+    corners_.reserve_discard(slots * D);
+    exec_.for_each(slots * Block<D>::neighbours,
+                   LinkBlocks<D>{table_, neighbours_.data(), corners_.data()});
     table_.neighbours = neighbours_.data();
+    table_.corners = corners_.data();
     touched_.reserve_discard(slots);
     exec_.for_each(slots, TouchBoundaries<D>{table_, boundary_records_.data(),
                                              int(spec_.boundaries.size()), touched_.data()});
@@ -34,38 +37,211 @@ void Domain<X, T, D>::link_table() {
     }
 }
 
-/// Blocks of the body that hold particles; on the CPU also by colour.
+/// Blocks that hold particles, of each body and of any; on the CPU also by colour.
 template <class X, class T, int D>
-void Domain<X, T, D>::list_homes(Body& body) {
+void Domain<X, T, D>::list_homes() {
     const std::int64_t slots = table_.slots;
-    Buffer<X, std::uint32_t> flag(exec_), position(exec_);
-    flag.reserve_discard(slots);
-    position.reserve_discard(slots + 1);
-    exec_.for_each(slots, FlagHomes{body.cell_start.data(), flag.data()});
-    exec_.exclusive_scan(flag.data(), position.data(), slots);
-    std::uint32_t n = 0;
-    exec_.download(&n, position.data() + slots, sizeof n);
-    body.homes = std::int32_t(n);
-    body.home.reserve_discard(n);
-    exec_.for_each(slots, ListHomes{flag.data(), position.data(), body.home.data()});
-    exec_.wait();
-    if constexpr (!X::is_device) {
-        std::vector<std::vector<std::int32_t>> by_colour(1 << D);
-        for (std::int32_t h = 0; h < body.homes; ++h) {
-            std::int64_t b[D];
-            table_.keys_of.block(table_.keys[body.home.data()[h]], b);
-            int colour = 0;
-            for (int a = 0; a < D; ++a) colour = colour * 2 + int(b[a] & 1);
-            by_colour[colour].push_back(body.home.data()[h]);
-        }
-        std::vector<std::int32_t> all;
-        body.colour_start.assign(1, 0);
-        for (auto& list : by_colour) {
-            all.insert(all.end(), list.begin(), list.end());
-            body.colour_start.push_back(std::int32_t(all.size()));
-        }
-        body.coloured.assign(all);
+    occupied_.reserve_discard(slots);
+    occupied_.zero();
+    Buffer<X, std::uint32_t> flag(exec_), counts(exec_);
+    std::vector<Buffer<X, std::uint32_t>> flags, positions;
+    counts.reserve_discard(bodies_.size());
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        flags.emplace_back(exec_);
+        positions.emplace_back(exec_);
+        flags[b].reserve_discard(slots);
+        positions[b].reserve_discard(slots + 1);
+        exec_.for_each(slots,
+                       FlagHomes{bodies_[b].cell_start.data(), flags[b].data(), occupied_.data()});
+        exec_.exclusive_scan(flags[b].data(), positions[b].data(), slots);
+        exec_.copy(counts.data() + b, positions[b].data() + slots, sizeof(std::uint32_t));
     }
+    const auto count = counts.host();
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        Body& body = bodies_[b];
+        body.homes = std::int32_t(count[b]);
+        body.home.reserve_discard(count[b]);
+        exec_.for_each(slots, ListHomes{flags[b].data(), positions[b].data(), body.home.data()});
+    }
+    if constexpr (!X::is_device) {
+        for (Body& body : bodies_) sort_by_colour(body);
+    } else {
+        std::uint64_t particles = 0;
+        Buffer<X, std::uint32_t> weight(exec_);
+        for (Body& body : bodies_) {
+            particles += body.count;
+            // With less than a few blocks for every multiprocessor all run at once anyway.
+            if (body.homes < 4 * exec_.multiprocessors()) continue;
+            weight.reserve_discard(body.homes);
+            exec_.for_each(
+                body.homes,
+                WeighHomes{body.home.data(), body.cell_start.data(),
+                           std::max(body.count / std::uint32_t(body.homes), 1u), weight.data()});
+            exec_.sort_by_key(weight.data(), body.home.data(), body.homes, WeighHomes::bits);
+        }
+        clock_.stray_limit = X::stray_limit(particles);
+    }
+}
+
+/// CPU: blocks of one colour share no node.
+template <class X, class T, int D>
+void Domain<X, T, D>::sort_by_colour(Body& body) {
+    std::vector<std::vector<std::int32_t>> by_colour(1 << D);
+    for (std::int32_t h = 0; h < body.homes; ++h) {
+        std::int64_t b[D];
+        table_.keys_of.block(table_.keys[body.home.data()[h]], b);
+        int colour = 0;
+        for (int a = 0; a < D; ++a) colour = colour * 2 + int(b[a] & 1);
+        by_colour[colour].push_back(body.home.data()[h]);
+    }
+    std::vector<std::int32_t> all;
+    body.colour_start.assign(1, 0);
+    for (auto& list : by_colour) {
+        all.insert(all.end(), list.begin(), list.end());
+        body.colour_start.push_back(std::int32_t(all.size()));
+    }
+    body.coloured.assign(all);
+}
+
+/// Takes particles that have left out of the computation, as the policy has it. Returns false when
+/// the policy is to stop; nothing has changed then.
+template <class X, class T, int D>
+bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
+                                  const std::vector<Buffer<X, std::uint32_t>>& cells) {
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        if (left[b] == 0) continue;
+        Body& body = bodies_[b];
+        const auto cell = cells[b].host();
+        const auto id = body.id.host(body.count);
+        Removed r;
+        r.body = int(b);
+        r.step = clock_.step;
+        r.policy = spec_.leaving == Leaving::freeze
+                       ? "freeze"
+                       : (spec_.leaving == Leaving::remove ? "delete" : "stop");
+        std::vector<std::size_t> rows;
+        for (std::size_t k = 0; k < body.count; ++k)
+            if (cell[k] == ~0u) rows.push_back(k);
+        const Array where = positions(body);
+        for (std::size_t k : rows) {
+            r.ids.push_back(body.first_id + id[k]);
+            for (int a = 0; a < D; ++a) r.position.data.push_back(where.data[k * D + a]);
+        }
+        r.position.shape = {rows.size(), std::size_t(D)};
+        if (spec_.leaving == Leaving::stop) {
+            fault_ = Fault{"left-domain",
+                           body.plan.name,
+                           r.ids,
+                           clock_.step,
+                           clock_.time,
+                           double(r.ids.size()),
+                           clock_.speed,
+                           growth_start(),
+                           std::to_string(r.ids.size()) +
+                               " particles left the domain, the first at step " +
+                               std::to_string(clock_.step)};
+            return false;
+        }
+        if (spec_.leaving == Leaving::freeze) {
+            std::vector<std::vector<T>> state;
+            for (auto& s : body.state) state.push_back(s.host(body.count));
+            for (std::size_t n = 0; n < rows.size(); ++n) {
+                body.frozen_id.push_back(id[rows[n]]);
+                for (int a = 0; a < D; ++a)
+                    body.frozen_position.push_back(r.position.data[n * D + a]);
+                for (auto& s : state) body.frozen_state.push_back(double(s[rows[n]]));
+            }
+        }
+        removed_.push_back(std::move(r));
+    }
+    return true;
+}
+
+/// Keys of a table: home blocks and all their neighbours, ascending.
+template <class X, class T, int D>
+void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
+                                        Buffer<X, std::uint64_t>& keys) {
+    const std::int64_t n = std::int64_t(homes.size()) * Block<D>::neighbours;
+    keys.reserve_discard(n);
+    exec_.for_each(n, ListNeighbours<D>{table_.keys_of, homes.data(), keys.data()});
+    const std::int64_t slots = exec_.sort_unique(keys.data(), n, table_.keys_of.bits());
+    if (slots * block_cells >= std::int64_t(~0u)) {
+        throw CapacityError(
+            "the scene needs " + std::to_string(slots) +
+            " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
+    }
+    keys.shrink(slots);
+}
+
+/// A table of the occupied blocks and all their neighbours. `map` leads from the present table's
+/// slots to its own.
+template <class X, class T, int D>
+void Domain<X, T, D>::rebuild_table(const Buffer<X, std::uint32_t>& occupied,
+                                    Buffer<X, std::uint64_t>& keys, Buffer<X, std::int32_t>& map) {
+    const std::int64_t slots = table_.slots;
+    Buffer<X, std::uint32_t> position(exec_);
+    position.reserve_discard(slots + 1);
+    exec_.exclusive_scan(occupied.data(), position.data(), slots);
+    std::uint32_t homes = 0;
+    exec_.download(&homes, position.data() + slots, sizeof homes);
+    Buffer<X, std::uint64_t> list(exec_);
+    list.reserve_discard(homes);
+    exec_.for_each(slots, ListKeys{keys_.data(), position.data(), occupied.data(), list.data()});
+    set_neighbourhood(list, keys);
+    map.reserve_discard(slots);
+    exec_.for_each(slots,
+                   MapSlots{keys_.data(), keys.data(), std::int32_t(keys.size()), map.data()});
+}
+
+/// Sums follow their blocks into a new table, which then is the table.
+template <class X, class T, int D>
+void Domain<X, T, D>::adopt_table(Buffer<X, std::uint64_t>& keys) {
+    const auto new_slots = std::int32_t(keys.size());
+    const std::size_t size = std::size_t(new_slots) * plan_.sum_channels * block_cells;
+    const int reading = parity();
+    Buffer<X, std::int32_t> map(exec_);
+    map.reserve_discard(new_slots);
+    exec_.for_each(new_slots,
+                   MapSlots{keys.data(), keys_.data(), std::int32_t(table_.slots), map.data()});
+    // The other set holds nothing between steps.
+    sums_[1 - reading].reserve_discard(size);
+    exec_.for_each(std::int64_t(new_slots) * block_cells,
+                   MoveSums<Sum>{sums_[reading].data(), sums_[1 - reading].data(), map.data(),
+                                 plan_.sum_channels});
+    sums_[0].swap(sums_[1]);
+    sums_[1 - reading].reserve_discard(size);
+    keys_.swap(keys);
+    table_.keys = keys_.data();
+    table_.slots = new_slots;
+    link_table();
+}
+
+/// Columns of a body into their new order.
+template <class X, class T, int D>
+void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
+    std::vector<Buffer<X, T>*> columns;
+    for (auto& c : body.offset) columns.push_back(&c);
+    for (auto& c : body.state) columns.push_back(&c);
+    const std::size_t together = std::size_t(permuted_together(body.count));
+    std::vector<Buffer<X, T>> spare;
+    for (std::size_t k = 0; k < together; ++k) spare.emplace_back(exec_);
+    for (std::size_t first = 0; first < columns.size(); first += together) {
+        Permute<T> p{order, {}, {}, 0, 0};
+        for (std::size_t c = first; c < std::min(first + together, columns.size()); ++c) {
+            spare[c - first].reserve_discard(columns[c]->size());
+            p.from[p.columns] = columns[c]->data();
+            p.to[p.columns] = spare[c - first].data();
+            ++p.columns;
+            p.offsets += c < std::size_t(D);
+        }
+        exec_.for_each(body.count, p);
+        for (int c = 0; c < p.columns; ++c) columns[first + c]->swap(spare[c]);
+    }
+    spare.clear();
+    Buffer<X, std::uint32_t> ids(exec_);
+    ids.reserve_discard(body.id.size());
+    exec_.for_each(body.count, PermuteIds{order, body.id.data(), ids.data()});
+    body.id.swap(ids);
 }
 
 /// Returns false when particles have left the domain and the policy is to stop; the state is then
@@ -74,142 +250,56 @@ template <class X, class T, int D>
 bool Domain<X, T, D>::sort() {
     const double began = now();
     const std::int64_t slots = table_.slots;
-    Buffer<X, std::uint32_t> occupied(exec_), position(exec_), left(exec_);
+    Buffer<X, std::uint32_t> occupied(exec_), counts(exec_);
     occupied.reserve_discard(slots);
     occupied.zero();
-    left.assign(std::vector<std::uint32_t>(bodies_.size(), 0));
+    // Left particles of each body, then whether the table lacks a block.
+    counts.reserve_discard(bodies_.size() + 1);
+    counts.zero();
     std::vector<Buffer<X, std::uint32_t>> cells;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         cells.emplace_back(exec_);
         cells.back().reserve_discard(body.count);
         FindCells<X, T, D> find{table_,          body.view(),         {},
-                                occupied.data(), cells.back().data(), left.data() + b};
-        for (int a = 0; a < D; ++a) find.cells[a] = spec_.cells[a];
-        exec_.for_each(slots * block_cells, find);
+                                occupied.data(), cells.back().data(), counts.data() + b};
+        for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
+        exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
     }
-    const auto left_host = left.host();
-    std::uint32_t all_left = 0;
-    for (auto n : left_host) all_left += n;
-    if (all_left > 0) {
-        for (std::size_t b = 0; b < bodies_.size(); ++b) {
-            if (left_host[b] == 0) continue;
-            Body& body = bodies_[b];
-            const auto cell = cells[b].host();
-            const auto id = body.id.host();
-            Removed r;
-            r.body = int(b);
-            r.step = clock_.step;
-            r.policy = spec_.leaving == Leaving::freeze
-                           ? "freeze"
-                           : (spec_.leaving == Leaving::remove ? "delete" : "stop");
-            std::vector<std::size_t> rows;
-            for (std::size_t k = 0; k < body.count; ++k)
-                if (cell[k] == ~0u) rows.push_back(k);
-            const Array where = positions(body);
-            for (std::size_t k : rows) {
-                r.ids.push_back(body.first_id + id[k]);
-                for (int a = 0; a < D; ++a) r.position.data.push_back(where.data[k * D + a]);
-            }
-            r.position.shape = {rows.size(), std::size_t(D)};
-            if (spec_.leaving == Leaving::stop) {
-                fault_ = Fault{"left-domain",
-                               body.plan.name,
-                               r.ids,
-                               clock_.step,
-                               clock_.time,
-                               double(r.ids.size()),
-                               clock_.speed,
-                               growth_start(),
-                               std::to_string(r.ids.size()) +
-                                   " particles left the domain, the first at step " +
-                                   std::to_string(clock_.step)};
-                return false;
-            }
-            if (spec_.leaving == Leaving::freeze) {
-                std::vector<std::vector<T>> state;
-                for (auto& s : body.state) state.push_back(s.host());
-                for (std::size_t n = 0; n < rows.size(); ++n) {
-                    body.frozen_id.push_back(id[rows[n]]);
-                    for (int a = 0; a < D; ++a)
-                        body.frozen_position.push_back(r.position.data[n * D + a]);
-                    for (auto& s : state) body.frozen_state.push_back(double(s[rows[n]]));
-                }
-            }
-            removed_.push_back(std::move(r));
-        }
-    }
-
-    // The new table: occupied blocks and all their neighbours.
-    position.reserve_discard(slots + 1);
-    exec_.exclusive_scan(occupied.data(), position.data(), slots);
-    std::uint32_t homes = 0;
-    exec_.download(&homes, position.data() + slots, sizeof homes);
+    exec_.for_each(
+        slots, FindNewHomes<X>{occupied.data(), occupied_.data(), counts.data() + bodies_.size()});
+    const auto left = counts.host();
+    if (!remove_left(left, cells)) return false;
+    // A table that still has all it needs is kept for a while, with the blocks that emptied.
+    const bool rebuild = left.back() != 0 || ++sorts_of_table_ >= 16;
     Buffer<X, std::uint64_t> keys(exec_);
-    keys.reserve_discard(std::size_t(homes) * Block<D>::neighbours);
-    exec_.for_each(slots * Block<D>::neighbours,
-                   ListNeighbours<D>{table_.keys_of, keys_.data(), position.data(), occupied.data(),
-                                     keys.data()});
-    const auto new_slots =
-        std::int32_t(exec_.sort_unique(keys.data(), std::int64_t(homes) * Block<D>::neighbours));
-    keys.shrink(new_slots);
-    if (std::int64_t(new_slots) * block_cells >= std::int64_t(~0u)) {
-        throw CapacityError(
-            "the scene needs " + std::to_string(new_slots) +
-            " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
-    }
     Buffer<X, std::int32_t> map(exec_);
-    map.reserve_discard(slots);
-    exec_.for_each(slots, MapSlots{keys_.data(), keys.data(), new_slots, map.data()});
+    if (rebuild) rebuild_table(occupied, keys, map);
+    const std::int64_t range = (rebuild ? std::int64_t(keys.size()) : slots) * block_cells;
 
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
-        const std::int64_t n = body.count, range = std::int64_t(new_slots) * block_cells;
-        exec_.for_each(n, RenumberCells{cells[b].data(), map.data(), std::uint32_t(range)});
-        Buffer<X, std::uint32_t> order(exec_);
-        order.reserve_discard(n);
+        if (rebuild || left[b] > 0) {
+            exec_.for_each(body.count,
+                           RenumberCells{cells[b].data(), rebuild ? map.data() : nullptr,
+                                         std::uint32_t(range)});
+        }
         body.cell_start.reserve_discard(range + 2);
-        exec_.stable_order(cells[b].data(), n, range + 1, order.data(), body.cell_start.data());
-        body.count -= left_host[b];
-        const std::int64_t kept = body.count;
-        Buffer<X, T> spare(exec_);
-        for (auto& column : body.offset) {
-            spare.reserve_discard(column.size());
-            exec_.for_each(kept, PermuteOffset<T>{order.data(), column.data(), spare.data()});
-            column.swap(spare);
-        }
-        for (auto& column : body.state) {
-            spare.reserve_discard(column.size());
-            exec_.for_each(kept, Permute<T>{order.data(), column.data(), spare.data()});
-            column.swap(spare);
-        }
-        Buffer<X, std::uint32_t> ids(exec_);
-        ids.reserve_discard(body.id.size());
-        exec_.for_each(kept, Permute<std::uint32_t>{order.data(), body.id.data(), ids.data()});
-        body.id.swap(ids);
-        exec_.wait();
+        arrange(exec_, cells[b], range, body.id.data(), body.cell_start.data(), body.cell.data());
+        body.count -= left[b];
+        permute(body, cells[b].data());
+        cells[b] = Buffer<X, std::uint32_t>(exec_);
     }
-
-    const int now_reading = parity();
-    Buffer<X, Sum> moved(exec_);
-    moved.reserve_discard(std::size_t(new_slots) * plan_.sum_channels * block_cells);
-    map.reserve_discard(new_slots);
-    exec_.for_each(new_slots, MapSlots{keys.data(), keys_.data(), std::int32_t(slots), map.data()});
-    exec_.for_each(
-        std::int64_t(new_slots) * block_cells,
-        MoveSums<Sum>{sums_[now_reading].data(), moved.data(), map.data(), plan_.sum_channels});
-    sums_[now_reading].swap(moved);
-    sums_[1 - now_reading].reserve_discard(std::size_t(new_slots) * plan_.sum_channels *
-                                           block_cells);
-    exec_.wait();
-
-    keys_.swap(keys);
-    table_.keys = keys_.data();
-    table_.slots = new_slots;
-    link_table();
-    for (auto& body : bodies_) list_homes(body);
+    if (rebuild) {
+        adopt_table(keys);
+        sorts_of_table_ = 0;
+    }
+    list_homes();
     clock_.drift = 0;
+    clock_.strays = 0;
     ++sorts_;
+    sort_interval_ = clock_.step - last_sort_;
+    last_sort_ = clock_.step;
     timings_["sort"] += now() - began;
     return true;
 }

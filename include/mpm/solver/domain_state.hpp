@@ -79,6 +79,27 @@ inline std::vector<double> numbers(const State& state, const std::string& name) 
 
 }  // namespace detail
 
+/// Where the particles of a body are stored, cell by cell and in each cell by rank: the order of a
+/// saved state. Empty where particles are stored so. `cell`: home cell at each place.
+template <class X, class T, int D>
+std::vector<std::uint32_t> Domain<X, T, D>::cell_by_cell(const Body& body,
+                                                         std::vector<std::uint8_t>* cell) const {
+    if constexpr (!X::is_device) return {};
+    const std::size_t cells = std::size_t(table_.slots) * block_cells;
+    const auto start = body.cell_start.host(cells + 1);
+    std::vector<std::uint32_t> places(body.count);
+    if (cell) cell->assign(body.count + column_padding, 0);
+    for (std::size_t first = 0; first < cells; first += warp_cells) {
+        std::uint32_t count[warp_cells];
+        for (int c = 0; c < warp_cells; ++c) count[c] = start[first + c + 1] - start[first + c];
+        place_by_rank(count, start[first], [&](int c, std::uint32_t rank, std::uint32_t place) {
+            places[start[first + c] + rank] = place;
+            if (cell) (*cell)[place] = std::uint8_t((first + c) % block_cells);
+        });
+    }
+    return places;
+}
+
 template <class X, class T, int D>
 State Domain<X, T, D>::save() {
     if (dead_)
@@ -105,18 +126,21 @@ State Domain<X, T, D>::save() {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::string p = "body" + std::to_string(b) + "_";
-        const auto cut = [&](auto v) {
-            v.resize(body.count);
-            return v;
+        const auto places = cell_by_cell(body);
+        const auto in_cells = [&](const auto& column) {
+            const auto v = column.host(body.count);
+            if (places.empty()) return v;
+            auto in_order = v;
+            for (std::size_t k = 0; k < places.size(); ++k) in_order[k] = v[places[k]];
+            return in_order;
         };
         for (int a = 0; a < D; ++a)
-            s[p + "offset" + std::to_string(a)] = detail::to_blob(cut(body.offset[a].host()));
+            s[p + "offset" + std::to_string(a)] = detail::to_blob(in_cells(body.offset[a]));
         for (std::size_t r = 0; r < body.state.size(); ++r)
-            s[p + "state" + std::to_string(r)] = detail::to_blob(cut(body.state[r].host()));
-        s[p + "id"] = detail::to_blob(cut(body.id.host()));
-        auto start = body.cell_start.host();
-        start.resize(std::size_t(table_.slots) * block_cells + 1);
-        s[p + "cell_start"] = detail::to_blob(start);
+            s[p + "state" + std::to_string(r)] = detail::to_blob(in_cells(body.state[r]));
+        s[p + "id"] = detail::to_blob(in_cells(body.id));
+        s[p + "cell_start"] =
+            detail::to_blob(body.cell_start.host(std::size_t(table_.slots) * block_cells + 1));
         s[p + "frozen_id"] = detail::to_blob(body.frozen_id);
         s[p + "frozen_position"] = detail::to_blob(body.frozen_position);
         s[p + "frozen_state"] = detail::to_blob(body.frozen_state);
@@ -136,6 +160,7 @@ void Domain<X, T, D>::load(const State& state) {
     }
     clock_ = clock[0];
     clock_.drift_limit = X::drift_limit;
+    clock_.numbers_dt = -1;
     const auto keys = detail::from_blob<std::uint64_t>(state, "keys");
     keys_.assign(keys);
     table_.keys = keys_.data();
@@ -143,20 +168,25 @@ void Domain<X, T, D>::load(const State& state) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::string p = "body" + std::to_string(b) + "_";
-        const auto column = [&](const std::string& name) {
-            const auto v = detail::numbers(state, p + name);
-            std::vector<T> out(v.begin(), v.end());
-            out.resize(v.size() + column_padding, T(0));
+        body.cell_start.assign(detail::from_blob<std::uint32_t>(state, p + "cell_start"));
+        const auto id = detail::from_blob<std::uint32_t>(state, p + "id");
+        body.count = std::uint32_t(id.size());
+        std::vector<std::uint8_t> cell;
+        const auto places = cell_by_cell(body, &cell);
+        const auto stored = [&]<class E, class V>(const std::vector<V>& v, E) {
+            std::vector<E> out(v.size() + column_padding, E(0));
+            for (std::size_t k = 0; k < v.size(); ++k)
+                out[places.empty() ? k : places[k]] = E(v[k]);
             return out;
         };
-        auto id = detail::from_blob<std::uint32_t>(state, p + "id");
-        body.count = std::uint32_t(id.size());
-        id.resize(id.size() + column_padding, 0);
-        body.id.assign(id);
+        const auto column = [&](const std::string& name) {
+            return stored(detail::numbers(state, p + name), T(0));
+        };
+        body.id.assign(stored(id, std::uint32_t(0)));
+        if constexpr (X::is_device) body.cell.assign(cell);
         for (int a = 0; a < D; ++a) body.offset[a].assign(column("offset" + std::to_string(a)));
         for (std::size_t r = 0; r < body.state.size(); ++r)
             body.state[r].assign(column("state" + std::to_string(r)));
-        body.cell_start.assign(detail::from_blob<std::uint32_t>(state, p + "cell_start"));
         body.frozen_id = detail::from_blob<std::uint32_t>(state, p + "frozen_id");
         body.frozen_position = detail::from_blob<double>(state, p + "frozen_position");
         body.frozen_state = detail::from_blob<double>(state, p + "frozen_state");
@@ -170,24 +200,30 @@ void Domain<X, T, D>::load(const State& state) {
         // From another backend or precision: through numbers, and onto this backend's scale.
         auto value = detail::numbers(state, "sums");
         const bool was_fixed = saved.type == 'i' || saved.type == 'l';
-        double top[maxima_count] = {};
+        double top[quantities] = {};
         for (std::size_t k = 0; k < value.size(); ++k) {
-            if (was_fixed) value[k] /= clock_.scale_read[scale_of_sum(k)];
-            top[scale_of_sum(k)] = std::max(top[scale_of_sum(k)], std::abs(value[k]));
+            const int q = scale_of_sum(k);
+            if (was_fixed) value[k] *= clock_.unit_read[q];
+            top[q] = std::max(top[q], std::abs(value[k]));
         }
         std::vector<Sum> sums(value.size());
-        for (int m = 0; m < maxima_count; ++m) {
-            clock_.scale_read[m] = 1;
+        for (int q = 0; q < quantities; ++q) {
+            double scale = 1;
             if constexpr (std::is_integral_v<Sum>) {
-                if (top[m] > 0)
-                    clock_.scale_read[m] =
-                        power_of_two_below(std::ldexp(1.0, X::template sum_bits<T> - 2) / top[m]);
+                if (top[q] > 0)
+                    scale =
+                        power_of_two_below(std::ldexp(1.0, X::template sum_bits<T> - 2) / top[q]);
+                // The largest deposit is not known; no less than this by the largest sum.
+                if (!was_fixed && q != mass_sum && top[mass_sum] > 0)
+                    clock_.deposited[q] = deposit_growth * top[q] / top[mass_sum];
+                clock_.deposit_limit[q] = std::numeric_limits<double>::infinity();
             }
-            clock_.scale_write[m] = clock_.scale_read[m];
+            clock_.unit_read[q] = 1 / scale;
+            clock_.scale_write[q] = scale;
         }
         for (std::size_t k = 0; k < value.size(); ++k) {
             if constexpr (std::is_integral_v<Sum>)
-                sums[k] = Sum(std::llrint(value[k] * clock_.scale_read[scale_of_sum(k)]));
+                sums[k] = Sum(std::llrint(value[k] * clock_.scale_write[scale_of_sum(k)]));
             else
                 sums[k] = Sum(value[k]);
         }
@@ -210,9 +246,9 @@ void Domain<X, T, D>::load(const State& state) {
     }
     sensor_records_.assign(records);
     clock_.halt = Halt::none;
-    push_clock();
     link_table();
-    for (auto& body : bodies_) list_homes(body);
+    list_homes();
+    push_clock();
     dead_ = false;
 }
 

@@ -15,11 +15,14 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     p.clock = clock_buffer_.data();
     p.numbers = numbers_.data() + number;
     p.fault_particle = &clock_buffer_.data()->fault_particle;
-    p.overflow = overflow_.data();
+    p.strays = &clock_buffer_.data()->strays;
+    p.deposited = clock_buffer_.data()->deposited;
     p.body_number = std::uint64_t(number);
     for (std::size_t k = 0; k < body.parameters.size(); ++k) p.parameters[k] = body.parameters[k];
     p.carry = body.plan.carry;
     p.stress_only = body.plan.stress_only;
+    p.turn = turn_step();
+    if constexpr (X::is_device) p.arrivals = exec_.arrivals();
     p.scratch = body.scratch.data();
     p.coloured = body.coloured.data();
     p.colour_start = body.colour_start.data();
@@ -32,14 +35,13 @@ void Domain<X, T, D>::update_grid() {
     const int from = parity();
     UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(),
                                  int(plan_.groups.size())};
-    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update,
-                                          maxima_.data());
     int bits = 0;
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
-    exec_.single(Decide<D>{clock_buffer_.data(), maxima_.data(), spec_.cell_size, constants_.data(),
-                           numbers_.data(), int(bodies_.size()), sensor_records_.data(),
-                           int(sensors_.size()), bits, least_mass_, plan_.wave_speed,
-                           overflow_.data()});
+    exec_.template max_each<maxima_count>(
+        std::int64_t(table_.slots) * block_cells, update,
+        Decide<D>{clock_buffer_.data(), spec_.cell_size, constants_.data(), numbers_.data(),
+                  int(bodies_.size()), sensor_records_.data(), int(sensors_.size()), bits,
+                  least_mass_, plan_.wave_speed});
 }
 
 template <class X, class T, int D>
@@ -116,20 +118,44 @@ void Domain<X, T, D>::run_sensors() {
 
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
+    std::vector<std::size_t> moving;
+    std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        if (bodies_[b].homes == 0) continue;
+        moving.push_back(b);
+        workers += std::uint64_t(bodies_[b].homes) *
+                   (plan_.fused ? 1 : std::uint64_t(bodies_[b].ops.channels) + 1);
+    }
+    if constexpr (X::is_device) {
+        if (moving.empty()) exec_.single(turn_step());
+        if (workers >= ~std::uint32_t(0))
+            throw CapacityError("more than 2^32 - 2 blocks of threads in one step");
+        // Small bodies run beside the largest: sums are integers, so nobody's order matters.
+        std::stable_sort(moving.begin(), moving.end(), [&](std::size_t a, std::size_t b) {
+            return bodies_[a].homes < bodies_[b].homes;
+        });
+        if (moving.size() > 1) exec_.side_stream();
+    }
+    for (std::size_t b : moving) {
         Body& body = bodies_[b];
-        if (body.count == 0) continue;
+        if constexpr (X::is_device) {
+            if (b == moving.back()) exec_.main_stream();
+        }
         if (!plan_.fused) {
             const std::size_t columns = std::size_t(body.ops.channels) * (1 + D);
             body.scratch.reserve_discard(columns * body.count + column_padding);
         }
-        const Pass<X, T, D> p = pass(body, int(b), 1 - parity());
+        Pass<X, T, D> p = pass(body, int(b), 1 - parity());
+        p.workers = std::uint32_t(workers);
         if (plan_.fused) {
             body.ops.fused(p);
         } else {
             body.ops.gather(p);
             body.ops.scatter(p);
         }
+    }
+    if constexpr (X::is_device) {
+        if (moving.size() > 1) exec_.join();
     }
 }
 
@@ -139,7 +165,6 @@ void Domain<X, T, D>::one_step() {
         update_grid();
         run_sensors();
         run_bodies();
-        exec_.single(TurnStep<D>{{clock_buffer_.data(), spec_.cell_size}, begin_step()});
         ++clock_.step;  // what the queue assumes; fetch_clock() brings the truth
     } else {
         const double t0 = now();
@@ -180,17 +205,13 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
     push_clock();
     while (true) {
         if constexpr (X::is_device) {
-            // As many steps as the drift will probably allow; a wrong guess costs launches that do
-            // nothing.
-            const double share = clock_.speed * clock_.dt / spec_.cell_size;
-            std::int64_t n = X::batch;
-            if (share > 0)
-                n = std::min<std::int64_t>(
-                    n, std::int64_t((clock_.drift_limit - clock_.drift) / share) + 1);
+            // As many steps as there will probably be before the next sort; a wrong guess costs
+            // launches that do nothing, or a look too many.
+            std::int64_t n = std::min<std::int64_t>(X::batch, steps_to_sort());
             if (clock_.steps_left >= 0) n = std::min<std::int64_t>(n, clock_.steps_left + 1);
             if (std::isfinite(until)) {
-                n = std::min<std::int64_t>(
-                    n, std::int64_t(std::max(0.0, until - clock_.time) / clock_.dt) + 2);
+                n = std::int64_t(std::min(
+                    double(n), std::floor(std::max(0.0, until - clock_.time) / clock_.dt) + 2));
             }
             const double t0 = now();
             exec_.single(begin_step());
@@ -232,6 +253,23 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
     return result;
 }
 
+/// How many steps the drift allows, and the strays if they go on growing in proportion to the steps
+/// since the last sort.
+template <class X, class T, int D>
+std::int64_t Domain<X, T, D>::steps_to_sort() const {
+    double n = double(X::batch);
+    const double share = clock_.speed * clock_.dt / spec_.cell_size;
+    if (share > 0) n = std::min(n, std::floor((clock_.drift_limit - clock_.drift) / share) + 1);
+    const double since = double(clock_.step - last_sort_);
+    if (clock_.strays > 0 && since > 0) {
+        const double all = since * std::sqrt(double(clock_.stray_limit) / double(clock_.strays));
+        n = std::min(n, std::ceil(all - since) + 1);
+    } else if (since == 0 && sort_interval_ > 0) {
+        n = std::min(n, double(sort_interval_) + 1);
+    }
+    return std::int64_t(std::max(n, 1.0));
+}
+
 /// The first step from which on the fastest node never again was slower than a tenth of what it is
 /// now.
 template <class X, class T, int D>
@@ -260,8 +298,8 @@ Fault Domain<X, T, D>::describe_fault() {
     if (clock_.fault == FaultKind::fixed_point) {
         f.code = "fixed-point";
         f.message =
-            "nodal sums grew more than 32-fold within one step and no longer fit their fixed-point "
-            "scale";
+            "what particles deposit grew more than 16-fold within one step and no longer fits its "
+            "fixed-point scale";
         return f;
     }
     const std::size_t b = clock_.fault_particle >> 40;

@@ -2,7 +2,9 @@
 // corrupt a run is checked again. See design/engine-contract.md for the meaning of every entry.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -19,6 +21,19 @@ struct TableSpec {
 
 enum class SmoothingForm { none, one_volume, one_volume_gradient, two_volume, stress_only };
 
+/// Writes rows [first, last) of what is given particle by particle to `out`. Asked for in pieces,
+/// so that a scene needs no memory of its particles' size on the host; may be asked twice.
+using Rows = std::function<void(std::uint64_t first, std::uint64_t last, double* out)>;
+
+/// Rows of an array that is there.
+inline Rows rows_of(std::vector<double> values, int width) {
+    return
+        [values = std::move(values), width](std::uint64_t first, std::uint64_t last, double* out) {
+            std::copy(values.begin() + std::ptrdiff_t(first * width),
+                      values.begin() + std::ptrdiff_t(last * width), out);
+        };
+}
+
 struct BodySpec {
     std::string name;
     std::string material;
@@ -27,9 +42,9 @@ struct BodySpec {
     std::vector<double> bounds;  // lower then upper, m
     double particle_mass = 0;
     std::uint64_t first_id = 0;
-    std::vector<double> position;  // (count, dimension), m from the lower corner; empty for a plan
+    Rows position;                 // (count, dimension), m from the lower corner; empty for a plan
     std::vector<double> velocity;  // (dimension,) or (count, dimension)
-    std::vector<double> pressure;  // (count,) or empty
+    Rows pressure;                 // (count,) or empty
     SmoothingForm smoothing = SmoothingForm::none;
     double smoothing_time = 0;
     double smoothing_ratio = 0;

@@ -69,6 +69,8 @@ Cuda::Context::Context(int device) : device(device) {
     }
     try {
         MPM_CUDA(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+        MPM_CUDA(cudaStreamCreateWithFlags(&side, cudaStreamNonBlocking));
+        MPM_CUDA(cudaEventCreateWithFlags(&event, cudaEventDisableTiming));
         cudaMemPoolProps properties{};
         properties.allocType = cudaMemAllocationTypePinned;
         properties.location.type = cudaMemLocationTypeDevice;
@@ -78,6 +80,10 @@ Cuda::Context::Context(int device) : device(device) {
         std::uint64_t keep = ~std::uint64_t(0);
         MPM_CUDA(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep));
         MPM_CUDA(cudaMallocHost(&staging, staging_bytes));
+        MPM_CUDA(cudaMalloc(&maxima, max_maxima * sizeof(double)));
+        MPM_CUDA(cudaMalloc(&arrivals, sizeof(std::uint32_t)));
+        MPM_CUDA(cudaMemsetAsync(maxima, 0, max_maxima * sizeof(double), stream));
+        MPM_CUDA(cudaMemsetAsync(arrivals, 0, sizeof(std::uint32_t), stream));
     } catch (...) {
         close();
         throw;
@@ -88,15 +94,34 @@ void Cuda::Context::close() noexcept {
     int before = -1;
     cudaGetDevice(&before);
     cudaSetDevice(device);
+    if (side) cudaStreamSynchronize(side);
     if (stream) cudaStreamSynchronize(stream);
     if (staging) cudaFreeHost(staging);
+    if (maxima) cudaFree(maxima);
+    if (arrivals) cudaFree(arrivals);
     if (pool) cudaMemPoolDestroy(pool);
+    if (event) cudaEventDestroy(event);
+    if (side) cudaStreamDestroy(side);
     if (stream) cudaStreamDestroy(stream);
     if (before >= 0) cudaSetDevice(before);
     cudaGetLastError();
 }
 
 Cuda::Cuda(int device) : context_(std::make_unique<Context>(device)) {}
+
+void Cuda::side_stream() {
+    const cuda::DeviceGuard guard(device());
+    MPM_CUDA(cudaEventRecord(context_->event, context_->stream));
+    MPM_CUDA(cudaStreamWaitEvent(context_->side, context_->event, 0));
+    context_->beside = true;
+}
+
+void Cuda::join() {
+    const cuda::DeviceGuard guard(device());
+    context_->beside = false;
+    MPM_CUDA(cudaEventRecord(context_->event, context_->side));
+    MPM_CUDA(cudaStreamWaitEvent(context_->stream, context_->event, 0));
+}
 
 void* Cuda::allocate(std::size_t bytes) {
     const cuda::DeviceGuard guard(device());
@@ -159,6 +184,11 @@ void Cuda::zero(void* p, std::size_t bytes) {
 void Cuda::wait() {
     const cuda::DeviceGuard guard(device());
     MPM_CUDA(cudaStreamSynchronize(stream()));
+}
+
+void Cuda::trim() {
+    wait();
+    MPM_CUDA(cudaMemPoolTrimTo(context_->pool, 0));
 }
 
 void Cuda::host_for(std::int64_t n, const std::function<void(std::int64_t)>& f) {

@@ -20,31 +20,16 @@ void with_memory(Cuda& exec, const F& f) {
     MPM_CUDA(f(memory.data(), bytes));
 }
 
-__global__ void count_up(std::uint32_t* out, std::int64_t n) {
+__global__ void count_keys(const std::uint32_t* key, std::int64_t n, std::uint32_t* count,
+                           std::uint32_t* arrival) {
     const std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
-    if (i < n) out[i] = std::uint32_t(i);
+    if (i < n) arrival[i] = atomicAdd(&count[key[i]], 1u);
 }
 
-/// First place of every key in [0, range], by bisection; a warp's keys read the same places.
-__global__ void mark_starts(const std::uint32_t* sorted, std::int64_t n, std::int64_t range,
-                            std::uint32_t* start) {
-    const std::int64_t key = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
-    if (key > range) return;
-    std::int64_t low = 0, high = n;
-    while (low < high) {
-        const std::int64_t middle = (low + high) / 2;
-        if (std::int64_t(sorted[middle]) < key)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    start[key] = std::uint32_t(low);
-}
-
-int bits_for(std::int64_t range) {
-    int bits = 1;
-    while (bits < 32 && (std::int64_t(1) << bits) < range) ++bits;
-    return bits;
+__global__ void fill_buckets(const std::uint32_t* key, const std::uint32_t* arrival,
+                             const std::uint32_t* start, std::int64_t n, std::uint32_t* order) {
+    const std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
+    if (i < n) order[start[key[i]] + arrival[i]] = std::uint32_t(i);
 }
 
 }  // namespace
@@ -58,7 +43,7 @@ void Cuda::exclusive_scan(const std::uint32_t* in, std::uint32_t* out, std::int6
     });
 }
 
-std::int64_t Cuda::sort_unique(std::uint64_t* keys, std::int64_t n) {
+std::int64_t Cuda::sort_unique(std::uint64_t* keys, std::int64_t n, int bits) {
     if (n == 0) return 0;
     const cuda::DeviceGuard guard(device());
     Buffer<Cuda, std::uint64_t> sorted(*this);
@@ -66,7 +51,7 @@ std::int64_t Cuda::sort_unique(std::uint64_t* keys, std::int64_t n) {
     sorted.reserve_discard(n);
     kept.reserve_discard(1);
     with_memory(*this, [&](void* memory, std::size_t& bytes) {
-        return cub::DeviceRadixSort::SortKeys(memory, bytes, keys, sorted.data(), n, 0, 64,
+        return cub::DeviceRadixSort::SortKeys(memory, bytes, keys, sorted.data(), n, 0, bits,
                                               stream());
     });
     with_memory(*this, [&](void* memory, std::size_t& bytes) {
@@ -78,20 +63,34 @@ std::int64_t Cuda::sort_unique(std::uint64_t* keys, std::int64_t n) {
     return count;
 }
 
-void Cuda::stable_order(const std::uint32_t* key, std::int64_t n, std::int64_t range,
+void Cuda::sort_by_key(std::uint32_t* keys, std::int32_t* values, std::int64_t n, int bits) {
+    if (n == 0) return;
+    const cuda::DeviceGuard guard(device());
+    Buffer<Cuda, std::uint32_t> sorted(*this);
+    Buffer<Cuda, std::int32_t> ordered(*this);
+    sorted.reserve_discard(n);
+    ordered.reserve_discard(n);
+    with_memory(*this, [&](void* memory, std::size_t& bytes) {
+        return cub::DeviceRadixSort::SortPairs(memory, bytes, keys, sorted.data(), values,
+                                               ordered.data(), n, 0, bits, stream());
+    });
+    copy(values, ordered.data(), std::size_t(n) * sizeof(std::int32_t));
+}
+
+void Cuda::bucket_order(const std::uint32_t* key, std::int64_t n, std::int64_t range,
                         std::uint32_t* order, std::uint32_t* start) {
     const cuda::DeviceGuard guard(device());
-    Buffer<Cuda, std::uint32_t> sorted(*this), index(*this);
-    sorted.reserve_discard(n);
-    index.reserve_discard(n);
-    if (n > 0) {
-        launch(&count_up, (n + 255) / 256, 1, 256, index.data(), n);
-        with_memory(*this, [&](void* memory, std::size_t& bytes) {
-            return cub::DeviceRadixSort::SortPairs(memory, bytes, key, sorted.data(), index.data(),
-                                                   order, n, 0, bits_for(range), stream());
-        });
-    }
-    launch(&mark_starts, (range + 256) / 256, 1, 256, sorted.data(), n, range, start);
+    Buffer<Cuda, std::uint32_t> arrival(*this);
+    arrival.reserve_discard(n);
+    zero(start, std::size_t(range + 1) * sizeof(std::uint32_t));
+    // Counts stand where the starts will: an exclusive sum in place, whose last is the total.
+    launch(&count_keys, (n + 255) / 256, 1, 256, key, n, start, arrival.data());
+    with_memory(*this, [&](void* memory, std::size_t& bytes) {
+        return cub::DeviceScan::ExclusiveSum(memory, bytes, start, start, range + 1, stream());
+    });
+    launch(&fill_buckets, (n + 255) / 256, 1, 256, key,
+           static_cast<const std::uint32_t*>(arrival.data()),
+           static_cast<const std::uint32_t*>(start), n, order);
 }
 
 }  // namespace mpm

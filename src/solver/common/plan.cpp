@@ -5,6 +5,7 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/data/blocks.hpp"
+#include "mpm/kernels/sorting.hpp"
 
 namespace mpm {
 
@@ -152,6 +153,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             }
         }
         p.columns.push_back({"id", 1, 4});
+        if (backend.device) p.columns.push_back({"cell", 1, 1});
         if (!plan.fused) {
             const int channels = D + (p.smoothing == Smoothing::none ? 0 : 1);
             p.columns.push_back({"deposit", channels * (1 + D), channels * (1 + D) * real});
@@ -167,7 +169,10 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             plan.limited_by = "body '" + body.name + "': wave speed " + text + " m/s";
         }
         plan.memory_particles += double(body.count) * p.bytes_per_particle;
-        plan.memory_sort = std::max(plan.memory_sort, double(body.count) * (8 + std::max(real, 4)));
+        // Cells and order, then the order and spare columns (Domain::sort).
+        const int spare = real * std::min(permuted_together(body.count), D + p.state_columns);
+        plan.memory_sort = std::max(
+            plan.memory_sort, double(body.count) * std::max(backend.device ? 12 : 8, 4 + spare));
         plan.bodies.push_back(std::move(p));
     }
     plan.time_step = plan.wave_speed > 0 ? spec.cfl * spec.cell_size / plan.wave_speed : 0;

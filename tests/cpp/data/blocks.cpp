@@ -72,6 +72,19 @@ TEST(Blocks, keys_of_a_large_domain) {
     keys.block(keys.key(b), back);
     for (int a = 0; a < 3; ++a) EXPECT_EQ(back[a], b[a]);
     EXPECT_GT(keys.key(b), std::uint64_t(1) << 32);
+    EXPECT_EQ(keys.bits(), 60);
+}
+
+/// Sorts look at no more bits than the largest key has.
+TEST(Blocks, bits_of_the_largest_key) {
+    for (std::int64_t x : {5, 8, 100})
+        for (std::int64_t y : {5, 16, 333}) {
+            const BlockKeys<2> keys{{x, y}};
+            const std::int64_t last[2] = {x - 1 - keys.rim, y - 1 - keys.rim};
+            EXPECT_EQ(keys.key(last), std::uint64_t(x * y - 1));
+            EXPECT_LT(keys.key(last), std::uint64_t(1) << keys.bits());
+            EXPECT_GE(keys.key(last), std::uint64_t(1) << (keys.bits() - 1));
+        }
 }
 
 TEST(Blocks, find_key) {
@@ -90,7 +103,8 @@ TEST(Blocks, find_key) {
 }
 
 TEST(Blocks, find_block_knows_its_limits) {
-    BlockTableView<2> table{{{8, 9}}, 0, nullptr, nullptr};
+    BlockTableView<2> table{};
+    table.keys_of = {{8, 9}};
     std::vector<std::uint64_t> keys;
     for (std::int64_t x = -2; x < 6; ++x)
         for (std::int64_t y = -2; y < 7; ++y) keys.push_back(table.keys_of.key({x, y}));

@@ -82,7 +82,7 @@ TEST(CpuVerbs, sort_unique) {
         std::vector<std::uint64_t> keys(n);
         for (auto& k : keys) k = (std::uint64_t(random.integer(0, 5000)) << 33) + 1;
         const std::set<std::uint64_t> expected(keys.begin(), keys.end());
-        const auto left = Cpu(2).sort_unique(keys.data(), n);
+        const auto left = Cpu(2).sort_unique(keys.data(), n, 46);
         ASSERT_EQ(left, std::int64_t(expected.size()));
         EXPECT_TRUE(std::equal(expected.begin(), expected.end(), keys.begin()));
     }
@@ -100,27 +100,32 @@ TEST(CpuVerbs, max_each) {
                 top[0] = std::max(top[0], x[i]);
             }
             double maxima[2] = {99, 99};
+            int calls = 0;
             Cpu(threads).max_each<2>(
                 n,
                 [&](std::int64_t i, double(&local)[2]) {
                     local[0] = std::max(local[0], x[i]);
                     local[1] = std::max(local[1], y[i]);
                 },
-                maxima);
+                [&](const double* found) {
+                    std::copy(found, found + 2, maxima);
+                    ++calls;
+                });
+            EXPECT_EQ(calls, 1) << threads << " threads, " << n;
             EXPECT_EQ(maxima[0], top[0]) << threads << " threads, " << n;
             EXPECT_EQ(maxima[1], 0) << "maxima start at zero";
         }
     }
     // The largest may be the first or the last element.
     for (int at : {0, 99999}) {
-        double maxima[1];
+        double most = 0;
         Cpu(3).max_each<1>(
             100000,
             [&](std::int64_t i, double(&local)[1]) {
                 local[0] = std::max(local[0], i == at ? 2.0 : 1.0);
             },
-            maxima);
-        EXPECT_EQ(maxima[0], 2.0);
+            [&](const double* found) { most = found[0]; });
+        EXPECT_EQ(most, 2.0);
     }
 }
 

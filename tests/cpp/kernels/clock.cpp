@@ -10,7 +10,7 @@
 namespace mpm {
 namespace {
 
-constexpr double dx = 0.1, dt = 0.01;
+constexpr double dx = 0.1, dt = 0.01, least_mass = 0.5, wave_speed = 20;
 constexpr double forever = std::numeric_limits<double>::infinity();
 
 /// A run whose grid update is a number: the speed of the fastest node.
@@ -21,13 +21,13 @@ struct Course {
     BodyNumbers numbers[2] = {};
     std::vector<SensorRecord> sensors;
     std::vector<std::vector<double>> samples;  // by sensor: times
-    std::uint32_t overflow = 0;
     int sum_bits = 0, sorts = 0, collections = 0;
 
     explicit Course(double speed) {
         clock.time = 0;
         clock.dt = clock.dt_next = clock.dt_stable = dt;
         clock.drift_limit = 0.3;
+        clock.stray_limit = ~std::uint64_t(0);
         clock.until = forever;
         clock.steps_left = -1;
         clock.fault_particle = no_fault;
@@ -42,8 +42,18 @@ struct Course {
         samples.emplace_back();
     }
     void decide() {
-        Decide<2>{&clock,   maxima, dx,  constants, numbers, 2, sensors.data(), int(sensors.size()),
-                  sum_bits, 1.0,    1.0, &overflow}();
+        Decide<2> decide{};
+        decide.clock = &clock;
+        decide.cell_size = dx;
+        decide.constants = constants;
+        decide.numbers = numbers;
+        decide.bodies = 2;
+        decide.sensors = sensors.data();
+        decide.sensor_count = int(sensors.size());
+        decide.sum_bits = sum_bits;
+        decide.least_mass = least_mass;
+        decide.wave_speed = wave_speed;
+        decide(maxima);
     }
     /// What a driver does between two looks at the clock.
     Halt step() {
@@ -158,6 +168,20 @@ TEST(Clock, a_fresh_sort_is_not_sorted_again) {
     EXPECT_EQ(run.clock.step, 10);
 }
 
+TEST(Clock, sort_is_asked_for_when_strays_cost_more) {
+    Course run(0.01);
+    run.clock.stray_limit = 1000;
+    EXPECT_EQ(run.step(), Halt::none);
+    run.clock.strays = 999;
+    EXPECT_EQ(run.step(), Halt::none);
+    run.clock.strays = 1000;
+    EXPECT_EQ(run.step(), Halt::sort);
+    EXPECT_EQ(run.clock.step, 2);
+    run.clock.drift = 0;  // a fresh sort is not sorted again, whatever is counted
+    run.clock.halt = Halt::none;
+    EXPECT_EQ(run.step(), Halt::none);
+}
+
 TEST(Clock, a_halted_clock_stands) {
     for (Halt h : {Halt::sort, Halt::until, Halt::steps, Halt::fault, Halt::samples}) {
         Course run(0.1);
@@ -207,7 +231,8 @@ TEST(Clock, faults) {
     EXPECT_EQ(particle.step(), Halt::fault);
     EXPECT_EQ(particle.clock.fault, FaultKind::particle);
     Course overflow(0);
-    overflow.overflow = 1;
+    overflow.clock.deposited[momentum_sum] = 2;
+    overflow.clock.deposit_limit[momentum_sum] = 1;
     EXPECT_EQ(overflow.step(), Halt::none) << "plain sums cannot overflow";
     overflow.sum_bits = 31;
     EXPECT_EQ(overflow.step(), Halt::fault);
@@ -221,13 +246,32 @@ TEST(Clock, body_numbers) {
     for (int b = 0; b < 2; ++b) {
         const double density = b == 0 ? 1000 : 500;
         EXPECT_DOUBLE_EQ(run.numbers[b].move, 0.04);
-        EXPECT_DOUBLE_EQ(run.numbers[b].strain, 0.16);
-        EXPECT_DOUBLE_EQ(run.numbers[b].rate, 40);
+        EXPECT_DOUBLE_EQ(run.numbers[b].rate, 10);
         // The impulse belongs to the step that follows.
         EXPECT_DOUBLE_EQ(run.numbers[b].impulse, 4 * dt / (density * dx));
     }
     EXPECT_DOUBLE_EQ(run.numbers[0].ratio, 0.25);
     EXPECT_DOUBLE_EQ(run.numbers[1].ratio, 1 - std::exp(-0.2));
+}
+
+/// Steps of changing length, seen from the particles: each moves by its own, and the stress acts
+/// for the one that follows.
+TEST(Clock, body_numbers_follow_the_step) {
+    Course run(0);
+    for (double speed : {1.0, 1.0, 50.0, 80.0, 80.0, 40.0, 1.0, 1.0, 1.0}) {
+        run.maxima[max_speed] = speed;
+        run.clock.drift = 0;
+        if (speed * run.clock.dt > dx) run.clock.dt = 0.9 * dx / speed;  // came to it gradually
+        const double now = run.clock.dt;
+        ASSERT_EQ(run.step(), Halt::none) << speed;
+        for (int b = 0; b < 2; ++b) {
+            const double density = b == 0 ? 1000 : 500;
+            EXPECT_DOUBLE_EQ(run.numbers[b].move, now / dx);
+            EXPECT_DOUBLE_EQ(run.numbers[b].impulse, 4 * run.clock.dt / (density * dx));
+        }
+        EXPECT_DOUBLE_EQ(run.numbers[1].ratio, -std::expm1(-now / 0.02));
+    }
+    EXPECT_EQ(run.clock.dt, dt);
 }
 
 TEST(Clock, boundaries_are_active_in_their_window) {
@@ -264,13 +308,166 @@ TEST(Clock, speed_log_thins_itself_and_keeps_order) {
     }
 }
 
-TEST(Clock, power_of_two_below) {
-    for (double x : {1e-300, 0.3, 1.0, 1.5, 1024.0, 1e300}) {
-        const double p = power_of_two_below(x);
-        int e;
-        EXPECT_EQ(std::frexp(p, &e), 0.5);
-        EXPECT_LE(p, x);
-        EXPECT_GT(2 * p, x * 0.999999);
+/// A run whose sums are integers of 31 bits.
+struct Deposits : Course {
+    explicit Deposits(double speed, double mass = 3) : Course(speed) {
+        sum_bits = 31;
+        maxima[max_mass] = mass;
+        for (int q = 0; q < quantities; ++q) {  // as the first deposit leaves them
+            clock.scale_write[q] = clock.unit_read[q] = 1;
+            clock.deposit_limit[q] = 10;
+        }
+    }
+    /// What particles left before this step; what they leave in the next is the caller's.
+    Halt step(double momentum, double group = 0) {
+        clock.deposited[momentum_sum] = momentum;
+        clock.deposited[group_sum] = group;
+        return Course::step();
+    }
+    void expect_scales() const {
+        // Rest of the course of one step: no more than what moved in it.
+        const double moved = clock.speed * clock.dt / dx;
+        const double mass = std::fmax(maxima[max_mass], least_mass), room = std::ldexp(1.0, 30);
+        for (int q = 0; q < quantities; ++q) {
+            const double scale = clock.scale_write[q];
+            EXPECT_TRUE(std::isfinite(scale));
+            EXPECT_GT(scale, 0);
+            EXPECT_EQ(clock.unit_read[q], 1 / scale) << "what is written is read by the next step";
+            EXPECT_EQ(clock.deposited[q], 0) << "a new step deposits anew";
+            const double most = q == mass_sum ? 1 : clock.deposit_limit[q];
+            EXPECT_TRUE(std::isfinite(most));
+            EXPECT_GT(most, 0);
+            EXPECT_LE(mass * mass_growth(moved, 2) * most * scale, room);
+            EXPECT_GT(mass * mass_growth(moved, 2) * most * scale, room / 4);
+        }
+    }
+};
+
+TEST(ClockDeposits, above_their_limit_are_a_fault_at_the_next_look) {
+    for (int q : {momentum_sum, group_sum}) {
+        for (double factor : {1.0, 1.0000001, 100.0, HUGE_VAL, std::nan("")}) {
+            Deposits run(0.1);
+            ASSERT_EQ(run.step(2, 0.01), Halt::none);
+            const double limit = run.clock.deposit_limit[q];
+            const auto time = run.clock.time;
+            run.clock.deposited[q] = limit * factor;
+            if (factor == 1.0) {
+                EXPECT_EQ(run.Course::step(), Halt::none) << "the limit itself still fits";
+                EXPECT_EQ(run.clock.step, 2);
+                continue;
+            }
+            EXPECT_EQ(run.Course::step(), Halt::fault) << factor;
+            EXPECT_EQ(run.clock.fault, FaultKind::fixed_point);
+            EXPECT_EQ(run.clock.step, 1);
+            EXPECT_EQ(run.clock.time, time);
+            if (std::isnan(factor))
+                EXPECT_TRUE(std::isnan(run.clock.fault_value));
+            else
+                EXPECT_EQ(run.clock.fault_value, limit * factor);
+        }
+    }
+}
+
+/// A fault of particles says more than what it does to the sums.
+TEST(ClockDeposits, particle_faults_come_first) {
+    Deposits run(0.1);
+    ASSERT_EQ(run.step(2), Halt::none);
+    run.clock.fault_particle = 3;
+    EXPECT_EQ(run.step(std::nan("")), Halt::fault);
+    EXPECT_EQ(run.clock.fault, FaultKind::particle);
+}
+
+TEST(ClockDeposits, limits_follow_what_was_deposited) {
+    Deposits run(0.25);
+    run.clock.gravity[1] = -10;
+    const double calm = 1e-6 * wave_speed + 10 * dt, moved = 0.25 * dt / dx;
+    const double blow = deposit_of_blow(wave_speed * dt / dx);
+    for (double momentum : {0.0, 1e-3, 1.0, 16.0, 15.0, 0.1}) {
+        ASSERT_EQ(run.step(momentum, 0.1 * momentum), Halt::none) << momentum;
+        run.clock.drift = 0;
+        EXPECT_NEAR(run.clock.deposit_limit[momentum_sum],
+                    deposit_growth * (momentum + calm) + blow * 0.25, 1e-9 * (momentum + 1));
+        const double group = run.clock.deposit_limit[group_sum];
+        EXPECT_GE(group, deposit_growth * (0.1 * momentum + 2 * moved));
+        EXPECT_LE(group, deposit_growth * (0.1 * momentum + 2 * moved + 1e-6));
+        run.expect_scales();
+    }
+}
+
+/// A blow: the nodes are fast at once, and what that deposits fits.
+TEST(ClockDeposits, speed_opens_the_limit_at_once) {
+    Deposits run(0);
+    for (int k = 0; k < 5; ++k) ASSERT_EQ(run.step(0), Halt::none);
+    EXPECT_LT(run.clock.deposit_limit[momentum_sum], 0.001);
+    run.maxima[max_speed] = 5;
+    ASSERT_EQ(run.step(0), Halt::none);
+    EXPECT_GE(run.clock.deposit_limit[momentum_sum], deposit_growth * 5);
+    run.expect_scales();
+    EXPECT_EQ(run.step(deposit_growth * 5), Halt::sort) << "half a cell a step";
+    EXPECT_EQ(run.clock.fault, FaultKind::none);
+}
+
+/// Whatever halts a step, its deposits are still judged, and still known to the limits after it.
+TEST(ClockDeposits, outlive_a_halt) {
+    for (Halt why : {Halt::sort, Halt::steps, Halt::until, Halt::samples}) {
+        for (bool fits : {true, false}) {
+            Deposits run(0.4);
+            if (why == Halt::samples) run.add_sensor(1.5 * dt, 1);
+            for (int k = 0; k < 2; ++k) ASSERT_EQ(run.step(2, 0.01), Halt::none);
+            const auto before = run.clock;
+            if (why == Halt::sort) run.clock.drift = 0.29;
+            if (why == Halt::steps) run.clock.steps_left = 0;
+            if (why == Halt::until) run.clock.until = run.clock.time;
+            ASSERT_EQ(run.step(3, 0.02), why);
+            for (int again = 0; again < 3; ++again) run.Course::step();  // what was queued
+            EXPECT_EQ(run.clock.step, 2);
+            EXPECT_EQ(run.clock.deposited[momentum_sum], 3);
+            EXPECT_EQ(run.clock.deposited[group_sum], 0.02);
+            for (int q = 0; q < quantities; ++q) {
+                EXPECT_EQ(run.clock.scale_write[q], before.scale_write[q]);
+                EXPECT_EQ(run.clock.unit_read[q], before.unit_read[q]);
+                EXPECT_EQ(run.clock.deposit_limit[q], before.deposit_limit[q]);
+            }
+            if (!fits) run.clock.deposited[momentum_sum] = 1000;
+            run.clock.halt = Halt::none;
+            run.clock.drift = 0;
+            run.clock.steps_left = -1;
+            run.clock.until = forever;
+            for (auto& r : run.sensors) r.count = 0;
+            if (!fits) {
+                EXPECT_EQ(run.Course::step(), Halt::fault);
+                EXPECT_EQ(run.clock.fault, FaultKind::fixed_point);
+                continue;
+            }
+            EXPECT_EQ(run.Course::step(), Halt::none);
+            EXPECT_EQ(run.clock.step, 3);
+            const double blow = 0.4 * deposit_of_blow(wave_speed * dt / dx);
+            EXPECT_GE(run.clock.deposit_limit[momentum_sum], deposit_growth * 3 + blow);
+            EXPECT_LT(run.clock.deposit_limit[momentum_sum], deposit_growth * 3.01 + blow);
+            run.expect_scales();
+        }
+    }
+}
+
+TEST(ClockDeposits, rest_has_finite_scales) {
+    for (double mass : {0.0, 1e-9, 3.0}) {
+        Deposits run(0, mass);
+        for (int k = 0; k < 3; ++k) {
+            ASSERT_EQ(run.step(0), Halt::none);
+            run.expect_scales();
+            // Rounding of a fluid at rest is no fault.
+            EXPECT_GT(run.clock.deposit_limit[momentum_sum], 1e-6 * wave_speed);
+        }
+    }
+}
+
+/// Nodes that carry their particles one cell in a step are the fastest that pass.
+TEST(ClockDeposits, fast_steps_leave_room_for_mass) {
+    for (double speed : {0.1, 1.0, 5.0, 9.99}) {
+        Deposits run(speed);
+        ASSERT_EQ(run.step(speed), Halt::none);
+        EXPECT_LE(3 * mass_growth(speed * dt / dx, 2) * run.clock.scale_write[mass_sum],
+                  std::ldexp(1.0, 30));
     }
 }
 

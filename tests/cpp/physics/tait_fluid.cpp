@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "mpm/core/number.hpp"
@@ -15,12 +16,16 @@ namespace {
 constexpr double K = 2.2e9, gamma_ = 7.15;
 const double parameters[] = {1000.0, K, gamma_, 0.001};
 
-/// The pressure of exactly these numbers. Above 1e-4 digits are lost to nothing; below, the law's
-/// series keeps what expm1 and log1p of the wide type keep as well.
+/// The law in a wider type, for the exponent that a computation in T has.
 template <class T>
-long double exact(T j) {
-    const long double g = T(gamma_), stiffness = T(T(K) / T(gamma_));
-    return stiffness * expm1l(-g * log1pl(-(long double)(j)));
+long double exact(T j, double exponent = gamma_) {
+    const long double g = T(exponent);
+    return K / g * expm1l(-g * log1pl(-(long double)(j)));
+}
+template <class T>
+double error(T pressure, T j, double exponent = gamma_) {
+    const long double p = exact(j, exponent);
+    return double(std::fabs(((long double)(pressure)-p) / p));
 }
 
 template <class T>
@@ -36,12 +41,11 @@ std::vector<T> points(double largest) {
 
 template <class T>
 void check_precision(double bound, double median_bound) {
+    const auto constants = TaitFluid::constants<T>(parameters);
     for (double largest : {1e-15, 1e-7, 1e-2, 0.5}) {
         std::vector<double> errors;
-        for (T j : points<T>(largest)) {
-            const T p = TaitFluid::pressure(j, T(T(K) / T(gamma_)), T(gamma_));
-            errors.push_back(double(std::fabs(((long double)(p)-exact(j)) / exact(j))));
-        }
+        for (T j : points<T>(largest))
+            errors.push_back(error(TaitFluid::pressure(j, constants), j));
         std::sort(errors.begin(), errors.end());
         EXPECT_LE(errors.back(), largest < 0.1 ? bound : 10 * bound) << "|j| up to " << largest;
         EXPECT_LE(errors[errors.size() / 2], median_bound) << "|j| up to " << largest;
@@ -74,12 +78,88 @@ TEST(TaitFluidPrecision, increments_below_the_rounding_of_one_accumulate) {
     EXPECT_NEAR(j, expected, 1e-5 * expected);
 }
 
+/// The law without its series.
+float general(float j, const TaitFluid::Constants<float>& k) {
+    return k.stiffness * expm1_of(-k.exponent * log1p_of(-j));
+}
+
+class TaitFluidSeries : public ::testing::TestWithParam<double> {
+protected:
+    const double gamma = GetParam();
+    const double given[4] = {1000.0, K, gamma, 0.001};
+    const TaitFluid::Constants<float> k = TaitFluid::constants<float>(given);
+    static constexpr double ulp = std::numeric_limits<float>::epsilon();
+};
+
+TEST_P(TaitFluidSeries, has_all_digits_up_to_its_limit) {
+    std::vector<float> at = {k.series_limit, -k.series_limit};
+    for (int i = 1; i < 20000; ++i) {
+        at.push_back(k.series_limit * float(i) / 20000);
+        at.push_back(-at.back());
+        at.push_back(k.series_limit * std::pow(10.0f, -30.0f * float(i) / 20000));
+        at.push_back(-at.back());
+    }
+    double series = 0, law = 0;
+    for (float j : at) {
+        series = std::max(series, error(TaitFluid::pressure(j, k), j, gamma));
+        law = std::max(law, error(general(j, k), j, gamma));
+    }
+    EXPECT_LE(series, 2.5 * ulp);
+    EXPECT_GT(law, series) << "worth its place";
+}
+
+TEST_P(TaitFluidSeries, meets_the_general_law) {
+    for (float sign : {1.0f, -1.0f}) {
+        const float inside = sign * k.series_limit,
+                    outside = std::nextafter(inside, sign * HUGE_VALF);
+        const double p = exact(inside, gamma);
+        EXPECT_NEAR(TaitFluid::pressure(inside, k), general(inside, k), 6 * ulp * std::fabs(p));
+        EXPECT_NEAR(TaitFluid::pressure(outside, k), TaitFluid::pressure(inside, k),
+                    6 * ulp * std::fabs(p));
+    }
+}
+
+TEST_P(TaitFluidSeries, is_used_below_its_limit_and_only_there) {
+    auto series = k, law = k;
+    series.stiffness = law.bulk = std::numeric_limits<float>::quiet_NaN();
+    for (float sign : {1.0f, -1.0f}) {
+        for (float share : {0.0f, 1e-20f, 0.5f, 1.0f}) {
+            const float j = sign * share * k.series_limit;
+            EXPECT_EQ(TaitFluid::pressure(j, series), TaitFluid::pressure(j, k)) << j;
+        }
+        for (float share : {1.001f, 2.0f, 5.0f}) {
+            const float j = sign * share * k.series_limit;
+            EXPECT_EQ(TaitFluid::pressure(j, law), TaitFluid::pressure(j, k)) << j;
+        }
+    }
+    EXPECT_TRUE(std::isnan(TaitFluid::pressure(std::numeric_limits<float>::quiet_NaN(), k)));
+}
+
+/// One lane beyond the limit takes its neighbours along the general way.
+TEST_P(TaitFluidSeries, lanes) {
+    using V = Pack<float, 8>;
+    float j[8], apart[8];
+    for (int l = 0; l < 8; ++l) {
+        j[l] = k.series_limit * (0.9f - 0.22f * float(l));
+        apart[l] = l == 5 ? 3 * k.series_limit : j[l];
+    }
+    const V together = TaitFluid::pressure(V::load(j), k),
+            mixed = TaitFluid::pressure(V::load(apart), k);
+    for (int l = 0; l < 8; ++l) {
+        EXPECT_LE(error(together[l], j[l], gamma), 2.5 * ulp);
+        EXPECT_LE(error(mixed[l], apart[l], gamma), 6 * ulp);
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Exponents, TaitFluidSeries, ::testing::Values(1.0, 7.15, 20.0));
+
 TEST(TaitFluid, volume_from_pressure_inverts_the_law) {
+    const auto constants = TaitFluid::constants<double>(parameters);
     for (double size = 1e-9; size < 3e9; size *= 1.7) {
         for (double p : {size, -size}) {
             if (p < -0.9 * K / gamma_) continue;  // no volume has less
             const double j = TaitFluid::volume_from_pressure(p, parameters);
-            EXPECT_NEAR(TaitFluid::pressure(j, K / gamma_, gamma_), p, 1e-13 * std::max(size, p));
+            EXPECT_NEAR(TaitFluid::pressure(j, constants), p, 1e-13 * std::max(size, p));
         }
     }
     EXPECT_EQ(TaitFluid::volume_from_pressure(0, parameters), 0);

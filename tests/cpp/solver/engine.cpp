@@ -302,8 +302,13 @@ TEST(Faults, impossible_scenes) {
     refused([](Spec& s) { s.bodies[0].material = "Cheese"; });
     refused([](Spec& s) { s.bodies[0].parameters.pop_back(); });
     refused([](Spec& s) { s.bodies[1].smoothing = SmoothingForm::one_volume; });
-    refused([](Spec& s) { s.bodies[0].position[0] = -0.01; });
-    refused([](Spec& s) { s.bodies[0].position[0] = 7.0; });
+    for (double outside : {-0.01, 7.0}) {
+        refused([outside](Spec& s) {
+            auto x = test::positions(s.bodies[0], 2);
+            x[0] = outside;
+            s.bodies[0].position = rows_of(x, 2);
+        });
+    }
     refused([](Spec& s) { s.sensors[2].ids = {0}; });
 }
 
@@ -361,7 +366,7 @@ void check_crushed(const char* material, std::vector<double> parameters, const c
         test::body(s, "crushed", material, parameters, test::lattice(s, {8, 8}, {16, 16}, 2), 4));
     auto& b = s.bodies[1];
     b.velocity.clear();
-    for (double x : b.position) b.velocity.push_back(-20 * (x - 1.2));
+    for (double x : test::positions(b, 2)) b.velocity.push_back(-20 * (x - 1.2));
     const auto e = make_cpu_engine(s);
     RunResult r;
     for (int step = 0; step < 20000; ++step) {

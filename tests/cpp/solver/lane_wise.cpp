@@ -8,6 +8,7 @@
 #include "mpm/kernels/cpu/body_pass.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
 #include "mpm/solver/domain.hpp"
+#include "support/scene.hpp"
 
 namespace mpm {
 namespace {
@@ -29,12 +30,14 @@ Spec puddle() {
     b.name = "water";
     b.material = "TaitFluid";
     b.parameters = {1000, 1e6, 7, 0.001};
+    std::vector<double> position;
     for (int i = 0; i < 14; ++i)
         for (int j = 0; j < 10; ++j) {
-            b.position.push_back(0.05 * (i + 0.5));
-            b.position.push_back(0.05 * (j + 0.5));
+            position.push_back(0.05 * (i + 0.5));
+            position.push_back(0.05 * (j + 0.5));
         }
-    b.count = b.position.size() / 2;
+    b.count = position.size() / 2;
+    b.position = rows_of(position, 2);
     b.bounds = {0, 0, 0.7, 0.5};
     b.particle_mass = 1000 * 0.05 * 0.05;
     b.velocity = {0.5, 0.0};
@@ -69,7 +72,7 @@ std::vector<double> run() {
 TEST(LaneWise, AgreesWithThePacks) {
     const auto packs = run<TaitFluid>(), alone = run<BranchingFluid>();
     double apart = 0, moved = 0;
-    const auto start = puddle().bodies[0].position;
+    const auto start = test::positions(puddle().bodies[0], 2);
     for (std::size_t k = 0; k < packs.size(); ++k) {
         apart = std::max(apart, std::abs(packs[k] - alone[k]));
         moved = std::max(moved, std::abs(packs[k] - start[k]));

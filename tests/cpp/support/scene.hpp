@@ -43,8 +43,8 @@ inline BodySpec body(const Spec& s, std::string name, std::string material,
     b.name = std::move(name);
     b.material = std::move(material);
     b.parameters = std::move(parameters);
-    b.position = std::move(position);
-    b.count = b.position.size() / std::size_t(s.dimension);
+    b.count = position.size() / std::size_t(s.dimension);
+    b.position = rows_of(std::move(position), s.dimension);
     b.particle_mass = b.parameters[0] * std::pow(s.cell_size, s.dimension) / per_cell;
     b.velocity.assign(std::size_t(s.dimension), 0.0);
     b.bounds.assign(std::size_t(2 * s.dimension), 0.0);
@@ -52,6 +52,13 @@ inline BodySpec body(const Spec& s, std::string name, std::string material,
         b.bounds[std::size_t(s.dimension + a)] = double(s.cells[a]) * s.cell_size;
     for (const auto& o : s.bodies) b.first_id = std::max(b.first_id, o.first_id + o.count);
     return b;
+}
+
+/// Positions of all particles of a body in a row.
+inline std::vector<double> positions(const BodySpec& b, int dimension) {
+    std::vector<double> x(b.count * std::size_t(dimension));
+    b.position(0, b.count, x.data());
+    return x;
 }
 
 /// A lattice with `n` particles a cell along each axis over the cells [lower, upper).

@@ -1,11 +1,11 @@
 // CPU driver of the passes over a body's particles: loops, arenas, lanes and flush; no formula.
 //
-// One worker owns one block at a time. It copies the velocities that the block's particles can
+// One worker owns one block at a time. It expands the velocities that the block's particles can
 // reach into an arena, walks the cells, and takes the particles of a cell a pack at a time: lanes
-// share the cell's nodes, so node values are broadcast and each lane adds to sums of its own that
-// are added up once a cell. Particles that have left the cell they were sorted into go one by one
-// through the same formulae with a scalar number type. Blocks of one colour share no node, so the
-// order of additions, and with it every bit, is independent of the number of threads.
+// share the cell's nodes, so what is gathered is broadcast and each lane adds to sums of its own
+// that are added up once a cell. Particles that have left the cell they were sorted into go one by
+// one through the same formulae with a scalar number type. Blocks of one colour share no node, so
+// the order of additions, and with it every bit, is independent of the number of threads.
 #pragma once
 
 #include <memory>
@@ -30,20 +30,27 @@ inline constexpr int lanes = 32 / int(sizeof(T));
 template <class T, int D, int C>
 struct Arena {
     static constexpr int nodes = Block<D>::arena_nodes;
-    alignas(64) T velocity[C][nodes];
+    static constexpr int cells = Block<D>::edge + 2;  // of a line: home cells and one beside
+    static constexpr int lines = nodes / Block<D>::arena_edge;
+    alignas(64) T line[lines][cells][3][C];
     static constexpr int stride = C + 1 <= 4 ? 4 : 8;  // of one node's sums
     alignas(64) T sums[nodes][stride];  // channels, then mass; in units of one particle's mass
 };
 
-/// Node values for `gather`: the same for all lanes.
-template <class T, int D>
-struct ArenaNodes {
+/// Lines for `gather`: the same for all lanes.
+template <class T, int D, int C>
+struct ArenaLines {
     const T* at;
-    static constexpr int stride(int axis) { return Block<D>::arena_stride(axis); }
-    template <int C>
-    MPM_INLINE Vec<T, C> load(int node) const {
-        Vec<T, C> v;
-        MPM_UNROLL for (int c = 0; c < C; ++c) v[c] = at[c * Block<D>::arena_nodes + node];
+    static constexpr int stride(int axis) {
+        int s = 3 * C;
+        if (axis < D - 1) s *= Block<D>::edge + 2;
+        if (axis < D - 2) s *= Block<D>::arena_edge;
+        return s;
+    }
+    template <int N>
+    MPM_INLINE Vec<T, N> load(int place, int k) const {
+        Vec<T, N> v;
+        MPM_UNROLL for (int c = 0; c < N; ++c) v[c] = at[place + k * C + c];
         return v;
     }
 };
@@ -148,8 +155,8 @@ struct BlockPass {
     MPM_INLINE Affine<N, D, C> advance(std::uint32_t q, int origin, Vec<N, D>& xi,
                                        N (&state)[R]) const {
         if constexpr (reads) {
-            const ArenaNodes<T, D> nodes{&arena.velocity[0][0]};
-            return advance_particle<Material, S, N, D>(nodes, origin, xi, state, numbers);
+            const ArenaLines<T, D, C> lines{&arena.line[0][0][0][0]};
+            return advance_particle<Material, S, N, D>(lines, origin, xi, state, numbers);
         } else if constexpr (stage == Stage::scatter) {
             Affine<N, D, C> u;
             load_deposit<N>(q, u);
@@ -176,7 +183,7 @@ struct BlockPass {
             cell[a] = home[a] + shift;
             local[a] = xi[a] - T(shift);
         }
-        ArenaSums<T, D, C> sums{arena.sums[stencil_origin<ArenaNodes<T, D>>(cell)]};
+        ArenaSums<T, D, C> sums{arena.sums[stencil_origin<ArenaSums<T, D, C>>(cell)]};
         scatter<T, D, C>(sums, quadratic_weights<T, D>(local), T(1), u);
     }
 
@@ -190,7 +197,8 @@ struct BlockPass {
             cell[a] = home[a] + shift[a];
             if constexpr (reads) xi[a] -= T(shift[a]);
         }
-        const Affine<T, D, C> u = advance<T>(q, stencil_origin<ArenaNodes<T, D>>(cell), xi, state);
+        const Affine<T, D, C> u =
+            advance<T>(q, stencil_origin<ArenaLines<T, D, C>>(cell), xi, state);
         if constexpr (reads) {
             MPM_UNROLL for (int a = 0; a < D; ++a) {
                 xi[a] += T(shift[a]);
@@ -229,7 +237,7 @@ struct BlockPass {
         // Lanes without a particle of this cell compute on harmless numbers and write nothing.
         MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(before, xi[a], V(T(0)));
         MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = select(before, state[r], V(T(0)));
-        Affine<V, D, C> u = advance<V>(q, stencil_origin<ArenaNodes<T, D>>(home), xi, state);
+        Affine<V, D, C> u = advance<V>(q, stencil_origin<ArenaLines<T, D, C>>(home), xi, state);
         Mask inside = before;
         if constexpr (reads) {
             const bool whole = count == W && all(before);
@@ -301,7 +309,7 @@ struct BlockPass {
         for (std::uint32_t q = begin; q < end; q += W)
             together(home, q, int(end - q < W ? end - q : W), sums);
         if constexpr (adds) {
-            T* at = arena.sums[stencil_origin<ArenaNodes<T, D>>(home)];
+            T* at = arena.sums[stencil_origin<ArenaSums<T, D, C>>(home)];
             constexpr int stride = Arena<T, D, C>::stride, group = stride < W ? stride : W;
             MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) {
                 T* to = at + ArenaSums<T, D, C>::place(n) * stride;
@@ -320,14 +328,25 @@ struct BlockPass {
     }
 
     MPM_INLINE void fill(const std::int32_t* neighbours) const {
+        using A = Arena<T, D, C>;
+        constexpr int edge = Block<D>::arena_edge;
         const auto& g = pass.grid;
+        T u[edge][C];
         for_each_run<D>(neighbours, [&](int at, std::int32_t slot, int node, int length) {
-            MPM_UNROLL for (int c = 0; c < C; ++c) {
-                const int channel = c < D ? c : pass.group.average;
-                const T* from = g.velocity +
-                                (std::int64_t(slot) * g.velocity_channels + channel) * block_cells +
-                                node;
-                for (int k = 0; k < length; ++k) arena.velocity[c][at + k] = from[k];
+            const T* from = g.velocity + g.velocity_place(slot, node);
+            for (int k = 0; k < length; ++k) {
+                MPM_UNROLL for (int c = 0; c < C; ++c) {
+                    u[at % edge + k][c] =
+                        from[k * g.velocity_channels + (c < D ? c : pass.group.average)];
+                }
+            }
+            if (at % edge + length < edge) return;
+            for (int k = 0; k < A::cells; ++k) {
+                MPM_UNROLL for (int c = 0; c < C; ++c) {
+                    T q[3];
+                    expand_line(u[k][c], u[k + 1][c], u[k + 2][c], q);
+                    MPM_UNROLL for (int e = 0; e < 3; ++e) arena.line[at / edge][k][e][c] = q[e];
+                }
             }
         });
     }
@@ -425,8 +444,8 @@ void energies(const Pass<Cpu, T, D>& pass, const std::int32_t* due, double* part
                     Vec<T, D> xi;
                     T state[state_reals<Material, D, S>];
                     block.template load<T>(q, xi, state);
-                    const ArenaNodes<T, D> nodes{&arena->velocity[0][0]};
-                    add_energies<Material, T, D, C>(pass, nodes, corner, home, xi, state, sum);
+                    const ArenaLines<T, D, C> lines{&arena->line[0][0][0][0]};
+                    add_energies<Material, T, D, C>(pass, lines, corner, home, xi, state, sum);
                 }
             }
             for (int e = 0; e < 3; ++e) partial[3 * h + e] = sum[e];

@@ -1,5 +1,6 @@
 // What the CUDA drivers keep in shared memory for one block of cells: the velocities that its
-// particles can reach and the sums that they fill. Fixed point throughout: sums are integers.
+// particles can reach, by lines, and the sums that they fill. Fixed point throughout: sums are
+// integers.
 #pragma once
 
 #include "mpm/exec/cuda.cuh"
@@ -7,43 +8,32 @@
 
 namespace mpm::cuda {
 
-/// Node values for `gather`, one vector a node. The strides keep the lanes of a quarter warp, which
-/// own neighbouring cells, in different banks.
+/// What `gather` reads: for every line of nodes along the last axis and every cell on it that
+/// particles of the block may stand in, the coefficients of the quadratic. The strides keep the
+/// lanes of a quarter warp, which own neighbouring cells, in different banks.
 template <class T, int D, int C>
-struct VelocityArena {
+struct LineArena {
     static_assert(C >= 2 && C <= 4);
     static constexpr int width = C == 2 ? 2 : 4;
-    static constexpr int nodes = D == 2 ? 12 * 12 : 8 * 8 * 12;
-    struct alignas(sizeof(T) * width < 16 ? sizeof(T) * width : 16) Node {
+    static constexpr int cells = Block<D>::edge + 2;
+    static constexpr int edge = Block<D>::arena_edge;
+    static constexpr int lines = Block<D>::arena_nodes / edge;
+    MPM_INLINE static constexpr int stride(int axis) {
+        return axis == D - 1 ? 3 : (D == 2 ? 30 : (axis == 1 ? 20 : 160));
+    }
+    struct alignas(sizeof(T) * width < 16 ? sizeof(T) * width : 16) Entry {
         T e[width];
     };
-    Node at[nodes];
+    Entry at[edge * stride(0)];
 
-    MPM_INLINE static constexpr int stride(int axis) {
-        return axis == D - 1 ? 1 : (axis == D - 2 ? 12 : 96);
-    }
     template <int N>
-    MPM_INLINE Vec<T, N> load(int node) const {
-        const Node n = at[node];
+    MPM_INLINE Vec<T, N> load(int place, int k) const {
+        const Entry q = at[place + k];
         Vec<T, N> v;
-        MPM_UNROLL for (int c = 0; c < N; ++c) v[c] = n.e[c];
+        MPM_UNROLL for (int c = 0; c < N; ++c) v[c] = q.e[c];
         return v;
     }
 };
-
-/// Calls f(coordinates in the arena, neighbour, node there) for every node of an arena.
-template <int D, class F>
-__device__ __forceinline__ void for_each_node(const F& f) {
-    for (int n = threadIdx.x; n < Block<D>::arena_nodes; n += blockDim.x) {
-        int at[D], rest = n, neighbour, node;
-        MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
-            at[a] = rest % Block<D>::arena_edge;
-            rest /= Block<D>::arena_edge;
-        }
-        arena_node<D>(at, neighbour, node);
-        f(at, neighbour, node);
-    }
-}
 
 template <int D>
 __device__ __forceinline__ const std::int32_t* neighbours_of(const BlockTableView<D>& table,
@@ -51,23 +41,72 @@ __device__ __forceinline__ const std::int32_t* neighbours_of(const BlockTableVie
     return table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
 }
 
+/// Velocities, and where there are C > D channels the group's average, of one node.
+template <int D, int C, class T>
+__device__ __forceinline__ void load_node(const T* from, int average, bool packed, T (&u)[C]) {
+    if constexpr (C == 4) {
+        if (packed) {
+            struct alignas(16) Four {
+                T e[4];
+            };
+            const Four v = *reinterpret_cast<const Four*>(from);
+            MPM_UNROLL for (int c = 0; c < C; ++c) u[c] = v.e[c];
+            return;
+        }
+    }
+    MPM_UNROLL for (int c = 0; c < C; ++c) u[c] = from[c < D ? c : average];
+}
+
+/// Bits part, part + parts, part + 2 parts, ... of the first 16.
+__device__ __forceinline__ unsigned every(int parts, int part) {
+    unsigned mine = 0;
+    for (int k = part; k < 16; k += parts) mine |= 1u << k;
+    return mine;
+}
+
+/// Threads share the lines, and where there are more threads than lines also the cells of a line.
 template <class T, int D, int C>
 __device__ __forceinline__ void fill(const Pass<Cuda, T, D>& pass, std::int32_t slot,
-                                     VelocityArena<T, D, C>& arena) {
+                                     LineArena<T, D, C>& arena) {
+    using Arena = LineArena<T, D, C>;
+    constexpr int edge = Block<D>::edge, margin = Block<D>::margin;
     const auto& g = pass.grid;
     const std::int32_t* neighbours = neighbours_of(g.table, slot);
-    for_each_node<D>([&](const int(&at)[D], int neighbour, int node) {
-        const T* from = g.velocity +
-                        std::int64_t(neighbours[neighbour]) * g.velocity_channels * block_cells +
-                        node;
-        typename VelocityArena<T, D, C>::Node v{};
+    const int parts = blockDim.x / Arena::lines, part = threadIdx.x / Arena::lines;
+    const bool packed = g.velocity_channels == 4 && pass.group.average == 3;
+    if (part >= parts) return;
+    int rest = threadIdx.x % Arena::lines, neighbour = 0, first_node = 0, place = 0, side_step = 1,
+        node_step = edge;
+    MPM_UNROLL for (int a = D - 2; a >= 0; --a) {
+        const int at = rest % Arena::edge, n = at - margin + edge;
+        rest /= Arena::edge;
+        side_step *= 3;
+        neighbour += n / edge * side_step;
+        first_node += n % edge * node_step;
+        node_step *= edge;
+        place += at * Arena::stride(a);
+    }
+    const T* side[3];
+    MPM_UNROLL for (int k = 0; k < 3; ++k) {
+        side[k] = g.velocity + g.velocity_place(neighbours[neighbour + k], first_node);
+    }
+    T u[Arena::edge][C];
+    MPM_UNROLL for (int k = 0; k < Arena::edge; ++k) {
+        const int n = k - margin + edge;
+        load_node<D, C>(side[n / edge] + n % edge * g.velocity_channels, pass.group.average, packed,
+                        u[k]);
+    }
+    const unsigned mine = every(parts, part);
+    MPM_UNROLL for (int k = 0; k < Arena::cells; ++k) {
+        if (!(mine >> k & 1)) continue;
+        typename Arena::Entry out[3] = {};
         MPM_UNROLL for (int c = 0; c < C; ++c) {
-            v.e[c] = from[(c < D ? c : pass.group.average) * block_cells];
+            T q[3];
+            expand_line(u[k][c], u[k + 1][c], u[k + 2][c], q);
+            MPM_UNROLL for (int e = 0; e < 3; ++e) out[e].e[c] = q[e];
         }
-        int place = 0;
-        MPM_UNROLL for (int a = 0; a < D; ++a) place += at[a] * arena.stride(a);
-        arena.at[place] = v;
-    });
+        MPM_UNROLL for (int e = 0; e < 3; ++e) arena.at[place + k * 3 + e] = out[e];
+    }
 }
 
 __device__ __forceinline__ std::int32_t to_fixed(float x) { return __float2int_rn(x); }
@@ -77,17 +116,15 @@ __device__ __forceinline__ void add_fixed(std::int64_t* to, std::int64_t x) {
     atomicAdd(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(x));
 }
 
-/// From units of one particle's mass to integers. One contribution may use a 32nd of the range, so
-/// that the 27 cells which share a node cannot wrap its sum.
+/// From units of one particle's mass to integers.
 template <class T, int D>
 struct Scales {
     T mass, momentum, group;
-    static constexpr T limit = T(std::int64_t(1) << (Cuda::sum_bits<T> - 5));
 
     __device__ explicit Scales(const Pass<Cuda, T, D>& pass)
-        : mass(T(pass.body.particle_mass * pass.clock->scale_write[max_mass])),
-          momentum(T(pass.body.particle_mass * pass.clock->scale_write[max_momentum])),
-          group(T(pass.body.particle_mass * pass.clock->scale_write[max_group])) {}
+        : mass(T(pass.body.particle_mass * pass.clock->scale_write[mass_sum])),
+          momentum(T(pass.body.particle_mass * pass.clock->scale_write[momentum_sum])),
+          group(T(pass.body.particle_mass * pass.clock->scale_write[group_sum])) {}
     /// Of a transfer channel; the one after the last is the mass.
     template <int C>
     MPM_INLINE T of(int channel) const {
@@ -95,31 +132,141 @@ struct Scales {
     }
 };
 
+template <class P>
+__device__ __forceinline__ void count_strays(const P& pass, int count) {
+    atomicAdd(reinterpret_cast<unsigned long long*>(pass.strays),
+              static_cast<unsigned long long>(count));
+}
+
+/// The clock turns when the last worker of a step's passes is done; all threads must come here.
+template <class P>
+__device__ __forceinline__ void end_pass(const P& pass) {
+    last_of(pass.workers, pass.arrivals, pass.turn);
+}
+
+__device__ __forceinline__ unsigned as_bits(float x) { return __float_as_uint(x); }
+__device__ __forceinline__ unsigned long long as_bits(double x) {
+    return static_cast<unsigned long long>(__double_as_longlong(x));
+}
+__device__ __forceinline__ double as_number(unsigned x) { return double(__uint_as_float(x)); }
+__device__ __forceinline__ double as_number(unsigned long long x) {
+    return __longlong_as_double(static_cast<long long>(x));
+}
+
+/// The largest deposits that a thread has seen, and their way to the clock. They are not negative,
+/// so their bits are in the order of the numbers, and not-a-number is the largest of all.
+template <class T>
+struct Largest {
+    using Bits = decltype(as_bits(T(0)));
+    Bits momentum = 0, group = 0;
+
+    template <int D, int C>
+    __device__ __forceinline__ void see(const Affine<T, D, C>& u) {
+        momentum = max(momentum, as_bits(deposit_size<0, D>(u)));
+        if constexpr (C > D) group = max(group, as_bits(deposit_size<D, C>(u)));
+    }
+    template <class P>
+    __device__ __forceinline__ void tell(const P& pass) const {
+        tell(pass.deposited + momentum_sum, momentum, known_momentum);
+        tell(pass.deposited + group_sum, group, known_group);
+    }
+
+    /// What others had told when this thread began: most need not tell any more.
+    template <class P>
+    __device__ explicit Largest(const P& pass)
+        : known_momentum(as_bits(T(*static_cast<volatile double*>(pass.deposited + momentum_sum)))),
+          known_group(as_bits(T(*static_cast<volatile double*>(pass.deposited + group_sum)))) {}
+
+private:
+    Bits known_momentum, known_group;
+
+    __device__ __forceinline__ static void tell(double* to, Bits x, Bits known) {
+        for (int by = 16; by > 0; by /= 2) x = max(x, __shfl_xor_sync(~0u, x, by));
+        if (threadIdx.x % 32 == 0 && x > known) {
+            atomicMax(reinterpret_cast<unsigned long long*>(to), as_bits(as_number(x)));
+        }
+    }
+};
+
 /// Sums of a block's particles, channel by channel; lanes of a warp add in different banks.
 template <int D, int C>
 struct SumArena {
     static constexpr int nodes = D == 2 ? 12 * 40 : 8 * 68;
-    std::int32_t at[(C + 1) * nodes];
+    alignas(16) std::int32_t at[(C + 1) * nodes];
     MPM_INLINE static constexpr int stride(int axis) {
         return axis == D - 1 ? 1 : (D == 2 ? 40 : (axis == 1 ? 8 : 68));
     }
 };
 
-/// Takes the deposit of one particle straight into a sum arena.
+/// Takes the deposit of one particle, already on the scale of the sums, straight into a sum arena.
 template <int D, int C>
 struct SharedSums {
     using Arena = SumArena<D, C>;
     std::int32_t* at;  // lowest node of the stencil
-    const Scales<float, D>& scales;
-    bool fits = true;
     __device__ __forceinline__ void put(int node, int channel, float v) {
-        const float x = v * scales.template of<C>(channel);
-        fits = fits & (fabsf(x) <= scales.limit);
-        atomicAdd(at + channel * Arena::nodes + stencil_place<Arena, D>(node), to_fixed(x));
+        atomicAdd(at + channel * Arena::nodes + stencil_place<Arena, D>(node), to_fixed(v));
     }
     __device__ __forceinline__ void add(int node, int channel, float v) { put(node, channel, v); }
     __device__ __forceinline__ void add_mass(int node, float v) { put(node, C, v); }
 };
+
+template <int D, int C>
+__device__ __forceinline__ void clear(SumArena<D, C>& arena) {
+    constexpr int pieces = (C + 1) * SumArena<D, C>::nodes / 4;
+    static_assert((C + 1) * SumArena<D, C>::nodes % 4 == 0);
+    int4* at = reinterpret_cast<int4*>(arena.at);
+    for (int k = threadIdx.x; k < pieces; k += blockDim.x) at[k] = int4{};
+}
+
+/// The sums of a block to the grid. A thread takes a row of nodes along the axis before the last,
+/// so that neighbouring threads add to neighbouring numbers; more threads share the rows.
+template <int D, int C>
+__device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int32_t slot,
+                                      const SumArena<D, C>& arena) {
+    using Arena = SumArena<D, C>;
+    constexpr int edge = Block<D>::edge, margin = Block<D>::margin,
+                  long_edge = Block<D>::arena_edge;
+    constexpr int rows = Block<D>::arena_nodes / long_edge, axis = D - 2;
+    const int parts = blockDim.x / rows, part = threadIdx.x / rows;
+    if (part >= parts) return;
+    const std::int32_t* neighbours = neighbours_of(pass.grid.table, slot);
+    int rest = threadIdx.x % rows, neighbour = 0, first_node = 0, place = 0;
+    MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+        if (a == axis) continue;
+        const int at = rest % long_edge, n = at - margin + edge;
+        rest /= long_edge;
+        int side_step = 1, node_step = 1;
+        MPM_UNROLL for (int b = D - 1; b > a; --b) {
+            side_step *= 3;
+            node_step *= edge;
+        }
+        neighbour += n / edge * side_step;
+        first_node += n % edge * node_step;
+        place += at * Arena::stride(a);
+    }
+    std::int32_t* side[3];
+    MPM_UNROLL for (int k = 0; k < 3; ++k) {
+        side[k] =
+            pass.grid.sums +
+            std::int64_t(neighbours[neighbour + 3 * k]) * pass.grid.sum_channels * block_cells +
+            first_node;
+    }
+    const unsigned mine = every(parts, part);
+    MPM_UNROLL for (int k = 0; k < long_edge; ++k) {
+        if (!(mine >> k & 1)) continue;
+        const int n = k - margin + edge;
+        const std::int32_t* from = arena.at + place + k * Arena::stride(axis);
+        std::int32_t* to = side[n / edge] + n % edge * edge;
+        const std::int32_t mass = from[C * Arena::nodes];
+        if (mass == 0) continue;
+        atomicAdd(to, mass);
+        if (pass.group.weight >= 0) atomicAdd(to + pass.group.weight * block_cells, mass);
+        MPM_UNROLL for (int c = 0; c < C; ++c) {
+            const int channel = c < D ? 1 + c : pass.group.sum;
+            atomicAdd(to + channel * block_cells, from[c * Arena::nodes]);
+        }
+    }
+}
 
 /// Adds an integer to a node seen from a block's arena.
 template <class T, int D>
@@ -152,11 +299,9 @@ struct GridSums {
     const std::int32_t* neighbours;
     const Scales<T, D>& scales;
     int cell[D];  // of the block, or one beside it
-    bool fits = true;
 
     __device__ __forceinline__ void put(int node, int channel, T v) {
         const T x = v * scales.template of<C>(channel);
-        fits = fits & (fabs(x) <= scales.limit);
         int at[D], rest = node, neighbour, number;
         MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
             at[a] = cell[a] + rest % 3 - 1 + Block<D>::margin;
@@ -172,32 +317,23 @@ struct GridSums {
     __device__ __forceinline__ void add_mass(int node, T v) { put(node, C, v); }
 };
 
-/// The cell of an ascending list of 65 starts that holds entry i.
-template <class I>
-__device__ __forceinline__ int cell_holding(const I* start, I i) {
-    int low = 0, high = block_cells;
-    MPM_UNROLL for (int k = 0; k < 6; ++k) {
-        const int middle = (low + high) / 2;
-        if (start[middle] <= i)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
+/// True if a particle stands in its home cell.
+template <class T, int D>
+__device__ __forceinline__ bool at_home(const Vec<T, D>& xi) {
+    bool home = true;
+    MPM_UNROLL for (int a = 0; a < D; ++a) home = home & (absolute(xi[a]) <= T(0.5));
+    return home;
 }
 
-/// Cell in which a particle stands, and its offset from that cell's centre; true if it is at home.
+/// Cell in which a particle stands, and its offset from that cell's centre.
 template <class T, int D>
-__device__ __forceinline__ bool settle(const int (&home)[D], const Vec<T, D>& xi, int (&cell)[D],
+__device__ __forceinline__ void settle(const int (&home)[D], const Vec<T, D>& xi, int (&cell)[D],
                                        Vec<T, D>& local) {
-    bool at_home = true;
     MPM_UNROLL for (int a = 0; a < D; ++a) {
         const int shift = cell_shift(xi[a]);
         cell[a] = home[a] + shift;
         local[a] = xi[a] - T(shift);
-        at_home = at_home & (shift == 0);
     }
-    return at_home;
 }
 
 template <class T, int D, int R>
@@ -215,17 +351,24 @@ __device__ __forceinline__ void store(const BodyView<T, D>& body, std::uint32_t 
 
 /// One particle's step up to its deposit; xi stays relative to the home cell.
 template <class Material, Smoothing S, class T, int D, int C>
-__device__ __forceinline__ Affine<T, D, C> advance(const VelocityArena<T, D, C>& nodes,
+__device__ __forceinline__ Affine<T, D, C> advance(const LineArena<T, D, C>& lines,
                                                    const int (&home)[D], Vec<T, D>& xi,
                                                    T (&state)[state_reals<Material, D, S>],
                                                    const StepNumbers<T, Material>& numbers) {
-    using Arena = VelocityArena<T, D, C>;
-    int cell[D];
+    using Arena = LineArena<T, D, C>;
+    int origin = stencil_origin<Arena, D>(home);
+    Vec<T, D> shift{};
+    if (!at_home(xi)) {
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const int cells = cell_shift(xi[a]);
+            origin += cells * Arena::stride(a);
+            shift[a] = T(cells);
+        }
+    }
     Vec<T, D> local;
-    settle<T, D>(home, xi, cell, local);
-    const auto u = advance_particle<Material, S, T, D>(nodes, stencil_origin<Arena, D>(cell), local,
-                                                       state, numbers);
-    MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = local[a] + T(cell[a] - home[a]);
+    MPM_UNROLL for (int a = 0; a < D; ++a) local[a] = xi[a] - shift[a];
+    const auto u = advance_particle<Material, S, T, D>(lines, origin, local, state, numbers);
+    MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = local[a] + shift[a];
     return u;
 }
 

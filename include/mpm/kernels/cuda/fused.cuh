@@ -1,22 +1,24 @@
 // CUDA driver of the fused step in single precision: loops, lists and flush; no formula.
 //
-// A block of 64 threads owns a block of 64 cells, a thread one cell. A thread takes the particles
-// of its cell one after another and keeps the 3^D x (C + 1) sums of the cell in registers; at the
-// end they go to shared memory as integers, and from there to the grid. Two kinds of particles are
-// done afterwards, one thread each: strays, no longer in the cell they were sorted into, and the
-// surplus of cells that hold more than the others, which would hold up their warp.
+// A block of threads owns a block of 64 cells, a lane one cell of the 32 that its warp owns. It
+// takes the particles of its cell one after another and keeps the 3^D x (C + 1) sums of the cell in
+// registers; at the end they go to shared memory as integers, and from there to the grid. Two kinds
+// of particles are done afterwards, one thread each: strays, no longer in the cell they were sorted
+// into, and the surplus of cells that hold more than the others, which would hold up their warp.
+//
+// Where there are too few blocks to fill a device, two or four threads share a cell.
 #pragma once
 
 #include "mpm/kernels/cuda/arena.cuh"
+#include "mpm/kernels/cuda/rank_walk.cuh"
 
 namespace mpm::cuda {
 
 template <int D, int C>
 struct RegisterSums {
     float value[stencil_nodes<D>][C + 1];
-    __device__ __forceinline__ void add_terms(int node, int channel, float x, float y) {
-        value[node][channel] += x;
-        value[node][channel] += y;
+    __device__ __forceinline__ void add(int node, int channel, float v) {
+        value[node][channel] += v;
     }
     __device__ __forceinline__ void add_mass(int node, float v) { value[node][C] += v; }
 };
@@ -58,152 +60,168 @@ struct StrayList {
     }
 };
 
-/// start[t] = sum of `mine` over the threads before t, for 64 threads and t in [0, 64].
-__device__ __forceinline__ void scan_over_block(int mine, int (&start)[block_cells + 1]) {
-    __shared__ int first_warp;
-    const int lane = threadIdx.x % 32;
-    int sum = mine;
-    MPM_UNROLL for (int by = 1; by < 32; by *= 2) {
-        const int other = __shfl_up_sync(~0u, sum, by);
-        if (lane >= by) sum += other;
+template <int D, int C>
+__device__ __forceinline__ void deposit(SumArena<D, C>& arena, const Scales<float, D>& scales,
+                                        const int (&cell)[D], const Vec<float, D>& local,
+                                        const Affine<float, D, C>& u) {
+    using Sums = SumArena<D, C>;
+    SharedSums<D, C> sums{arena.at + stencil_origin<Sums, D>(cell)};
+    // Weights on the scale of the mass; the rest are powers of two.
+    Affine<float, D, C> scaled = u;
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        const float by = scales.template of<C>(c) / scales.mass;
+        scaled.value[c] *= by;
+        MPM_UNROLL for (int a = 0; a < D; ++a) scaled.slope[a][c] *= by;
     }
-    if (threadIdx.x == 31) first_warp = sum;
-    __syncthreads();
-    if (threadIdx.x >= 32) sum += first_warp;
-    start[threadIdx.x + 1] = sum;
-    if (threadIdx.x == 0) start[0] = 0;
+    scatter<float, D, C, true>(sums, quadratic_weights<float, D>(local), scales.mass, scaled);
 }
 
+/// Threads of a block when four share a cell. All the registers that a thread may have, as the sums
+/// of a cell take 135: with 200, and a fifth block on a multiprocessor, what is spilled costs a
+/// tenth of the speed (docs/performance.md).
+inline constexpr int fused_threads = 4 * block_cells;
+
 template <class Material, Smoothing S, int D>
-__global__ void __launch_bounds__(block_cells, 4)
+__global__ void __launch_bounds__(fused_threads, 1)
     fused_step(const __grid_constant__ Pass<Cuda, float, D> pass,
                const __grid_constant__ typename Material::template Constants<float> constants) {
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     using Sums = SumArena<D, C>;
-    if (pass.clock->halt != Halt::none) return;
 
-    __shared__ VelocityArena<float, D, C> nodes;
+    __shared__ LineArena<float, D, C> lines;
     __shared__ Sums arena;
     __shared__ StrayList<D, C> strays;
-    __shared__ int surplus_start[block_cells + 1];
+    __shared__ std::uint32_t surplus_begin[2], surplus_count[2];
 
-    const int thread = threadIdx.x;
+    const bool halted = pass.clock->halt != Halt::none;
     const std::int32_t slot = pass.body.home[blockIdx.x];
+    const int number = threadIdx.x % block_cells, part = threadIdx.x / block_cells,
+              parts = blockDim.x / block_cells, half = number / warp_cells;
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
-    const std::uint32_t begin = start[thread], end = start[thread + 1];
-    const std::uint32_t most = (start[block_cells] - start[0] + block_cells - 1) / block_cells + 2;
-    const std::uint32_t own_end = end - begin > most ? begin + most : end;
-    fill(pass, slot, nodes);
-    for (int k = thread; k < (C + 1) * Sums::nodes; k += block_cells) arena.at[k] = 0;
-    if (thread == 0) strays.count = 0;
-    scan_over_block(int(end - own_end), surplus_start);
-    __syncthreads();
-
+    RankWalk walk(start[half * warp_cells], start[number + 1] - start[number]);
+    fill(pass, slot, lines);
+    clear(arena);
+    if (threadIdx.x == 0) strays.count = 0;
     const auto numbers =
         step_numbers<float, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
     const Scales<float, D> scales(pass);
-    const auto deposit = [&](const int(&cell)[D], const Vec<float, D>& local,
-                             const Affine<float, D, C>& u) {
-        SharedSums<D, C> sums{arena.at + stencil_origin<Sums, D>(cell), scales};
-        scatter<float, D, C>(sums, quadratic_weights<float, D>(local), 1.0f, u);
-        return sums.fits;
-    };
+    if (halted) return;
+    __syncthreads();
+
     const auto report = [&](std::uint32_t q) {
         Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
     };
-    bool fits = true;
+    Largest<float> largest(pass);
     int home[D];
-    Block<D>::coordinates(thread, home);
-
-    if (begin < own_end) {
+    Block<D>::coordinates(number, home);
+    {
         RegisterSums<D, C> sums;
         MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) {
             MPM_UNROLL for (int c = 0; c <= C; ++c) sums.value[n][c] = 0;
         }
-        Vec<float, D> next_xi;
-        float next_state[R];
-        load(pass.body, begin, next_xi, next_state);
+        Vec<float, D> next_xi{};
+        float next_state[R] = {};
+        walk.skip(part);
+        bool next_mine = walk.rank < walk.own;
+        std::uint32_t next_q = walk.take();
+        if (next_mine) load(pass.body, next_q, next_xi, next_state);
 #pragma unroll 1
-        for (std::uint32_t q = begin; q < own_end; ++q) {
+        for (std::uint32_t rank = part; rank < walk.most; rank += parts) {
+            const bool mine = next_mine;
+            const std::uint32_t q = next_q;
             Vec<float, D> xi = next_xi;
             float state[R];
             MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = next_state[r];
-            if (q + 1 < own_end) load(pass.body, q + 1, next_xi, next_state);
-            const auto u = advance<Material, S, float, D, C>(nodes, home, xi, state, numbers);
+            if (parts > 1) walk.skip(parts - 1);
+            next_mine = walk.rank < walk.own;
+            next_q = walk.take();
+            if (next_mine) load(pass.body, next_q, next_xi, next_state);
+            if (!mine) continue;
+            const auto u = advance<Material, S, float, D, C>(lines, home, xi, state, numbers);
             store(pass.body, q, xi, state);
             if (!sound<Material>(xi, state)) {
                 report(q);
                 continue;
             }
-            int cell[D];
-            Vec<float, D> local;
-            if (settle<float, D>(home, xi, cell, local)) {
+            largest.template see<D, C>(u);
+            if (at_home(xi)) {
                 scatter<float, D, C>(sums, quadratic_weights<float, D>(xi), 1.0f, u);
             } else {
+                int cell[D];
+                Vec<float, D> local;
+                settle<float, D>(home, xi, cell, local);
                 const int k = atomicAdd(&strays.count, 1);
                 if (k < strays.room)
                     strays.put(k, cell, local, u);
                 else
-                    fits = deposit(cell, local, u) & fits;
+                    deposit<D, C>(arena, scales, cell, local, u);
             }
         }
-        std::int32_t* at = arena.at + stencil_origin<Sums, D>(home);
-        MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) {
-            MPM_UNROLL for (int c = 0; c <= C; ++c) {
-                const float x = sums.value[n][c] * scales.template of<C>(c);
-                fits = fits & (fabsf(x) <= scales.limit);
-                atomicAdd(at + c * Sums::nodes + stencil_place<Sums, D>(n), to_fixed(x));
+        __syncwarp();
+        // What is left of the walk is the surplus.
+        while (walk.rank < walk.most) walk.skip(1);
+        if (threadIdx.x < block_cells && threadIdx.x % warp_cells == 0) {
+            surplus_begin[half] = walk.next;
+            surplus_count[half] = walk.surplus;
+        }
+        if (part < int(walk.own)) {
+            std::int32_t* at = arena.at + stencil_origin<Sums, D>(home);
+            MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) {
+                MPM_UNROLL for (int c = 0; c <= C; ++c) {
+                    atomicAdd(at + c * Sums::nodes + stencil_place<Sums, D>(n),
+                              to_fixed(sums.value[n][c] * scales.template of<C>(c)));
+                }
             }
         }
     }
     __syncthreads();
 
-    const int surplus = surplus_start[block_cells];
+    if (threadIdx.x == 0 && strays.count > 0) count_strays(pass, strays.count);
+    const int surplus = int(surplus_count[0] + surplus_count[1]);
     const int listed = strays.count < strays.room ? strays.count : strays.room;
 #pragma unroll 1
-    for (int t = thread; t < surplus + listed; t += block_cells) {
+    for (int t = threadIdx.x; t < surplus + listed; t += blockDim.x) {
         int cell[D];
         Vec<float, D> local;
         Affine<float, D, C> u;
         if (t < surplus) {
-            const int number = cell_holding(surplus_start, t);
-            const std::uint32_t q = start[number] + most + std::uint32_t(t - surplus_start[number]);
+            const bool first = t < int(surplus_count[0]);
+            const std::uint32_t q =
+                first ? surplus_begin[0] + t : surplus_begin[1] + (t - surplus_count[0]);
             int of[D];
-            Block<D>::coordinates(number, of);
+            Block<D>::coordinates(pass.body.cell[q], of);
             Vec<float, D> xi;
             float state[R];
             load(pass.body, q, xi, state);
-            u = advance<Material, S, float, D, C>(nodes, of, xi, state, numbers);
+            u = advance<Material, S, float, D, C>(lines, of, xi, state, numbers);
             store(pass.body, q, xi, state);
             if (!sound<Material>(xi, state)) {
                 report(q);
                 continue;
             }
+            largest.template see<D, C>(u);
             settle<float, D>(of, xi, cell, local);
         } else {
             strays.get(t - surplus, cell, local, u);
         }
-        fits = deposit(cell, local, u) & fits;
+        deposit<D, C>(arena, scales, cell, local, u);
     }
+    __syncwarp();
+    largest.tell(pass);
     __syncthreads();
+    flush(pass, slot, arena);
+    end_pass(pass);
+}
 
-    const std::int32_t* neighbours = neighbours_of(pass.grid.table, slot);
-    for_each_node<D>([&](const int(&at)[D], int neighbour, int node) {
-        int place = 0;
-        MPM_UNROLL for (int a = 0; a < D; ++a) place += at[a] * Sums::stride(a);
-        MPM_UNROLL for (int c = 0; c < C; ++c) {
-            add_to_grid<float, D>(pass, neighbours, neighbour, node, c,
-                                  arena.at[c * Sums::nodes + place]);
-        }
-        add_mass_to_grid<float, D>(pass, neighbours, neighbour, node,
-                                   arena.at[C * Sums::nodes + place]);
-    });
-    if (!fits) Cuda::raise(pass.overflow);
+/// Threads that share a cell: enough for a few warps on every scheduler.
+inline int threads_a_cell(std::int32_t homes, int multiprocessors) {
+    return homes < multiprocessors * 3 / 2 ? 4 : (homes < multiprocessors * 4 ? 2 : 1);
 }
 
 template <class Material, Smoothing S, int D>
 void run_fused(const Pass<Cuda, float, D>& pass) {
-    pass.exec->launch(&fused_step<Material, S, D>, pass.body.homes, 1, block_cells, pass,
+    const int threads = block_cells * threads_a_cell(pass.body.homes, pass.exec->multiprocessors());
+    pass.exec->launch(&fused_step<Material, S, D>, pass.body.homes, 1, threads, pass,
                       Material::template constants<float>(pass.parameters));
 }
 

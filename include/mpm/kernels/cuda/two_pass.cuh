@@ -7,6 +7,7 @@
 #pragma once
 
 #include "mpm/kernels/cuda/arena.cuh"
+#include "mpm/kernels/cuda/rank_walk.cuh"
 
 namespace mpm::cuda {
 
@@ -18,27 +19,29 @@ __global__ void __launch_bounds__(pass_threads)
                 const __grid_constant__ typename Material::template Constants<T> constants) {
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     if (pass.clock->halt != Halt::none) return;
-    __shared__ VelocityArena<T, D, C> nodes;
-    __shared__ std::uint32_t start[block_cells + 1];
+    __shared__ LineArena<T, D, C> lines;
     const std::int32_t slot = pass.body.home[blockIdx.x];
-    if (threadIdx.x <= block_cells) {
-        start[threadIdx.x] = pass.body.cell_start[std::int64_t(slot) * block_cells + threadIdx.x];
-    }
-    fill(pass, slot, nodes);
+    const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
+    fill(pass, slot, lines);
     __syncthreads();
     const auto numbers =
         step_numbers<T, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
     const std::size_t n = pass.body.count;
+    Largest<T> largest(pass);
+    int strays = 0;
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
         int home[D];
-        Block<D>::coordinates(cell_holding(start, q), home);
+        Block<D>::coordinates(pass.body.cell[q], home);
         Vec<T, D> xi;
         T state[R];
         load(pass.body, q, xi, state);
-        const auto u = advance<Material, S, T, D, C>(nodes, home, xi, state, numbers);
+        strays += !at_home(xi);
+        const auto u = advance<Material, S, T, D, C>(lines, home, xi, state, numbers);
         store(pass.body, q, xi, state);
         if (!sound<Material>(xi, state)) {
             Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
+        } else {
+            largest.template see<D, C>(u);
         }
         MPM_UNROLL for (int c = 0; c < C; ++c) {
             pass.scratch[c * n + q] = u.value[c];
@@ -47,16 +50,16 @@ __global__ void __launch_bounds__(pass_threads)
             }
         }
     }
+    strays = __reduce_add_sync(~0u, strays);
+    if (threadIdx.x % 32 == 0 && strays > 0) count_strays(pass, strays);
+    largest.tell(pass);
 }
 
 /// One channel of a cell; the mass is the channel of a constant one.
 template <class T, int D>
 struct ChannelSums {
     T value[stencil_nodes<D>];
-    __device__ __forceinline__ void add_terms(int node, int, T x, T y) {
-        value[node] += x;
-        value[node] += y;
-    }
+    __device__ __forceinline__ void add(int node, int, T v) { value[node] += v; }
     __device__ __forceinline__ void add_mass(int, T) {}
 };
 
@@ -69,11 +72,9 @@ struct ChannelToGrid {
     int channel;
     bool is_mass;
     int cell[D];
-    bool fits = true;
 
     __device__ __forceinline__ void add(int node, int, T v) {
         const T x = v * scale;
-        fits = fits & (fabs(x) <= Scales<T, D>::limit);
         int at[D], rest = node, neighbour, number;
         MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
             at[a] = cell[a] + rest % 3 - 1 + Block<D>::margin;
@@ -93,23 +94,21 @@ __global__ void __launch_bounds__(block_cells)
     scatter_step(const __grid_constant__ Pass<Cuda, T, D> pass, int channels) {
     if (pass.clock->halt != Halt::none) return;
     const std::int32_t slot = pass.body.home[blockIdx.x];
-    const std::uint32_t* start =
-        pass.body.cell_start + std::int64_t(slot) * block_cells + threadIdx.x;
-    const std::uint32_t begin = start[0], end = start[1];
-    if (begin == end) return;
+    const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
+    const int number = threadIdx.x;
+    const RankWalk walk(start[number / warp_cells * warp_cells], start[number + 1] - start[number]);
     const int channel = blockIdx.y;
     const bool is_mass = channel == channels;
     const Scales<T, D> scales(pass);
     int home[D];
-    Block<D>::coordinates(threadIdx.x, home);
+    Block<D>::coordinates(number, home);
     ChannelToGrid<T, D> grid{pass, neighbours_of(pass.grid.table, slot),
                              is_mass ? scales.mass : (channel < D ? scales.momentum : scales.group),
                              channel, is_mass};
     ChannelSums<T, D> sums{};
     const std::size_t n = pass.body.count;
-#pragma unroll 1
-    for (std::uint32_t q = begin; q < end; ++q) {
-        Vec<T, D> xi, local;
+    for_each_of_cell(walk, [&](std::uint32_t q) {
+        Vec<T, D> xi;
         MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = pass.body.offset[a][q];
         Affine<T, D, 1> u;
         u.value[0] = is_mass ? T(1) : pass.scratch[channel * n + q];
@@ -117,15 +116,19 @@ __global__ void __launch_bounds__(block_cells)
             u.slope[a][0] =
                 is_mass ? T(0) : pass.scratch[(channels + a * channels + channel) * n + q];
         }
-        if (settle<T, D>(home, xi, grid.cell, local)) {
-            scatter<T, D, 1>(sums, quadratic_weights<T, D>(local), T(1), u);
+        if (at_home(xi)) {
+            scatter<T, D, 1>(sums, quadratic_weights<T, D>(xi), T(1), u);
         } else {
-            scatter<T, D, 1>(grid, quadratic_weights<T, D>(local), T(1), u);
+            Vec<T, D> local;
+            settle<T, D>(home, xi, grid.cell, local);
+            scatter<T, D, 1, true>(grid, quadratic_weights<T, D>(local), T(1), u);
         }
+    });
+    if (walk.count > 0) {
+        MPM_UNROLL for (int a = 0; a < D; ++a) grid.cell[a] = home[a];
+        MPM_UNROLL for (int k = 0; k < stencil_nodes<D>; ++k) grid.add(k, 0, sums.value[k]);
     }
-    MPM_UNROLL for (int a = 0; a < D; ++a) grid.cell[a] = home[a];
-    MPM_UNROLL for (int k = 0; k < stencil_nodes<D>; ++k) grid.add(k, 0, sums.value[k]);
-    if (!grid.fits) Cuda::raise(pass.overflow);
+    end_pass(pass);
 }
 
 /// Particles at rest before the first step, one thread each, straight to the grid.
@@ -135,16 +138,12 @@ __global__ void __launch_bounds__(pass_threads)
                   const __grid_constant__ typename Material::template Constants<T> constants) {
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     if (pass.clock->halt != Halt::none) return;
-    __shared__ std::uint32_t start[block_cells + 1];
     const std::int32_t slot = pass.body.home[blockIdx.x];
-    if (threadIdx.x <= block_cells) {
-        start[threadIdx.x] = pass.body.cell_start[std::int64_t(slot) * block_cells + threadIdx.x];
-    }
-    __syncthreads();
+    const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
     const auto numbers =
         step_numbers<T, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
     const Scales<T, D> scales(pass);
-    bool fits = true;
+    Largest<T> largest(pass);
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
         Vec<T, D> xi, velocity;
         T state[R];
@@ -155,13 +154,13 @@ __global__ void __launch_bounds__(pass_threads)
         const auto u = resting_particle<Material, S, T, D>(velocity, state, numbers);
         GridSums<T, D, C> sums{pass, neighbours_of(pass.grid.table, slot), scales};
         int home[D];
-        Block<D>::coordinates(cell_holding(start, q), home);
+        Block<D>::coordinates(pass.body.cell[q], home);
         Vec<T, D> local;
         settle<T, D>(home, xi, sums.cell, local);
-        scatter<T, D, C>(sums, quadratic_weights<T, D>(local), T(1), u);
-        fits = fits & sums.fits;
+        largest.template see<D, C>(u);
+        scatter<T, D, C, true>(sums, quadratic_weights<T, D>(local), T(1), u);
     }
-    if (!fits) Cuda::raise(pass.overflow);
+    largest.tell(pass);
 }
 
 /// One block of threads a home block, in a fixed order, so that the bits never change.
@@ -171,14 +170,11 @@ __global__ void __launch_bounds__(pass_threads)
                  double* partial) {
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     if (!*due) return;
-    __shared__ VelocityArena<T, D, C> nodes;
-    __shared__ std::uint32_t start[block_cells + 1];
+    __shared__ LineArena<T, D, C> lines;
     __shared__ double parts[3][pass_threads];
     const std::int32_t slot = pass.body.home[blockIdx.x];
-    if (threadIdx.x <= block_cells) {
-        start[threadIdx.x] = pass.body.cell_start[std::int64_t(slot) * block_cells + threadIdx.x];
-    }
-    fill(pass, slot, nodes);
+    const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
+    fill(pass, slot, lines);
     __syncthreads();
     std::int64_t corner[D];
     pass.grid.table.keys_of.block(pass.grid.table.keys[slot], corner);
@@ -186,11 +182,11 @@ __global__ void __launch_bounds__(pass_threads)
     double sum[3] = {};
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
         int home[D];
-        Block<D>::coordinates(cell_holding(start, q), home);
+        Block<D>::coordinates(pass.body.cell[q], home);
         Vec<T, D> xi;
         T state[R];
         load(pass.body, q, xi, state);
-        add_energies<Material, T, D, C>(pass, nodes, corner, home, xi, state, sum);
+        add_energies<Material, T, D, C>(pass, lines, corner, home, xi, state, sum);
     }
     for (int e = 0; e < 3; ++e) parts[e][threadIdx.x] = sum[e];
     for (int by = pass_threads / 2; by > 0; by /= 2) {

@@ -36,10 +36,22 @@ struct TaitFluid {
         T stiffness;  // K / gamma
         T exponent;
         T viscosity;
+        // Single precision, near J = 1: K j (1 + j (series[0] + j (series[1] + ...))).
+        T bulk;
+        T series[5];
+        T series_limit;  // of |j|
     };
     template <class T>
     static Constants<T> constants(const double* p) {
-        return {T(p[1] / p[2]), T(p[2]), T(p[3])};
+        Constants<T> c{T(p[1] / p[2]), T(p[2]), T(p[3]), T(p[1]), {}, T(0)};
+        double term = 1;
+        for (int k = 0; k < 5; ++k) {
+            term *= (p[2] + k + 1) / (k + 2);
+            c.series[k] = T(term);
+        }
+        // The first term left out is then below 3e-8 of the sum.
+        c.series_limit = T(0.2 / (p[2] + 6));
+        return c;
     }
     static double density(const double* p) { return p[0]; }
     /// Sound speed at zero pressure, m/s.
@@ -48,10 +60,18 @@ struct TaitFluid {
     template <int D>
     static constexpr int reals = 1;
 
-    /// p(j), Pa.
+    /// p(j), Pa. Water hardly ever leaves the range where a short series has all the digits of
+    /// single precision.
     template <class V, class T>
-    MPM_INLINE static V pressure(V j, T stiffness, T exponent) {
-        return stiffness * expm1_of(-exponent * log1p_of(-j));
+    MPM_INLINE static V pressure(V j, const Constants<T>& k) {
+        if constexpr (sizeof(T) == 4) {
+            if (all(absolute(j) <= V(k.series_limit))) {
+                V sum = V(k.series[4]);
+                MPM_UNROLL for (int n = 3; n >= 0; --n) sum = sum * j + k.series[n];
+                return (k.bulk * j) * (sum * j + T(1));
+            }
+        }
+        return k.stiffness * expm1_of(-k.exponent * log1p_of(-j));
     }
 
     /// The image of J (1 + eps) without forming J.
@@ -72,7 +92,7 @@ struct TaitFluid {
                                           const Constants<T>& k) {
         const V j = state[0];
         const V ratio = T(1) - j;
-        const V p = pressure(j, k.stiffness, k.exponent);
+        const V p = pressure(j, k);
         Mat<V, D> tau;
         MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
             V s = k.viscosity * (rate.e[a][b] + rate.e[b][a]);

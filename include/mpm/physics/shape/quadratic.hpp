@@ -10,7 +10,6 @@ namespace mpm {
 template <class V, int D>
 struct Weights {
     V value[D][3];
-    V moment[D][3];  // value * (node - xi), node in {-1, 0, 1}: what a first moment needs
     V xi[D];
     MPM_INLINE const V& offset(int axis) const { return xi[axis]; }
 };
@@ -25,12 +24,12 @@ MPM_INLINE Weights<V, D> quadratic_weights(const Vec<V, D>& xi) {
         w.value[a][0] = (T(0.5) * below) * below;
         w.value[a][1] = T(0.75) - xi[a] * xi[a];
         w.value[a][2] = (T(0.5) * above) * above;
-        MPM_UNROLL for (int k = 0; k < 3; ++k) w.moment[a][k] = w.value[a][k] * (T(k - 1) - xi[a]);
     }
     return w;
 }
 
-/// 1 / D_p in cells: the second moment of the quadratic spline is 1/4 everywhere.
+/// 1 / D_p in cells: the second moment of the quadratic spline is 1/4 everywhere, so four times a
+/// first moment is a slope.
 inline constexpr double quadratic_inverse_moment = 4.0;
 
 template <int D>

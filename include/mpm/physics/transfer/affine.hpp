@@ -1,12 +1,15 @@
 // Affine transfer between particles and nodes (APIC in its MLS-MPM form; Bonus 2023,
-// eqs. 2.46-2.48, 2.58-2.59).
+// eqs. 2.46-2.48, 2.58-2.59), for C channels u at once.
 //
-// gather:  value = sum N_i u_i,  slope = sum N_i u_i (x_i - x_p)     for C channels u
+// gather:  value = sum N_i u_i,  slope = 4 sum N_i u_i (x_i - x_p)
 // scatter: node  += N_i (value + slope . (x_i - x_p))
 //
-// Both contract one axis at a time, so that a node costs two multiply-adds a channel instead of
-// four. `Nodes` supplies node values, `Sums` takes them: registers of one worker, fixed-point
-// memory, or plain memory.
+// Both contract one axis at a time. What all particles of a cell share is worked out once: along
+// the last axis node values come as the coefficients of the quadratic that they span over a cell
+// (`expand_line`), so that a particle pays three multiply-adds a line for value and slope together.
+// A deposit is linear in the node's number, so each node costs one product. `Lines` supplies
+// coefficients, `Sums` takes products: registers of one worker, fixed-point memory, or plain
+// memory.
 #pragma once
 
 #include "mpm/physics/shape/quadratic.hpp"
@@ -21,94 +24,140 @@ struct Affine {
     V slope[D][C];
 };
 
+/// Three nodes along the last axis -> what `gather` reads: with xi the offset in the cell,
+///   sum N_i u_i                = q[0] + xi (q[1] + xi q[2])
+///   4 sum N_i u_i (x_i - xi)   = q[1] + 4 xi N_0(xi) q[2]
+template <class V>
+MPM_INLINE void expand_line(V below, V here, V above, V (&q)[3]) {
+    using T = ScalarOf<V>;
+    q[1] = T(0.5) * (above - below);
+    q[2] = T(0.5) * (above + below) - here;
+    q[0] = here + T(0.25) * q[2];
+}
+
 namespace detail {
 
+/// Value and, along axes that are still open (all but the last and the first), first moments about
+/// the cell's centre; along the last axis the slope.
 template <class V, int C, int G>
 struct Moments {
     V value[C];
-    V slope[G > 0 ? G : 1][C];
+    V slope[G][C];
 };
 
-template <int Axis, class V, int D, int C, class Nodes>
-MPM_INLINE Moments<V, C, D - Axis> collapse(const Nodes& nodes, const Weights<V, D>& w,
-                                            int offset) {
-    Moments<V, C, D - Axis> out;
-    MPM_UNROLL for (int k = 0; k < 3; ++k) {
-        const int at = offset + k * Nodes::stride(Axis);
-        const V n = w.value[Axis][k], m = w.moment[Axis][k];
-        if constexpr (Axis == D - 1) {
-            const auto u = nodes.template load<C>(at);
-            MPM_UNROLL for (int c = 0; c < C; ++c) {
-                out.value[c] = k == 0 ? n * u[c] : out.value[c] + n * u[c];
-                out.slope[0][c] = k == 0 ? m * u[c] : out.slope[0][c] + m * u[c];
-            }
-        } else {
-            const auto u = collapse<Axis + 1, V, D, C>(nodes, w, at);
-            MPM_UNROLL for (int c = 0; c < C; ++c) {
-                out.value[c] = k == 0 ? n * u.value[c] : out.value[c] + n * u.value[c];
-                out.slope[0][c] = k == 0 ? m * u.value[c] : out.slope[0][c] + m * u.value[c];
-                MPM_UNROLL for (int g = 0; g < D - 1 - Axis; ++g) {
-                    out.slope[g + 1][c] =
-                        k == 0 ? n * u.slope[g][c] : out.slope[g + 1][c] + n * u.slope[g][c];
-                }
-            }
-        }
+/// One line of nodes along the last axis.
+template <class V, int D, int C, class Lines>
+MPM_INLINE Moments<V, C, 1> collapse_line(const Lines& lines, const Weights<V, D>& w, int at) {
+    constexpr int last = D - 1;
+    const V xi = w.offset(last);
+    const V bend = ScalarOf<V>(4) * (xi * w.value[last][1]);
+    const auto c0 = lines.template load<C>(at, 0);
+    const auto c1 = lines.template load<C>(at, 1);
+    const auto c2 = lines.template load<C>(at, 2);
+    Moments<V, C, 1> out;
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        out.value[c] = c0[c] + xi * (c1[c] + xi * c2[c]);
+        out.slope[0][c] = c1[c] + bend * c2[c];
     }
     return out;
 }
 
-template <int Axis, class V, int D, int C, class Sums>
-MPM_INLINE void spread(Sums& sums, const Weights<V, D>& w, V weight, const V (&value)[C],
+/// The middle axis of three.
+template <class V, int C, class Lines>
+MPM_INLINE Moments<V, C, 2> collapse_plane(const Lines& lines, const Weights<V, 3>& w, int at) {
+    const int step = Lines::stride(1);
+    const auto below = collapse_line<V, 3, C>(lines, w, at);
+    const auto here = collapse_line<V, 3, C>(lines, w, at + step);
+    const auto above = collapse_line<V, 3, C>(lines, w, at + 2 * step);
+    const V(&n)[3] = w.value[1];
+    Moments<V, C, 2> out;
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        const V low = n[0] * below.value[c], high = n[2] * above.value[c];
+        out.value[c] = n[1] * here.value[c] + (low + high);
+        out.slope[0][c] = high - low;
+        out.slope[1][c] =
+            n[0] * below.slope[0][c] + n[1] * here.slope[0][c] + n[2] * above.slope[0][c];
+    }
+    return out;
+}
+
+template <int Axis, bool rolled, class V, int D, int C, class Sums>
+MPM_INLINE void spread(Sums& sums, const Weights<V, D>& w, V weight, const V (&centre)[C],
                        const V (&slope)[D][C], int node) {
     using T = ScalarOf<V>;
-    if constexpr (Axis == D - 1) {
-        V level[C], tilt[C];
-        MPM_UNROLL for (int c = 0; c < C; ++c) {
-            level[c] = weight * value[c];
-            tilt[c] = weight * slope[Axis][c];
+    constexpr int step = (D - 1 - Axis) == 0 ? 1 : ((D - 1 - Axis) == 1 ? 3 : 9);
+    const auto plane = [&](int k, V share, const V(&at)[C]) {
+        if constexpr (Axis == D - 1) {
+            sums.add_mass(node + k, share);
+            MPM_UNROLL for (int c = 0; c < C; ++c) sums.add(node + k, c, share * at[c]);
+        } else {
+            spread<Axis + 1, rolled, V, D, C>(sums, w, share, at, slope, node + k * step);
         }
-        MPM_UNROLL for (int k = 0; k < 3; ++k) {
-            const V n = w.value[Axis][k], m = w.moment[Axis][k];
-            sums.add_mass(node + k, weight * n);
-            MPM_UNROLL for (int c = 0; c < C; ++c) {
-                // Sums that take the terms one by one save an addition in fused multiply-adds.
-                if constexpr (requires { sums.add_terms(node, c, n, m); }) {
-                    sums.add_terms(node + k, c, level[c] * n, tilt[c] * m);
-                } else {
-                    sums.add(node + k, c, level[c] * n + tilt[c] * m);
-                }
-            }
+    };
+    if constexpr (rolled && Axis < D - 1) {
+        const V below = w.value[Axis][0], here = w.value[Axis][1], above = w.value[Axis][2];
+        MPM_NO_UNROLL for (int k = 0; k < 3; ++k) {
+            V at[C];
+            MPM_UNROLL for (int c = 0; c < C; ++c) at[c] = centre[c] + slope[Axis][c] * T(k - 1);
+            plane(k, weight * (k == 0 ? below : (k == 1 ? here : above)), at);
         }
     } else {
-        constexpr int step = (D - 1 - Axis) == 1 ? 3 : 9;
-        MPM_UNROLL for (int k = 0; k < 3; ++k) {
-            const V distance = T(k - 1) - w.offset(Axis);
-            V at[C];
-            MPM_UNROLL for (int c = 0; c < C; ++c) at[c] = value[c] + slope[Axis][c] * distance;
-            spread<Axis + 1, V, D, C>(sums, w, weight * w.value[Axis][k], at, slope,
-                                      node + k * step);
-        }
+        V at[C];
+        MPM_UNROLL for (int c = 0; c < C; ++c) at[c] = centre[c] - slope[Axis][c];
+        plane(0, weight * w.value[Axis][0], at);
+        plane(1, weight * w.value[Axis][1], centre);
+        MPM_UNROLL for (int c = 0; c < C; ++c) at[c] = centre[c] + slope[Axis][c];
+        plane(2, weight * w.value[Axis][2], at);
     }
 }
 
 }  // namespace detail
 
-/// `origin` is the index in `nodes` of the lowest of the 3^D nodes.
-template <int C, class V, int D, class Nodes>
-MPM_INLINE Affine<V, D, C> gather(const Nodes& nodes, const Weights<V, D>& w, int origin) {
-    const auto m = detail::collapse<0, V, D, C>(nodes, w, origin);
+/// `origin` is the lowest of the 3^(D-1) lines, as `Lines` numbers them.
+template <int C, class V, int D, class Lines>
+MPM_INLINE Affine<V, D, C> gather(const Lines& lines, const Weights<V, D>& w, int origin) {
+    using T = ScalarOf<V>;
+    constexpr int inner = D - 1;
+    const auto part = [&](int k) {
+        const int at = origin + k * Lines::stride(0);
+        if constexpr (D == 3)
+            return detail::collapse_plane<V, C>(lines, w, at);
+        else
+            return detail::collapse_line<V, 2, C>(lines, w, at);
+    };
+    const auto below = part(0);
+    const auto here = part(1);
+    const auto above = part(2);
+    const V xi = w.offset(0), half = T(0.5) * xi, square = xi * xi + T(0.25);
+    const V bend = T(4) * (xi * w.value[0][1]);
+    const V(&n)[3] = w.value[0];
     Affine<V, D, C> out;
     MPM_UNROLL for (int c = 0; c < C; ++c) {
-        out.value[c] = m.value[c];
-        MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][c] = m.slope[a][c];
+        const V rise = above.value[c] - below.value[c];
+        const V bow = T(0.5) * (above.value[c] + below.value[c]) - here.value[c];
+        out.value[c] = here.value[c] + half * rise + square * bow;
+        out.slope[0][c] = T(0.5) * rise + bend * bow;
+        MPM_UNROLL for (int g = 0; g < inner; ++g) {
+            out.slope[g + 1][c] =
+                n[0] * below.slope[g][c] + n[1] * here.slope[g][c] + n[2] * above.slope[g][c];
+        }
+        if constexpr (D == 3) {  // from the moment about the cell's centre
+            out.slope[1][c] = T(4) * out.slope[1][c] - (T(4) * w.offset(1)) * out.value[c];
+        }
     }
     return out;
 }
 
 /// Adds to node 0 .. 3^D - 1 (last axis fastest); `unit` is 1, or 0 in lanes that hold no particle.
-template <class V, int D, int C, class Sums>
+/// `rolled` loops over the lines of nodes: a ninth of the code, for sums that are in memory.
+template <class V, int D, int C, bool rolled = false, class Sums>
 MPM_INLINE void scatter(Sums& sums, const Weights<V, D>& w, V unit, const Affine<V, D, C>& q) {
-    detail::spread<0, V, D, C>(sums, w, unit, q.value, q.slope, 0);
+    V centre[C];  // of the cell
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        centre[c] = q.value[c];
+        MPM_UNROLL for (int a = 0; a < D; ++a) centre[c] = centre[c] - q.slope[a][c] * w.offset(a);
+    }
+    detail::spread<0, rolled, V, D, C>(sums, w, unit, centre, q.slope, 0);
 }
 
 }  // namespace mpm

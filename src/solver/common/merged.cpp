@@ -1,0 +1,198 @@
+#include "mpm/solver/merged.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpm {
+
+namespace {
+
+/// Velocities of single particles are held in memory; bodies with different ones are merged up to
+/// this many particles.
+constexpr std::uint64_t most_with_velocities = 1u << 24;
+
+bool alike(const BodySpec& a, const BodySpec& b) {
+    return a.material == b.material && a.parameters == b.parameters &&
+           // Equal boxes elsewhere differ by the rounding of their edges.
+           std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
+           a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
+           a.smoothing_ratio == b.smoothing_ratio && bool(a.pressure) == bool(b.pressure) &&
+           a.first_id + a.count == b.first_id && a.count > 0 && b.count > 0 &&
+           (a.velocity == b.velocity || a.count + b.count <= most_with_velocities);
+}
+
+/// One vector a particle.
+std::vector<double> spread(const BodySpec& body, int dimension) {
+    if (body.velocity.size() == body.count * dimension) return body.velocity;
+    std::vector<double> out(body.count * dimension);
+    for (std::size_t k = 0; k < out.size(); ++k) out[k] = body.velocity[k % dimension];
+    return out;
+}
+
+Rows one_after_another(Rows a, std::uint64_t count, Rows b, int width) {
+    if (!a) return {};
+    return [a = std::move(a), b = std::move(b), count, width](std::uint64_t first,
+                                                              std::uint64_t last, double* out) {
+        const std::uint64_t middle = std::clamp(count, first, last);
+        if (first < middle) a(first, middle, out);
+        if (middle < last) b(middle - count, last - count, out + (middle - first) * width);
+    };
+}
+
+void append(BodySpec& to, const BodySpec& b, int dimension) {
+    const bool uniform = to.velocity == b.velocity && to.velocity.size() == std::size_t(dimension);
+    if (!uniform && to.position) {
+        to.velocity = spread(to, dimension);
+        const auto more = spread(b, dimension);
+        to.velocity.insert(to.velocity.end(), more.begin(), more.end());
+    }
+    to.position = one_after_another(std::move(to.position), to.count, b.position, dimension);
+    to.pressure = one_after_another(std::move(to.pressure), to.count, b.pressure, 1);
+    to.count += b.count;
+    for (int a = 0; a < dimension; ++a) {
+        to.bounds[a] = std::min(to.bounds[a], b.bounds[a]);
+        to.bounds[dimension + a] = std::max(to.bounds[dimension + a], b.bounds[dimension + a]);
+    }
+}
+
+class Merged final : public Engine {
+public:
+    Merged(const Spec& spec, MergedSpec merged,
+           const std::function<std::unique_ptr<Engine>(const Spec&)>& make)
+        : body_of_(std::move(merged.body_of)), inner_(make(merged.spec)) {
+        for (const auto& b : spec.bodies) bodies_.push_back({b.name, b.first_id, b.count});
+        for (const auto& b : merged.spec.bodies) together_.push_back(b.count);
+    }
+
+    RunResult run(std::int64_t steps, double until, double wall) override {
+        RunResult r = inner_->run(steps, until, wall);
+        if (!r.fault.ids.empty()) r.fault.body = bodies_[owner(r.fault.ids[0])].name;
+        return r;
+    }
+    double time() const override { return inner_->time(); }
+    std::int64_t step() const override { return inner_->step(); }
+    double time_step() const override { return inner_->time_step(); }
+    std::uint64_t particle_count(int body) const override {
+        const int m = body_of_.at(std::size_t(body));
+        if (alone(body)) return inner_->particle_count(m);
+        if (inner_->particle_count(m) == together_[m]) return bodies_[body].count;
+        return rows_of_body(inner_->attributes(m, {}).id, body).size();
+    }
+    std::vector<Samples> drain() override { return inner_->drain(); }
+    std::vector<Removed> removed() override {
+        std::vector<Removed> out;
+        for (const Removed& r : inner_->removed()) {
+            for (std::size_t b = 0; b < bodies_.size(); ++b) {
+                if (body_of_[b] != r.body) continue;
+                Removed own;
+                own.body = int(b);
+                own.step = r.step;
+                own.policy = r.policy;
+                const std::size_t width = r.position.shape[1];
+                for (std::size_t k : rows_of_body(r.ids, int(b))) {
+                    own.ids.push_back(r.ids[k]);
+                    own.position.data.insert(
+                        own.position.data.end(),
+                        r.position.data.begin() + std::ptrdiff_t(k * width),
+                        r.position.data.begin() + std::ptrdiff_t((k + 1) * width));
+                }
+                own.position.shape = {own.ids.size(), width};
+                if (!own.ids.empty()) out.push_back(std::move(own));
+            }
+        }
+        return out;
+    }
+    std::vector<std::string> attribute_names(int body) const override {
+        return inner_->attribute_names(body_of_.at(std::size_t(body)));
+    }
+    Attributes attributes(int body, const std::vector<std::string>& names) override {
+        Attributes all = inner_->attributes(body_of_.at(std::size_t(body)), names);
+        if (alone(body)) return all;
+        const auto rows = rows_of_body(all.id, body);
+        Attributes out;
+        for (std::size_t k : rows) out.id.push_back(all.id[k]);
+        for (const auto& [name, from] : all.values) {
+            Array& to = out.values[name];
+            to.shape = from.shape;
+            to.shape[0] = rows.size();
+            const std::size_t width = all.id.empty() ? 0 : from.data.size() / all.id.size();
+            to.data.reserve(rows.size() * width);
+            for (std::size_t k : rows) {
+                to.data.insert(to.data.end(), from.data.begin() + std::ptrdiff_t(k * width),
+                               from.data.begin() + std::ptrdiff_t((k + 1) * width));
+            }
+        }
+        return out;
+    }
+    Array grid(const std::string& name) override { return inner_->grid(name); }
+    State save() override { return inner_->save(); }
+    void load(const State& state) override { inner_->load(state); }
+    std::map<std::string, double> timings() const override { return inner_->timings(); }
+    std::map<std::string, double> statistics() const override { return inner_->statistics(); }
+
+private:
+    struct Body {
+        std::string name;
+        std::uint64_t first_id, count;
+    };
+
+    bool alone(int body) const {
+        return bodies_[body].count == together_[body_of_.at(std::size_t(body))];
+    }
+    std::size_t owner(std::uint64_t id) const {
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            if (id - bodies_[b].first_id < bodies_[b].count) return b;
+        return 0;
+    }
+    std::vector<std::size_t> rows_of_body(const std::vector<std::uint64_t>& ids, int body) const {
+        std::vector<std::size_t> rows;
+        for (std::size_t k = 0; k < ids.size(); ++k)
+            if (ids[k] - bodies_[body].first_id < bodies_[body].count) rows.push_back(k);
+        return rows;
+    }
+
+    std::vector<Body> bodies_;
+    std::vector<int> body_of_;
+    std::vector<std::uint64_t> together_;  // particles of each merged body at the start
+    std::unique_ptr<Engine> inner_;
+};
+
+}  // namespace
+
+MergedSpec merge_alike(const Spec& spec) {
+    MergedSpec out;
+    out.spec = spec;
+    out.spec.bodies.clear();
+    std::vector<bool> asked_for(spec.bodies.size(), false);
+    for (const auto& s : spec.sensors) {
+        const bool one = s.kind == SensorKind::energy || s.kind == SensorKind::wave_gauge;
+        if (one && s.body >= 0) asked_for.at(std::size_t(s.body)) = true;
+    }
+    for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
+        const bool joins = b > 0 && !asked_for[b] && !asked_for[b - 1] &&
+                           alike(out.spec.bodies.back(), spec.bodies[b]);
+        if (joins)
+            append(out.spec.bodies.back(), spec.bodies[b], spec.dimension);
+        else
+            out.spec.bodies.push_back(spec.bodies[b]);
+        out.body_of.push_back(int(out.spec.bodies.size()) - 1);
+    }
+    for (auto& s : out.spec.sensors)
+        if (s.body >= 0) s.body = out.body_of.at(std::size_t(s.body));
+    return out;
+}
+
+Plan plan_scene(const Spec& spec, const BackendTraits& backend) {
+    Plan plan = make_plan(spec, backend);
+    plan.kernels = make_plan(merge_alike(spec).spec, backend).kernels;
+    return plan;
+}
+
+std::unique_ptr<Engine> make_merged(
+    const Spec& spec, const std::function<std::unique_ptr<Engine>(const Spec&)>& make) {
+    MergedSpec merged = merge_alike(spec);
+    if (merged.spec.bodies.size() == spec.bodies.size()) return make(spec);
+    return std::make_unique<Merged>(spec, std::move(merged), make);
+}
+
+}  // namespace mpm
