@@ -33,7 +33,7 @@ class Engine:
         rng = np.random.default_rng(0)
         for body in spec["bodies"]:
             order = rng.permutation(body["count"])
-            position = np.array(body["position"])[order]
+            position = body["position"](0, body["count"])[order]
             velocity = np.broadcast_to(np.array(body["velocity"]), position.shape).copy()
             ids = np.arange(body["count"], dtype=np.uint64) + np.uint64(body["first_id"])
             self._bodies.append({"id": ids[order], "position": position, "velocity": velocity})

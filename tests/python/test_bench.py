@@ -9,7 +9,7 @@ import sys
 import pytest
 
 import libmpm
-from libmpm._src.bench import FBAR_FORMS, collapse, measure
+from libmpm._src.bench import FBAR_FORMS, SOUND, collapse, measure, timed
 from libmpm._src.cli import main
 from python import fake_engine
 
@@ -32,6 +32,37 @@ def test_the_case_is_a_cube_in_a_box_twice_as_long(fbar):
     assert sound == pytest.approx(10 * math.sqrt(2 * 9.81 * height))
     assert step == pytest.approx(0.3 * scene.cell_size / sound)
     assert scene.plan(device="cpu").particles == 8_000
+
+
+def test_the_cube_may_be_of_another_material_and_fill():
+    jelly = libmpm.materials.FixedCorotated(density=1000, youngs_modulus=1e6)
+    scene, step = collapse(27_000, material=jelly, particles_per_cell=27, lift=2)
+    assert scene.cells == (20, 10, 15)
+    solid = scene.bodies[0]
+    assert (solid.material, solid.particles_per_cell) == (jelly, 27)
+    assert solid.shape.lower[2] == pytest.approx(2 * scene.cell_size)
+    assert step == pytest.approx(0.3 * scene.cell_size / SOUND)
+    assert scene.plan(device="cpu", time_step=step).particles == 27_000
+    with pytest.raises(libmpm.SceneError, match="expected 27 or more"):
+        collapse(26, particles_per_cell=27)
+
+
+def test_any_simulation_can_be_timed():
+    jelly = libmpm.materials.FixedCorotated(density=1000, youngs_modulus=1e6)
+    scene, step = collapse(1_000, material=jelly)
+    block = libmpm.shapes.Box(lower=(1, 0, 0), upper=(1.4, 0.4, 0.4))
+    scene.add_body(name="block", shape=block, material=jelly)
+    simulation = libmpm.Simulation(scene, device="cpu", time_step=step)
+    simulation.step(1)
+    tenths = []
+    result = timed(
+        simulation, 25, case="two", state="started", each_tenth=lambda n, _: tenths.append(n)
+    )
+    assert simulation.steps == 26
+    assert (len(tenths), tenths[-1]) == (10, 25)
+    assert (result.case, result.state, result.steps) == ("two", "started", 25)
+    assert (result.particles, result.particles_per_cell, result.fbar) == (1_064, 8, "none")
+    assert result.particle_steps_per_s == pytest.approx(1_064 * 25 / result.seconds)
 
 
 def test_the_json_line_has_the_promised_fields(tmp_path, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Callable
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 import libmpm
 from libmpm import FBar, Scene, TimeTable, boundaries, materials, sensors, shapes
 from libmpm._src.lowering import lower, world_offset
+from support.scenes import with_arrays
 
 Make = Callable[..., Scene]
 
@@ -45,7 +47,7 @@ def test_head(scene: Scene) -> None:
 
 
 def test_bodies(scene: Scene) -> None:
-    water, block = lower(scene)["bodies"]
+    water, block = with_arrays(lower(scene))["bodies"]
     # The block takes 6 × 4 × 3 points (0.3 × 0.2 × 0.15 m, spacing 0.05 m) from the water.
     assert water["count"] == 24 * 16 * 8 - 6 * 4 * 3
     assert water["position"].shape == (water["count"], 3)
@@ -84,15 +86,15 @@ def test_total_mass_is_exact(tank: Make, per_cell: int, width: float) -> None:
 def test_origin_changes_no_bit(new_scene: Make) -> None:
     near = new_scene()
     far = new_scene(origin=(1e4, -1e4, 1e4))
-    assert same(lower(near), lower(far))
+    assert same(with_arrays(lower(near)), with_arrays(lower(far)))
     np.testing.assert_array_equal(world_offset(far), [1e4, -1e4, 1e4])
 
 
 def test_absolute_coordinates_agree_closely(new_scene: Make) -> None:
-    near = lower(new_scene())
+    near = with_arrays(lower(new_scene()))
     base = (1e4, 1e4, 1e4)
     far = new_scene(lower=base, upper=(1e4 + 3.2, 1e4 + 0.8, 1e4 + 1.0))
-    spec = lower(far)
+    spec = with_arrays(lower(far))
     np.testing.assert_array_equal(world_offset(far), base)
     for a, b in zip(near["bodies"], spec["bodies"], strict=True):
         assert a["count"] == b["count"]
@@ -105,7 +107,7 @@ def test_absolute_coordinates_agree_closely(new_scene: Make) -> None:
 
 
 def test_hydrostatic_pressure(scene: Scene) -> None:
-    water = lower(scene)["bodies"][0]
+    water = with_arrays(lower(scene))["bodies"][0]
     z = water["position"][:, 2]
     np.testing.assert_allclose(water["pressure"], 1000 * 9.81 * (0.4 - z), rtol=1e-12)
 
@@ -118,10 +120,51 @@ def test_hydrostatic_above_level_and_slanted(tank: Make) -> None:
         material=materials.TaitFluid(density=2.0),
         hydrostatic=0.1,
     )
-    (body,) = lower(scene)["bodies"]
+    (body,) = with_arrays(lower(scene))["bodies"]
     height = body["position"] @ np.array([-0.6, 0.8])
     np.testing.assert_allclose(body["pressure"], 10.0 * np.maximum(0.1 - height, 0), atol=1e-12)
     assert body["pressure"].min() == 0.0
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (1.1, -2.2, -9.3)])
+def test_rows_do_not_depend_on_the_piece(new_scene: Make, gravity: tuple[float, ...]) -> None:
+    """Positions and pressures, in pieces of any size, are those of the whole to the bit."""
+    water = lower(new_scene(gravity=gravity))["bodies"][0]
+    n = water["count"]
+    for name in ("position", "pressure"):
+        rows = water[name]
+        whole = rows(0, n)
+        assert len(whole) == n
+        for size in (1, 5, 128, 1000):
+            pieces = [rows(k, min(k + size, n)) for k in range(0, n, size)]
+            assert same(np.concatenate(pieces), whole)
+        assert rows(7, 7).shape == (0, *whole.shape[1:])
+
+
+def test_two_billion_particles() -> None:
+    """Lowering allocates nothing of the particles' size, nor do the rows that are asked for."""
+    low, high = (0.0, 0.0, 0.0), (63.0, 63.0, 63.0)
+    scene = Scene(dimension=3, cell_size=0.1, lower=low, upper=high, gravity=(0, 0, -9.81))
+    fluid = materials.TaitFluid()
+    solid = materials.FixedCorotated(density=600.0, youngs_modulus=1e6)
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=low, upper=high), material=fluid, hydrostatic=63.0
+    )
+    scene.add_body(
+        name="block",
+        shape=shapes.Box(lower=(1, 1, 50), upper=(3, 3, 52)),
+        material=solid,
+        subtract_from=("water",),
+    )
+    tracemalloc.start()
+    water = lower(scene)["bodies"][0]
+    n = water["count"]
+    assert n == 1260**3 - 40**3
+    pressure = water["pressure"](n - 1000, n)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    np.testing.assert_allclose(pressure[[0, -1]], 9810.0 * np.array([49.975, 0.025]), rtol=1e-9)
+    assert peak < 1e6
 
 
 def test_without_particles(scene: Scene) -> None:

@@ -250,11 +250,20 @@ def crowded(dimension, *, fbar="default", moving=False):
 # ---- running ------------------------------------------------------------------------------------
 
 
+def with_arrays(spec):
+    """The specification with whole arrays of what is given in rows, to be read or changed."""
+    for body in spec["bodies"]:
+        for name in ("position", "pressure"):
+            if body[name] is not None:
+                body[name] = body[name](0, body["count"])
+    return spec
+
+
 def specification(scene, *, precision="double", pipeline="auto", threads=1):
     """The dictionary that the engine takes; one thread, the scenes are too small for more."""
     from libmpm._src.lowering import lower
 
-    return lower(scene, precision=precision, pipeline=pipeline, threads=threads)
+    return with_arrays(lower(scene, precision=precision, pipeline=pipeline, threads=threads))
 
 
 def engine(spec, device="cpu"):

@@ -1,8 +1,8 @@
 """The benchmark: a cube of water collapses in a box twice as long.
 
 8 particles per cell, sound speed c0 = 10 sqrt(2 g H), time step 0.3 dx / c0, wall time over the
-first 10,000 steps with sorts and without output. `measure` is what `libmpm bench` and the scripts
-under ``benchmarks/`` share.
+first 10,000 steps with sorts and without output. `measure` is what `libmpm bench` runs; the scripts
+under ``benchmarks/`` also take `collapse` and `timed` for cases of their own.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import shlex
 import subprocess
 import sys
 import time as clock
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -24,15 +25,20 @@ from libmpm._src import boundaries, info, shapes
 from libmpm._src.errors import SceneError
 from libmpm._src.materials_generated import TaitFluid
 from libmpm._src.method import FBar
-from libmpm._src.scene import Scene
+from libmpm._src.parameters import Material
+from libmpm._src.scene import Body, Scene
 from libmpm._src.simulation import Simulation
 
-__all__ = ["Result", "add_arguments", "collapse", "measure", "run_command"]
+__all__ = ["Result", "add_arguments", "collapse", "measure", "run_command", "timed", "water"]
 
 GRAVITY = 9.81
 #: Edge of the cube, m; results do not depend on it, as all speeds scale with it.
 HEIGHT = 1.0
 DENSITY = 1000.0
+#: Speed of sound c0 of the water, m/s.
+SOUND = 10 * math.sqrt(2 * GRAVITY * HEIGHT)
+#: Part of a cell that sound crosses in a step.
+COURANT = 0.3
 PARTICLES_PER_CELL = 8
 FBAR_FORMS = ("default", "none", "one-volume-gradient", "one-volume", "two-volume", "stress-only")
 
@@ -65,22 +71,37 @@ class Result:
         return json.dumps(asdict(self))
 
 
-def collapse(particles: int, fbar: str = "default") -> tuple[Scene, float]:
-    """Return the scene with about `particles` particles, and its time step, s."""
-    if particles < PARTICLES_PER_CELL:
-        raise SceneError(f"bench: {particles} particles; expected {PARTICLES_PER_CELL} or more")
+def water() -> TaitFluid:
+    """Return the material of the case."""
+    return TaitFluid(density=DENSITY, bulk_modulus=DENSITY * SOUND**2)
+
+
+def collapse(
+    particles: int,
+    fbar: str = "default",
+    *,
+    material: Material | None = None,
+    particles_per_cell: int = PARTICLES_PER_CELL,
+    lift: int = 0,
+) -> tuple[Scene, float]:
+    """Return the scene with about `particles` particles, and its time step, s.
+
+    `material` replaces the water, with a wave speed of `SOUND` or less; `lift` is the height in
+    cells from which the cube falls first.
+    """
+    if particles < particles_per_cell:
+        raise SceneError(f"bench: {particles} particles; expected {particles_per_cell} or more")
     if fbar not in FBAR_FORMS:
         raise SceneError(f"bench: fbar is {fbar!r}; expected one of {', '.join(FBAR_FORMS)}")
-    cells = max(2, round((particles / PARTICLES_PER_CELL) ** (1 / 3)))
+    cells = max(2, round((particles / particles_per_cell) ** (1 / 3)))
     dx = HEIGHT / cells
-    sound = 10 * math.sqrt(2 * GRAVITY * HEIGHT)
     # Head room for the splash against the far wall: it rises to the cube's height at most.
     roof = math.ceil(1.25 * cells) * dx
     scene = Scene(
         dimension=3,
         cell_size=dx,
         lower=(0, 0, 0),
-        upper=(2 * cells * dx, cells * dx, roof),
+        upper=(2 * cells * dx, cells * dx, roof + lift * dx),
         gravity=(0, 0, -GRAVITY),
         name="collapse",
     )
@@ -88,14 +109,16 @@ def collapse(particles: int, fbar: str = "default") -> tuple[Scene, float]:
     if form not in ("default", None):
         form = FBar(form=form, length=dx) if form == "two-volume" else FBar(form=form)
     scene.add_body(
-        name="water",
-        shape=shapes.Box(lower=(0, 0, 0), upper=(cells * dx,) * 3),
-        material=TaitFluid(density=DENSITY, bulk_modulus=DENSITY * sound**2),
-        particles_per_cell=PARTICLES_PER_CELL,
+        name="water" if material is None else "solid",
+        shape=shapes.Box(
+            lower=(0, 0, lift * dx), upper=(cells * dx, cells * dx, (cells + lift) * dx)
+        ),
+        material=water() if material is None else material,
+        particles_per_cell=particles_per_cell,
         fbar=form,
     )
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
-    return scene, 0.3 * dx / sound
+    return scene, COURANT * dx / SOUND
 
 
 def commit() -> str:
@@ -148,30 +171,50 @@ def measure(
     command: str = "",
 ) -> Result:
     """Run the case and return the measurement; construction and sampling are not timed."""
-    if steps < 10:
-        raise SceneError(f"bench: {steps} steps; expected 10 or more, one for each tenth")
     scene, time_step = collapse(particles, fbar)
     simulation = Simulation(
         scene, device=device, precision=precision, pipeline=pipeline, threads=threads,
         time_step=time_step,
     )  # fmt: skip
-    count = len(simulation.particles["water"])
+    state = f"first {steps} steps of the collapse, sorts included, no output"
+    return timed(simulation, steps, state=state, command=command)
+
+
+def timed(
+    simulation: Simulation,
+    steps: int,
+    *,
+    case: str = "collapse",
+    state: str = "",
+    command: str = "",
+    each_tenth: Callable[[int, float], object] | None = None,
+) -> Result:
+    """Advance a simulation and return the measurement; construction is not timed.
+
+    `each_tenth` receives steps and seconds so far. Per cell and F-bar are those of the first body.
+    """
+    if steps < 10:
+        raise SceneError(f"bench: {steps} steps; expected 10 or more, one for each tenth")
+    count = sum(len(body) for body in simulation.particles.values())
     before = simulation.timings
     bounds = [round(i * steps / 10) for i in range(11)]
     marks = [clock.perf_counter()]
     for low, high in itertools.pairwise(bounds):
         simulation.step(high - low)
         marks.append(clock.perf_counter())
+        if each_tenth is not None:
+            each_tenth(high, marks[-1] - marks[0])
     after = simulation.timings
     spent = {k: v - before.get(k, 0.0) for k, v in after.items()}
     total = sum(spent.values()) or 1.0
     seconds = marks[-1] - marks[0]
+    body = simulation.scene.bodies[0]
     return Result(
-        case="collapse",
+        case=case,
         particles=count,
-        particles_per_cell=PARTICLES_PER_CELL,
-        precision=precision,
-        fbar=_form(fbar),
+        particles_per_cell=body.particles_per_cell,
+        precision=simulation.precision,
+        fbar=_form(body),
         steps=steps,
         particle_steps_per_s=count * steps / seconds,
         first_tenth=count * bounds[1] / (marks[1] - marks[0]),
@@ -180,7 +223,7 @@ def measure(
         bytes_per_particle=simulation.plan.memory_total / count,
         phases={k: v / total for k, v in spent.items()},
         pipeline=simulation.pipeline,
-        state=f"first {steps} steps of the collapse, sorts included, no output",
+        state=state,
         device=_device(simulation),
         commit=commit(),
         command=command or shlex.join(["libmpm", *sys.argv[1:]]),
@@ -188,9 +231,11 @@ def measure(
     )
 
 
-def _form(fbar: str) -> str:
+def _form(body: Body) -> str:
     """Return the F-bar form that ran, also where it was left to the default."""
-    return FBar().form if fbar == "default" else fbar
+    if body.fbar == "default":
+        return FBar().form if body.material.table.fbar else "none"
+    return "none" if body.fbar is None else body.fbar.form
 
 
 def describe(result: Result) -> str:

@@ -119,7 +119,7 @@ def holes_of(scene: Scene, body: Body) -> list[tuple[list[float], list[float]]]:
 def body_counts(scene: Scene) -> list[int]:
     """Return the number of particles of every body, without placing them."""
     return [
-        sampling.count(body_lattice(scene, b), holes_of(scene, b), scene.cell_size)
+        sampling.points(body_lattice(scene, b), holes_of(scene, b), scene.cell_size).count
         for b in scene.bodies
     ]
 

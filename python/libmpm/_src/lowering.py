@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +37,9 @@ __all__ = ["PIPELINES", "PRECISIONS", "check_options", "lower", "world_offset"]
 
 PRECISIONS = ("single", "double")
 PIPELINES = ("auto", "fused", "two-pass")
+
+#: From (first, last) to what is given for the particles first ≤ i < last of a body.
+Rows = Callable[[int, int], npt.NDArray[np.float64]]
 
 #: Cells beyond the domain that a box may reach; more would block nothing further.
 _BEYOND = 64
@@ -80,9 +84,9 @@ def lower(
     """Return the engine's specification of a scene.
 
     Positions are float64 in metres relative to `Scene.lower`; `Scene.origin` does not enter.
-    `time_step` in s overrides that of the scene's method. Without particles, `position` and
-    `pressure` are None and nothing of the particles' size is allocated. Raises `SceneError`,
-    warns as `Scene.validate`.
+    `position` and `pressure` are functions that give the rows first ≤ i < last, so that nothing of
+    the particles' size is allocated; without particles they are None. `time_step` in s overrides
+    that of the scene's method. Raises `SceneError`, warns as `Scene.validate`.
     """
     problems = check_options(precision, pipeline, time_step=time_step, threads=threads)
     if problems:
@@ -146,39 +150,41 @@ def _table(table: TimeTable) -> dict[str, Any]:
 
 def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[str, Any]:
     grid = body_lattice(scene, body)
-    holes = holes_of(scene, body)
-    position = sampling.positions(grid, holes, scene.cell_size) if with_particles else None
-    number = sampling.count(grid, holes, scene.cell_size) if position is None else len(position)
+    points = sampling.points(grid, holes_of(scene, body), scene.cell_size)
     parameters = body.material.parameters()
     # Mass follows from the slices of the whole box: what is subtracted takes its mass along.
     mass = parameters["density"] * grid.volume / grid.count
     pressure = None
-    if body.hydrostatic is not None and position is not None:
-        pressure = _hydrostatic(scene, body.hydrostatic, parameters["density"], position)
+    if body.hydrostatic is not None and with_particles:
+        pressure = _hydrostatic(scene, body.hydrostatic, parameters["density"], points.rows)
     return {
         "name": body.name,
         "material": body.material.table.name,
         "parameters": parameters,
-        "count": number,
+        "count": points.count,
         "bounds": np.array([grid.lower, grid.upper], dtype=np.float64),
         "particle_mass": mass,
         "first_id": first,
-        "position": position,
+        "position": points.rows if with_particles else None,
         "velocity": np.array(body.velocity, dtype=np.float64),
         "pressure": pressure,
         "fbar": _fbar(scene, body),
     }
 
 
-def _hydrostatic(
-    scene: Scene, level: float, density: float, position: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Return p = ρ g depth below the level, zero above it; (n,), Pa."""
+def _hydrostatic(scene: Scene, level: float, density: float, position: Rows) -> Rows:
+    """Return rows of p = ρ g depth below the level, zero above it; (n,), Pa."""
     gravity = initial_gravity(scene)
     strength = float(np.linalg.norm(gravity))
     up = -gravity / strength
     top = level - float(np.dot(up, np.asarray(scene.lower, dtype=np.float64)))
-    return density * strength * np.maximum(top - position @ up, 0.0)
+
+    def pressure(first: int, last: int) -> npt.NDArray[np.float64]:
+        # Not a product of matrices: how that rounds a row may depend on the rows around it.
+        height = sum(x * u for x, u in zip(position(first, last).T, up, strict=True))
+        return density * strength * np.maximum(top - height, 0.0)
+
+    return pressure
 
 
 def _fbar(scene: Scene, body: Body) -> dict[str, Any]:

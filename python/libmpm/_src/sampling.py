@@ -7,13 +7,15 @@ scene by its origin changes no bit.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Lattice", "count", "lattice", "positions"]
+__all__ = ["Lattice", "Points", "lattice", "points"]
 
 Array = npt.NDArray[np.float64]
 
@@ -62,54 +64,83 @@ def lattice(
     return Lattice(tuple(lower), tuple(upper), shape)
 
 
-def _masks(
+class Points:
+    """The points of a lattice that lie in no hole, last axis fastest, made in pieces.
+
+    axes    m, float64   coordinates on each axis
+    holes   indices      per hole and axis, the half-open interval of points that it takes out
+
+    Between two faces of holes all sections across the first axis are alike, so one stands for the
+    whole run, and is itself of this class, with one axis fewer. What it holds grows with the
+    number of holes and the length of the axes, not with the number of points.
+    """
+
+    def __init__(self, axes: Sequence[Array], holes: Sequence[Sequence[tuple[int, int]]]) -> None:
+        """Cut the first axis into runs; without axes it is one point, or none if in a hole."""
+        self._dimension = len(axes)
+        self._runs: list[tuple[Array, Points]] = []
+        self._start = [0]  # row at which each run begins, and the number of rows
+        if not axes:
+            self._start.append(0 if holes else 1)
+            return
+        faces = {0, len(axes[0])}.union(*(hole[0] for hole in holes))
+        for low, high in pairwise(sorted(faces)):
+            across = [hole[1:] for hole in holes if hole[0][0] <= low < hole[0][1]]
+            self._runs.append((axes[0][low:high], Points(axes[1:], across)))
+        self._start += accumulate(len(x) * section.count for x, section in self._runs)
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self._start[-1]
+
+    def rows(self, first: int, last: int) -> Array:
+        """Return points first ≤ i < last, shape (last - first, d), m; IndexError beyond `count`."""
+        if not 0 <= first <= last <= self.count:
+            raise IndexError(f"rows {first} to {last} of {self.count} points")
+        result = np.empty((last - first, self._dimension), dtype=np.float64)
+        self._fill(first, last, result)
+        return result
+
+    def _fill(self, first: int, last: int, out: Array) -> None:
+        """Write points first ≤ i < last to the rows of `out`."""
+        run = bisect_right(self._start, first) - 1
+        while self._dimension and first < last:
+            x, section = self._runs[run]
+            end = min(last, self._start[run + 1])
+            while first < end:
+                k, inside = divmod(first - self._start[run], section.count)
+                whole = 0 if inside else (end - first) // section.count
+                n = whole * section.count or min(section.count - inside, end - first)
+                rows, out, first = out[:n], out[n:], first + n
+                if not whole:
+                    rows[:, 0] = x[k]
+                    section._fill(inside, inside + n, rows[:, 1:])
+                    continue
+                block = rows.reshape(whole, section.count, self._dimension)
+                block[:, :, 0] = x[k : k + whole, None]
+                section._fill(0, section.count, block[0, :, 1:])
+                # Column by column: an innermost loop over a point's coordinates would be slow.
+                for a in range(1, self._dimension):
+                    block[1:, :, a] = block[0, :, a]
+            run += 1
+
+
+def points(
     grid: Lattice, holes: Sequence[tuple[Sequence[float], Sequence[float]]], cell_size: float
-) -> list[list[npt.NDArray[np.bool_]]]:
-    """Return, per hole and axis, which lattice coordinates lie in the hole's interval."""
-    allowance = _TOLERANCE * cell_size
-    return [
-        [
-            (x >= low[a] - allowance) & (x < high[a] - allowance)
-            for a, x in enumerate(grid.axis(a) for a in range(len(grid.shape)))
-        ]
-        for low, high in holes
-    ]
+) -> Points:
+    """Return the points of a lattice that remain when those inside the holes are removed.
 
-
-def _kept(
-    grid: Lattice, masks: list[list[npt.NDArray[np.bool_]]], row: int
-) -> npt.NDArray[np.bool_]:
-    """Return which points of one slice of the first axis remain, shape grid.shape[1:]."""
-    kept = np.ones(grid.shape[1:], dtype=bool)
-    for mask in masks:
-        if mask[0][row]:
-            inside = mask[1]
-            if len(mask) == 3:
-                inside = mask[1][:, None] & mask[2][None, :]
-            kept &= ~inside
-    return kept
-
-
-def count(
-    grid: Lattice, holes: Sequence[tuple[Sequence[float], Sequence[float]]], cell_size: float
-) -> int:
-    """Return how many points remain when those inside the holes (lower, upper) are removed."""
-    if not holes:
-        return grid.count
-    masks = _masks(grid, holes, cell_size)
-    return sum(int(np.count_nonzero(_kept(grid, masks, i))) for i in range(grid.shape[0]))
-
-
-def positions(
-    grid: Lattice, holes: Sequence[tuple[Sequence[float], Sequence[float]]], cell_size: float
-) -> Array:
-    """Return the remaining points, shape (count, d), last axis fastest."""
+    A hole is (lower, upper), m; a point on its lower faces is inside, one on its upper faces not.
+    """
     axes = [grid.axis(a) for a in range(len(grid.shape))]
-    result = np.empty((*grid.shape, len(axes)), dtype=np.float64)
-    for a, x in enumerate(axes):
-        result[..., a] = x.reshape([-1 if b == a else 1 for b in range(len(axes))])
-    if holes:
-        masks = _masks(grid, holes, cell_size)
-        kept = np.stack([_kept(grid, masks, i) for i in range(grid.shape[0])])
-        return np.ascontiguousarray(result[kept])
-    return result.reshape(-1, len(axes))
+    allowance = _TOLERANCE * cell_size
+
+    def inside(x: Array, low: float, high: float) -> tuple[int, int]:
+        begin, end = np.searchsorted(x, [low - allowance, high - allowance])
+        return int(begin), int(end)
+
+    taken = [
+        [inside(x, a, b) for x, a, b in zip(axes, low, high, strict=True)] for low, high in holes
+    ]
+    return Points(axes, taken)
