@@ -16,6 +16,17 @@ namespace mpm {
 
 inline constexpr int warp_cells = 32;
 
+/// Blocks with fewer particles are not worth an arena, where there are many such: a launch of their
+/// own costs what a thousand of them do. Measured on an H200 (docs/performance.md).
+inline constexpr std::uint32_t least_of_block = 32;
+inline constexpr std::uint32_t least_of_sparse = 4096;  // homes of a body
+
+/// Threads of a block that takes lone particles, and how many such blocks they need.
+inline constexpr int lone_threads = 128;
+inline std::int64_t lone_blocks(std::uint32_t particles) {
+    return (std::int64_t(particles) + lone_threads - 1) / lone_threads;
+}
+
 /// Ranks that the lanes of a warp take in step: the mean of the cells that hold any. Fewer leave
 /// too much for afterwards, more leave lanes idle; measured, the optimum is flat.
 MPM_INLINE std::uint32_t ranks_in_step(std::uint32_t particles, std::uint32_t cells) {

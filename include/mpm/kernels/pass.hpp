@@ -48,6 +48,7 @@ template <class X, class T, int D>
 struct BodyOps {
     using Run = void (*)(const Pass<X, T, D>&);
     Run fused;    // null where this backend and precision have no fused form
+    Run lone;     // devices: the fused form for particles in nearly empty blocks
     Run gather;   // two-pass, first half
     Run scatter;  // two-pass, second half
     Run initial;  // deposit of resting particles; velocities in scratch (D, count)

@@ -236,6 +236,44 @@ struct FlagHomes {
         if (flag[slot]) any[slot] = 1;
     }
 };
+/// Devices: homes with many particles, and the particles of the others.
+struct FlagFull {
+    const std::uint32_t* cell_start;
+    std::uint32_t least;
+    std::uint32_t* full;
+    std::uint32_t* lone;  // particles
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        const std::uint32_t n =
+            cell_start[(slot + 1) * block_cells] - cell_start[slot * block_cells];
+        full[slot] = n >= least;
+        lone[slot] = n >= least ? 0 : n;
+    }
+};
+/// Full homes first, each kind ascending.
+struct ListByKind {
+    const std::uint32_t* cell_start;
+    const std::uint32_t* position;       // scan of all homes
+    const std::uint32_t* full_position;  // of the full ones
+    const std::uint32_t* lone_position;  // of particles in the others
+    std::uint32_t full_homes;
+    std::int32_t* home;
+    std::uint32_t* lone;
+    std::int32_t* lone_slot;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        if (position[slot + 1] == position[slot]) return;
+        if (full_position[slot + 1] != full_position[slot]) {
+            home[full_position[slot]] = std::int32_t(slot);
+            return;
+        }
+        home[full_homes + position[slot] - full_position[slot]] = std::int32_t(slot);
+        const std::uint32_t begin = cell_start[slot * block_cells];
+        const std::uint32_t at = lone_position[slot], n = lone_position[slot + 1] - at;
+        for (std::uint32_t k = 0; k < n; ++k) {
+            lone[at + k] = begin + k;
+            lone_slot[at + k] = std::int32_t(slot);
+        }
+    }
+};
 struct ListHomes {
     const std::uint32_t* flag;
     const std::uint32_t* position;

@@ -45,8 +45,13 @@ struct BodyView {
     std::uint32_t count;
     const std::uint32_t* cell_start;  // (slots * 64 + 1)
     const std::uint8_t* cell;         // devices: a particle's home cell in its block
-    const std::int32_t* home;         // slots that hold particles, ascending
+    const std::int32_t* home;         // slots that hold particles; on devices the full ones first
     std::int32_t homes;
+    // Devices: of them, those that are done as blocks; the particles of the others, one by one.
+    std::int32_t full_homes;
+    const std::uint32_t* lone;
+    const std::int32_t* lone_slot;
+    std::uint32_t lone_count;
     double particle_mass;    // kg (2D: kg/m)
     double particle_volume;  // m^3 at zero strain (2D: m^2)
 };

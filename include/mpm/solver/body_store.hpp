@@ -15,7 +15,8 @@ inline constexpr std::size_t column_padding = 16;
 
 template <class X, class T, int D>
 struct BodyStore {
-    explicit BodyStore(X& x) : id(x), cell_start(x), cell(x), home(x), coloured(x), scratch(x) {}
+    explicit BodyStore(X& x)
+        : id(x), cell_start(x), cell(x), home(x), lone(x), lone_slot(x), coloured(x), scratch(x) {}
 
     BodyPlan plan;
     BodyOps<X, T, D> ops{};
@@ -32,7 +33,10 @@ struct BodyStore {
     Buffer<X, std::uint32_t> cell_start;  // (slots * 64 + 1)
     Buffer<X, std::uint8_t> cell;         // devices: home cell of each particle in its block
     Buffer<X, std::int32_t> home;
-    std::int32_t homes = 0;
+    std::int32_t homes = 0, full_homes = 0;
+    Buffer<X, std::uint32_t> lone;  // devices: particles of the homes that are not full
+    Buffer<X, std::int32_t> lone_slot;
+    std::uint32_t lone_count = 0;
     Buffer<X, std::int32_t> coloured;        // CPU: home blocks by colour
     std::vector<std::int32_t> colour_start;  // CPU
     Buffer<X, T> scratch;                    // two-pass: what particles deposit
@@ -52,6 +56,10 @@ struct BodyStore {
         v.cell = X::is_device ? cell.data() : nullptr;
         v.home = home.data();
         v.homes = homes;
+        v.full_homes = full_homes;
+        v.lone = lone.data();
+        v.lone_slot = lone_slot.data();
+        v.lone_count = lone_count;
         v.particle_mass = particle_mass;
         v.particle_volume = particle_volume;
         return v;

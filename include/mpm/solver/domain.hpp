@@ -113,6 +113,8 @@ private:
     void link_table();
     void list_homes();
     void sort_by_colour(Body& body);
+    void heavy_first(Body& body);
+    void list_by_kind(Body& body, const Buffer<X, std::uint32_t>& position);
 
     /// Which scale a nodal sum has, by its index among all sums.
     int scale_of_sum(std::size_t k) const {

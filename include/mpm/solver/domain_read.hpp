@@ -311,7 +311,7 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
         for (const auto& c : b.offset) bytes += double(c.bytes());
         for (const auto& c : b.state) bytes += double(c.bytes());
         bytes += double(b.id.bytes() + b.cell.bytes() + b.cell_start.bytes() + b.home.bytes() +
-                        b.scratch.bytes());
+                        b.lone.bytes() + b.lone_slot.bytes() + b.scratch.bytes());
     }
     out["bytes"] = bytes;
     return out;

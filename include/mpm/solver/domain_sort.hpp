@@ -37,13 +37,14 @@ void Domain<X, T, D>::link_table() {
     }
 }
 
-/// Blocks that hold particles, of each body and of any; on the CPU also by colour.
+/// Blocks that hold particles, of each body and of any; on the CPU also by colour, on a device full
+/// ones and heavy ones first.
 template <class X, class T, int D>
 void Domain<X, T, D>::list_homes() {
     const std::int64_t slots = table_.slots;
     occupied_.reserve_discard(slots);
     occupied_.zero();
-    Buffer<X, std::uint32_t> flag(exec_), counts(exec_);
+    Buffer<X, std::uint32_t> counts(exec_);
     std::vector<Buffer<X, std::uint32_t>> flags, positions;
     counts.reserve_discard(bodies_.size());
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -59,27 +60,62 @@ void Domain<X, T, D>::list_homes() {
     const auto count = counts.host();
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
-        body.homes = std::int32_t(count[b]);
+        body.homes = body.full_homes = std::int32_t(count[b]);
+        body.lone_count = 0;
         body.home.reserve_discard(count[b]);
-        exec_.for_each(slots, ListHomes{flags[b].data(), positions[b].data(), body.home.data()});
-    }
-    if constexpr (!X::is_device) {
-        for (Body& body : bodies_) sort_by_colour(body);
-    } else {
-        std::uint64_t particles = 0;
-        Buffer<X, std::uint32_t> weight(exec_);
-        for (Body& body : bodies_) {
-            particles += body.count;
-            // With less than a few blocks for every multiprocessor all run at once anyway.
-            if (body.homes < 4 * exec_.multiprocessors()) continue;
-            weight.reserve_discard(body.homes);
-            exec_.for_each(
-                body.homes,
-                WeighHomes{body.home.data(), body.cell_start.data(),
-                           std::max(body.count / std::uint32_t(body.homes), 1u), weight.data()});
-            exec_.sort_by_key(weight.data(), body.home.data(), body.homes, WeighHomes::bits);
+        const bool sparse = body.ops.lone && plan_.fused && count[b] >= least_of_sparse &&
+                            body.count < 4 * least_of_block * std::uint64_t(count[b]);
+        if (X::is_device && sparse) {
+            list_by_kind(body, positions[b]);
+        } else {
+            exec_.for_each(slots,
+                           ListHomes{flags[b].data(), positions[b].data(), body.home.data()});
         }
+        if constexpr (X::is_device)
+            heavy_first(body);
+        else
+            sort_by_colour(body);
+    }
+    if constexpr (X::is_device) {
+        std::uint64_t particles = 0;
+        for (const Body& body : bodies_) particles += body.count;
         clock_.stray_limit = X::stray_limit(particles);
+    }
+}
+
+/// Devices: full homes first; the particles of the others one by one.
+template <class X, class T, int D>
+void Domain<X, T, D>::list_by_kind(Body& body, const Buffer<X, std::uint32_t>& position) {
+    const std::int64_t slots = table_.slots;
+    const std::uint32_t* start = body.cell_start.data();
+    Buffer<X, std::uint32_t> full(exec_), lone(exec_), full_position(exec_), lone_position(exec_);
+    for (auto* flag : {&full, &lone}) flag->reserve_discard(slots);
+    for (auto* scan : {&full_position, &lone_position}) scan->reserve_discard(slots + 1);
+    exec_.for_each(slots, FlagFull{start, least_of_block, full.data(), lone.data()});
+    exec_.exclusive_scan(full.data(), full_position.data(), slots);
+    exec_.exclusive_scan(lone.data(), lone_position.data(), slots);
+    std::uint32_t full_homes = 0;
+    exec_.download(&full_homes, full_position.data() + slots, sizeof full_homes);
+    exec_.download(&body.lone_count, lone_position.data() + slots, sizeof body.lone_count);
+    body.full_homes = std::int32_t(full_homes);
+    body.lone.reserve_discard(body.lone_count);
+    body.lone_slot.reserve_discard(body.lone_count);
+    exec_.for_each(
+        slots, ListByKind{start, position.data(), full_position.data(), lone_position.data(),
+                          full_homes, body.home.data(), body.lone.data(), body.lone_slot.data()});
+}
+
+/// Devices: with less than a few blocks for every multiprocessor all run at once anyway.
+template <class X, class T, int D>
+void Domain<X, T, D>::heavy_first(Body& body) {
+    if constexpr (X::is_device) {
+        if (body.full_homes < 4 * exec_.multiprocessors()) return;
+        const std::uint32_t mean = (body.count - body.lone_count) / std::uint32_t(body.full_homes);
+        Buffer<X, std::uint32_t> weight(exec_);
+        weight.reserve_discard(body.full_homes);
+        exec_.for_each(body.full_homes, WeighHomes{body.home.data(), body.cell_start.data(),
+                                                   std::max(mean, 1u), weight.data()});
+        exec_.sort_by_key(weight.data(), body.home.data(), body.full_homes, WeighHomes::bits);
     }
 }
 

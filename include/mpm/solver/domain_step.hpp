@@ -123,8 +123,10 @@ void Domain<X, T, D>::run_bodies() {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (bodies_[b].homes == 0) continue;
         moving.push_back(b);
-        workers += std::uint64_t(bodies_[b].homes) *
-                   (plan_.fused ? 1 : std::uint64_t(bodies_[b].ops.channels) + 1);
+        workers += plan_.fused ? std::uint64_t(bodies_[b].full_homes) +
+                                     std::uint64_t(lone_blocks(bodies_[b].lone_count))
+                               : std::uint64_t(bodies_[b].homes) *
+                                     (std::uint64_t(bodies_[b].ops.channels) + 1);
     }
     if constexpr (X::is_device) {
         if (moving.empty()) exec_.single(turn_step());
@@ -149,6 +151,7 @@ void Domain<X, T, D>::run_bodies() {
         p.workers = std::uint32_t(workers);
         if (plan_.fused) {
             body.ops.fused(p);
+            if (body.lone_count > 0) body.ops.lone(p);
         } else {
             body.ops.gather(p);
             body.ops.scatter(p);

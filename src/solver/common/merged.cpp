@@ -11,8 +11,11 @@ namespace {
 /// this many particles.
 constexpr std::uint64_t most_with_velocities = 1u << 24;
 
-bool alike(const BodySpec& a, const BodySpec& b) {
-    return a.material == b.material && a.parameters == b.parameters &&
+bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
+    // Nothing has been checked yet: what does not fit is left for the plan to refuse.
+    const std::size_t corners = 2 * std::size_t(dimension);
+    return a.bounds.size() == corners && b.bounds.size() == corners && a.material == b.material &&
+           a.parameters == b.parameters &&
            // Equal boxes elsewhere differ by the rounding of their edges.
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
            a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
@@ -170,7 +173,7 @@ MergedSpec merge_alike(const Spec& spec) {
     }
     for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
         const bool joins = b > 0 && !asked_for[b] && !asked_for[b - 1] &&
-                           alike(out.spec.bodies.back(), spec.bodies[b]);
+                           alike(out.spec.bodies.back(), spec.bodies[b], spec.dimension);
         if (joins)
             append(out.spec.bodies.back(), spec.bodies[b], spec.dimension);
         else

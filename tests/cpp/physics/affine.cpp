@@ -64,10 +64,11 @@ struct Lines {
         return n;
     }
     template <int N>
-    Vec<T, N> load(int place, int k) const {
-        Vec<T, N> v;
-        for (int c = 0; c < N; ++c) v[c] = (&at[0][0][0][0])[place + k * C + c];
-        return v;
+    Line<T, N> load(int place) const {
+        Line<T, N> line;
+        for (int k = 0; k < 3; ++k)
+            for (int c = 0; c < N; ++c) line.q[k][c] = (&at[0][0][0][0])[place + k * C + c];
+        return line;
     }
 };
 

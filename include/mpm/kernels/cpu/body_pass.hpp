@@ -48,10 +48,12 @@ struct ArenaLines {
         return s;
     }
     template <int N>
-    MPM_INLINE Vec<T, N> load(int place, int k) const {
-        Vec<T, N> v;
-        MPM_UNROLL for (int c = 0; c < N; ++c) v[c] = at[place + k * C + c];
-        return v;
+    MPM_INLINE Line<T, N> load(int place) const {
+        Line<T, N> line;
+        MPM_UNROLL for (int k = 0; k < 3; ++k) {
+            MPM_UNROLL for (int c = 0; c < N; ++c) line.q[k][c] = at[place + k * C + c];
+        }
+        return line;
     }
 };
 

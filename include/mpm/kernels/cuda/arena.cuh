@@ -27,11 +27,13 @@ struct LineArena {
     Entry at[edge * stride(0)];
 
     template <int N>
-    MPM_INLINE Vec<T, N> load(int place, int k) const {
-        const Entry q = at[place + k];
-        Vec<T, N> v;
-        MPM_UNROLL for (int c = 0; c < N; ++c) v[c] = q.e[c];
-        return v;
+    MPM_INLINE Line<T, N> load(int place) const {
+        Line<T, N> line;
+        MPM_UNROLL for (int k = 0; k < 3; ++k) {
+            const Entry q = at[place + k];
+            MPM_UNROLL for (int c = 0; c < N; ++c) line.q[k][c] = q.e[c];
+        }
+        return line;
     }
 };
 

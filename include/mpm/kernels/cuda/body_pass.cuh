@@ -2,6 +2,7 @@
 #pragma once
 
 #include "mpm/kernels/cuda/fused.cuh"
+#include "mpm/kernels/cuda/lone.cuh"
 #include "mpm/kernels/cuda/two_pass.cuh"
 
 namespace mpm::cuda {
@@ -11,7 +12,10 @@ BodyOps<Cuda, T, D> instance() {
     constexpr int C = transfer_channels<D, S>;
     BodyOps<Cuda, T, D> ops{};
     // In double precision the sums of a cell do not fit the registers of one thread.
-    if constexpr (std::is_same_v<T, float>) ops.fused = &run_fused<Material, S, D>;
+    if constexpr (std::is_same_v<T, float>) {
+        ops.fused = &run_fused<Material, S, D>;
+        ops.lone = &run_lone<Material, S, D>;
+    }
     ops.gather = &run_gather<Material, S, T, D>;
     ops.scatter = &run_scatter<T, D, C>;
     ops.initial = &run_initial<Material, S, T, D>;

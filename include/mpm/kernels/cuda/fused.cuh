@@ -220,8 +220,9 @@ inline int threads_a_cell(std::int32_t homes, int multiprocessors) {
 
 template <class Material, Smoothing S, int D>
 void run_fused(const Pass<Cuda, float, D>& pass) {
-    const int threads = block_cells * threads_a_cell(pass.body.homes, pass.exec->multiprocessors());
-    pass.exec->launch(&fused_step<Material, S, D>, pass.body.homes, 1, threads, pass,
+    const int threads =
+        block_cells * threads_a_cell(pass.body.full_homes, pass.exec->multiprocessors());
+    pass.exec->launch(&fused_step<Material, S, D>, pass.body.full_homes, 1, threads, pass,
                       Material::template constants<float>(pass.parameters));
 }
 

@@ -35,6 +35,12 @@ MPM_INLINE void expand_line(V below, V here, V above, V (&q)[3]) {
     q[0] = here + T(0.25) * q[2];
 }
 
+/// The coefficients of C channels.
+template <class T, int C>
+struct Line {
+    T q[3][C];
+};
+
 namespace detail {
 
 /// Value and, along axes that are still open (all but the last and the first), first moments about
@@ -51,13 +57,11 @@ MPM_INLINE Moments<V, C, 1> collapse_line(const Lines& lines, const Weights<V, D
     constexpr int last = D - 1;
     const V xi = w.offset(last);
     const V bend = ScalarOf<V>(4) * (xi * w.value[last][1]);
-    const auto c0 = lines.template load<C>(at, 0);
-    const auto c1 = lines.template load<C>(at, 1);
-    const auto c2 = lines.template load<C>(at, 2);
+    const auto line = lines.template load<C>(at);
     Moments<V, C, 1> out;
     MPM_UNROLL for (int c = 0; c < C; ++c) {
-        out.value[c] = c0[c] + xi * (c1[c] + xi * c2[c]);
-        out.slope[0][c] = c1[c] + bend * c2[c];
+        out.value[c] = line.q[0][c] + xi * (line.q[1][c] + xi * line.q[2][c]);
+        out.slope[0][c] = line.q[1][c] + bend * line.q[2][c];
     }
     return out;
 }
@@ -146,6 +150,22 @@ MPM_INLINE Affine<V, D, C> gather(const Lines& lines, const Weights<V, D>& w, in
         }
     }
     return out;
+}
+
+/// One node of a deposit: its share of the mass, and in `value` what each unit of that carries.
+template <class V, int D, int C>
+MPM_INLINE V deposit_at(const Weights<V, D>& w, int node, const Affine<V, D, C>& q, V (&value)[C]) {
+    using T = ScalarOf<V>;
+    V share = V(T(1));
+    MPM_UNROLL for (int c = 0; c < C; ++c) value[c] = q.value[c];
+    MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+        const int k = node % 3;
+        node /= 3;
+        share = share * (k == 0 ? w.value[a][0] : (k == 1 ? w.value[a][1] : w.value[a][2]));
+        const V distance = T(k - 1) - w.offset(a);
+        MPM_UNROLL for (int c = 0; c < C; ++c) value[c] = value[c] + q.slope[a][c] * distance;
+    }
+    return share;
 }
 
 /// Adds to node 0 .. 3^D - 1 (last axis fastest); `unit` is 1, or 0 in lanes that hold no particle.
