@@ -8,6 +8,10 @@
 
 namespace mpm {
 
+/// Room behind a column of particles: lanes of a pack may read past the last one. What a sort needs
+/// for a while has the same size, so that a pool hands the same piece from one to the other.
+inline constexpr std::size_t column_padding = 16;
+
 template <class X, class T>
 class Buffer {
     static_assert(std::is_trivially_copyable_v<T>);

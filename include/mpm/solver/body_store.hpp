@@ -10,9 +10,6 @@
 
 namespace mpm {
 
-/// Lanes of a pack may read past the last particle.
-inline constexpr std::size_t column_padding = 16;
-
 template <class X, class T, int D>
 struct BodyStore {
     explicit BodyStore(X& x)

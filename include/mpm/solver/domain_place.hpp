@@ -84,7 +84,8 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
     body.id.reserve_discard(room);
     if constexpr (X::is_device) body.cell.reserve_discard(room);
     Buffer<X, std::uint32_t> cell(exec_);
-    cell.reserve_discard(s.count);
+    cell.reserve_discard(room);
+    cell.shrink(s.count);
     for_each_piece(exec_, s.position, s.count, D,
                    [&](std::uint64_t first, std::int64_t n, const double* position,
                        const std::vector<double>&) {

@@ -296,7 +296,8 @@ bool Domain<X, T, D>::sort() {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         cells.emplace_back(exec_);
-        cells.back().reserve_discard(body.count);
+        cells.back().reserve_discard(body.count + column_padding);
+        cells.back().shrink(body.count);
         FindCells<X, T, D> find{table_,          body.view(),         {},
                                 occupied.data(), cells.back().data(), counts.data() + b};
         for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);

@@ -20,14 +20,13 @@ if TYPE_CHECKING:
 __all__ = ["RATES", "Plan", "build_plan"]
 
 #: Particle-steps per second behind the cost estimate: CPU per core, CUDA per device, measured in 3D
-#: with 8 particles per cell and F-bar; CUDA in single precision on an H200 with eight million
-#: particles (a million reach two thirds of it), in double an estimate as yet. `libmpm bench`
-#: measures a machine's own.
+#: with 8 particles per cell and F-bar; CUDA on an H200 with eight million particles (a million reach
+#: seven tenths of it). `libmpm bench` measures a machine's own.
 RATES = {
     ("cpu", "single"): 1.6e7,
     ("cpu", "double"): 1.05e7,
-    ("cuda", "single"): 6.8e9,
-    ("cuda", "double"): 1e9,
+    ("cuda", "single"): 1.0e10,
+    ("cuda", "double"): 2.8e9,
 }
 
 

@@ -81,7 +81,7 @@ void Cuda::bucket_order(const std::uint32_t* key, std::int64_t n, std::int64_t r
                         std::uint32_t* order, std::uint32_t* start) {
     const cuda::DeviceGuard guard(device());
     Buffer<Cuda, std::uint32_t> arrival(*this);
-    arrival.reserve_discard(n);
+    arrival.reserve_discard(std::size_t(n) + column_padding);
     zero(start, std::size_t(range + 1) * sizeof(std::uint32_t));
     // Counts stand where the starts will: an exclusive sum in place, whose last is the total.
     launch(&count_keys, (n + 255) / 256, 1, 256, key, n, start, arrival.data());

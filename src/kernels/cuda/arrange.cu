@@ -72,7 +72,7 @@ __global__ void __launch_bounds__(warps * 32)
 void arrange_by_rank(Cuda& exec, Buffer<Cuda, std::uint32_t>& cell, std::int64_t cells,
                      const std::uint32_t* id, std::uint32_t* start, std::uint8_t* home) {
     Buffer<Cuda, std::uint32_t> arrived(exec);
-    arrived.reserve_discard(cell.size());
+    arrived.reserve_discard(cell.size() + column_padding);
     exec.bucket_order(cell.data(), std::int64_t(cell.size()), cells + 1, arrived.data(), start);
     constexpr std::int64_t each = warps * warp_cells;
     exec.launch(&rank_cells, (cells + each - 1) / each, 1, warps * 32,
