@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["RATES", "Plan", "build_plan"]
 
 #: Particle-steps per second behind the cost estimate: CPU per core, CUDA per device, measured in 3D
-#: with 8 particles per cell and F-bar; CUDA on an H200 with eight million particles (a million reach
-#: seven tenths of it). `libmpm bench` measures a machine's own.
+#: with 8 particles per cell and F-bar; CUDA on an H200 with eight million particles (a million
+#: reach seven tenths of it). `libmpm bench` measures a machine's own.
 RATES = {
     ("cpu", "single"): 1.6e7,
     ("cpu", "double"): 1.05e7,
