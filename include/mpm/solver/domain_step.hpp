@@ -123,6 +123,10 @@ void Domain<X, T, D>::run_bodies() {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (bodies_[b].homes == 0) continue;
         moving.push_back(b);
+        if (!plan_.fused) {
+            const std::size_t columns = std::size_t(bodies_[b].ops.channels) * (1 + D);
+            bodies_[b].scratch.reserve_discard(columns * bodies_[b].count + column_padding);
+        }
         workers += plan_.fused ? std::uint64_t(bodies_[b].full_homes) +
                                      std::uint64_t(lone_blocks(bodies_[b].lone_count))
                                : std::uint64_t(bodies_[b].homes) *
@@ -142,10 +146,6 @@ void Domain<X, T, D>::run_bodies() {
         Body& body = bodies_[b];
         if constexpr (X::is_device) {
             if (b == moving.back()) exec_.main_stream();
-        }
-        if (!plan_.fused) {
-            const std::size_t columns = std::size_t(body.ops.channels) * (1 + D);
-            body.scratch.reserve_discard(columns * body.count + column_padding);
         }
         Pass<X, T, D> p = pass(body, int(b), 1 - parity());
         p.workers = std::uint32_t(workers);
