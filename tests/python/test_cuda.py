@@ -32,9 +32,8 @@ def need_device():
         pytest.skip(reason)
 
 
-def box_scene(dimension, material, fbar="default"):
-    """One body of that material in the middle of a closed box; its particles are replaced."""
-    n = 16
+def box_scene(dimension, material, fbar="default", n=16):
+    """One body of that material in a closed box of n cells; its particles are replaced."""
     scene = libmpm.Scene(
         dimension=dimension, cell_size=DX, lower=(0.0,) * dimension, upper=(n * DX,) * dimension,
         gravity=(0.0,) * (dimension - 1) + (-9.81,), method=libmpm.Method(cfl=0.3),
@@ -186,6 +185,32 @@ def flying(precision, pipeline, dimension=3):
 def test_strays_and_sorts(dimension, precision):
     machine = compare(lambda p, pipe: flying(p, pipe, dimension), precision, 120)
     assert machine.statistics()["sorts"] >= 2
+
+
+@pytest.mark.parametrize(
+    ("dimension", "form"), [(2, "gradient"), (3, "gradient"), (3, "none"), (3, "two-volume")]
+)
+def test_particles_of_nearly_empty_blocks(dimension, form):
+    """Thousands of blocks with three particles each go one by one, beside a block that is full."""
+    edge, side = (8, 66) if dimension == 2 else (4, 17)
+    rng = np.random.default_rng(8)
+    corners = np.stack(np.meshgrid(*[np.arange(side)] * dimension, indexing="ij"), axis=-1)
+    cells = edge * (corners.reshape(-1, dimension) + 1)
+    cells += rng.integers(0, edge, cells.shape)
+    full = edge * (side // 2) + np.zeros((1, dimension), dtype=int)
+    position = np.concatenate([in_cells(cells, 3, dimension), in_cells(full, 40, dimension)])
+    speed = np.array((2.0, 1.5, 1.0)[:dimension])
+    velocity = speed + rng.uniform(-0.1, 0.1, position.shape)
+
+    def spec_of(precision, pipeline):
+        return specification(
+            box_scene(dimension, water(), FORMS[form], n=(side + 3) * edge), position, 8,
+            precision=precision, pipeline=pipeline, velocity=velocity,
+        )  # fmt: skip
+
+    machine = compare(spec_of, "single", 120, adds=np.sqrt(5.0))
+    assert machine.statistics()["sorts"] >= 1
+    assert machine.statistics()["lone"] > len(position) // 2
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -302,6 +302,9 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     std::map<std::string, double> out;
     out["sorts"] = double(sorts_);
     out["blocks"] = double(table_.slots);
+    double lone = 0;
+    for (const auto& b : bodies_) lone += b.lone_count;
+    out["lone"] = lone;
     out["fastest_node"] = clock_.speed;
     out["drift"] = clock_.drift;
     double bytes =

@@ -207,6 +207,23 @@ public:
         }
     }
 
+    /// Node by node: what a lane adds that owns one.
+    void single_nodes() {
+        for (int round = 0; round < 300; ++round) {
+            const auto w = quadratic_weights<T, D>(position());
+            const auto q = drawn();
+            Sums<T, D, C> sums;
+            scatter<T, D, C>(sums, w, T(1), q);
+            for (int n = 0; n < stencil_nodes<D>; ++n) {
+                T value[C];
+                const T share = deposit_at<T, D, C>(w, n, q, value);
+                ASSERT_NEAR(share, sums.mass[n], eps / 8 * sums.mass[n]);
+                for (int c = 0; c < C; ++c)
+                    ASSERT_NEAR(share * value[c], sums.value[n][c], eps / 2 * sums.mass[n]);
+            }
+        }
+    }
+
     /// A field that is linear over the stencil: gathered exactly, scattered back exactly.
     void linear_fields() {
         double level[C], tilt[C][D];
@@ -273,6 +290,7 @@ public:
         uniform_fields();
         scatter_is_its_definition();
         rolled_scatter();
+        single_nodes();
         linear_fields();
         conservation();
     }
