@@ -40,6 +40,13 @@ struct Block {
     }
 };
 
+/// By how many cells a particle stands beside its home cell along one axis. Drift is limited to
+/// one.
+template <class T>
+MPM_INLINE int cell_shift(T xi) {
+    return xi < T(-0.5) ? -1 : (xi <= T(0.5) ? 0 : 1);
+}
+
 /// Number of a block in the domain, counted with a rim of `rim` blocks outside it.
 template <int D>
 struct BlockKeys {

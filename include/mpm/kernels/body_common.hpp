@@ -19,13 +19,6 @@ MPM_INLINE StepNumbers<T, Material> step_numbers(
             {T(n.ratio), carry ? T(1) : T(0), stress_only}};
 }
 
-/// By how many cells a particle stands beside its home cell along one axis. Drift is limited to
-/// one.
-template <class T>
-MPM_INLINE int cell_shift(T xi) {
-    return xi < T(-0.5) ? -1 : (xi <= T(0.5) ? 0 : 1);
-}
-
 /// Index of the lowest node of a cell's stencil in an arena with the strides of `Layout`.
 template <class Layout, int D>
 MPM_INLINE int stencil_origin(const int (&cell)[D]) {

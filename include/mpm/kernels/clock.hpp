@@ -32,7 +32,6 @@ struct Clock {
     // cost more than a sort.
     std::uint64_t strays, stray_limit;
     double speed;  // fastest node of the step in progress
-    double maxima[maxima_count];
     // Fixed point: number = integer * unit for the sums being read, integer = number * scale for
     // those being filled; the largest deposits into the latter, and what they may be.
     double unit_read[quantities], scale_write[quantities];
@@ -59,6 +58,17 @@ struct BodyConstants {
     double smoothing_time;   // s, or 0
     double smoothing_ratio;  // per step, used when the time is 0
 };
+
+/// For a step of length `dt` whose deposit belongs to one of `dt_next`.
+MPM_HD inline BodyNumbers body_numbers(const BodyConstants& body, double cell_size, double dt,
+                                       double dt_next) {
+    BodyNumbers n{};
+    n.move = dt / cell_size;
+    n.rate = 1 / cell_size;
+    n.impulse = 4 * dt_next / (body.density * cell_size);
+    n.ratio = body.smoothing_time > 0 ? -expm1(-dt / body.smoothing_time) : body.smoothing_ratio;
+    return n;
+}
 
 template <int D>
 struct BoundaryRecord {
@@ -142,8 +152,7 @@ struct Decide {
 
         for (int s = 0; s < sensor_count; ++s) sensors[s].due = 0;
         if (halt != Halt::none) return;
-        clock->maxima[max_speed] = clock->speed = speed;
-        clock->maxima[max_mass] = mass;
+        clock->speed = speed;
         if (fault != no_fault) return stop(FaultKind::particle, 0);
         for (int q = 0; q < quantities && sum_bits > 0; ++q)
             if (!(deposited[q] <= limit[q])) return stop(FaultKind::fixed_point, deposited[q]);
@@ -190,13 +199,7 @@ struct Decide {
 
     MPM_HD void set_numbers(double dt, double dt_next) const {
         for (int b = 0; b < bodies; ++b) {
-            BodyNumbers n{};
-            n.move = dt / cell_size;
-            n.rate = 1 / cell_size;
-            n.impulse = 4 * dt_next / (constants[b].density * cell_size);
-            n.ratio = constants[b].smoothing_time > 0 ? -expm1(-dt / constants[b].smoothing_time)
-                                                      : constants[b].smoothing_ratio;
-            numbers[b] = n;
+            numbers[b] = body_numbers(constants[b], cell_size, dt, dt_next);
         }
         clock->numbers_dt = dt;
         clock->numbers_dt_next = dt_next;

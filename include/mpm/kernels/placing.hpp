@@ -71,14 +71,7 @@ struct PlaceParticles {
     }
 };
 
-/// A number for each particle, given by id, into storage order.
-template <class T>
-struct ById {
-    const std::uint32_t* id;
-    const T* from;
-    T* to;
-    MPM_INLINE void operator()(std::int64_t k) const { to[k] = from[id[k]]; }
-};
+/// One number for all particles.
 template <class T>
 struct Constant {
     T value;

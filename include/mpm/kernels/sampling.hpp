@@ -286,7 +286,7 @@ struct TrackParticles {
                 const double x = double(body.offset[a][q]);
                 cell[a] = block[a] * Block<D>::edge + at[a];
                 out[a] = (double(cell[a]) + 0.5 + x) * cell_size;
-                const int shift = x < -0.5 ? -1 : (x <= 0.5 ? 0 : 1);
+                const int shift = cell_shift(x);
                 cell[a] += shift;
                 xi[a] = x - shift;
             }

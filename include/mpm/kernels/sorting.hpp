@@ -209,11 +209,13 @@ inline int permuted_together(std::uint64_t particles) {
     return particles <= (std::uint64_t(1) << 24) ? Permute<float>::most : 1;
 }
 
-struct PermuteIds {
-    const std::uint32_t* order;
-    const std::uint32_t* from;
-    std::uint32_t* to;
-    MPM_INLINE void operator()(std::int64_t k) const { to[k] = from[order[k]]; }
+/// to[k] = from[index[k]].
+template <class T>
+struct Take {
+    const std::uint32_t* index;
+    const T* from;
+    T* to;
+    MPM_INLINE void operator()(std::int64_t k) const { to[k] = from[index[k]]; }
 };
 
 /// Is any occupied block new to the table's homes? Its neighbours may then be missing.

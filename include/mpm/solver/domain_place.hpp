@@ -131,13 +131,9 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
         s.reserve_discard(std::size_t(table_.slots) * plan_.sum_channels * block_cells);
         s.zero();
     }
-    std::vector<BodyNumbers> numbers(bodies_.size());
-    const auto constants = constants_.host();
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        numbers[b].move = clock_.dt / spec_.cell_size;
-        numbers[b].rate = 1 / spec_.cell_size;
-        numbers[b].impulse = 4 * clock_.dt / (constants[b].density * spec_.cell_size);
-    }
+    std::vector<BodyNumbers> numbers;
+    for (const BodyConstants& body : constants_.host())
+        numbers.push_back(body_numbers(body, spec_.cell_size, clock_.dt, clock_.dt));
     numbers_.assign(numbers);
     if constexpr (!std::is_integral_v<Sum>) {
         deposit_all(spec);
@@ -202,7 +198,7 @@ void Domain<X, T, D>::deposit_all(const Spec& spec) {
             piece.resize(n);
             for (std::size_t k = 0; k < n; ++k) piece[k] = T(velocity[k * D + a]);
             given.assign(piece);
-            exec_.for_each(std::int64_t(n), ById<T>{body.id.data(), given.data(), to});
+            exec_.for_each(std::int64_t(n), Take<T>{body.id.data(), given.data(), to});
         }
         body.ops.initial(pass(body, int(b), 0));
         exec_.wait();

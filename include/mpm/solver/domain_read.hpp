@@ -180,7 +180,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
             for (int a = 0; a < D; ++a) {
                 const double o = double(offset[a][q]);
                 x[a] = (double(block[a] * Block<D>::edge + at[a]) + 0.5 + o) * dx;
-                const int shift = o < -0.5 ? -1 : (o <= 0.5 ? 0 : 1);
+                const int shift = cell_shift(o);
                 base[a] = at[a] + shift;
                 xi[a] = o - shift;
             }

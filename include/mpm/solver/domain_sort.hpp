@@ -276,7 +276,7 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
     spare.clear();
     Buffer<X, std::uint32_t> ids(exec_);
     ids.reserve_discard(body.id.size());
-    exec_.for_each(body.count, PermuteIds{order, body.id.data(), ids.data()});
+    exec_.for_each(body.count, Take<std::uint32_t>{order, body.id.data(), ids.data()});
     body.id.swap(ids);
 }
 

@@ -44,10 +44,10 @@ __device__ __forceinline__ const std::int32_t* neighbours_of(const BlockTableVie
 }
 
 /// Velocities, and where there are C > D channels the group's average, of one node.
-template <int D, int C, class T>
-__device__ __forceinline__ void load_node(const T* from, int average, bool packed, T (&u)[C]) {
+template <int C, class T, int D>
+__device__ __forceinline__ void load_node(const Pass<Cuda, T, D>& pass, const T* from, T (&u)[C]) {
     if constexpr (C == 4) {
-        if (packed) {
+        if (pass.grid.velocity_channels == 4 && pass.group.average == 3) {
             struct alignas(16) Four {
                 T e[4];
             };
@@ -56,7 +56,7 @@ __device__ __forceinline__ void load_node(const T* from, int average, bool packe
             return;
         }
     }
-    MPM_UNROLL for (int c = 0; c < C; ++c) u[c] = from[c < D ? c : average];
+    MPM_UNROLL for (int c = 0; c < C; ++c) u[c] = from[c < D ? c : pass.group.average];
 }
 
 /// Bits part, part + parts, part + 2 parts, ... of the first 16.
@@ -75,7 +75,6 @@ __device__ __forceinline__ void fill(const Pass<Cuda, T, D>& pass, std::int32_t 
     const auto& g = pass.grid;
     const std::int32_t* neighbours = neighbours_of(g.table, slot);
     const int parts = blockDim.x / Arena::lines, part = threadIdx.x / Arena::lines;
-    const bool packed = g.velocity_channels == 4 && pass.group.average == 3;
     if (part >= parts) return;
     int rest = threadIdx.x % Arena::lines, neighbour = 0, first_node = 0, place = 0, side_step = 1,
         node_step = edge;
@@ -95,8 +94,7 @@ __device__ __forceinline__ void fill(const Pass<Cuda, T, D>& pass, std::int32_t 
     T u[Arena::edge][C];
     MPM_UNROLL for (int k = 0; k < Arena::edge; ++k) {
         const int n = k - margin + edge;
-        load_node<D, C>(side[n / edge] + n % edge * g.velocity_channels, pass.group.average, packed,
-                        u[k]);
+        load_node(pass, side[n / edge] + n % edge * g.velocity_channels, u[k]);
     }
     const unsigned mine = every(parts, part);
     MPM_UNROLL for (int k = 0; k < Arena::cells; ++k) {

@@ -19,15 +19,13 @@ struct GridLines {
     template <int N>
     __device__ __forceinline__ Line<float, N> load(int place) const {
         const auto& g = pass.grid;
-        const bool packed = g.velocity_channels == 4 && pass.group.average == 3;
         float u[3][C];
         MPM_UNROLL for (int n = 0; n < 3; ++n) {
             int at[D], neighbour, node;
             MPM_UNROLL for (int a = 0; a < D; ++a) at[a] = place >> 4 * (D - 1 - a) & 15;
             at[D - 1] += n;
             arena_node<D>(at, neighbour, node);
-            load_node<D, C>(g.velocity + g.velocity_place(neighbours[neighbour], node),
-                            pass.group.average, packed, u[n]);
+            load_node(pass, g.velocity + g.velocity_place(neighbours[neighbour], node), u[n]);
         }
         Line<float, N> line;
         MPM_UNROLL for (int c = 0; c < N; ++c) {

@@ -56,7 +56,7 @@ template <class V, int D, int C, class Lines>
 MPM_INLINE Moments<V, C, 1> collapse_line(const Lines& lines, const Weights<V, D>& w, int at) {
     constexpr int last = D - 1;
     const V xi = w.offset(last);
-    const V bend = ScalarOf<V>(4) * (xi * w.value[last][1]);
+    const V bend = ScalarOf<V>(quadratic_inverse_moment) * (xi * w.value[last][1]);
     const auto line = lines.template load<C>(at);
     Moments<V, C, 1> out;
     MPM_UNROLL for (int c = 0; c < C; ++c) {
@@ -122,6 +122,7 @@ template <int C, class V, int D, class Lines>
 MPM_INLINE Affine<V, D, C> gather(const Lines& lines, const Weights<V, D>& w, int origin) {
     using T = ScalarOf<V>;
     constexpr int inner = D - 1;
+    constexpr T inverse = T(quadratic_inverse_moment);
     const auto part = [&](int k) {
         const int at = origin + k * Lines::stride(0);
         if constexpr (D == 3)
@@ -133,7 +134,7 @@ MPM_INLINE Affine<V, D, C> gather(const Lines& lines, const Weights<V, D>& w, in
     const auto here = part(1);
     const auto above = part(2);
     const V xi = w.offset(0), half = T(0.5) * xi, square = xi * xi + T(0.25);
-    const V bend = T(4) * (xi * w.value[0][1]);
+    const V bend = inverse * (xi * w.value[0][1]);
     const V(&n)[3] = w.value[0];
     Affine<V, D, C> out;
     MPM_UNROLL for (int c = 0; c < C; ++c) {
@@ -146,7 +147,7 @@ MPM_INLINE Affine<V, D, C> gather(const Lines& lines, const Weights<V, D>& w, in
                 n[0] * below.slope[g][c] + n[1] * here.slope[g][c] + n[2] * above.slope[g][c];
         }
         if constexpr (D == 3) {  // from the moment about the cell's centre
-            out.slope[1][c] = T(4) * out.slope[1][c] - (T(4) * w.offset(1)) * out.value[c];
+            out.slope[1][c] = inverse * out.slope[1][c] - (inverse * w.offset(1)) * out.value[c];
         }
     }
     return out;
