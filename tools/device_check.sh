@@ -73,7 +73,7 @@ scene.add_boundary(
 )
 scene.add_sensor(name="load", sensor=libmpm.sensors.LoadCell(boundary="pier", interval=1e-3))
 scene.add_sensor(name="energy", sensor=libmpm.sensors.Energy(interval=1e-3))
-for precision in ("single", "double"):
+for precision in ("single", "mixed", "double"):
     for pipeline in ("auto", "two-pass"):
         sim = libmpm.Simulation(scene, device="cuda", precision=precision, pipeline=pipeline)
         sim.step(int(sys.argv[1]))
@@ -85,13 +85,17 @@ SCENE
     echo "== $tool"
     timeout 200 compute-sanitizer --tool "$tool" --error-exitcode 9 --print-limit 20 \
       "$python" "$scene" "${LIBMPM_SANITIZE_STEPS:-60}" 2>&1 | tee "$results/sanitize-$tool.log"
+    # Thousands of nearly empty blocks, whose particles go one by one.
+    timeout 200 compute-sanitizer --tool "$tool" --error-exitcode 9 --print-limit 20 \
+      "$python" benchmarks/one_gpu.py --cases lone --scale 0.01 --steps 10 2>&1 |
+      tee "$results/sanitize-$tool-lone.log"
   done
 }
 
 bench() {
   local precision particles command
   for particles in ${LIBMPM_BENCH_SIZES:-100000 1000000 8000000}; do
-    for precision in ${LIBMPM_BENCH_PRECISIONS:-single double}; do
+    for precision in ${LIBMPM_BENCH_PRECISIONS:-single mixed double}; do
       command=("$python" -m libmpm bench --device cuda --precision "$precision"
         --particles "$particles" ${LIBMPM_BENCH:-} --json "$results/bench.jsonl")
       echo "== ${command[*]}"

@@ -37,7 +37,7 @@ py::array_t<T> equation_of_state(const py::array_t<T, py::array::c_style>& j, do
 
 PYBIND11_MODULE(_core, m) {
     m.doc() = "Compiled core of libmpm: CPU backend (OpenMP).";
-    mpm::python::bind_engine(m, mpm::make_cpu_engine, mpm::cpu_traits);
+    mpm::python::bind_engine(m, mpm::make_cpu_engine);
     m.def("material_table", &mpm::python::material_table,
           "Descriptions of all materials and their parameters.");
     m.def(

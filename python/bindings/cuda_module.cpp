@@ -9,7 +9,7 @@ namespace py = pybind11;
 
 PYBIND11_MODULE(_cuda, m) {
     m.doc() = "Compiled core of libmpm: CUDA backend.";
-    mpm::python::bind_engine(m, mpm::make_cuda_engine, mpm::cuda_traits);
+    mpm::python::bind_engine(m, mpm::make_cuda_engine);
     m.def(
         "build_info",
         [] {
@@ -20,7 +20,7 @@ PYBIND11_MODULE(_cuda, m) {
             d["openmp"] = false;
             d["instruction_set"] = "cuda";
             d["dimensions"] = std::vector<int>{2, 3};
-            d["precisions"] = std::vector<std::string>{"single", "double"};
+            d["precisions"] = std::vector<std::string>{"single", "mixed", "double"};
             std::vector<std::string> names;
             for (const auto& material : mpm::materials()) names.push_back(material.name);
             d["materials"] = names;

@@ -115,9 +115,8 @@ struct Handle {
 };
 
 using Factory = std::function<std::unique_ptr<Engine>(const Spec&)>;
-using Traits = std::function<BackendTraits(bool single)>;
 
-inline void bind_engine(py::module_& m, const Factory& make, const Traits& traits) {
+inline void bind_engine(py::module_& m, const Factory& make) {
     // Errors become the Python classes of the same name, looked up when first needed.
     py::register_exception_translator([](std::exception_ptr p) {
         const auto raise = [](const char* name, const char* what) {
@@ -141,12 +140,15 @@ inline void bind_engine(py::module_& m, const Factory& make, const Traits& trait
 
     m.def(
         "plan",
-        [traits](const py::dict& d) {
+        [](const py::dict& d, const std::string& kind) {
             const Spec spec = read_spec(d);
-            return plan_dict(plan_scene(spec, traits(spec.single)));
+            const auto traits = kind == "cuda" ? cuda_traits : cpu_traits;
+            return plan_dict(plan_scene(spec, traits(spec.precision)));
         },
-        py::arg("spec"),
-        "What a spec costs, before anything is allocated (design/engine-contract.md).");
+        py::arg("spec"), py::arg("kind"),
+        "What a spec costs on a \"cpu\" or on a \"cuda\" device that need not exist, before "
+        "anything "
+        "is allocated (design/engine-contract.md).");
 
     using release = py::call_guard<py::gil_scoped_release>;
     py::class_<Handle>(m, "Engine",

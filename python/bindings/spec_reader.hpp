@@ -237,10 +237,15 @@ inline Spec read_spec(const py::dict& d) {
                          "; built are 2 (plane strain) and 3");
     }
     const auto precision = d["precision"].cast<std::string>();
-    if (precision != "single" && precision != "double") {
-        throw SceneError("precision '" + precision + "' is not built; built are single and double");
+    if (precision == "single") {
+        s.precision = Precision::single;
+    } else if (precision == "mixed") {
+        s.precision = Precision::mixed;
+    } else if (precision == "double") {
+        s.precision = Precision::double_;
+    } else {
+        throw SceneError("precision is '" + precision + "'; expected single, mixed or double");
     }
-    s.single = precision == "single";
     s.device = d["device"].cast<int>();
     s.pipeline = d["pipeline"].cast<std::string>();
     s.threads = d["threads"].cast<int>();

@@ -64,7 +64,7 @@ def material_table() -> list:
     """
     Descriptions of all materials and their parameters.
     """
-def plan(spec: dict) -> dict:
+def plan(spec: dict, kind: str) -> dict:
     """
-    What a spec costs, before anything is allocated (design/engine-contract.md).
+    What a spec costs on a "cpu" or on a "cuda" device that need not exist, before anything is allocated (design/engine-contract.md).
     """

@@ -173,7 +173,7 @@ def build_info():
     }  # fmt: skip
 
 
-def plan(spec):
+def plan(spec, kind):
     bodies = [
         {"name": b["name"], "particles": b["count"], "bytes_per_particle": 16,
          "columns": [{"name": "position", "reals": 3, "bytes": 12}], "particle_spacing": 0.1}

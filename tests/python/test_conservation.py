@@ -13,7 +13,12 @@ from support import scenes
 from support.devices import device  # noqa: F401
 from support.tolerances import ROUNDING
 
-PRECISIONS = pytest.mark.parametrize("precision", ["single", "double"])
+PRECISIONS = pytest.mark.parametrize(
+    ("device", "precision"),
+    [("cpu", "single"), ("cpu", "double")]
+    + [pytest.param("cuda", p, marks=pytest.mark.gpu) for p in ("single", "mixed", "double")],
+    indirect=["device"],
+)
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
 STEPS = 200
 

@@ -287,9 +287,9 @@ def test_time_step(new_scene: Make) -> None:
 
 def test_options(scene: Scene) -> None:
     with pytest.raises(libmpm.SceneError) as caught:
-        lower(scene, precision="mixed", pipeline="split", time_step=-1.0, threads=-1)
+        lower(scene, precision="half", pipeline="split", time_step=-1.0, threads=-1)
     assert len(caught.value.problems) == 4
-    assert "precision 'mixed' is not built" in caught.value.problems[0]
+    assert "precision is 'half'" in caught.value.problems[0]
     with pytest.raises(libmpm.SceneError, match="did you mean 'double'"):
         lower(scene, precision="duble")
 

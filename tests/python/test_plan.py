@@ -120,13 +120,13 @@ def test_planes_show_stated_and_effective(tank: Any) -> None:
     assert "-0.20 cells away" in str(plan)
 
 
-def test_scene_plan_asks_the_module_of_the_device(
+def test_scene_plan_asks_for_the_kind_of_the_device(
     scene: libmpm.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[dict[str, Any]] = []
+    asked: list[tuple[dict[str, Any], str]] = []
 
-    def answer(spec: dict[str, Any]) -> dict[str, Any]:
-        asked.append(spec)
+    def answer(spec: dict[str, Any], kind: str) -> dict[str, Any]:
+        asked.append((spec, kind))
         return RESULT
 
     core = types.ModuleType("libmpm._core")
@@ -139,7 +139,8 @@ def test_scene_plan_asks_the_module_of_the_device(
     plan = scene.plan(device="cuda:1", precision="double", pipeline="two-pass", until=1.0)
     assert plan.device == "cuda:1"
     assert plan.steps == 10000
-    (spec,) = asked
+    ((spec, kind),) = asked
+    assert kind == "cuda"
     assert (spec["device"], spec["precision"], spec["pipeline"]) == (1, "double", "two-pass")
     assert all(b["position"] is None and b["pressure"] is None for b in spec["bodies"])
     assert scene.plan().device == "cpu"

@@ -83,6 +83,24 @@ def test_velocity_is_stored_by_neither_pipeline_and_deposits_only_by_one() -> No
     assert fused.time_step == halves.time_step
 
 
+def test_mixed_precision_keeps_the_grid_single() -> None:
+    """Twice the bytes a particle, the grid and what goes to it as in single; on CUDA alone."""
+    single, mixed, double = (
+        build().plan(device="cuda", precision=p, pipeline="two-pass")
+        for p in ("single", "mixed", "double")
+    )
+    assert single.bytes_per_node == mixed.bytes_per_node == double.bytes_per_node / 2
+    # Position and volume; the deposit of four channels with their slopes; id and home cell.
+    assert single.bytes_per_particle("water") == 4 * 4 + 4 * 16 + 5
+    assert mixed.bytes_per_particle("water") == 8 * 4 + 4 * 16 + 5
+    assert double.bytes_per_particle("water") == 8 * 4 + 8 * 16 + 5
+    assert build().plan(device="cuda", precision="mixed").pipeline == "two-pass"
+    with pytest.raises(libmpm.SceneError, match="use precision='double' there"):
+        build().plan(device="cpu", precision="mixed")
+    with pytest.raises(libmpm.SceneError, match="use precision='double' there"):
+        libmpm.Simulation(build(), device="cpu", precision="mixed")
+
+
 def test_a_sensor_adds_a_kernel_and_no_column() -> None:
     scene = build(solid=True)
     before = scene.plan(device="cpu")

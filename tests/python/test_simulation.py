@@ -173,7 +173,7 @@ def test_devices_found_are_listed(monkeypatch):
     assert backends.select("auto").name == "cuda:0"
 
 
-def test_unbuilt_precision_and_bad_arguments_are_named():
+def test_bad_precision_and_bad_arguments_are_named():
     with pytest.raises(libmpm.SceneError, match="mixed"):
         simulate(precision="mixed")
     with pytest.raises(libmpm.SceneError, match="pipeline"):

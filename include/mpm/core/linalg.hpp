@@ -12,6 +12,14 @@ struct Vec {
     MPM_INLINE const V& operator[](int i) const { return e[i]; }
 };
 
+/// The same vector in another number type.
+template <class G, class V, int N>
+MPM_INLINE Vec<G, N> as(const Vec<V, N>& v) {
+    Vec<G, N> out;
+    MPM_UNROLL for (int i = 0; i < N; ++i) out.e[i] = G(v.e[i]);
+    return out;
+}
+
 template <class V, int N>
 struct Mat {
     V e[N][N];

@@ -22,6 +22,9 @@ namespace mpm {
 class Cpu {
 public:
     static constexpr bool is_device = false;
+    /// In which numbers the grid is kept beside particles in T.
+    template <class T>
+    using Grid = T;
     /// Type of a nodal sum: the number itself.
     template <class T>
     using Sum = T;

@@ -119,6 +119,9 @@ struct SumOf<double> {
 class Cuda {
 public:
     static constexpr bool is_device = true;
+    /// In which numbers the grid is kept beside particles in T.
+    template <class T>
+    using Grid = T;
     /// Type of a nodal sum: fixed point, so that sums do not depend on their order.
     template <class T>
     using Sum = typename cuda::SumOf<T>::type;
@@ -250,6 +253,19 @@ private:
     static constexpr std::size_t staging_bytes = 1 << 16;
     static constexpr int max_maxima = 8;
     std::unique_ptr<Context> context_;
+};
+
+/// Mixed precision: whatever the particles are kept in, the grid and what goes to it and comes from
+/// it are single.
+class CudaMixed : public Cuda {
+public:
+    using Cuda::Cuda;
+    template <class>
+    using Grid = float;
+    template <class>
+    using Sum = Cuda::Sum<float>;
+    template <class>
+    static constexpr int sum_bits = Cuda::sum_bits<float>;
 };
 
 }  // namespace mpm

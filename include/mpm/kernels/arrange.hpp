@@ -21,13 +21,13 @@ void arrange(X& exec, Buffer<X, std::uint32_t>& cell, std::int64_t cells, const 
         exec.stable_order(cell.data(), std::int64_t(cell.size()), cells + 1, order.data(), start);
         cell.swap(order);
     } else {
-        arrange_by_rank(exec, cell, cells, id, start, home);
+        arrange_by_rank(exec, cell.data(), std::int64_t(cell.size()), cells, id, start, home);
     }
 }
 
 class Cuda;
 /// Compiled once, in src/kernels/cuda/arrange.cu.
-void arrange_by_rank(Cuda& exec, Buffer<Cuda, std::uint32_t>& cell, std::int64_t cells,
+void arrange_by_rank(Cuda& exec, std::uint32_t* cell, std::int64_t particles, std::int64_t cells,
                      const std::uint32_t* id, std::uint32_t* start, std::uint8_t* home);
 
 }  // namespace mpm

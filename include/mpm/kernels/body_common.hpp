@@ -86,8 +86,9 @@ MPM_INLINE void add_energies(const P& pass, const Lines& lines, const std::int64
         cell[a] = home[a] + shift;
         xi[a] -= T(shift);
     }
+    using G = typename P::Grid;
     const auto u =
-        gather<C, T, D>(lines, quadratic_weights<T, D>(xi), stencil_origin<Lines, D>(cell));
+        gather<C, G, D>(lines, quadratic_weights<G, D>(as<G>(xi)), stencil_origin<Lines, D>(cell));
     for (int a = 0; a < D; ++a) square += double(u.value[a]) * double(u.value[a]);
     double real[Material::template reals<D>];
     for (int r = 0; r < Material::template reals<D>; ++r) real[r] = double(state[r]);

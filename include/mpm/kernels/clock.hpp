@@ -49,6 +49,14 @@ struct Clock {
     std::int32_t log_count, log_stride;
 };
 
+/// Brings the host's clock to where the steps are taken, in order with them and without a wait.
+struct SetClock {
+    Clock from;
+    Clock* to;
+    MPM_HD void operator()() const { *to = from; }
+};
+static_assert(sizeof(SetClock) <= 4000, "parameters of a kernel");
+
 /// What changes in a body's numbers from step to step.
 struct BodyNumbers {
     double move, rate, impulse, ratio;

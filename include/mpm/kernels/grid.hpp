@@ -79,26 +79,32 @@ struct NodeUpdate {
     MPM_INLINE const Sum* sums(std::int32_t slot, int node) const {
         return grid.sums + std::int64_t(slot) * grid.sum_channels * block_cells + node;
     }
-    MPM_INLINE T mass(std::int32_t slot, int node) const {
-        const Sum* s = sums(slot, node);
+    MPM_INLINE T mass(Sum sum) const {
         if constexpr (std::is_integral_v<Sum>) {
-            if (s[0] < least_quanta) return 0;
+            if (sum < least_quanta) return 0;
         }
-        const T m = from_sum<T>(s[0], clock->unit_read[mass_sum]);
+        const T m = from_sum<T>(sum, clock->unit_read[mass_sum]);
         return m > T(negligible_mass<T> * least_mass) ? m : T(0);
     }
+    MPM_INLINE T mass(std::int32_t slot, int node) const { return mass(sums(slot, node)[0]); }
     MPM_INLINE void cell(std::int32_t slot, int node, std::int64_t (&c)[D]) const {
         int at[D];
         Block<D>::coordinates(node, at);
         for (int a = 0; a < D; ++a) c[a] = grid.table.corners[std::int64_t(slot) * D + a] + at[a];
     }
-    template <class Seen>
-    MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Seen& seen) const {
+    MPM_INLINE Vec<Sum, D> momentum(std::int32_t slot, int node) const {
         const Sum* s = sums(slot, node);
+        Vec<Sum, D> p;
+        for (int a = 0; a < D; ++a) p[a] = s[(1 + a) * block_cells];
+        return p;
+    }
+    template <class Seen>
+    MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
+                                  const Seen& seen) const {
         Vec<T, D> v;
         const T inverse = T(1) / m;
         for (int a = 0; a < D; ++a) {
-            v[a] = from_sum<T>(s[(1 + a) * block_cells], clock->unit_read[momentum_sum]) * inverse +
+            v[a] = from_sum<T>(p[a], clock->unit_read[momentum_sum]) * inverse +
                    T(clock->dt * clock->gravity[a]);
         }
         if (touched[slot]) {
@@ -118,6 +124,7 @@ struct UpdateGrid {
     Sum* next;  // sums to clear
     const GroupChannels* groups;
     int group_count;
+    GroupChannels only;  // the group if there is one alone
 
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         const auto& g = node.grid;
@@ -125,28 +132,47 @@ struct UpdateGrid {
         const std::int32_t slot = std::int32_t(i / block_cells);
         const int n = int(i % block_cells);
         T* out = g.velocity + g.velocity_place(slot, n);
+        // All reads first, none waits for another: most nodes carry mass.
+        const Sum* s = node.sums(slot, n);
+        const Sum mass = s[0];
+        const Vec<Sum, D> p = node.momentum(slot, n);
+        // With one group the node's velocities and its average are stored in one piece.
+        const bool in_one = D == 3 && group_count == 1;
+        Sum of_group = 0, of_weight = 0;
+        if (in_one) of_group = s[only.sum * block_cells];
+        if (in_one && only.weight >= 0) of_weight = s[only.weight * block_cells];
+
         Sum* clear = next + std::int64_t(slot) * g.sum_channels * block_cells + n;
         for (int c = 0; c < g.sum_channels; ++c) clear[c * block_cells] = 0;
-        const T m = node.mass(slot, n);
-        if (!(m > T(0))) {
-            for (int c = 0; c < g.velocity_channels; ++c) out[c] = 0;
-            return;
+        const T m = node.mass(mass);
+        Vec<T, D> v{};
+        if (m > T(0)) {
+            v = node.velocity(slot, n, m, p, NothingSeen{});
+            for (int a = 0; a < D; ++a) larger_of(maxima[max_speed], absolute(double(v[a])));
+            if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
         }
-        const Vec<T, D> v = node.velocity(slot, n, m, NothingSeen{});
-        const Sum* s = node.sums(slot, n);
-        for (int a = 0; a < D; ++a) {
-            out[a] = v[a];
-            larger_of(maxima[max_speed], absolute(double(v[a])));
+        if constexpr (D == 3) {
+            if (in_one) {
+                struct alignas(16) Piece {
+                    T e[4];
+                };
+                *reinterpret_cast<Piece*>(out) = {
+                    {v[0], v[1], v[2],
+                     m > T(0) ? average(of_group, only.weight >= 0 ? of_weight : mass) : T(0)}};
+                return;
+            }
         }
+        for (int a = 0; a < D; ++a) out[a] = v[a];
         for (int k = 0; k < group_count; ++k) {
             const GroupChannels& c = groups[k];
-            const T sum = from_sum<T>(s[c.sum * block_cells], node.clock->unit_read[group_sum]);
-            const T weight = c.weight < 0 ? m
-                                          : from_sum<T>(s[c.weight * block_cells],
-                                                        node.clock->unit_read[mass_sum]);
-            out[c.average] = weight > T(0) ? sum / weight : T(0);
+            out[c.average] = m > T(0) ? average(s[c.sum * block_cells],
+                                                s[(c.weight < 0 ? 0 : c.weight) * block_cells])
+                                      : T(0);
         }
-        if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
+    }
+    MPM_INLINE T average(Sum sum, Sum weight) const {
+        const T w = from_sum<T>(weight, node.clock->unit_read[mass_sum]);
+        return w > T(0) ? from_sum<T>(sum, node.clock->unit_read[group_sum]) / w : T(0);
     }
     // Not-a-number counts as infinite: nothing that is wrong may pass for slow.
     MPM_INLINE static void larger_of(double& to, double x) {

@@ -36,19 +36,20 @@ inline constexpr int state_reals = Material::template reals<D> +
 template <int D, Smoothing S>
 inline constexpr int transfer_channels = D + (S == Smoothing::none ? 0 : 1);
 
-/// `xi` is the offset from the centre of the cell whose stencil starts at node `origin`; it is
-/// advanced in place and may leave [-1/2, 1/2]. `state` holds the material's reals, then the
+/// What comes from the grid and goes to it is in G, which a particle's V may exceed: mixed
+/// precision. `xi` is the offset from the centre of the cell whose stencil starts at node `origin`;
+/// it is advanced in place and may leave [-1/2, 1/2]. `state` holds the material's reals, then the
 /// blended volume where two are stored.
-template <class Material, Smoothing S, class V, int D, class T, class Lines>
-MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(
+template <class Material, Smoothing S, class V, int D, class G = V, class T, class Lines>
+MPM_INLINE Affine<G, D, transfer_channels<D, S>> advance_particle(
     const Lines& lines, int origin, Vec<V, D>& xi, V (&state)[state_reals<Material, D, S>],
     const StepNumbers<T, Material>& k) {
     constexpr int C = transfer_channels<D, S>;
     constexpr int reals = Material::template reals<D>;
-    const Weights<V, D> w = quadratic_weights<V, D>(xi);
-    const Affine<V, D, C> u = gather<C, V, D>(lines, w, origin);
+    const Weights<G, D> w = quadratic_weights<G, D>(as<G>(xi));
+    const Affine<G, D, C> u = gather<C, G, D>(lines, w, origin);
 
-    Affine<V, D, C> out;
+    Affine<G, D, C> out;
     Mat<V, D> strain, rate;
     MPM_UNROLL for (int c = 0; c < D; ++c) {
         out.value[c] = u.value[c];
@@ -66,29 +67,29 @@ MPM_INLINE Affine<V, D, transfer_channels<D, S>> advance_particle(
         MPM_UNROLL for (int r = 0; r < reals; ++r) state[r] = own[r];
     } else {
         static_assert(Material::volumetric);
-        const V average = Material::advance_volume(u.value[D], trace(strain));
+        const V average = Material::advance_volume(V(u.value[D]), trace(strain));
         Vec<V, D> gradient;
-        MPM_UNROLL for (int a = 0; a < D; ++a) gradient[a] = u.slope[a][D];
+        MPM_UNROLL for (int a = 0; a < D; ++a) gradient[a] = V(u.slope[a][D]);
         const auto s = smooth_volume(S, own[0], average, gradient, k.smoothing);
         state[0] = s.stored;
         if constexpr (S == Smoothing::two_volumes) state[reals] = s.blended;
         own[0] = s.blended;
-        out.value[D] = s.deposited;
-        MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][D] = s.slope[a];
+        out.value[D] = G(s.deposited);
+        MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][D] = G(s.slope[a]);
     }
 
     const Mat<V, D> tau = Material::kirchhoff(own, rate, k.material);
     MPM_UNROLL for (int c = 0; c < D; ++c) MPM_UNROLL for (int a = 0; a < D; ++a) {
-        out.slope[a][c] = u.slope[a][c] - k.impulse * tau.e[c][a];
+        out.slope[a][c] = u.slope[a][c] - G(k.impulse * tau.e[c][a]);
     }
     return out;
 }
 
 /// What a particle deposits before the first step: its given velocity, no affine part, the stress
 /// of its state.
-template <class Material, Smoothing S, class V, int D, class T>
-MPM_INLINE Affine<V, D, transfer_channels<D, S>> resting_particle(
-    const Vec<V, D>& velocity, const V (&state)[state_reals<Material, D, S>],
+template <class Material, Smoothing S, class V, int D, class G = V, class T>
+MPM_INLINE Affine<G, D, transfer_channels<D, S>> resting_particle(
+    const Vec<G, D>& velocity, const V (&state)[state_reals<Material, D, S>],
     const StepNumbers<T, Material>& k) {
     constexpr int reals = Material::template reals<D>;
     V own[reals];
@@ -98,14 +99,14 @@ MPM_INLINE Affine<V, D, transfer_channels<D, S>> resting_particle(
     MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) still.e[a][b] =
         V(T(0));
     const Mat<V, D> tau = Material::kirchhoff(own, still, k.material);
-    Affine<V, D, transfer_channels<D, S>> out;
+    Affine<G, D, transfer_channels<D, S>> out;
     MPM_UNROLL for (int c = 0; c < D; ++c) {
         out.value[c] = velocity[c];
-        MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][c] = -k.impulse * tau.e[c][a];
+        MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][c] = G(-k.impulse * tau.e[c][a]);
     }
     if constexpr (S != Smoothing::none) {
-        out.value[D] = own[0];
-        MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][D] = V(T(0));
+        out.value[D] = G(own[0]);
+        MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][D] = G(V(T(0)));
     }
     return out;
 }

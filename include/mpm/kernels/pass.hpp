@@ -16,9 +16,11 @@ inline constexpr int max_parameters = 16;
 /// One body, one step: everything that a pass over its particles needs.
 template <class X, class T, int D>
 struct Pass {
+    static constexpr int dimension = D;
+    using Grid = typename X::template Grid<T>;
     using Sum = typename X::template Sum<T>;
     X* exec;
-    GridView<T, Sum, D> grid;  // velocities to read, sums to fill
+    GridView<Grid, Sum, D> grid;  // velocities to read, sums to fill
     BodyView<T, D> body;
     GroupChannels group;
     const Clock* clock;
@@ -34,7 +36,7 @@ struct Pass {
     double parameters[max_parameters];
     bool carry;        // F-bar: deposit the gradient of j
     bool stress_only;  // F-bar: only the pressure sees the blend
-    T* scratch;        // two-pass: (channels * (1 + D), count), what a particle deposits
+    Grid* scratch;     // two-pass: (channels * (1 + D), count), what a particle deposits
     const std::int32_t* coloured;  // CPU: home blocks by colour; blocks of one colour share no node
     const std::int32_t* colour_start;  // (2^D + 1)
 };

@@ -108,7 +108,7 @@ struct MeasureLoads {
                     }
                 }
             };
-            node.velocity(slot, n, m, seen);
+            node.velocity(slot, n, m, node.momentum(slot, n), seen);
         }
     }
 };
@@ -248,9 +248,9 @@ struct OpenTrack {
     }
 };
 
-template <class T, class Sum, int D>
+template <class G, class Sum, class T, int D>
 struct TrackParticles {
-    NodeUpdate<T, Sum, D> node;
+    NodeUpdate<G, Sum, D> node;
     SensorRecord* sensor;
     BodyView<T, D> body;
     const std::uint32_t* ids;  // ascending
@@ -290,7 +290,7 @@ struct TrackParticles {
                 cell[a] += shift;
                 xi[a] = x - shift;
             }
-            const bool wet = velocity_at<T, Sum, D>(node, cell, xi, v);
+            const bool wet = velocity_at<G, Sum, D>(node, cell, xi, v);
             for (int a = 0; a < D; ++a) out[D + a] = wet ? v[a] : nan("");
         }
     }

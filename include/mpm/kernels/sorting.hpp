@@ -26,7 +26,7 @@ struct FindCells {
     BlockTableView<D> table;
     BodyView<T, D> body;
     std::int32_t cells[D];    // of the domain
-    std::uint32_t* occupied;  // per present slot
+    std::uint32_t* occupied;  // per present slot: by this body
     std::uint32_t* new_cell;  // per particle: present slot * 64 + cell, or `outside`
     std::uint32_t* left;      // count of particles outside the domain
 
@@ -231,10 +231,16 @@ struct FindNewHomes {
 
 struct FlagHomes {
     const std::uint32_t* cell_start;
-    std::uint32_t* flag;  // of this body
-    std::uint32_t* any;   // of any body
+    std::uint32_t* flag;
     MPM_INLINE void operator()(std::int64_t slot) const {
         flag[slot] = cell_start[(slot + 1) * block_cells] > cell_start[slot * block_cells];
+    }
+};
+/// Adds the homes of a body to those of others.
+struct JoinHomes {
+    const std::uint32_t* flag;
+    std::uint32_t* any;
+    MPM_INLINE void operator()(std::int64_t slot) const {
         if (flag[slot]) any[slot] = 1;
     }
 };

@@ -34,9 +34,9 @@ struct BodyStore {
     Buffer<X, std::uint32_t> lone;  // devices: particles of the homes that are not full
     Buffer<X, std::int32_t> lone_slot;
     std::uint32_t lone_count = 0;
-    Buffer<X, std::int32_t> coloured;        // CPU: home blocks by colour
-    std::vector<std::int32_t> colour_start;  // CPU
-    Buffer<X, T> scratch;                    // two-pass: what particles deposit
+    Buffer<X, std::int32_t> coloured;                 // CPU: home blocks by colour
+    std::vector<std::int32_t> colour_start;           // CPU
+    Buffer<X, typename X::template Grid<T>> scratch;  // two-pass: what particles deposit
 
     // Taken out of the computation by the policy for particles that leave the domain, still listed.
     std::vector<std::uint32_t> frozen_id;

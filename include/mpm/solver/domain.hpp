@@ -30,6 +30,7 @@ namespace mpm {
 template <class X, class T, int D>
 class Domain final : public Engine {
 public:
+    using Grid = typename X::template Grid<T>;
     using Sum = typename X::template Sum<T>;
 
     template <class FindOps>
@@ -55,6 +56,11 @@ public:
 
 private:
     using Body = BodyStore<X, T, D>;
+    /// Which slots hold particles of each body.
+    struct Homes {
+        std::vector<Buffer<X, std::uint32_t>> flag, position;  // (slots,), and its scan
+        std::vector<std::uint32_t> count;
+    };
     struct Sensor {
         SensorSpec spec;
         int load = -1;  // index among load cells
@@ -90,7 +96,10 @@ private:
     std::int64_t growth_start() const;
     std::int64_t steps_to_sort() const;
     void fetch_clock();
-    void push_clock() { clock_buffer_.assign({clock_}); }
+    void push_clock() {
+        clock_buffer_.reserve_discard(1);
+        exec_.single(SetClock{clock_, clock_buffer_.data()});
+    }
 
     // domain_state.hpp
     std::vector<std::uint32_t> cell_by_cell(const Body& body,
@@ -111,7 +120,9 @@ private:
     void adopt_table(Buffer<X, std::uint64_t>& keys);
     void permute(Body& body, const std::uint32_t* order);
     void link_table();
-    void list_homes();
+    Homes find_homes();
+    void list_homes(const Homes& homes);
+    void join_homes(const Homes& homes, Buffer<X, std::uint32_t>& any);
     void sort_by_colour(Body& body);
     void heavy_first(Body& body);
     void list_by_kind(Body& body, const Buffer<X, std::uint32_t>& position);
@@ -126,14 +137,19 @@ private:
         return group_sum;
     }
     int parity() const { return int(clock_.step & 1); }
-    GridView<T, Sum, D> grid_view(int parity) {
+    GridView<Grid, Sum, D> grid_view(int parity) {
         return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(),
                 plan_.sum_channels};
     }
-    NodeUpdate<T, Sum, D> node_update(int parity) {
+    NodeUpdate<Grid, Sum, D> node_update(int parity) {
         return {grid_view(parity),        clock_buffer_.data(),
                 boundary_records_.data(), int(spec_.boundaries.size()),
                 touched_.data(),          least_mass_};
+    }
+    UpdateGrid<Grid, Sum, D> grid_update(int parity) {
+        return {node_update(parity), sums_[1 - parity].data(), groups_.data(),
+                int(plan_.groups.size()),
+                plan_.groups.size() == 1 ? plan_.groups[0] : GroupChannels{}};
     }
     BeginStep<D> begin_step() {
         return {clock_buffer_.data(), gravity_, boundary_records_.data(),
@@ -168,7 +184,7 @@ private:
     Buffer<X, std::uint32_t> touched_{exec_};
     Buffer<X, std::uint32_t> occupied_{exec_};  // (slots,): does any body hold particles there
     int sorts_of_table_ = 0;
-    Buffer<X, T> velocity_{exec_};
+    Buffer<X, Grid> velocity_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
     std::vector<Body> bodies_;

@@ -152,7 +152,8 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
         set_scales(mass, 1, 1);
         deposit_all(spec);
         exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
-                                   LargestNodeMass<T, Sum, D>{node_update(0)}, Keep{found.data()});
+                                   LargestNodeMass<Grid, Sum, D>{node_update(0)},
+                                   Keep{found.data()});
         fetch_clock();
         const double calm = 1e-6 * plan_.wave_speed;
         set_scales(std::max(found.host()[0], least_mass_),
@@ -187,22 +188,22 @@ void Domain<X, T, D>::deposit_all(const Spec& spec) {
         const auto& velocity = spec.bodies[b].velocity;
         const std::size_t n = body.count;
         body.scratch.reserve_discard(n * D + column_padding);
-        Buffer<X, T> given(exec_);
-        std::vector<T> piece;
+        Buffer<X, Grid> given(exec_);
+        std::vector<Grid> piece;
         for (int a = 0; a < D; ++a) {
-            T* to = body.scratch.data() + a * n;
+            Grid* to = body.scratch.data() + a * n;
             if (velocity.size() == std::size_t(D)) {
-                exec_.for_each(std::int64_t(n), Constant<T>{T(velocity[a]), to});
+                exec_.for_each(std::int64_t(n), Constant<Grid>{Grid(velocity[a]), to});
                 continue;
             }
             piece.resize(n);
-            for (std::size_t k = 0; k < n; ++k) piece[k] = T(velocity[k * D + a]);
+            for (std::size_t k = 0; k < n; ++k) piece[k] = Grid(velocity[k * D + a]);
             given.assign(piece);
-            exec_.for_each(std::int64_t(n), Take<T>{body.id.data(), given.data(), to});
+            exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
         }
         body.ops.initial(pass(body, int(b), 0));
         exec_.wait();
-        body.scratch = Buffer<X, T>(exec_);
+        body.scratch = Buffer<X, Grid>(exec_);
     }
 }
 

@@ -23,11 +23,8 @@ void Domain<X, T, D>::prepare_velocities() {
     push_clock();
     exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(),
                               int(spec_.boundaries.size())});
-    const int from = parity();
-    UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(),
-                                 int(plan_.groups.size())};
-    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells, update,
-                                          NothingDecided{});
+    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells,
+                                          grid_update(parity()), NothingDecided{});
     exec_.wait();
     clock_ = kept;
     push_clock();
@@ -127,7 +124,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     const auto home = body.home.host();
     const auto keys = keys_.host();
     const auto neighbours = neighbours_.host();
-    const std::vector<T> grid = moving ? velocity_.host() : std::vector<T>();
+    const std::vector<Grid> grid = moving ? velocity_.host() : std::vector<Grid>();
     std::vector<std::vector<T>> offset, state;
     for (auto& c : body.offset) offset.push_back(c.host(body.count));
     for (auto& c : body.state) state.push_back(c.host(body.count));
@@ -241,7 +238,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
         for (int node = 0; node < block_cells; ++node) {
             const double m = from_sum<double>(sums[slot * plan_.sum_channels * block_cells + node],
                                               clock_.unit_read[mass_sum]);
-            if (!(m > negligible_mass<T> * least_mass_)) continue;
+            if (!(m > negligible_mass<Grid> * least_mass_)) continue;
             ++n;
             int at[D];
             Block<D>::coordinates(node, at);

@@ -63,7 +63,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     place_particles(spec_);
     set_sensors();
     link_table();
-    list_homes();
+    list_homes(find_homes());
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {

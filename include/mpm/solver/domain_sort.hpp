@@ -37,39 +37,52 @@ void Domain<X, T, D>::link_table() {
     }
 }
 
-/// Blocks that hold particles, of each body and of any; on the CPU also by colour, on a device full
-/// ones and heavy ones first.
 template <class X, class T, int D>
-void Domain<X, T, D>::list_homes() {
+typename Domain<X, T, D>::Homes Domain<X, T, D>::find_homes() {
     const std::int64_t slots = table_.slots;
-    occupied_.reserve_discard(slots);
-    occupied_.zero();
+    Homes homes;
     Buffer<X, std::uint32_t> counts(exec_);
-    std::vector<Buffer<X, std::uint32_t>> flags, positions;
     counts.reserve_discard(bodies_.size());
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        flags.emplace_back(exec_);
-        positions.emplace_back(exec_);
-        flags[b].reserve_discard(slots);
-        positions[b].reserve_discard(slots + 1);
-        exec_.for_each(slots,
-                       FlagHomes{bodies_[b].cell_start.data(), flags[b].data(), occupied_.data()});
-        exec_.exclusive_scan(flags[b].data(), positions[b].data(), slots);
-        exec_.copy(counts.data() + b, positions[b].data() + slots, sizeof(std::uint32_t));
+        homes.flag.emplace_back(exec_).reserve_discard(slots);
+        homes.position.emplace_back(exec_).reserve_discard(slots + 1);
+        exec_.for_each(slots, FlagHomes{bodies_[b].cell_start.data(), homes.flag[b].data()});
+        exec_.exclusive_scan(homes.flag[b].data(), homes.position[b].data(), slots);
+        exec_.copy(counts.data() + b, homes.position[b].data() + slots, sizeof(std::uint32_t));
     }
-    const auto count = counts.host();
+    homes.count = counts.host();
+    return homes;
+}
+
+/// Slots that hold particles of any body.
+template <class X, class T, int D>
+void Domain<X, T, D>::join_homes(const Homes& homes, Buffer<X, std::uint32_t>& any) {
+    const std::int64_t slots = table_.slots;
+    any.reserve_discard(slots);
+    exec_.copy(any.data(), homes.flag[0].data(), std::size_t(slots) * sizeof(std::uint32_t));
+    for (std::size_t b = 1; b < homes.flag.size(); ++b)
+        exec_.for_each(slots, JoinHomes{homes.flag[b].data(), any.data()});
+}
+
+/// Lists the blocks that hold particles, of each body; on the CPU also by colour, on a device full
+/// ones and heavy ones first.
+template <class X, class T, int D>
+void Domain<X, T, D>::list_homes(const Homes& homes) {
+    const std::int64_t slots = table_.slots;
+    join_homes(homes, occupied_);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
-        body.homes = body.full_homes = std::int32_t(count[b]);
+        const std::uint32_t count = homes.count[b];
+        body.homes = body.full_homes = std::int32_t(count);
         body.lone_count = 0;
-        body.home.reserve_discard(count[b]);
-        const bool sparse = body.ops.lone && plan_.fused && count[b] >= least_of_sparse &&
-                            body.count < 4 * least_of_block * std::uint64_t(count[b]);
+        body.home.reserve_discard(count);
+        const bool sparse = body.ops.lone && plan_.fused && count >= least_of_sparse &&
+                            body.count < 4 * least_of_block * std::uint64_t(count);
         if (X::is_device && sparse) {
-            list_by_kind(body, positions[b]);
+            list_by_kind(body, homes.position[b]);
         } else {
-            exec_.for_each(slots,
-                           ListHomes{flags[b].data(), positions[b].data(), body.home.data()});
+            exec_.for_each(
+                slots, ListHomes{homes.flag[b].data(), homes.position[b].data(), body.home.data()});
         }
         if constexpr (X::is_device)
             heavy_first(body);
@@ -286,29 +299,45 @@ template <class X, class T, int D>
 bool Domain<X, T, D>::sort() {
     const double began = now();
     const std::int64_t slots = table_.slots;
+    // Per body: particles that have left, homes; then whether the table lacks a block.
+    const std::size_t bodies = bodies_.size();
     Buffer<X, std::uint32_t> occupied(exec_), counts(exec_);
-    occupied.reserve_discard(slots);
-    occupied.zero();
-    // Left particles of each body, then whether the table lacks a block.
-    counts.reserve_discard(bodies_.size() + 1);
+    counts.reserve_discard(2 * bodies + 1);
     counts.zero();
+    Homes homes;
     std::vector<Buffer<X, std::uint32_t>> cells;
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    for (std::size_t b = 0; b < bodies; ++b) {
         Body& body = bodies_[b];
         cells.emplace_back(exec_);
         cells.back().reserve_discard(body.count + column_padding);
         cells.back().shrink(body.count);
-        FindCells<X, T, D> find{table_,          body.view(),         {},
-                                occupied.data(), cells.back().data(), counts.data() + b};
+        homes.flag.emplace_back(exec_).reserve_discard(slots);
+        homes.flag[b].zero();
+        homes.position.emplace_back(exec_).reserve_discard(slots + 1);
+        FindCells<X, T, D> find{table_,
+                                body.view(),
+                                {},
+                                homes.flag[b].data(),
+                                cells.back().data(),
+                                counts.data() + 2 * b};
         for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
         exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
+        exec_.exclusive_scan(homes.flag[b].data(), homes.position[b].data(), slots);
+        exec_.copy(counts.data() + 2 * b + 1, homes.position[b].data() + slots,
+                   sizeof(std::uint32_t));
     }
-    exec_.for_each(
-        slots, FindNewHomes<X>{occupied.data(), occupied_.data(), counts.data() + bodies_.size()});
-    const auto left = counts.host();
+    join_homes(homes, occupied);
+    exec_.for_each(slots,
+                   FindNewHomes<X>{occupied.data(), occupied_.data(), counts.data() + 2 * bodies});
+    const auto counted = counts.host();
+    std::vector<std::uint32_t> left;
+    for (std::size_t b = 0; b < bodies; ++b) {
+        left.push_back(counted[2 * b]);
+        homes.count.push_back(counted[2 * b + 1]);
+    }
     if (!remove_left(left, cells)) return false;
     // A table that still has all it needs is kept for a while, with the blocks that emptied.
-    const bool rebuild = left.back() != 0 || ++sorts_of_table_ >= 16;
+    const bool rebuild = counted.back() != 0 || ++sorts_of_table_ >= 16;
     Buffer<X, std::uint64_t> keys(exec_);
     Buffer<X, std::int32_t> map(exec_);
     if (rebuild) rebuild_table(occupied, keys, map);
@@ -330,8 +359,9 @@ bool Domain<X, T, D>::sort() {
     if (rebuild) {
         adopt_table(keys);
         sorts_of_table_ = 0;
+        homes = find_homes();
     }
-    list_homes();
+    list_homes(homes);
     clock_.drift = 0;
     clock_.strays = 0;
     ++sorts_;

@@ -247,7 +247,7 @@ void Domain<X, T, D>::load(const State& state) {
     sensor_records_.assign(records);
     clock_.halt = Halt::none;
     link_table();
-    list_homes();
+    list_homes(find_homes());
     push_clock();
     dead_ = false;
 }

@@ -32,13 +32,10 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
 template <class X, class T, int D>
 void Domain<X, T, D>::update_grid() {
     if constexpr (!X::is_device) exec_.single(begin_step());  // a device did at the last turn
-    const int from = parity();
-    UpdateGrid<T, Sum, D> update{node_update(from), sums_[1 - from].data(), groups_.data(),
-                                 int(plan_.groups.size())};
     int bits = 0;
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
     exec_.template max_each<maxima_count>(
-        std::int64_t(table_.slots) * block_cells, update,
+        std::int64_t(table_.slots) * block_cells, grid_update(parity()),
         Decide<D>{clock_buffer_.data(), spec_.cell_size, constants_.data(), numbers_.data(),
                   int(bodies_.size()), sensor_records_.data(), int(sensors_.size()), bits,
                   least_mass_, plan_.wave_speed});
@@ -61,7 +58,7 @@ void Domain<X, T, D>::run_sensors() {
                     SampleLoad<D>{clock, record, load_impulse_.data() + s.load * load_columns<D>});
                 break;
             case SensorKind::wave_gauge: {
-                SampleGauge<T, Sum, D> gauge{
+                SampleGauge<Grid, Sum, D> gauge{
                     node,         record,          {}, s.spec.axis, s.gauge_channel,
                     s.gauge_full, spec_.cell_size, {}};
                 for (int a = 0; a < D; ++a) {
@@ -72,7 +69,7 @@ void Domain<X, T, D>::run_sensors() {
                 break;
             }
             case SensorKind::velocity_probe: {
-                SampleVelocity<T, Sum, D> probe{node, record, {}, spec_.cell_size};
+                SampleVelocity<Grid, Sum, D> probe{node, record, {}, spec_.cell_size};
                 for (int a = 0; a < D; ++a) probe.position[a] = s.spec.position[a];
                 exec_.single(probe);
                 break;
@@ -80,10 +77,10 @@ void Domain<X, T, D>::run_sensors() {
             case SensorKind::tracker: {
                 Body& body = bodies_[s.spec.body];
                 exec_.single(OpenTrack{clock, record});
-                exec_.for_each_large(
-                    body.homes, TrackParticles<T, Sum, D>{node, record, body.view(), s.ids.data(),
-                                                          s.columns.data(), int(s.spec.ids.size()),
-                                                          spec_.cell_size});
+                exec_.for_each_large(body.homes,
+                                     TrackParticles<Grid, Sum, T, D>{
+                                         node, record, body.view(), s.ids.data(), s.columns.data(),
+                                         int(s.spec.ids.size()), spec_.cell_size});
                 break;
             }
             case SensorKind::energy: {
@@ -108,8 +105,8 @@ void Domain<X, T, D>::run_sensors() {
     if (load_count_ > 0) {
         exec_.for_each_large(
             measured_count_,
-            MeasureLoads<T, Sum, D>{node, measured_slots_.data(), load_cells_.data(), load_count_,
-                                    spec_.cell_size, load_partial_.data()});
+            MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
+                                       load_count_, spec_.cell_size, load_partial_.data()});
         const int columns = load_count_ * load_columns<D>;
         exec_.for_each(columns, AddLoads<D>{clock, load_partial_.data(), measured_count_, columns,
                                             load_impulse_.data()});

@@ -1,4 +1,4 @@
-// From a spec and a plan to a simulation on the executor X: picks number type and dimension, and
+// From a spec and a plan to a simulation on the executor X: picks the dimension, and
 // finds the material's compiled passes. The one place where the list of materials meets the solver.
 #pragma once
 
@@ -16,20 +16,15 @@ BodyOps<X, T, D> find_body_ops(const std::string& name, Smoothing s) {
     throw SceneError("material '" + name + "' has no form for this backend");
 }
 
-/// `make_executor()` is called once, for the simulation that it will own.
-template <class X, class MakeExecutor>
+/// With particles in T. `make_executor()` is called once, for the simulation that it will own.
+template <class X, class T, class MakeExecutor>
 std::unique_ptr<Engine> make_domain(const Spec& spec, const Plan& plan,
                                     const MakeExecutor& make_executor) {
-    const auto make = [&]<class T, int D>() -> std::unique_ptr<Engine> {
+    const auto make = [&]<int D>() -> std::unique_ptr<Engine> {
         return std::make_unique<Domain<X, T, D>>(spec, plan, make_executor(),
                                                  find_body_ops<X, T, D>);
     };
-    if (spec.dimension == 2) {
-        return spec.single ? make.template operator()<float, 2>()
-                           : make.template operator()<double, 2>();
-    }
-    return spec.single ? make.template operator()<float, 3>()
-                       : make.template operator()<double, 3>();
+    return spec.dimension == 2 ? make.template operator()<2>() : make.template operator()<3>();
 }
 
 }  // namespace mpm

@@ -17,12 +17,20 @@ const MaterialInfo& material(const std::string& name);
 /// What the backend that will run the scene is like.
 struct BackendTraits {
     bool device = false;
-    int sum_bytes = 4;  // of one nodal sum
-    bool fused = true;  // has the fused form in this precision
     std::string name;
+    Precision precision = Precision::single;
+    bool fused = true;  // has the fused form in this precision
+    std::string numbers() const {
+        return precision == Precision::single  ? "single"
+               : precision == Precision::mixed ? "mixed"
+                                               : "double";
+    }
+    /// Bytes of a particle's numbers, and of the grid's and what goes to it and comes from it.
+    int real() const { return precision == Precision::single ? 4 : 8; }
+    int grid_real() const { return precision == Precision::double_ ? 8 : 4; }
 };
-BackendTraits cpu_traits(bool single);
-BackendTraits cuda_traits(bool single);
+BackendTraits cpu_traits(Precision precision);
+BackendTraits cuda_traits(Precision precision);
 
 struct PlanColumn {
     std::string name;

@@ -75,11 +75,14 @@ struct SensorSpec {
     std::vector<std::uint64_t> ids;
 };
 
+/// Of particles and grid; mixed: particles double, grid single.
+enum class Precision { single, mixed, double_ };
+
 enum class Leaving { stop, freeze, remove };
 
 struct Spec {
     int dimension = 3;
-    bool single = true;
+    Precision precision = Precision::single;
     int device = 0;
     std::string pipeline = "auto";
     int threads = 0;

@@ -19,7 +19,6 @@ __all__ = [
     "cuda_status",
     "memory_free",
     "parse_device",
-    "planner",
     "select",
 ]
 
@@ -91,16 +90,6 @@ def cuda_status() -> CudaStatus:
         return CudaStatus(module, (), "the driver lists no device; see `nvidia-smi` and "
                           "CUDA_VISIBLE_DEVICES")  # fmt: skip
     return CudaStatus(module, found, "")
-
-
-def planner(kind: str) -> Any:
-    """Return the compiled module that plans for "cpu" or "cuda".
-
-    The device need not exist. Both modules plan from the same tables, so the CPU module stands in
-    for a CUDA module that was not built.
-    """
-    status = cuda_status() if kind == "cuda" else None
-    return core() if status is None or status.module is None else status.module
 
 
 def parse_device(device: str | Sequence[str]) -> tuple[str, int]:

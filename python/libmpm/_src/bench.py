@@ -261,7 +261,7 @@ def describe(result: Result) -> str:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``libmpm bench``."""
     parser.add_argument("--particles", type=int, default=100_000, help="about this many")
-    parser.add_argument("--precision", default="single", help="single or double")
+    parser.add_argument("--precision", default="single", help="single, mixed or double")
     parser.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
     parser.add_argument("--steps", type=int, default=10_000)
     parser.add_argument("--fbar", default="default", help=", ".join(FBAR_FORMS))

@@ -33,9 +33,9 @@ from libmpm._src.values import nearest
 if TYPE_CHECKING:
     from libmpm._src.scene import Body, Boundary, PlacedSensor, Scene
 
-__all__ = ["PIPELINES", "PRECISIONS", "check_options", "lower", "world_offset"]
+__all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "lower", "world_offset"]
 
-PRECISIONS = ("single", "double")
+PRECISIONS = ("single", "mixed", "double")
 PIPELINES = ("auto", "fused", "two-pass")
 
 #: From (first, last) to what is given for the particles first ≤ i < last of a body.
@@ -56,11 +56,7 @@ def check_options(
 ) -> list[str]:
     """Return what is wrong with the options of a run."""
     problems = []
-    if precision == "mixed":
-        problems.append(
-            "precision 'mixed' is not built; this libmpm has single and double; use 'single'"
-        )
-    elif precision not in PRECISIONS:
+    if precision not in PRECISIONS:
         problems.append(f"precision is {precision!r}; {nearest(str(precision), PRECISIONS)}")
     if pipeline not in PIPELINES:
         problems.append(f"pipeline is {pipeline!r}; {nearest(str(pipeline), PIPELINES)}")
@@ -69,6 +65,15 @@ def check_options(
     if threads < 0:
         problems.append(f"threads is {threads}; expected ≥ 0; 0 takes all")
     return problems
+
+
+def check_backend(kind: str, precision: str) -> None:
+    """Refuse a precision that a backend, "cpu" or "cuda", does not have."""
+    if kind == "cpu" and precision == "mixed":
+        raise SceneError(
+            "precision is 'mixed'; on the CPU it would compute what 'double' does and save little; "
+            "use precision='double' there, or a CUDA device"
+        )
 
 
 def lower(

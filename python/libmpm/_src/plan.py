@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from libmpm._src import backends, checks
 from libmpm._src.errors import SceneError
-from libmpm._src.lowering import lower
+from libmpm._src.lowering import check_backend, lower
 from libmpm._src.values import nearest
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ RATES = {
     ("cpu", "single"): 1.6e7,
     ("cpu", "double"): 1.05e7,
     ("cuda", "single"): 1.0e10,
+    ("cuda", "mixed"): 3.0e9,
     ("cuda", "double"): 2.8e9,
 }
 
@@ -45,6 +46,7 @@ def build_plan(
     Raises `SceneError`, warns as `Scene.validate`.
     """
     kind, index = backends.parse_device(device)
+    check_backend(kind, precision)
     spec = lower(
         scene,
         precision=precision,
@@ -54,11 +56,9 @@ def build_plan(
         time_step=time_step,
         with_particles=False,
     )
-    # Both modules plan from the same tables, and this one is always built.
-    module = backends.planner(kind)
     name = "cpu" if kind == "cpu" else f"cuda:{index}"
     return Plan(
-        module.plan(spec),
+        backends.core().plan(spec, kind),
         scene=scene,
         device=name,
         precision=precision,
@@ -110,7 +110,7 @@ class Plan:
 
     @property
     def precision(self) -> str:
-        """Number type, "single" or "double"."""
+        """Number types: "single", "mixed" (particles double, grid single) or "double"."""
         return self._precision
 
     @property

@@ -23,7 +23,7 @@ from libmpm._src.errors import (
 )
 from libmpm._src.faults import describe_fault, describe_removed
 from libmpm._src.interrupts import deferred_interrupt
-from libmpm._src.lowering import lower, world_offset
+from libmpm._src.lowering import check_backend, lower, world_offset
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.sensor_file import Series
 from libmpm._src.output.writer import Output, Writer
@@ -48,7 +48,7 @@ class Simulation:
     device
         "auto" (CUDA if there is a device, else the CPU), "cpu", "cuda" or "cuda:<index>".
     precision
-        "single" or "double".
+        "single", "double", or on CUDA devices "mixed": particles double, grid single.
     pipeline
         "auto", "fused" or "two-pass".
     output
@@ -83,6 +83,7 @@ class Simulation:
         }
         lower(self._scene, with_particles=False, **self._requested)
         self._backend = backends.select(device)
+        check_backend(self._backend.kind, precision)
         self._output = Output(output) if isinstance(output, str | Path) else output
         self._offset = world_offset(self._scene)
         self._engine: Any = None
@@ -120,7 +121,7 @@ class Simulation:
 
     @property
     def precision(self) -> str:
-        """Either "single" or "double"."""
+        """Either "single", "mixed" or "double"."""
         return str(self._requested["precision"])
 
     @property

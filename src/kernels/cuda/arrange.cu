@@ -69,15 +69,15 @@ __global__ void __launch_bounds__(warps * 32)
 
 }  // namespace
 
-void arrange_by_rank(Cuda& exec, Buffer<Cuda, std::uint32_t>& cell, std::int64_t cells,
+void arrange_by_rank(Cuda& exec, std::uint32_t* cell, std::int64_t particles, std::int64_t cells,
                      const std::uint32_t* id, std::uint32_t* start, std::uint8_t* home) {
     Buffer<Cuda, std::uint32_t> arrived(exec);
-    arrived.reserve_discard(cell.size() + column_padding);
-    exec.bucket_order(cell.data(), std::int64_t(cell.size()), cells + 1, arrived.data(), start);
+    arrived.reserve_discard(std::size_t(particles) + column_padding);
+    exec.bucket_order(cell, particles, cells + 1, arrived.data(), start);
     constexpr std::int64_t each = warps * warp_cells;
     exec.launch(&rank_cells, (cells + each - 1) / each, 1, warps * 32,
                 static_cast<const std::uint32_t*>(arrived.data()), id,
-                static_cast<const std::uint32_t*>(start), cells, cell.data(), home);
+                static_cast<const std::uint32_t*>(start), cells, cell, home);
 }
 
 }  // namespace mpm

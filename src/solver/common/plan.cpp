@@ -18,8 +18,15 @@ const MaterialInfo& material(const std::string& name) {
     throw SceneError("material '" + name + "' is not built into this library; built are: " + known);
 }
 
-BackendTraits cpu_traits(bool single) { return {false, single ? 4 : 8, true, "cpu"}; }
-BackendTraits cuda_traits(bool single) { return {true, single ? 4 : 8, single, "cuda"}; }
+BackendTraits cpu_traits(Precision precision) {
+    if (precision == Precision::mixed) {
+        throw SceneError("precision 'mixed' is not built for the CPU; use precision='double'");
+    }
+    return {false, "cpu", precision, true};
+}
+BackendTraits cuda_traits(Precision precision) {
+    return {true, "cuda", precision, precision == Precision::single};
+}
 
 namespace {
 
@@ -52,8 +59,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         throw SceneError("pipeline is '" + spec.pipeline + "'; expected auto, fused or two-pass");
     }
     Plan plan;
-    const int real = spec.single ? 4 : 8;
-    const std::string numbers = spec.single ? "single" : "double";
+    const int real = backend.real();
+    const std::string numbers = backend.numbers();
 
     plan.fused = spec.pipeline == "auto" ? backend.fused : spec.pipeline == "fused";
     if (plan.fused && !backend.fused) {
@@ -126,7 +133,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     }
     plan.sum_channels = int(plan.channels.size());
     // Sums are kept twice: those being read and those being filled.
-    plan.bytes_per_node = 2 * plan.sum_channels * backend.sum_bytes + plan.velocity_channels * real;
+    plan.bytes_per_node = (2 * plan.sum_channels + plan.velocity_channels) * backend.grid_real();
 
     plan.wave_speed = 0;
     for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
@@ -156,7 +163,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         if (backend.device) p.columns.push_back({"cell", 1, 1});
         if (!plan.fused) {
             const int channels = D + (p.smoothing == Smoothing::none ? 0 : 1);
-            p.columns.push_back({"deposit", channels * (1 + D), channels * (1 + D) * real});
+            p.columns.push_back(
+                {"deposit", channels * (1 + D), channels * (1 + D) * backend.grid_real()});
         }
         for (const auto& c : p.columns) p.bytes_per_particle += c.bytes;
         const double density = m.density(body.parameters.data());

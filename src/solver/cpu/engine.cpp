@@ -6,8 +6,10 @@ namespace mpm {
 
 std::unique_ptr<Engine> make_cpu_engine(const Spec& spec) {
     return make_merged(spec, [](const Spec& s) {
-        return make_domain<Cpu>(s, make_plan(s, cpu_traits(s.single)),
-                                [&] { return Cpu(s.threads); });
+        const Plan plan = make_plan(s, cpu_traits(s.precision));
+        const auto executor = [&] { return Cpu(s.threads); };
+        return s.precision == Precision::single ? make_domain<Cpu, float>(s, plan, executor)
+                                                : make_domain<Cpu, double>(s, plan, executor);
     });
 }
 

@@ -214,9 +214,10 @@ public:
             const auto q = drawn();
             Sums<T, D, C> sums;
             scatter<T, D, C>(sums, w, T(1), q);
+            const Deposit<T, D, C> d = deposit_of(w, q);
             for (int n = 0; n < stencil_nodes<D>; ++n) {
                 T value[C];
-                const T share = deposit_at<T, D, C>(w, n, q, value);
+                const T share = deposit_at(d, n, value);
                 ASSERT_NEAR(share, sums.mass[n], eps / 8 * sums.mass[n]);
                 for (int c = 0; c < C; ++c)
                     ASSERT_NEAR(share * value[c], sums.value[n][c], eps / 2 * sums.mass[n]);

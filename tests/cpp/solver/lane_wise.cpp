@@ -21,7 +21,7 @@ static_assert(lane_wise<BranchingFluid> && !lane_wise<TaitFluid>);
 Spec puddle() {
     Spec s;
     s.dimension = 2;
-    s.single = false;
+    s.precision = Precision::double_;
     s.threads = 1;
     s.cell_size = 0.1;
     s.cells = {12, 12};
@@ -56,7 +56,7 @@ Spec puddle() {
 template <class Material>
 std::vector<double> run() {
     const Spec spec = puddle();
-    const Plan plan = make_plan(spec, cpu_traits(false));
+    const Plan plan = make_plan(spec, cpu_traits(Precision::double_));
     Domain<Cpu, double, 2> domain(spec, plan, Cpu(1), [](const std::string&, Smoothing s) {
         return cpu_body_ops<double, 2, Material>(s);
     });

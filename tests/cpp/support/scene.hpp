@@ -26,7 +26,7 @@ inline Spec empty_scene(int dimension, bool single, std::vector<std::int64_t> ce
                         double cell_size = 0.1) {
     Spec s;
     s.dimension = dimension;
-    s.single = single;
+    s.precision = single ? Precision::single : Precision::double_;
     s.threads = 1;
     s.cell_size = cell_size;
     s.cells = std::move(cells);

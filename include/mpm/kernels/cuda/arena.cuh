@@ -43,20 +43,30 @@ __device__ __forceinline__ const std::int32_t* neighbours_of(const BlockTableVie
     return table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
 }
 
+/// True if what a particle reads of a node is one piece of four numbers.
+template <int C, class P>
+__device__ __forceinline__ bool in_one_piece(const P& pass) {
+    return C == 4 && pass.grid.velocity_channels == 4 && pass.group.average == 3;
+}
+template <class T>
+__device__ __forceinline__ void load_piece(const T* from, T (&u)[4]) {
+    struct alignas(16) Four {
+        T e[4];
+    };
+    const Four v = *reinterpret_cast<const Four*>(from);
+    MPM_UNROLL for (int c = 0; c < 4; ++c) u[c] = v.e[c];
+}
+
 /// Velocities, and where there are C > D channels the group's average, of one node.
-template <int C, class T, int D>
-__device__ __forceinline__ void load_node(const Pass<Cuda, T, D>& pass, const T* from, T (&u)[C]) {
+template <int C, class P, class T>
+__device__ __forceinline__ void load_node(const P& pass, const T* from, T (&u)[C]) {
     if constexpr (C == 4) {
-        if (pass.grid.velocity_channels == 4 && pass.group.average == 3) {
-            struct alignas(16) Four {
-                T e[4];
-            };
-            const Four v = *reinterpret_cast<const Four*>(from);
-            MPM_UNROLL for (int c = 0; c < C; ++c) u[c] = v.e[c];
+        if (in_one_piece<C>(pass)) {
+            load_piece(from, u);
             return;
         }
     }
-    MPM_UNROLL for (int c = 0; c < C; ++c) u[c] = from[c < D ? c : pass.group.average];
+    MPM_UNROLL for (int c = 0; c < C; ++c) u[c] = from[c < P::dimension ? c : pass.group.average];
 }
 
 /// Bits part, part + parts, part + 2 parts, ... of the first 16.
@@ -67,9 +77,8 @@ __device__ __forceinline__ unsigned every(int parts, int part) {
 }
 
 /// Threads share the lines, and where there are more threads than lines also the cells of a line.
-template <class T, int D, int C>
-__device__ __forceinline__ void fill(const Pass<Cuda, T, D>& pass, std::int32_t slot,
-                                     LineArena<T, D, C>& arena) {
+template <class P, class T, int D, int C>
+__device__ __forceinline__ void fill(const P& pass, std::int32_t slot, LineArena<T, D, C>& arena) {
     using Arena = LineArena<T, D, C>;
     constexpr int edge = Block<D>::edge, margin = Block<D>::margin;
     const auto& g = pass.grid;
@@ -121,7 +130,8 @@ template <class T, int D>
 struct Scales {
     T mass, momentum, group;
 
-    __device__ explicit Scales(const Pass<Cuda, T, D>& pass)
+    template <class P>
+    __device__ explicit Scales(const P& pass)
         : mass(T(pass.body.particle_mass * pass.clock->scale_write[mass_sum])),
           momentum(T(pass.body.particle_mass * pass.clock->scale_write[momentum_sum])),
           group(T(pass.body.particle_mass * pass.clock->scale_write[group_sum])) {}
@@ -171,14 +181,19 @@ struct Largest {
         tell(pass.deposited + group_sum, group, known_group);
     }
 
-    /// What others had told when this thread began: most need not tell any more.
+    /// Asks what others have told: most then need not tell any more. What a cache holds will do, as
+    /// it only grows.
     template <class P>
-    __device__ explicit Largest(const P& pass)
-        : known_momentum(as_bits(T(*static_cast<volatile double*>(pass.deposited + momentum_sum)))),
-          known_group(as_bits(T(*static_cast<volatile double*>(pass.deposited + group_sum)))) {}
+    __device__ __forceinline__ void listen(const P& pass) {
+        const auto told = [&](int quantity) {
+            return as_bits(T(__ldca(pass.deposited + quantity)));
+        };
+        known_momentum = told(momentum_sum);
+        known_group = told(group_sum);
+    }
 
 private:
-    Bits known_momentum, known_group;
+    Bits known_momentum = 0, known_group = 0;
 
     __device__ __forceinline__ static void tell(double* to, Bits x, Bits known) {
         for (int by = 16; by > 0; by /= 2) x = max(x, __shfl_xor_sync(~0u, x, by));
@@ -268,53 +283,48 @@ __device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int
     }
 }
 
-/// Adds an integer to a node seen from a block's arena.
-template <class T, int D>
-__device__ __forceinline__ void add_to_grid(const Pass<Cuda, T, D>& pass,
-                                            const std::int32_t* neighbours, int neighbour, int node,
-                                            int channel, Cuda::Sum<T> x) {
-    if (x == 0) return;
-    Cuda::Sum<T>* to = pass.grid.sums +
-                       std::int64_t(neighbours[neighbour]) * pass.grid.sum_channels * block_cells +
-                       node;
-    const int place = channel < D ? 1 + channel : pass.group.sum;
-    add_fixed(to + place * block_cells, x);
-}
-template <class T, int D>
-__device__ __forceinline__ void add_mass_to_grid(const Pass<Cuda, T, D>& pass,
-                                                 const std::int32_t* neighbours, int neighbour,
-                                                 int node, Cuda::Sum<T> x) {
-    if (x == 0) return;
-    Cuda::Sum<T>* to = pass.grid.sums +
-                       std::int64_t(neighbours[neighbour]) * pass.grid.sum_channels * block_cells +
-                       node;
-    add_fixed(to, x);
-    if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, x);
-}
-
-/// Takes the deposit of one particle, or the sums of one cell, straight to the grid.
-template <class T, int D, int C>
-struct GridSums {
-    const Pass<Cuda, T, D>& pass;
-    const std::int32_t* neighbours;
-    const Scales<T, D>& scales;
-    int cell[D];  // of the block, or one beside it
-
-    __device__ __forceinline__ void put(int node, int channel, T v) {
-        const T x = v * scales.template of<C>(channel);
-        int at[D], rest = node, neighbour, number;
-        MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
-            at[a] = cell[a] + rest % 3 - 1 + Block<D>::margin;
-            rest /= 3;
-        }
-        arena_node<D>(at, neighbour, number);
-        if (channel < C)
-            add_to_grid<T, D>(pass, neighbours, neighbour, number, channel, to_fixed(x));
-        else
-            add_mass_to_grid<T, D>(pass, neighbours, neighbour, number, to_fixed(x));
+/// Where the sums of node 0 .. 3^D - 1 of a cell's stencil begin; the cell is one of the block, or
+/// beside it.
+template <class P, int D>
+__device__ __forceinline__ typename P::Sum* stencil_sums(const P& pass,
+                                                         const std::int32_t* neighbours,
+                                                         const int (&cell)[D], int node) {
+    int at[D], neighbour, number;
+    MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+        at[a] = cell[a] + node % 3 - 1 + Block<D>::margin;
+        node /= 3;
     }
-    __device__ __forceinline__ void add(int node, int channel, T v) { put(node, channel, v); }
-    __device__ __forceinline__ void add_mass(int node, T v) { put(node, C, v); }
+    arena_node<D>(at, neighbour, number);
+    return pass.grid.sums +
+           std::int64_t(neighbours[neighbour]) * pass.grid.sum_channels * block_cells + number;
+}
+/// Adds to a transfer channel of a node; the one after the last is the mass.
+template <int C, class P>
+__device__ __forceinline__ void add_to_node(const P& pass, typename P::Sum* to, int channel,
+                                            typename P::Sum x) {
+    if (x == 0) return;
+    if (channel == C) {
+        add_fixed(to, x);
+        if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, x);
+    } else {
+        add_fixed(to + (channel < P::dimension ? 1 + channel : pass.group.sum) * block_cells, x);
+    }
+}
+
+/// Takes the deposit of one particle straight to the grid.
+template <class P, int C>
+struct GridSums {
+    using T = typename P::Grid;
+    const P& pass;
+    const std::int32_t* neighbours;
+    const Scales<T, P::dimension>& scales;
+    int cell[P::dimension];
+
+    __device__ __forceinline__ void add(int node, int channel, T v) {
+        add_to_node<C>(pass, stencil_sums(pass, neighbours, cell, node), channel,
+                       to_fixed(v * scales.template of<C>(channel)));
+    }
+    __device__ __forceinline__ void add_mass(int node, T v) { add(node, C, v); }
 };
 
 /// True if a particle stands in its home cell.
@@ -350,8 +360,8 @@ __device__ __forceinline__ void store(const BodyView<T, D>& body, std::uint32_t 
 }
 
 /// One particle's step up to its deposit; xi stays relative to the home cell.
-template <class Material, Smoothing S, class T, int D, int C>
-__device__ __forceinline__ Affine<T, D, C> advance(const LineArena<T, D, C>& lines,
+template <class Material, Smoothing S, class T, int D, int C, class G>
+__device__ __forceinline__ Affine<G, D, C> advance(const LineArena<G, D, C>& lines,
                                                    const int (&home)[D], Vec<T, D>& xi,
                                                    T (&state)[state_reals<Material, D, S>],
                                                    const StepNumbers<T, Material>& numbers) {
@@ -367,7 +377,7 @@ __device__ __forceinline__ Affine<T, D, C> advance(const LineArena<T, D, C>& lin
     }
     Vec<T, D> local;
     MPM_UNROLL for (int a = 0; a < D; ++a) local[a] = xi[a] - shift[a];
-    const auto u = advance_particle<Material, S, T, D>(lines, origin, local, state, numbers);
+    const auto u = advance_particle<Material, S, T, D, G>(lines, origin, local, state, numbers);
     MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = local[a] + shift[a];
     return u;
 }

@@ -7,19 +7,19 @@
 
 namespace mpm::cuda {
 
-template <class Material, Smoothing S, class T, int D>
-BodyOps<Cuda, T, D> instance() {
+template <class Material, Smoothing S, class X, class T, int D>
+BodyOps<X, T, D> instance() {
     constexpr int C = transfer_channels<D, S>;
-    BodyOps<Cuda, T, D> ops{};
+    BodyOps<X, T, D> ops{};
     // In double precision the sums of a cell do not fit the registers of one thread.
     if constexpr (std::is_same_v<T, float>) {
         ops.fused = &run_fused<Material, S, D>;
         ops.lone = &run_lone<Material, S, D>;
     }
-    ops.gather = &run_gather<Material, S, T, D>;
-    ops.scatter = &run_scatter<T, D, C>;
-    ops.initial = &run_initial<Material, S, T, D>;
-    ops.energies = &run_energies<Material, S, T, D>;
+    ops.gather = &run_gather<Material, S, X, T, D>;
+    ops.scatter = &run_scatter<X, T, D, C>;
+    ops.initial = &run_initial<Material, S, X, T, D>;
+    ops.energies = &run_energies<Material, S, X, T, D>;
     ops.state_columns = state_reals<Material, D, S>;
     ops.channels = C;
     ops.observe = &Material::template observe<D>;
@@ -30,15 +30,15 @@ BodyOps<Cuda, T, D> instance() {
 
 namespace mpm {
 
-template <class T, int D, class Material>
-BodyOps<Cuda, T, D> cuda_body_ops(Smoothing s) {
+template <class X, class T, int D, class Material>
+BodyOps<X, T, D> cuda_body_ops(Smoothing s) {
     if constexpr (Material::volumetric) {
         if (s == Smoothing::one_volume)
-            return cuda::instance<Material, Smoothing::one_volume, T, D>();
+            return cuda::instance<Material, Smoothing::one_volume, X, T, D>();
         if (s == Smoothing::two_volumes)
-            return cuda::instance<Material, Smoothing::two_volumes, T, D>();
+            return cuda::instance<Material, Smoothing::two_volumes, X, T, D>();
     }
-    return cuda::instance<Material, Smoothing::none, T, D>();
+    return cuda::instance<Material, Smoothing::none, X, T, D>();
 }
 
 }  // namespace mpm

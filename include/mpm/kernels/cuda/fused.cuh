@@ -111,7 +111,8 @@ __global__ void __launch_bounds__(fused_threads, 1)
     const auto report = [&](std::uint32_t q) {
         Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
     };
-    Largest<float> largest(pass);
+    Largest<float> largest;
+    largest.listen(pass);
     int home[D];
     Block<D>::coordinates(number, home);
     {

@@ -13,13 +13,14 @@ namespace mpm::cuda {
 
 inline constexpr int pass_threads = 128;
 
-template <class Material, Smoothing S, class T, int D>
+template <class Material, Smoothing S, class X, class T, int D>
 __global__ void __launch_bounds__(pass_threads)
-    gather_step(const __grid_constant__ Pass<Cuda, T, D> pass,
+    gather_step(const __grid_constant__ Pass<X, T, D> pass,
                 const __grid_constant__ typename Material::template Constants<T> constants) {
+    using G = typename Pass<X, T, D>::Grid;
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     if (pass.clock->halt != Halt::none) return;
-    __shared__ LineArena<T, D, C> lines;
+    __shared__ LineArena<G, D, C> lines;
     const std::int32_t slot = pass.body.home[blockIdx.x];
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
     fill(pass, slot, lines);
@@ -27,7 +28,8 @@ __global__ void __launch_bounds__(pass_threads)
     const auto numbers =
         step_numbers<T, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
     const std::size_t n = pass.body.count;
-    Largest<T> largest(pass);
+    Largest<G> largest;
+    largest.listen(pass);
     int strays = 0;
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
         int home[D];
@@ -36,7 +38,7 @@ __global__ void __launch_bounds__(pass_threads)
         T state[R];
         load(pass.body, q, xi, state);
         strays += !at_home(xi);
-        const auto u = advance<Material, S, T, D, C>(lines, home, xi, state, numbers);
+        const auto u = advance<Material, S, T, D, C, G>(lines, home, xi, state, numbers);
         store(pass.body, q, xi, state);
         if (!sound<Material>(xi, state)) {
             Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
@@ -64,34 +66,32 @@ struct ChannelSums {
 };
 
 /// Takes one channel of one particle, or of a cell, to the grid.
-template <class T, int D>
+template <class P>
 struct ChannelToGrid {
-    const Pass<Cuda, T, D>& pass;
+    using T = typename P::Grid;
+    static constexpr int mass = 4;  // beyond any number of transfer channels
+    const P& pass;
     const std::int32_t* neighbours;
     T scale;
     int channel;
-    bool is_mass;
-    int cell[D];
+    int cell[P::dimension];
 
     __device__ __forceinline__ void add(int node, int, T v) {
-        const T x = v * scale;
-        int at[D], rest = node, neighbour, number;
-        MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
-            at[a] = cell[a] + rest % 3 - 1 + Block<D>::margin;
-            rest /= 3;
-        }
-        arena_node<D>(at, neighbour, number);
-        if (is_mass)
-            add_mass_to_grid<T, D>(pass, neighbours, neighbour, number, to_fixed(x));
-        else
-            add_to_grid<T, D>(pass, neighbours, neighbour, number, channel, to_fixed(x));
+        add_to_node<mass>(pass, stencil_sums(pass, neighbours, cell, node), channel,
+                          to_fixed(v * scale));
     }
     __device__ __forceinline__ void add_mass(int, T) {}
 };
 
-template <class T, int D>
-__global__ void __launch_bounds__(block_cells)
-    scatter_step(const __grid_constant__ Pass<Cuda, T, D> pass, int channels) {
+/// Blocks that the registers of a multiprocessor are to hold: fewer hide less of the reads.
+template <class G>
+inline constexpr int scatter_blocks = sizeof(G) == 4 ? 12 : 6;
+
+template <class X, class T, int D>
+__global__ void __launch_bounds__(block_cells, scatter_blocks<typename Pass<X, T, D>::Grid>)
+    scatter_step(const __grid_constant__ Pass<X, T, D> pass, int channels) {
+    using G = typename Pass<X, T, D>::Grid;
+    using ToGrid = ChannelToGrid<Pass<X, T, D>>;
     if (pass.clock->halt != Halt::none) return;
     const std::int32_t slot = pass.body.home[blockIdx.x];
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
@@ -99,29 +99,29 @@ __global__ void __launch_bounds__(block_cells)
     const RankWalk walk(start[number / warp_cells * warp_cells], start[number + 1] - start[number]);
     const int channel = blockIdx.y;
     const bool is_mass = channel == channels;
-    const Scales<T, D> scales(pass);
+    const Scales<G, D> scales(pass);
     int home[D];
     Block<D>::coordinates(number, home);
-    ChannelToGrid<T, D> grid{pass, neighbours_of(pass.grid.table, slot),
-                             is_mass ? scales.mass : (channel < D ? scales.momentum : scales.group),
-                             channel, is_mass};
-    ChannelSums<T, D> sums{};
+    ToGrid grid{pass, neighbours_of(pass.grid.table, slot),
+                is_mass ? scales.mass : (channel < D ? scales.momentum : scales.group),
+                is_mass ? ToGrid::mass : channel};
+    ChannelSums<G, D> sums{};
     const std::size_t n = pass.body.count;
     for_each_of_cell(walk, [&](std::uint32_t q) {
         Vec<T, D> xi;
         MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = pass.body.offset[a][q];
-        Affine<T, D, 1> u;
-        u.value[0] = is_mass ? T(1) : pass.scratch[channel * n + q];
+        Affine<G, D, 1> u;
+        u.value[0] = is_mass ? G(1) : pass.scratch[channel * n + q];
         MPM_UNROLL for (int a = 0; a < D; ++a) {
             u.slope[a][0] =
-                is_mass ? T(0) : pass.scratch[(channels + a * channels + channel) * n + q];
+                is_mass ? G(0) : pass.scratch[(channels + a * channels + channel) * n + q];
         }
         if (at_home(xi)) {
-            scatter<T, D, 1>(sums, quadratic_weights<T, D>(xi), T(1), u);
+            scatter<G, D, 1>(sums, quadratic_weights<G, D>(as<G>(xi)), G(1), u);
         } else {
             Vec<T, D> local;
             settle<T, D>(home, xi, grid.cell, local);
-            scatter<T, D, 1, true>(grid, quadratic_weights<T, D>(local), T(1), u);
+            scatter<G, D, 1, true>(grid, quadratic_weights<G, D>(as<G>(local)), G(1), u);
         }
     });
     if (walk.count > 0) {
@@ -132,45 +132,49 @@ __global__ void __launch_bounds__(block_cells)
 }
 
 /// Particles at rest before the first step, one thread each, straight to the grid.
-template <class Material, Smoothing S, class T, int D>
+template <class Material, Smoothing S, class X, class T, int D>
 __global__ void __launch_bounds__(pass_threads)
-    first_deposit(const __grid_constant__ Pass<Cuda, T, D> pass,
+    first_deposit(const __grid_constant__ Pass<X, T, D> pass,
                   const __grid_constant__ typename Material::template Constants<T> constants) {
+    using G = typename Pass<X, T, D>::Grid;
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     if (pass.clock->halt != Halt::none) return;
     const std::int32_t slot = pass.body.home[blockIdx.x];
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
     const auto numbers =
         step_numbers<T, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
-    const Scales<T, D> scales(pass);
-    Largest<T> largest(pass);
+    const Scales<G, D> scales(pass);
+    Largest<G> largest;
+    largest.listen(pass);
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
-        Vec<T, D> xi, velocity;
+        Vec<T, D> xi;
+        Vec<G, D> velocity;
         T state[R];
         load(pass.body, q, xi, state);
         MPM_UNROLL for (int a = 0; a < D; ++a) {
             velocity[a] = pass.scratch[a * std::size_t(pass.body.count) + q];
         }
-        const auto u = resting_particle<Material, S, T, D>(velocity, state, numbers);
-        GridSums<T, D, C> sums{pass, neighbours_of(pass.grid.table, slot), scales};
+        const auto u = resting_particle<Material, S, T, D, G>(velocity, state, numbers);
+        GridSums<Pass<X, T, D>, C> sums{pass, neighbours_of(pass.grid.table, slot), scales};
         int home[D];
         Block<D>::coordinates(pass.body.cell[q], home);
         Vec<T, D> local;
         settle<T, D>(home, xi, sums.cell, local);
         largest.template see<D, C>(u);
-        scatter<T, D, C, true>(sums, quadratic_weights<T, D>(local), T(1), u);
+        scatter<G, D, C, true>(sums, quadratic_weights<G, D>(as<G>(local)), G(1), u);
     }
     largest.tell(pass);
 }
 
 /// One block of threads a home block, in a fixed order, so that the bits never change.
-template <class Material, Smoothing S, class T, int D>
+template <class Material, Smoothing S, class X, class T, int D>
 __global__ void __launch_bounds__(pass_threads)
-    sum_energies(const __grid_constant__ Pass<Cuda, T, D> pass, const std::int32_t* due,
+    sum_energies(const __grid_constant__ Pass<X, T, D> pass, const std::int32_t* due,
                  double* partial) {
+    using G = typename Pass<X, T, D>::Grid;
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     if (!*due) return;
-    __shared__ LineArena<T, D, C> lines;
+    __shared__ LineArena<G, D, C> lines;
     __shared__ double parts[3][pass_threads];
     const std::int32_t slot = pass.body.home[blockIdx.x];
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
@@ -201,28 +205,28 @@ __global__ void __launch_bounds__(pass_threads)
     }
 }
 
-template <class Material, Smoothing S, class T, int D>
-void run_gather(const Pass<Cuda, T, D>& pass) {
-    pass.exec->launch(&gather_step<Material, S, T, D>, pass.body.homes, 1, pass_threads, pass,
+template <class Material, Smoothing S, class X, class T, int D>
+void run_gather(const Pass<X, T, D>& pass) {
+    pass.exec->launch(&gather_step<Material, S, X, T, D>, pass.body.homes, 1, pass_threads, pass,
                       Material::template constants<T>(pass.parameters));
 }
-template <class Material, Smoothing S, class T, int D>
-void run_initial(const Pass<Cuda, T, D>& pass) {
-    pass.exec->launch(&first_deposit<Material, S, T, D>, pass.body.homes, 1, pass_threads, pass,
+template <class Material, Smoothing S, class X, class T, int D>
+void run_initial(const Pass<X, T, D>& pass) {
+    pass.exec->launch(&first_deposit<Material, S, X, T, D>, pass.body.homes, 1, pass_threads, pass,
                       Material::template constants<T>(pass.parameters));
 }
-template <class Material, Smoothing S, class T, int D>
-void run_energies(const Pass<Cuda, T, D>& pass, const std::int32_t* due, double* partial) {
-    pass.exec->launch(&sum_energies<Material, S, T, D>, pass.body.homes, 1, pass_threads, pass, due,
-                      partial);
+template <class Material, Smoothing S, class X, class T, int D>
+void run_energies(const Pass<X, T, D>& pass, const std::int32_t* due, double* partial) {
+    pass.exec->launch(&sum_energies<Material, S, X, T, D>, pass.body.homes, 1, pass_threads, pass,
+                      due, partial);
 }
 
 /// Compiled once, in src/kernels/cuda/scatter.cu.
-template <class T, int D>
-void scatter_body(const Pass<Cuda, T, D>& pass, int channels);
-template <class T, int D, int C>
-void run_scatter(const Pass<Cuda, T, D>& pass) {
-    scatter_body<T, D>(pass, C);
+template <class X, class T, int D>
+void scatter_body(const Pass<X, T, D>& pass, int channels);
+template <class X, class T, int D, int C>
+void run_scatter(const Pass<X, T, D>& pass) {
+    scatter_body<X, T, D>(pass, C);
 }
 
 }  // namespace mpm::cuda

@@ -153,18 +153,41 @@ MPM_INLINE Affine<V, D, C> gather(const Lines& lines, const Weights<V, D>& w, in
     return out;
 }
 
+/// A deposit about the centre of its cell: linear in the node's number, -1, 0 or 1 along each axis.
+template <class V, int D, int C>
+struct Deposit {
+    V weight[D][3];
+    V centre[C];
+    V slope[D][C];
+};
+
+template <class V, int D, int C>
+MPM_INLINE Deposit<V, D, C> deposit_of(const Weights<V, D>& w, const Affine<V, D, C>& q) {
+    Deposit<V, D, C> d;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        MPM_UNROLL for (int k = 0; k < 3; ++k) d.weight[a][k] = w.value[a][k];
+        MPM_UNROLL for (int c = 0; c < C; ++c) d.slope[a][c] = q.slope[a][c];
+    }
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        d.centre[c] = q.value[c];
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            d.centre[c] = d.centre[c] - q.slope[a][c] * w.offset(a);
+        }
+    }
+    return d;
+}
+
 /// One node of a deposit: its share of the mass, and in `value` what each unit of that carries.
 template <class V, int D, int C>
-MPM_INLINE V deposit_at(const Weights<V, D>& w, int node, const Affine<V, D, C>& q, V (&value)[C]) {
+MPM_INLINE V deposit_at(const Deposit<V, D, C>& d, int node, V (&value)[C]) {
     using T = ScalarOf<V>;
     V share = V(T(1));
-    MPM_UNROLL for (int c = 0; c < C; ++c) value[c] = q.value[c];
+    MPM_UNROLL for (int c = 0; c < C; ++c) value[c] = d.centre[c];
     MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
         const int k = node % 3;
         node /= 3;
-        share = share * (k == 0 ? w.value[a][0] : (k == 1 ? w.value[a][1] : w.value[a][2]));
-        const V distance = T(k - 1) - w.offset(a);
-        MPM_UNROLL for (int c = 0; c < C; ++c) value[c] = value[c] + q.slope[a][c] * distance;
+        share = share * d.weight[a][k];
+        MPM_UNROLL for (int c = 0; c < C; ++c) value[c] = value[c] + d.slope[a][c] * T(k - 1);
     }
     return share;
 }
@@ -173,12 +196,8 @@ MPM_INLINE V deposit_at(const Weights<V, D>& w, int node, const Affine<V, D, C>&
 /// `rolled` loops over the lines of nodes: a ninth of the code, for sums that are in memory.
 template <class V, int D, int C, bool rolled = false, class Sums>
 MPM_INLINE void scatter(Sums& sums, const Weights<V, D>& w, V unit, const Affine<V, D, C>& q) {
-    V centre[C];  // of the cell
-    MPM_UNROLL for (int c = 0; c < C; ++c) {
-        centre[c] = q.value[c];
-        MPM_UNROLL for (int a = 0; a < D; ++a) centre[c] = centre[c] - q.slope[a][c] * w.offset(a);
-    }
-    detail::spread<0, rolled, V, D, C>(sums, w, unit, centre, q.slope, 0);
+    const Deposit<V, D, C> d = deposit_of(w, q);
+    detail::spread<0, rolled, V, D, C>(sums, w, unit, d.centre, d.slope, 0);
 }
 
 }  // namespace mpm
