@@ -318,17 +318,19 @@ def drops(
     steps = runner.steps(1000)
     side = max(2, round((runner.size(5e5) / len(offsets)) ** (1 / 3)))
     dx = collapse(max(8, side**3 * len(offsets)))[0].cell_size
-    # They fall together, as the collapse does, and reach no wall.
+    # They fly and fall together, as the collapse does, and reach no wall.
     fall = 0.5 * GRAVITY * (COURANT * steps / SOUND) ** 2 * dx
+    drift = EDGE * math.ceil(1.1 * 0.02 * COURANT * steps / EDGE)
     low = np.array([EDGE, EDGE, EDGE * (math.ceil(1.1 * fall / EDGE) + 1)])
-    scene = domain(name, dx, (low + (side + 1) * EDGE).tolist())
-    add(scene, "water", water(), low.tolist(), (side * EDGE,) * 3)
+    scene = domain(name, dx, (low + (side + 1) * EDGE + [drift, drift, 0]).tolist())
+    flight = (0.02 * SOUND, 0.02 * SOUND, 0.0)
+    add(scene, "water", water(), low.tolist(), (side * EDGE,) * 3, velocity=flight)
     corners = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), -1).reshape(-1, 1, 3)
     cells = len(offsets) if scattered else 1
     cell = np.random.default_rng(1).integers(0, EDGE, (len(corners), cells, 3))
     places = (low + EDGE * corners + cell + offsets).reshape(-1, 3) * dx
     sized = scene, COURANT * dx / SOUND
-    line = runner.run(name, sized, steps, "drops that fall", places=places)
+    line = runner.run(name, sized, steps, "drops that fly", places=places)
     yield runner.against_dense(line | {"particles_per_cell": None, "blocks_at_start": side**3})
 
 

@@ -41,6 +41,15 @@ private:
     int before_ = -1;
 };
 
+/// First in a kernel of a step (`launch_next`): returns when what came before on the stream is done
+/// and seen, and lets what comes after it be brought to the device meanwhile.
+__device__ __forceinline__ void after_previous() {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    cudaGridDependencySynchronize();
+    cudaTriggerProgrammaticLaunchCompletion();
+#endif
+}
+
 template <class F>
 __global__ void single_kernel(const __grid_constant__ F f) {
     f();
@@ -73,6 +82,7 @@ template <int M, class F, class G>
 __global__ void __launch_bounds__(max_threads)
     max_kernel(std::int64_t n, const __grid_constant__ F f, double* maxima,
                const __grid_constant__ G then, std::uint32_t* arrivals) {
+    after_previous();
     double local[M] = {};
     const std::int64_t stride = std::int64_t(gridDim.x) * blockDim.x;
     for (std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x; i < n; i += stride) {
@@ -162,13 +172,36 @@ public:
     template <class... P, class... A>
     void launch(void (*kernel)(P...), std::int64_t blocks, int rows, int threads,
                 const A&... arguments) {
+        check_size(blocks);
         if (blocks <= 0) return;
-        if (blocks > 0x7fffffff)
-            throw CapacityError("more than 2^31 - 1 blocks of threads in one launch");
         const cuda::DeviceGuard guard(device());
         kernel<<<dim3(unsigned(blocks), unsigned(rows)), unsigned(threads), 0, stream()>>>(
             arguments...);
         MPM_CUDA(cudaGetLastError());
+    }
+
+    /// As `launch`, for a kernel that begins with `after_previous`: its blocks come to the device
+    /// while the kernel before it still runs, which hides most of what a launch takes.
+    template <class... P, class... A>
+    void launch_next(void (*kernel)(P...), std::int64_t blocks, int rows, int threads,
+                     const A&... arguments) {
+        if (!context_->one_after_another()) {
+            launch(kernel, blocks, rows, threads, arguments...);
+            return;
+        }
+        check_size(blocks);
+        if (blocks <= 0) return;
+        const cuda::DeviceGuard guard(device());
+        cudaLaunchAttribute early{};
+        early.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+        early.val.programmaticStreamSerializationAllowed = 1;
+        cudaLaunchConfig_t config{};
+        config.gridDim = dim3(unsigned(blocks), unsigned(rows));
+        config.blockDim = dim3(unsigned(threads));
+        config.stream = stream();
+        config.attrs = &early;
+        config.numAttrs = 1;
+        MPM_CUDA(cudaLaunchKernelEx(&config, kernel, arguments...));
     }
 
     template <class F>
@@ -195,8 +228,8 @@ public:
         static_assert(M <= max_maxima);
         const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
         const std::int64_t most = 8 * multiprocessors();
-        launch(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
-               cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
+        launch_next(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
+                    cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
     }
     /// For kernels that end with something done once (`cuda::last_of`).
     std::uint32_t* arrivals() const { return context_->arrivals; }
@@ -236,6 +269,10 @@ public:
     }
 
 private:
+    static void check_size(std::int64_t blocks) {
+        if (blocks > 0x7fffffff)
+            throw CapacityError("more than 2^31 - 1 blocks of threads in one launch");
+    }
     struct Context {
         explicit Context(int device);
         ~Context() { close(); }
@@ -245,12 +282,21 @@ private:
         cudaStream_t stream = nullptr, side = nullptr;
         cudaEvent_t event = nullptr;
         bool beside = false;
-        cudaMemPool_t pool = nullptr;
+        // Kernels of a step may overlap their launches only where each follows the one before it.
+        enum { serial, apart, joined } order = serial;
+        bool overlaps = false;  // the device can do it
+        bool one_after_another() {
+            const bool yes = overlaps && order == serial;
+            if (order == joined) order = serial;
+            return yes;
+        }
+        // Large pieces have a pool of their own: small ones would break them up.
+        cudaMemPool_t pool[2] = {};
         void* staging = nullptr;  // pinned, for small downloads
         double* maxima = nullptr;
         std::uint32_t* arrivals = nullptr;
     };
-    static constexpr std::size_t staging_bytes = 1 << 16;
+    static constexpr std::size_t staging_bytes = 1 << 16, large = std::size_t(64) << 20;
     static constexpr int max_maxima = 8;
     std::unique_ptr<Context> context_;
 };

@@ -61,6 +61,9 @@ Cuda::Context::Context(int device) : device(device) {
     }
     const cuda::DeviceGuard guard(device);
     MPM_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device));
+    int major = 0;
+    MPM_CUDA(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device));
+    overlaps = major >= 9;
     int pools = 0;
     MPM_CUDA(cudaDeviceGetAttribute(&pools, cudaDevAttrMemoryPoolsSupported, device));
     if (!pools) {
@@ -75,10 +78,12 @@ Cuda::Context::Context(int device) : device(device) {
         properties.allocType = cudaMemAllocationTypePinned;
         properties.location.type = cudaMemLocationTypeDevice;
         properties.location.id = device;
-        MPM_CUDA(cudaMemPoolCreate(&pool, &properties));
-        // What a sort has used stays for the next one.
-        std::uint64_t keep = ~std::uint64_t(0);
-        MPM_CUDA(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep));
+        for (auto& p : pool) {
+            MPM_CUDA(cudaMemPoolCreate(&p, &properties));
+            // What a sort has used stays for the next one.
+            std::uint64_t keep = ~std::uint64_t(0);
+            MPM_CUDA(cudaMemPoolSetAttribute(p, cudaMemPoolAttrReleaseThreshold, &keep));
+        }
         MPM_CUDA(cudaMallocHost(&staging, staging_bytes));
         MPM_CUDA(cudaMalloc(&maxima, max_maxima * sizeof(double)));
         MPM_CUDA(cudaMalloc(&arrivals, sizeof(std::uint32_t)));
@@ -99,7 +104,8 @@ void Cuda::Context::close() noexcept {
     if (staging) cudaFreeHost(staging);
     if (maxima) cudaFree(maxima);
     if (arrivals) cudaFree(arrivals);
-    if (pool) cudaMemPoolDestroy(pool);
+    for (auto p : pool)
+        if (p) cudaMemPoolDestroy(p);
     if (event) cudaEventDestroy(event);
     if (side) cudaStreamDestroy(side);
     if (stream) cudaStreamDestroy(stream);
@@ -114,11 +120,13 @@ void Cuda::side_stream() {
     MPM_CUDA(cudaEventRecord(context_->event, context_->stream));
     MPM_CUDA(cudaStreamWaitEvent(context_->side, context_->event, 0));
     context_->beside = true;
+    context_->order = Context::apart;
 }
 
 void Cuda::join() {
     const cuda::DeviceGuard guard(device());
     context_->beside = false;
+    context_->order = Context::joined;
     MPM_CUDA(cudaEventRecord(context_->event, context_->side));
     MPM_CUDA(cudaStreamWaitEvent(context_->stream, context_->event, 0));
 }
@@ -126,13 +134,13 @@ void Cuda::join() {
 void* Cuda::allocate(std::size_t bytes) {
     const cuda::DeviceGuard guard(device());
     void* p = nullptr;
-    cudaError_t code = cudaMallocFromPoolAsync(&p, bytes, context_->pool, stream());
+    const cudaMemPool_t pool = context_->pool[bytes >= large];
+    cudaError_t code = cudaMallocFromPoolAsync(&p, bytes, pool, stream());
     if (code == cudaErrorMemoryAllocation) {
         // Freed pieces may be too small each: give them back and try once more.
         cudaGetLastError();
-        MPM_CUDA(cudaStreamSynchronize(stream()));
-        MPM_CUDA(cudaMemPoolTrimTo(context_->pool, 0));
-        code = cudaMallocFromPoolAsync(&p, bytes, context_->pool, stream());
+        trim();
+        code = cudaMallocFromPoolAsync(&p, bytes, pool, stream());
     }
     if (code == cudaErrorMemoryAllocation) {
         cudaGetLastError();
@@ -188,7 +196,8 @@ void Cuda::wait() {
 
 void Cuda::trim() {
     wait();
-    MPM_CUDA(cudaMemPoolTrimTo(context_->pool, 0));
+    const cuda::DeviceGuard guard(device());
+    for (auto pool : context_->pool) MPM_CUDA(cudaMemPoolTrimTo(pool, 0));
 }
 
 void Cuda::host_for(std::int64_t n, const std::function<void(std::int64_t)>& f) {

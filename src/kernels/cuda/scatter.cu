@@ -5,7 +5,7 @@ namespace mpm::cuda {
 
 template <class X, class T, int D>
 void scatter_body(const Pass<X, T, D>& pass, int channels) {
-    pass.exec->launch(&scatter_step<X, T, D>, pass.body.homes, channels + 1, block_cells, pass,
+    pass.exec->launch_next(&scatter_step<X, T, D>, pass.body.homes, channels + 1, block_cells, pass,
                       channels);
 }
 

@@ -93,6 +93,7 @@ __global__ void __launch_bounds__(fused_threads, 1)
     __shared__ StrayList<D, C> strays;
     __shared__ std::uint32_t surplus_begin[2], surplus_count[2];
 
+    after_previous();
     const bool halted = pass.clock->halt != Halt::none;
     const std::int32_t slot = pass.body.home[blockIdx.x];
     const int number = threadIdx.x % block_cells, part = threadIdx.x / block_cells,
@@ -223,8 +224,8 @@ template <class Material, Smoothing S, int D>
 void run_fused(const Pass<Cuda, float, D>& pass) {
     const int threads =
         block_cells * threads_a_cell(pass.body.full_homes, pass.exec->multiprocessors());
-    pass.exec->launch(&fused_step<Material, S, D>, pass.body.full_homes, 1, threads, pass,
-                      Material::template constants<float>(pass.parameters));
+    pass.exec->launch_next(&fused_step<Material, S, D>, pass.body.full_homes, 1, threads, pass,
+                           Material::template constants<float>(pass.parameters));
 }
 
 }  // namespace mpm::cuda

@@ -130,7 +130,8 @@ __device__ __forceinline__ void add_parcels(const Pass<Cuda, float, D>& pass,
         add_fixed(to, sum[C]);
         if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, sum[C]);
         MPM_UNROLL for (int c = 0; c < C; ++c) {
-            add_fixed(to + (c < D ? 1 + c : pass.group.sum) * block_cells, sum[c]);
+            // Drops that fall freely are often not compressed at all.
+            if (sum[c] != 0) add_fixed(to + (c < D ? 1 + c : pass.group.sum) * block_cells, sum[c]);
         }
         MPM_UNROLL for (int c = 0; c <= C; ++c) sum[c] = 0;
     };
@@ -159,6 +160,7 @@ __global__ void __launch_bounds__(lone_threads)
     lone_step(const __grid_constant__ Pass<Cuda, float, D> pass,
               const __grid_constant__ typename Material::template Constants<float> constants) {
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
+    after_previous();
     if (pass.clock->halt != Halt::none) return;
     __shared__ Parcel<D, C> parcels[lone_threads];
     const Scales<float, D> scales(pass);
@@ -216,8 +218,9 @@ __global__ void __launch_bounds__(lone_threads)
 
 template <class Material, Smoothing S, int D>
 void run_lone(const Pass<Cuda, float, D>& pass) {
-    pass.exec->launch(&lone_step<Material, S, D>, lone_blocks(pass.body.lone_count), 1,
-                      lone_threads, pass, Material::template constants<float>(pass.parameters));
+    pass.exec->launch_next(&lone_step<Material, S, D>, lone_blocks(pass.body.lone_count), 1,
+                           lone_threads, pass,
+                           Material::template constants<float>(pass.parameters));
 }
 
 }  // namespace mpm::cuda

@@ -19,6 +19,7 @@ __global__ void __launch_bounds__(pass_threads)
                 const __grid_constant__ typename Material::template Constants<T> constants) {
     using G = typename Pass<X, T, D>::Grid;
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
+    after_previous();
     if (pass.clock->halt != Halt::none) return;
     __shared__ LineArena<G, D, C> lines;
     const std::int32_t slot = pass.body.home[blockIdx.x];
@@ -92,6 +93,7 @@ __global__ void __launch_bounds__(block_cells, scatter_blocks<typename Pass<X, T
     scatter_step(const __grid_constant__ Pass<X, T, D> pass, int channels) {
     using G = typename Pass<X, T, D>::Grid;
     using ToGrid = ChannelToGrid<Pass<X, T, D>>;
+    after_previous();
     if (pass.clock->halt != Halt::none) return;
     const std::int32_t slot = pass.body.home[blockIdx.x];
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
@@ -207,8 +209,8 @@ __global__ void __launch_bounds__(pass_threads)
 
 template <class Material, Smoothing S, class X, class T, int D>
 void run_gather(const Pass<X, T, D>& pass) {
-    pass.exec->launch(&gather_step<Material, S, X, T, D>, pass.body.homes, 1, pass_threads, pass,
-                      Material::template constants<T>(pass.parameters));
+    pass.exec->launch_next(&gather_step<Material, S, X, T, D>, pass.body.homes, 1, pass_threads,
+                           pass, Material::template constants<T>(pass.parameters));
 }
 template <class Material, Smoothing S, class X, class T, int D>
 void run_initial(const Pass<X, T, D>& pass) {
