@@ -59,6 +59,27 @@ def solid(density: float = DENSITY) -> libmpm.materials.FixedCorotated:
     )
 
 
+def solids() -> list[Any]:
+    """Return every solid with the wave speed of the water; the metal flows as it lands."""
+    moduli = {k: getattr(solid(), k) for k in ("density", "youngs_modulus", "poissons_ratio")}
+    kinds = libmpm.materials
+    return [
+        kinds.FixedCorotated(**moduli),
+        kinds.NeoHookean(**moduli),
+        kinds.StVenantKirchhoffHencky(**moduli),
+        kinds.LinearElastic(**moduli),
+        kinds.VonMises(**moduli, yield_stress=1e-3 * moduli["youngs_modulus"]),
+    ]
+
+
+def sand() -> libmpm.materials.DruckerPrager:
+    """Return sand with the wave speed of the water."""
+    one = solid()
+    return libmpm.materials.DruckerPrager(
+        density=one.density, youngs_modulus=one.youngs_modulus, poissons_ratio=one.poissons_ratio
+    )
+
+
 def domain(name: str, dx: float, cells: Sequence[int]) -> libmpm.Scene:
     """Return a scene of so many cells with gravity, slip walls and nothing in it."""
     scene = libmpm.Scene(
@@ -232,15 +253,18 @@ def first_step(runner: Runner) -> Iterator[Line]:
 
 
 def materials(runner: Runner) -> Iterator[Line]:
-    """A solid beside water with F-bar and without."""
+    """Every material: water with F-bar and without, sand, solids."""
     size, steps = runner.size(8e6), runner.steps(4000)
     lift = round(0.1 * collapse(size)[0].cells[1])
     falls = "cube that falls by a tenth of its height and rebounds"
-    for name, sized, state in (
+    cases = [
         ("water", collapse(size), "collapse"),
         ("water without F-bar", collapse(size, "none"), "collapse"),
-        ("fixed corotated", collapse(size, material=solid(), lift=lift), falls),
-    ):
+        ("sand", collapse(size, material=sand()), "collapse"),
+    ]
+    for material in solids():
+        cases.append((type(material).__name__, collapse(size, material=material, lift=lift), falls))
+    for name, sized, state in cases:
         yield runner.run(f"materials: {name}", sized, steps, state)
 
 

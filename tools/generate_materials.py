@@ -87,7 +87,7 @@ def documentation(material: dict[str, Any]) -> list[str]:
         *lines[1:],
         rule,
         "",
-        f"Particles store: {stored}.",
+        *textwrap.wrap(f"Particles store: {stored}.", LINE - 4),
         f"{fbar} by default." if material["fbar"] else f"{fbar} (`FBar`).",
         f"Source: {material['source']}.",
         "",

@@ -146,6 +146,38 @@ def test_particles_piled_into_one_cell(per_cell, material, precision):
     assert machine.particle_count(0) == per_cell
 
 
+MATERIALS = {
+    "neo-hookean": libmpm.materials.NeoHookean(density=DENSITY, youngs_modulus=MODULUS),
+    "hencky": libmpm.materials.StVenantKirchhoffHencky(density=DENSITY, youngs_modulus=MODULUS),
+    "linear": libmpm.materials.LinearElastic(density=DENSITY, youngs_modulus=MODULUS),
+    "von-mises": libmpm.materials.VonMises(
+        density=DENSITY, youngs_modulus=MODULUS, yield_stress=1e-2 * MODULUS,
+        hardening_modulus=0.1 * MODULUS,
+    ),
+    "drucker-prager": libmpm.materials.DruckerPrager(
+        density=DENSITY, youngs_modulus=MODULUS, cohesion=5e-3 * MODULUS, dilatancy_angle=5,
+        tension_cutoff=2e-3 * MODULUS,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("precision", ["single", "mixed", "double"])
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("name", MATERIALS)
+def test_every_material(name, dimension, precision):
+    position = in_cells(rows_of_cells(dimension, 27), 8, dimension)
+
+    def spec_of(precision, pipeline):
+        return specification(
+            box_scene(dimension, MATERIALS[name]), position, 8,
+            precision=precision, pipeline=pipeline,
+        )  # fmt: skip
+
+    machine = compare(spec_of, precision, 30)
+    if "plastic_strain" in machine.attribute_names(0):
+        assert scenes.by_id(machine, 0, "plastic_strain").max() > 1e-3, "it flows"
+
+
 FORMS = {
     "none": None,
     "one-volume": libmpm.FBar(form="one-volume"),

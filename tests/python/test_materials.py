@@ -17,7 +17,15 @@ from libmpm import materials
 from libmpm._src.parameters import wave_speed
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "generate_materials.py"
-ALL = [materials.TaitFluid(), materials.FixedCorotated(density=7.0, youngs_modulus=2e5)]
+ALL = [
+    materials.TaitFluid(),
+    materials.FixedCorotated(density=7.0, youngs_modulus=2e5),
+    materials.NeoHookean(density=7.0, youngs_modulus=2e5),
+    materials.StVenantKirchhoffHencky(density=7.0, youngs_modulus=2e5),
+    materials.LinearElastic(density=7.0, youngs_modulus=2e5),
+    materials.VonMises(density=7.0, youngs_modulus=2e5, yield_stress=1e3),
+    materials.DruckerPrager(density=7.0, youngs_modulus=2e5, cohesion=10.0),
+]
 
 
 @pytest.mark.parametrize("material", ALL)
@@ -102,7 +110,7 @@ def test_generator_reproduces_the_committed_files() -> None:
         pytest.skip("the sources are not beside the tests")
     tool = _tool()
     table = []
-    for material in (materials.TaitFluid, materials.FixedCorotated):
+    for material in map(type, ALL):
         entry = material.table
         table.append(
             {k: getattr(entry, k) for k in ("name", "summary", "source", "needs", "fbar")}

@@ -27,6 +27,13 @@ inline constexpr bool lane_wise = [] {
         return false;
 }();
 
+/// A material whose stress falls out of its update says so by a `respond` that does both.
+template <class Material, class V, int D, class T>
+concept Responds = requires(V (&state)[Material::template reals<D>], const Mat<V, D>& strain,
+                            const typename Material::template Constants<T>& k) {
+    Material::respond(state, strain, k);
+};
+
 template <class Material, int D, Smoothing S>
 inline constexpr int state_reals = Material::template reals<D> +
                                    (S == Smoothing::two_volumes ? 1 : 0);
@@ -62,7 +69,11 @@ MPM_INLINE Affine<G, D, transfer_channels<D, S>> advance_particle(
 
     V own[reals];
     MPM_UNROLL for (int r = 0; r < reals; ++r) own[r] = state[r];
-    Material::advance(own, strain);
+    Mat<V, D> tau;
+    if constexpr (Responds<Material, V, D, T>)
+        tau = Material::respond(own, strain, k.material);
+    else
+        Material::advance(own, strain, k.material);
     if constexpr (S == Smoothing::none) {
         MPM_UNROLL for (int r = 0; r < reals; ++r) state[r] = own[r];
     } else {
@@ -78,7 +89,7 @@ MPM_INLINE Affine<G, D, transfer_channels<D, S>> advance_particle(
         MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][D] = G(s.slope[a]);
     }
 
-    const Mat<V, D> tau = Material::kirchhoff(own, rate, k.material);
+    if constexpr (!Responds<Material, V, D, T>) tau = Material::kirchhoff(own, rate, k.material);
     MPM_UNROLL for (int c = 0; c < D; ++c) MPM_UNROLL for (int a = 0; a < D; ++a) {
         out.slope[a][c] = u.slope[a][c] - G(k.impulse * tau.e[c][a]);
     }

@@ -69,6 +69,7 @@ struct MaterialInfo {
     const char* needs;
     const char* limits;
     bool volumetric;
+    bool plastic;  // stores a plastic strain
     const Parameter* parameters;
     int parameter_count;
     const Column* columns;
@@ -88,6 +89,8 @@ MaterialInfo describe_material() {
     m.needs = Material::needs;
     m.limits = Material::limits;
     m.volumetric = Material::volumetric;
+    for (const Column& c : Material::columns)
+        m.plastic = m.plastic || std::string(c.name) == "plastic_strain";
     m.parameters = Material::parameters;
     m.parameter_count = int(sizeof(Material::parameters) / sizeof(Parameter));
     m.columns = Material::columns;

@@ -64,7 +64,12 @@ std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
                                       "volume", "density",        "pressure",       "stress",
                                       "speed",  "kinetic_energy", "elastic_energy", "volume_ratio"};
     const Body& b = bodies_.at(std::size_t(body));
-    if (!b.material->volumetric) names.push_back("deformation_gradient");
+    if (std::string(b.material->needs) == "deformation_gradient")
+        names.push_back("deformation_gradient");
+    if (b.material->plastic) {
+        names.push_back("plastic_strain");
+        names.push_back("yields");
+    }
     if (b.plan.smoothing == Smoothing::two_volumes) names.push_back("volume_ratio_smoothed");
     return names;
 }
@@ -88,7 +93,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
                         asked("stress") || asked("pressure");
     const bool constitutive = asked("volume") || asked("density") || asked("pressure") ||
                               asked("stress") || asked("elastic_energy") || asked("volume_ratio") ||
-                              asked("deformation_gradient");
+                              asked("deformation_gradient") || asked("plastic_strain") ||
+                              asked("yields");
     const std::size_t active = body.count, n = active + body.frozen_id.size();
 
     Attributes out;
@@ -116,6 +122,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     double* elastic = make("elastic_energy", 1, 0);
     double* ratio = make("volume_ratio", 1, 0);
     double* gradient = make("deformation_gradient", D * D, 2);
+    double* plastic = make("plastic_strain", 1, 0);
+    double* yields = make("yields", 1, 0);
     double* smoothed = make("volume_ratio_smoothed", 1, 0);
 
     if (moving) prepare_velocities();
@@ -155,6 +163,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         if (ratio) ratio[q] = J;
         if (pressure) pressure[q] = o.pressure;
         if (elastic) elastic[q] = V * o.elastic_energy;
+        if (plastic) plastic[q] = o.plastic_strain;
+        if (yields) yields[q] = o.yields ? 1 : 0;
         for (int a = 0; a < D; ++a)
             for (int b = 0; b < D; ++b) {
                 if (stress) stress[(q * D + a) * D + b] = o.stress[a][b];

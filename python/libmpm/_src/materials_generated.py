@@ -11,7 +11,15 @@ from typing import ClassVar
 from libmpm._src.parameters import Column, Entry, Material, Parameter
 from libmpm._src.values import value
 
-__all__ = ["FixedCorotated", "TaitFluid"]
+__all__ = [
+    "DruckerPrager",
+    "FixedCorotated",
+    "LinearElastic",
+    "NeoHookean",
+    "StVenantKirchhoffHencky",
+    "TaitFluid",
+    "VonMises",
+]
 
 
 @value
@@ -178,3 +186,507 @@ class FixedCorotated(Material):
     density: float
     youngs_modulus: float
     poissons_ratio: float = 0.3
+
+
+@value
+class NeoHookean(Material):
+    """Hyperelastic solid, compressible neo-Hookean energy.
+
+    ==============  ======  =====  ===========  ========  ==============================
+    parameter       symbol  unit   range        default   meaning
+    ==============  ======  =====  ===========  ========  ==============================
+    density         ρ       kg/m³  > 0          required  density at zero strain
+    youngs_modulus  E       Pa     > 0          required  Young's modulus at zero strain
+    poissons_ratio  ν       1      > -1, < 0.5  0.3       Poisson's ratio at zero strain
+    ==============  ======  =====  ===========  ========  ==============================
+
+    Particles store: H (displacement gradient F - I).
+    No volume smoothing (`FBar`).
+    Source: Bonet and Wood (2008), section 6.4.3.
+
+    Raises `SceneError` with every parameter out of range.
+    """
+
+    label: ClassVar[str] = "materials.NeoHookean"
+    table: ClassVar[Entry] = Entry(
+        name="NeoHookean",
+        summary="Hyperelastic solid, compressible neo-Hookean energy",
+        source="Bonet and Wood (2008), section 6.4.3",
+        needs="deformation_gradient",
+        columns=(
+            Column(
+                name="H",
+                components=9,
+                meaning="displacement gradient F - I",
+                unit="1",
+            ),
+        ),
+        fbar=False,
+        parameters=(
+            Parameter(
+                name="density",
+                symbol="ρ",
+                unit="kg/m³",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="density at zero strain",
+            ),
+            Parameter(
+                name="youngs_modulus",
+                symbol="E",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="Young's modulus at zero strain",
+            ),
+            Parameter(
+                name="poissons_ratio",
+                symbol="ν",
+                unit="1",
+                default=0.3,
+                lower=-1.0,
+                upper=0.5,
+                lower_open=True,
+                upper_open=True,
+                meaning="Poisson's ratio at zero strain",
+            ),
+        ),
+    )
+
+    density: float
+    youngs_modulus: float
+    poissons_ratio: float = 0.3
+
+
+@value
+class StVenantKirchhoffHencky(Material):
+    """Hyperelastic solid, quadratic in the logarithmic strain.
+
+    ==============  ======  =====  ===========  ========  ======================
+    parameter       symbol  unit   range        default   meaning
+    ==============  ======  =====  ===========  ========  ======================
+    density         ρ       kg/m³  > 0          required  density at zero strain
+    youngs_modulus  E       Pa     > 0          required  Young's modulus
+    poissons_ratio  ν       1      > -1, < 0.5  0.3       Poisson's ratio
+    ==============  ======  =====  ===========  ========  ======================
+
+    Particles store: B (left Cauchy-Green tensor less the identity).
+    No volume smoothing (`FBar`).
+    Source: Bonus (2023), section 5.7; Hencky (1928).
+
+    Raises `SceneError` with every parameter out of range.
+    """
+
+    label: ClassVar[str] = "materials.StVenantKirchhoffHencky"
+    table: ClassVar[Entry] = Entry(
+        name="StVenantKirchhoffHencky",
+        summary="Hyperelastic solid, quadratic in the logarithmic strain",
+        source="Bonus (2023), section 5.7; Hencky (1928)",
+        needs="elastic_strain",
+        columns=(
+            Column(
+                name="B",
+                components=6,
+                meaning="left Cauchy-Green tensor less the identity",
+                unit="1",
+            ),
+        ),
+        fbar=False,
+        parameters=(
+            Parameter(
+                name="density",
+                symbol="ρ",
+                unit="kg/m³",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="density at zero strain",
+            ),
+            Parameter(
+                name="youngs_modulus",
+                symbol="E",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="Young's modulus",
+            ),
+            Parameter(
+                name="poissons_ratio",
+                symbol="ν",
+                unit="1",
+                default=0.3,
+                lower=-1.0,
+                upper=0.5,
+                lower_open=True,
+                upper_open=True,
+                meaning="Poisson's ratio",
+            ),
+        ),
+    )
+
+    density: float
+    youngs_modulus: float
+    poissons_ratio: float = 0.3
+
+
+@value
+class LinearElastic(Material):
+    """Hooke's law in the small strain; for rotations and strains of a few thousandths.
+
+    ==============  ======  =====  ===========  ========  ======================
+    parameter       symbol  unit   range        default   meaning
+    ==============  ======  =====  ===========  ========  ======================
+    density         ρ       kg/m³  > 0          required  density at zero strain
+    youngs_modulus  E       Pa     > 0          required  Young's modulus
+    poissons_ratio  ν       1      > -1, < 0.5  0.3       Poisson's ratio
+    ==============  ======  =====  ===========  ========  ======================
+
+    Particles store: strain (small strain).
+    No volume smoothing (`FBar`).
+    Source: Hooke's law.
+
+    Raises `SceneError` with every parameter out of range.
+    """
+
+    label: ClassVar[str] = "materials.LinearElastic"
+    table: ClassVar[Entry] = Entry(
+        name="LinearElastic",
+        summary="Hooke's law in the small strain; for rotations and strains of a few thousandths",
+        source="Hooke's law",
+        needs="elastic_strain",
+        columns=(
+            Column(
+                name="strain",
+                components=6,
+                meaning="small strain",
+                unit="1",
+            ),
+        ),
+        fbar=False,
+        parameters=(
+            Parameter(
+                name="density",
+                symbol="ρ",
+                unit="kg/m³",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="density at zero strain",
+            ),
+            Parameter(
+                name="youngs_modulus",
+                symbol="E",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="Young's modulus",
+            ),
+            Parameter(
+                name="poissons_ratio",
+                symbol="ν",
+                unit="1",
+                default=0.3,
+                lower=-1.0,
+                upper=0.5,
+                lower_open=True,
+                upper_open=True,
+                meaning="Poisson's ratio",
+            ),
+        ),
+    )
+
+    density: float
+    youngs_modulus: float
+    poissons_ratio: float = 0.3
+
+
+@value
+class VonMises(Material):
+    """Elastic-plastic solid, von Mises yield with linear hardening.
+
+    =================  ======  =====  ===========  ========  ===================================
+    parameter          symbol  unit   range        default   meaning
+    =================  ======  =====  ===========  ========  ===================================
+    density            ρ       kg/m³  > 0          required  density at zero strain
+    youngs_modulus     E       Pa     > 0          required  Young's modulus
+    poissons_ratio     ν       1      > -1, < 0.5  0.3       Poisson's ratio
+    yield_stress       σ_y     Pa     > 0          required  yield stress in uniaxial tension
+                                                             (Kirchhoff)
+    hardening_modulus  H       Pa     ≥ 0          0         growth of the yield stress with the
+                                                             plastic strain
+    =================  ======  =====  ===========  ========  ===================================
+
+    Particles store: B (elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz),
+    plastic_strain (accumulated equivalent plastic strain).
+    No volume smoothing (`FBar`).
+    Source: Simo (1992).
+
+    Raises `SceneError` with every parameter out of range.
+    """
+
+    label: ClassVar[str] = "materials.VonMises"
+    table: ClassVar[Entry] = Entry(
+        name="VonMises",
+        summary="Elastic-plastic solid, von Mises yield with linear hardening",
+        source="Simo (1992)",
+        needs="elastic_strain",
+        columns=(
+            Column(
+                name="B",
+                components=6,
+                meaning="elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz",
+                unit="1",
+            ),
+            Column(
+                name="plastic_strain",
+                components=1,
+                meaning="accumulated equivalent plastic strain",
+                unit="1",
+            ),
+        ),
+        fbar=False,
+        parameters=(
+            Parameter(
+                name="density",
+                symbol="ρ",
+                unit="kg/m³",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="density at zero strain",
+            ),
+            Parameter(
+                name="youngs_modulus",
+                symbol="E",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="Young's modulus",
+            ),
+            Parameter(
+                name="poissons_ratio",
+                symbol="ν",
+                unit="1",
+                default=0.3,
+                lower=-1.0,
+                upper=0.5,
+                lower_open=True,
+                upper_open=True,
+                meaning="Poisson's ratio",
+            ),
+            Parameter(
+                name="yield_stress",
+                symbol="σ_y",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="yield stress in uniaxial tension (Kirchhoff)",
+            ),
+            Parameter(
+                name="hardening_modulus",
+                symbol="H",
+                unit="Pa",
+                default=0.0,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=False,
+                upper_open=True,
+                meaning="growth of the yield stress with the plastic strain",
+            ),
+        ),
+    )
+
+    density: float
+    youngs_modulus: float
+    poissons_ratio: float = 0.3
+    yield_stress: float
+    hardening_modulus: float = 0.0
+
+
+@value
+class DruckerPrager(Material):
+    """Sand: Drucker-Prager yield with cohesion, dilatancy and tension cut-off.
+
+    =================  ======  =====  ===========  ========  =======================================
+    parameter          symbol  unit   range        default   meaning
+    =================  ======  =====  ===========  ========  =======================================
+    density            ρ       kg/m³  > 0          required  density at zero strain
+    youngs_modulus     E       Pa     > 0          required  Young's modulus
+    poissons_ratio     ν       1      > -1, < 0.5  0.3       Poisson's ratio
+    friction_angle     φ       °      ≥ 0, ≤ 89    30        friction angle in triaxial compression,
+                                                             degrees
+    cohesion           c       Pa     ≥ 0          0         cohesion
+    dilatancy_angle    ψ       °      ≥ 0, ≤ 89    0         dilatancy angle, degrees; below the
+                                                             friction angle in soils
+    tension_cutoff     p_t     Pa     ≥ 0          0         largest mean tension; the apex c cot φ
+                                                             bounds it in any case
+    volume_correction  β       1      ≥ 0, ≤ 1     1         share of what opened in tension that
+                                                             must close again
+    =================  ======  =====  ===========  ========  =======================================
+
+    Particles store: B (elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz),
+    plastic_strain (accumulated equivalent plastic shear strain), gap (logarithmic volume opened in
+    tension that is still to close), dilation (logarithmic volume gained for good).
+    No volume smoothing (`FBar`).
+    Source: Klár et al. (2016); Tampubolon et al. (2017); Bonus (2023), section 5.7.
+
+    Raises `SceneError` with every parameter out of range.
+    """
+
+    label: ClassVar[str] = "materials.DruckerPrager"
+    table: ClassVar[Entry] = Entry(
+        name="DruckerPrager",
+        summary="Sand: Drucker-Prager yield with cohesion, dilatancy and tension cut-off",
+        source="Klár et al. (2016); Tampubolon et al. (2017); Bonus (2023), section 5.7",
+        needs="elastic_strain",
+        columns=(
+            Column(
+                name="B",
+                components=6,
+                meaning="elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz",
+                unit="1",
+            ),
+            Column(
+                name="plastic_strain",
+                components=1,
+                meaning="accumulated equivalent plastic shear strain",
+                unit="1",
+            ),
+            Column(
+                name="gap",
+                components=1,
+                meaning="logarithmic volume opened in tension that is still to close",
+                unit="1",
+            ),
+            Column(
+                name="dilation",
+                components=1,
+                meaning="logarithmic volume gained for good",
+                unit="1",
+            ),
+        ),
+        fbar=False,
+        parameters=(
+            Parameter(
+                name="density",
+                symbol="ρ",
+                unit="kg/m³",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="density at zero strain",
+            ),
+            Parameter(
+                name="youngs_modulus",
+                symbol="E",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="Young's modulus",
+            ),
+            Parameter(
+                name="poissons_ratio",
+                symbol="ν",
+                unit="1",
+                default=0.3,
+                lower=-1.0,
+                upper=0.5,
+                lower_open=True,
+                upper_open=True,
+                meaning="Poisson's ratio",
+            ),
+            Parameter(
+                name="friction_angle",
+                symbol="φ",
+                unit="°",
+                default=30.0,
+                lower=0.0,
+                upper=89.0,
+                lower_open=False,
+                upper_open=False,
+                meaning="friction angle in triaxial compression, degrees",
+            ),
+            Parameter(
+                name="cohesion",
+                symbol="c",
+                unit="Pa",
+                default=0.0,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=False,
+                upper_open=True,
+                meaning="cohesion",
+            ),
+            Parameter(
+                name="dilatancy_angle",
+                symbol="ψ",
+                unit="°",
+                default=0.0,
+                lower=0.0,
+                upper=89.0,
+                lower_open=False,
+                upper_open=False,
+                meaning="dilatancy angle, degrees; below the friction angle in soils",
+            ),
+            Parameter(
+                name="tension_cutoff",
+                symbol="p_t",
+                unit="Pa",
+                default=0.0,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=False,
+                upper_open=True,
+                meaning="largest mean tension; the apex c cot φ bounds it in any case",
+            ),
+            Parameter(
+                name="volume_correction",
+                symbol="β",
+                unit="1",
+                default=1.0,
+                lower=0.0,
+                upper=1.0,
+                lower_open=False,
+                upper_open=False,
+                meaning="share of what opened in tension that must close again",
+            ),
+        ),
+    )
+
+    density: float
+    youngs_modulus: float
+    poissons_ratio: float = 0.3
+    friction_angle: float = 30.0
+    cohesion: float = 0.0
+    dilatancy_angle: float = 0.0
+    tension_cutoff: float = 0.0
+    volume_correction: float = 1.0

@@ -2,6 +2,7 @@
 // material is covered without a line here.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -31,7 +32,11 @@ template <class M>
 std::vector<double> usual_parameters() {
     std::vector<double> out;
     for (const Parameter& p : M::parameters) {
-        if (!std::isnan(p.default_value))
+        // No flow below this: what all materials share is elastic.
+        const std::string name = p.name;
+        if (name == "yield_stress" || name == "cohesion" || name == "tension_cutoff")
+            out.push_back(1e9);
+        else if (!std::isnan(p.default_value))
             out.push_back(p.default_value);
         else if (std::strcmp(p.unit, "Pa") == 0)
             out.push_back(1e6);
@@ -62,7 +67,7 @@ protected:
         Mat<double, D> e = strain;
         for (auto& row : e.e)
             for (double& x : row) x *= by;
-        M::template advance<double, D>(s.r, e);
+        M::template advance<double, D, double>(s.r, e, M::template constants<double>(q()));
         return s;
     }
     template <int D>
@@ -101,6 +106,7 @@ protected:
 
     template <int D>
     void objectivity() {
+        if (std::is_same_v<M, LinearElastic>) return;  // knows no rotations, and says so
         for (double size : {1e-4, 0.2}) {
             for (int round = 0; round < 200; ++round) {
                 const auto s = advanced<D>({}, random.template matrix<D>(size));
@@ -171,7 +177,13 @@ protected:
             Mat<double, D> e{};
             e(0, 0) = ratio - 1;
             const auto s = advanced<D>({}, e);
-            EXPECT_NEAR(observe<D>(s).volume_ratio, ratio, 1e-12 * std::fabs(ratio));
+            // B = b - I is known to the rounding of one, b itself to that over J^2; and B of what
+            // is turned inside out is not a number.
+            const bool squared = std::strcmp(M::columns[0].name, "B") == 0;
+            if (ratio > 0 || !squared) {
+                const double bound = squared ? std::max(1e-12, 2e-16 / (ratio * ratio)) : 1e-12;
+                EXPECT_NEAR(observe<D>(s).volume_ratio, ratio, bound * std::fabs(ratio));
+            }
             return M::template admissible<double, D>(s.r);
         };
         EXPECT_TRUE(at(0.9));

@@ -36,6 +36,8 @@ struct Observation {
     double stress[D][D];  // Cauchy stress, Pa (in-plane part in two dimensions)
     double elastic_energy;     // J per m^3 of undeformed volume
     double deformation[D][D];  // F; identity for materials that do not store it
+    double plastic_strain;     // accumulated and equivalent; 0 for materials without any
+    bool yields;               // stands on its yield surface after flowing
 };
 
 }  // namespace mpm

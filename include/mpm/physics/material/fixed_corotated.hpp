@@ -11,8 +11,7 @@
 // and no difference of nearly equal matrices is formed. Two dimensions are plane strain.
 #pragma once
 
-#include "mpm/core/linalg.hpp"
-#include "mpm/physics/material/description.hpp"
+#include "mpm/physics/material/displacement.hpp"
 
 namespace mpm {
 
@@ -90,36 +89,21 @@ struct FixedCorotated {
     template <int D>
     static constexpr int reals = (D * D);
 
-    template <class V, int D>
-    MPM_INLINE static Mat<V, D> displacement_gradient(const V (&state)[D * D]) {
-        Mat<V, D> h;
-        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) h.e[a][b] =
-            state[a * D + b];
-        return h;
-    }
-
-    /// H <- H + dt grad v (I + H)
-    template <class V, int D>
-    MPM_INLINE static void advance(V (&state)[D * D], const Mat<V, D>& strain) {
-        const Mat<V, D> h = displacement_gradient<V, D>(state);
-        const Mat<V, D> change = product(strain, h);
-        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
-            state[a * D + b] = h.e[a][b] + (strain.e[a][b] + change.e[a][b]);
-        }
+    template <class V, int D, class T>
+    MPM_INLINE static void advance(V (&state)[D * D], const Mat<V, D>& strain,
+                                   const Constants<T>&) {
+        advance_displacement_gradient(state, strain);
     }
 
     template <class V, int D, class T>
     MPM_INLINE static Mat<V, D> kirchhoff(const V (&state)[D * D], const Mat<V, D>&,
                                           const Constants<T>& k) {
-        const Mat<V, D> h = displacement_gradient<V, D>(state);
+        const Mat<V, D> h = displacement_gradient<D>(state);
         const V dJ = volume_change(h);
         const V J = dJ + T(1);
         Mat<V, D> f = h;
         MPM_UNROLL for (int a = 0; a < D; ++a) f.e[a][a] = f.e[a][a] + T(1);
-        Mat<V, D> excess = product_transposed(h, h);  // b - I
-        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
-            excess.e[a][b] = excess.e[a][b] + (h.e[a][b] + h.e[b][a]);
-        }
+        const Mat<V, D> excess = left_cauchy_green_excess(h);
         Mat<V, D> s = detail::left_stretch(f, J);
         MPM_UNROLL for (int a = 0; a < D; ++a) s.e[a][a] = s.e[a][a] + T(1);
         const Mat<V, D> c = cofactors(s);
@@ -137,9 +121,7 @@ struct FixedCorotated {
 
     template <class V, int D>
     MPM_INLINE static MaskOf<V> admissible(const V (&state)[D * D]) {
-        using T = ScalarOf<V>;
-        const V dJ = volume_change(displacement_gradient<V, D>(state));
-        return (V(T(-0.95)) < dJ) & (dJ < V(T(19)));
+        return admissible_displacement_gradient<D>(state);
     }
     static constexpr const char* limits =
         "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
@@ -153,19 +135,10 @@ struct FixedCorotated {
         Mat<double, D> none{};
         const Mat<double, D> tau =
             kirchhoff<double, D, double>(h, none, Constants<double>{2 * mu, lambda});
-        const Mat<double, D> H = displacement_gradient<double, D>(h);
+        const Mat<double, D> H = displacement_gradient<D>(h);
         const double dJ = volume_change(H), J = 1 + dJ;
-        Observation<D> o{};
-        o.volume_ratio = J;
-        double sum = 0;
-        for (int a = 0; a < D; ++a)
-            for (int b = 0; b < D; ++b) {
-                o.stress[a][b] = tau.e[a][b] / J;
-                o.deformation[a][b] = H.e[a][b] + (a == b ? 1.0 : 0.0);
-                if (a == b) sum += o.stress[a][b];
-            }
-        if (D == 2) sum += lambda * dJ;  // plane strain: tau_33 = lambda (J - 1) J
-        o.pressure = -sum / 3;
+        // Plane strain: tau_33 = lambda (J - 1) J.
+        Observation<D> o = observe_displacement<D>(H, tau, D == 2 ? lambda * dJ * J : 0.0);
         // |V - I|^2 from V - I = (b - I)(V + I)^-1, the same route as the stress.
         Mat<double, D> f = H;
         for (int a = 0; a < D; ++a) f.e[a][a] += 1;

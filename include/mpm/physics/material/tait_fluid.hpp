@@ -81,8 +81,8 @@ struct TaitFluid {
     }
 
     /// `strain` is dt grad v.
-    template <class V, int D>
-    MPM_INLINE static void advance(V (&state)[1], const Mat<V, D>& strain) {
+    template <class V, int D, class T>
+    MPM_INLINE static void advance(V (&state)[1], const Mat<V, D>& strain, const Constants<T>&) {
         state[0] = advance_volume(state[0], trace(strain));
     }
 

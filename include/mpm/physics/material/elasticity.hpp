@@ -1,0 +1,148 @@
+// What isotropic elastic solids share: moduli, symmetric tensors as particles store them, and the
+// kinematics of materials whose state is the elastic left Cauchy-Green tensor less the identity,
+// B = b_e - I: the strain itself, so that small strains keep their digits in single precision.
+// Two dimensions are plane strain.
+#pragma once
+
+#include "mpm/core/eigen.hpp"
+#include "mpm/physics/material/description.hpp"
+
+namespace mpm {
+
+/// Lame's constants, Pa.
+template <class T>
+struct Elasticity {
+    T shear;  // mu
+    T lame;   // lambda
+
+    /// From Young's modulus in Pa and Poisson's ratio.
+    MPM_HD static Elasticity of(double young, double poisson) {
+        return {T(young / (2 * (1 + poisson))),
+                T(young * poisson / ((1 + poisson) * (1 - 2 * poisson)))};
+    }
+};
+/// Speed of the pressure wave, m/s.
+inline double pressure_wave_speed(double young, double poisson, double density) {
+    const auto e = Elasticity<double>::of(young, poisson);
+    return std::sqrt((e.lame + 2 * e.shear) / density);
+}
+
+/// Numbers of a symmetric tensor: xx, yy, xy or xx, yy, zz, yz, xz, xy.
+template <int D>
+inline constexpr int symmetric_reals = (D * (D + 1) / 2);
+
+template <int D>
+MPM_INLINE constexpr int symmetric_place(int i, int j) {
+    return i == j ? i : (D == 2 ? 2 : 6 - i - j);
+}
+template <int D, class V, int R>
+MPM_INLINE Mat<V, D> load_symmetric(const V (&state)[R]) {
+    Mat<V, D> m;
+    MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j < D; ++j) m.e[i][j] =
+        state[symmetric_place<D>(i, j)];
+    return m;
+}
+template <int D, class V, int R>
+MPM_INLINE void store_symmetric(V (&state)[R], const Mat<V, D>& m) {
+    MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j <= i; ++j) {
+        state[symmetric_place<D>(i, j)] = m.e[i][j];
+    }
+}
+
+/// B of (I + strain) F_e, from B of F_e: no difference of nearly equal matrices is formed. Not a
+/// number where the step would turn the particle inside out, which b alone cannot tell.
+template <class V, int D>
+MPM_INLINE Mat<V, D> advance_left_cauchy_green(const Mat<V, D>& b, const Mat<V, D>& strain) {
+    using T = ScalarOf<V>;
+    Mat<V, D> moved = product(strain, b);
+    MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j < D; ++j) {
+        moved.e[i][j] = moved.e[i][j] + strain.e[i][j];
+    }
+    const Mat<V, D> square = product_transposed(moved, strain);
+    const V inverted =
+        select(V(T(-1)) < volume_change(strain), V(T(0)), V(std::numeric_limits<T>::quiet_NaN()));
+    Mat<V, D> out;
+    MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j <= i; ++j) {
+        out.e[i][j] = out.e[j][i] = b.e[i][j] + (moved.e[i][j] + moved.e[j][i]) +
+                                    T(0.5) * (square.e[i][j] + square.e[j][i]) + inverted;
+    }
+    return out;
+}
+
+/// Principal logarithmic strains, the one out of the plane too in two dimensions.
+template <class V, int D>
+struct LogStrain {
+    Vec<V, 3> e;
+    Mat<V, D> axes;
+    MPM_INLINE V volumetric() const { return e[0] + e[1] + e[2]; }
+    MPM_INLINE Vec<V, 3> deviator() const {
+        using T = ScalarOf<V>;
+        const V mean = T(1.0 / 3) * volumetric();
+        return {{e[0] - mean, e[1] - mean, e[2] - mean}};
+    }
+};
+template <class V, int D>
+MPM_INLINE LogStrain<V, D> log_strain(const Mat<V, D>& b, V out_of_plane) {
+    using T = ScalarOf<V>;
+    const Spectrum<V, D> s = spectrum(b);
+    LogStrain<V, D> out;
+    MPM_UNROLL for (int i = 0; i < D; ++i) out.e[i] = T(0.5) * log1p_of(s.value[i]);
+    if constexpr (D == 2) out.e[2] = out_of_plane;
+    out.axes = s.axes;
+    return out;
+}
+/// B of the strains.
+template <class V, int D>
+MPM_INLINE Mat<V, D> left_cauchy_green(const LogStrain<V, D>& s) {
+    using T = ScalarOf<V>;
+    Vec<V, D> value;
+    MPM_UNROLL for (int i = 0; i < D; ++i) value[i] = expm1_of(T(2) * s.e[i]);
+    return compose(value, s.axes);
+}
+/// Kirchhoff stress of the quadratic energy in the logarithmic strain (Hencky), Pa:
+/// tau = 2 mu e + lambda tr(e) I.
+template <class V, int D, class T>
+MPM_INLINE Mat<V, D> hencky_stress(const LogStrain<V, D>& s, const Elasticity<T>& k) {
+    const V all = k.lame * s.volumetric();
+    Vec<V, D> value;
+    MPM_UNROLL for (int i = 0; i < D; ++i) value[i] = (T(2) * k.shear) * s.e[i] + all;
+    return compose(value, s.axes);
+}
+template <class V>
+MPM_INLINE V norm(const Vec<V, 3>& v) {
+    return square_root(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
+/// Volume ratio between 0.05 and 20, from B; false for what is not a number.
+template <class V, int D>
+MPM_INLINE MaskOf<V> admissible_left_cauchy_green(const Mat<V, D>& b, V out_of_plane) {
+    using T = ScalarOf<V>;
+    V square = volume_change(b);  // J^2 - 1
+    V beyond = out_of_plane * V(T(0));
+    MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j <= i; ++j) {
+        beyond = beyond + b.e[i][j] * V(T(0));
+    }
+    return (V(T(-0.9975)) < square + beyond) & (square + beyond < V(T(399)));
+}
+
+/// What a reader sees of a Hencky material; `ratio` is J, of which plastic flow may hold a part.
+template <int D>
+MPM_HD inline Observation<D> observe_hencky(const LogStrain<double, D>& s,
+                                            const Elasticity<double>& k, double ratio) {
+    Observation<D> o{};
+    o.volume_ratio = ratio;
+    const Mat<double, D> tau = hencky_stress(s, k);
+    const double volumetric = s.volumetric();
+    double squares = 0;
+    for (int i = 0; i < 3; ++i) squares += s.e[i] * s.e[i];
+    for (int a = 0; a < D; ++a)
+        for (int b = 0; b < D; ++b) {
+            o.stress[a][b] = tau.e[a][b] / ratio;
+            o.deformation[a][b] = a == b ? 1.0 : 0.0;
+        }
+    o.pressure = -(k.lame + 2.0 / 3 * k.shear) * volumetric / ratio;
+    o.elastic_energy = k.shear * squares + 0.5 * k.lame * volumetric * volumetric;
+    return o;
+}
+
+}  // namespace mpm

@@ -1,0 +1,66 @@
+// Hyperelastic solid, quadratic in the logarithmic strain (Bonus 2023, section 5.7, the elastic
+// part of its sand; Hencky 1928):
+//
+//   Psi = mu sum e_i^2 + lambda / 2 (sum e_i)^2,   e_i = ln sigma_i
+//   tau = 2 mu e + lambda tr(e) I
+#pragma once
+
+#include "mpm/physics/material/elasticity.hpp"
+
+namespace mpm {
+
+struct StVenantKirchhoffHencky {
+    static constexpr const char* name = "StVenantKirchhoffHencky";
+    static constexpr const char* summary =
+        "Hyperelastic solid, quadratic in the logarithmic strain";
+    static constexpr const char* source = "Bonus (2023), section 5.7; Hencky (1928)";
+    static constexpr bool volumetric = false;
+    static constexpr const char* needs = "elastic_strain";
+    static constexpr Column columns[] = {
+        {"B", {3, 6}, "left Cauchy-Green tensor less the identity", "1"}};
+    static constexpr Parameter parameters[] = {
+        {"density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"},
+        {"youngs_modulus", "E", "Pa", required, 0.0, unbounded, true, true, "Young's modulus"},
+        {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true, "Poisson's ratio"},
+    };
+
+    template <class T>
+    using Constants = Elasticity<T>;
+    template <class T>
+    static Constants<T> constants(const double* p) {
+        return Elasticity<T>::of(p[1], p[2]);
+    }
+    static double density(const double* p) { return p[0]; }
+    static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
+
+    template <int D>
+    static constexpr int reals = symmetric_reals<D>;
+
+    template <class V, int D, class T>
+    MPM_INLINE static void advance(V (&state)[reals<D>], const Mat<V, D>& strain,
+                                   const Constants<T>&) {
+        store_symmetric<D>(state, advance_left_cauchy_green(load_symmetric<D>(state), strain));
+    }
+    template <class V, int D, class T>
+    MPM_INLINE static Mat<V, D> kirchhoff(const V (&state)[reals<D>], const Mat<V, D>&,
+                                          const Constants<T>& k) {
+        return hencky_stress(log_strain(load_symmetric<D>(state), V(T(0))), k);
+    }
+    template <class V, int D>
+    MPM_INLINE static MaskOf<V> admissible(const V (&state)[reals<D>]) {
+        return admissible_left_cauchy_green(load_symmetric<D>(state), V(ScalarOf<V>(0)));
+    }
+    static constexpr const char* limits =
+        "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
+
+    template <int D>
+    MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],
+                                         const double* q) {
+        double own[reals<D>];
+        for (int r = 0; r < reals<D>; ++r) own[r] = state[r];
+        const auto s = log_strain(load_symmetric<D>(own), 0.0);
+        return observe_hencky<D>(s, Elasticity<double>::of(q[1], q[2]), std::exp(s.volumetric()));
+    }
+};
+
+}  // namespace mpm
