@@ -248,8 +248,8 @@ void Domain<X, T, D>::adopt_table(Buffer<X, std::uint64_t>& keys) {
     const auto new_slots = std::int32_t(keys.size());
     const std::size_t size = std::size_t(new_slots) * plan_.sum_channels * block_cells;
     const int reading = parity();
-    // A larger grid asks for memory of sizes that fit nothing that is free: what is gives way first,
-    // and what the grid has outgrown afterwards.
+    // A larger grid asks for memory of sizes that fit nothing that is free: what is gives way
+    // first, and what the grid has outgrown afterwards.
     const bool grows = size * sizeof(Sum) > sums_[reading].bytes();
     if (grows) exec_.trim();
     Buffer<X, std::int32_t> map(exec_);

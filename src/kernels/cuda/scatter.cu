@@ -6,7 +6,7 @@ namespace mpm::cuda {
 template <class X, class T, int D>
 void scatter_body(const Pass<X, T, D>& pass, int channels) {
     pass.exec->launch_next(&scatter_step<X, T, D>, pass.body.homes, channels + 1, block_cells, pass,
-                      channels);
+                           channels);
 }
 
 template void scatter_body<Cuda, float, 2>(const Pass<Cuda, float, 2>&, int);
