@@ -192,13 +192,13 @@ class FixedCorotated(Material):
 class NeoHookean(Material):
     """Hyperelastic solid, compressible neo-Hookean energy.
 
-    ==============  ======  =====  ===========  ========  ==============================
+    ==============  ======  =====  ===========  ========  ======================
     parameter       symbol  unit   range        default   meaning
-    ==============  ======  =====  ===========  ========  ==============================
+    ==============  ======  =====  ===========  ========  ======================
     density         ρ       kg/m³  > 0          required  density at zero strain
-    youngs_modulus  E       Pa     > 0          required  Young's modulus at zero strain
-    poissons_ratio  ν       1      > -1, < 0.5  0.3       Poisson's ratio at zero strain
-    ==============  ======  =====  ===========  ========  ==============================
+    youngs_modulus  E       Pa     > 0          required  Young's modulus
+    poissons_ratio  ν       1      > -1, < 0.5  0.3       Poisson's ratio
+    ==============  ======  =====  ===========  ========  ======================
 
     Particles store: H (displacement gradient F - I).
     No volume smoothing (`FBar`).
@@ -243,7 +243,7 @@ class NeoHookean(Material):
                 upper=math.inf,
                 lower_open=True,
                 upper_open=True,
-                meaning="Young's modulus at zero strain",
+                meaning="Young's modulus",
             ),
             Parameter(
                 name="poissons_ratio",
@@ -254,7 +254,7 @@ class NeoHookean(Material):
                 upper=0.5,
                 lower_open=True,
                 upper_open=True,
-                meaning="Poisson's ratio at zero strain",
+                meaning="Poisson's ratio",
             ),
         ),
     )

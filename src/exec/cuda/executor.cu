@@ -63,7 +63,9 @@ Cuda::Context::Context(int device) : device(device) {
     MPM_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device));
     int major = 0;
     MPM_CUDA(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device));
-    overlaps = major >= 9;
+    // A kernel built for less has no `after_previous`, on whatever device it runs.
+    constexpr int built_for[] = {__CUDA_ARCH_LIST__};
+    overlaps = major >= 9 && std::ranges::all_of(built_for, [](int a) { return a >= 900; });
     int pools = 0;
     MPM_CUDA(cudaDeviceGetAttribute(&pools, cudaDevAttrMemoryPoolsSupported, device));
     if (!pools) {

@@ -142,6 +142,18 @@ struct Scales {
     }
 };
 
+/// A deposit whose sums stand to that of the mass as their scales do: by powers of two, so exactly.
+template <int D, int C>
+__device__ __forceinline__ Affine<float, D, C> to_mass_scale(Affine<float, D, C> u,
+                                                             const Scales<float, D>& scales) {
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        const float by = scales.template of<C>(c) / scales.mass;
+        u.value[c] *= by;
+        MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] *= by;
+    }
+    return u;
+}
+
 template <class P>
 __device__ __forceinline__ void count_strays(const P& pass, int count) {
     atomicAdd(reinterpret_cast<unsigned long long*>(pass.strays),

@@ -66,14 +66,8 @@ __device__ __forceinline__ void deposit(SumArena<D, C>& arena, const Scales<floa
                                         const Affine<float, D, C>& u) {
     using Sums = SumArena<D, C>;
     SharedSums<D, C> sums{arena.at + stencil_origin<Sums, D>(cell)};
-    // Weights on the scale of the mass; the rest are powers of two.
-    Affine<float, D, C> scaled = u;
-    MPM_UNROLL for (int c = 0; c < C; ++c) {
-        const float by = scales.template of<C>(c) / scales.mass;
-        scaled.value[c] *= by;
-        MPM_UNROLL for (int a = 0; a < D; ++a) scaled.slope[a][c] *= by;
-    }
-    scatter<float, D, C, true>(sums, quadratic_weights<float, D>(local), scales.mass, scaled);
+    scatter<float, D, C, true>(sums, quadratic_weights<float, D>(local), scales.mass,
+                               to_mass_scale(u, scales));
 }
 
 /// Threads of a block when four share a cell. All the registers that a thread may have, as the sums

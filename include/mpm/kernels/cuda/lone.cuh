@@ -87,19 +87,6 @@ struct alignas(16) Parcel {
     bool filled;
 };
 
-/// Weights on the scale of the mass; what the other sums have more is a power of two.
-template <int D, int C>
-__device__ __forceinline__ Deposit<float, D, C> on_scale(Deposit<float, D, C> d,
-                                                         const Scales<float, D>& scales) {
-    MPM_UNROLL for (int k = 0; k < 3; ++k) d.weight[0][k] *= scales.mass;
-    MPM_UNROLL for (int c = 0; c < C; ++c) {
-        const float by = scales.template of<C>(c) / scales.mass;
-        d.centre[c] *= by;
-        MPM_UNROLL for (int a = 0; a < D; ++a) d.slope[a][c] *= by;
-    }
-    return d;
-}
-
 /// The lanes of a warp add what its threads have moved, a node each. Particles of one cell that
 /// follow each other go to the grid together.
 template <int D, int C>
@@ -200,7 +187,8 @@ __global__ void __launch_bounds__(lone_threads)
             bool stays = true;
             MPM_UNROLL for (int a = 0; a < D; ++a) stays = stays & (moved[a] == cell[a]);
             if (!stays) mine.around.find(neighbours, moved);
-            mine.deposit = on_scale(deposit_of(quadratic_weights<float, D>(local), u), scales);
+            mine.deposit = deposit_of(quadratic_weights<float, D>(local), to_mass_scale(u, scales));
+            MPM_UNROLL for (int k = 0; k < 3; ++k) mine.deposit.weight[0][k] *= scales.mass;
             mine.filled = true;
         } else {
             Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));

@@ -16,23 +16,21 @@
 
 namespace mpm {
 
-struct DruckerPrager {
+struct DruckerPrager : HenckyFlow<DruckerPrager> {
     static constexpr const char* name = "DruckerPrager";
     static constexpr const char* summary =
         "Sand: Drucker-Prager yield with cohesion, dilatancy and tension cut-off";
     static constexpr const char* source =
         "Klár et al. (2016); Tampubolon et al. (2017); Bonus (2023), section 5.7";
-    static constexpr bool volumetric = false;
-    static constexpr const char* needs = "elastic_strain";
     static constexpr Column columns[] = {
-        {"B", {4, 6}, "elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz", "1"},
+        elastic_column,
         {"plastic_strain", {1, 1}, "accumulated equivalent plastic shear strain", "1"},
         {"gap", {1, 1}, "logarithmic volume opened in tension that is still to close", "1"},
         {"dilation", {1, 1}, "logarithmic volume gained for good", "1"}};
     static constexpr Parameter parameters[] = {
-        {"density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"},
-        {"youngs_modulus", "E", "Pa", required, 0.0, unbounded, true, true, "Young's modulus"},
-        {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true, "Poisson's ratio"},
+        solid_density,
+        youngs_modulus,
+        poissons_ratio,
         {"friction_angle", "φ", "°", 30.0, 0.0, 89.0, false, false,
          "friction angle in triaxial compression, degrees"},
         {"cohesion", "c", "Pa", 0.0, 0.0, unbounded, false, true, "cohesion"},
@@ -78,8 +76,6 @@ struct DruckerPrager {
                 T(tension / bulk),
                 T(p[7])};
     }
-    static double density(const double* p) { return p[0]; }
-    static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
 
     /// B in the plane, in two dimensions the strain out of the plane, plastic strain, gap,
     /// dilation.
@@ -91,11 +87,6 @@ struct DruckerPrager {
     static constexpr int opened = reals<D> - 2;
     template <int D>
     static constexpr int gained = reals<D> - 1;
-
-    template <int D, class V>
-    MPM_INLINE static LogStrain<V, D> elastic_strain(const V (&state)[reals<D>]) {
-        return log_strain(load_symmetric<D>(state), D == 2 ? state[3] : V(ScalarOf<V>(0)));
-    }
 
     /// Advances the state and returns the Kirchhoff stress.
     template <class V, int D, class T>
@@ -142,17 +133,6 @@ struct DruckerPrager {
         state[opened<D>] = gap + kept;
         return hencky_stress(s, k.elastic);
     }
-    template <class V, int D, class T>
-    MPM_INLINE static void advance(V (&state)[reals<D>], const Mat<V, D>& strain,
-                                   const Constants<T>& k) {
-        respond(state, strain, k);
-    }
-    template <class V, int D, class T>
-    MPM_INLINE static Mat<V, D> kirchhoff(const V (&state)[reals<D>], const Mat<V, D>&,
-                                          const Constants<T>& k) {
-        return hencky_stress(elastic_strain<D>(state), k.elastic);
-    }
-
     template <class V, int D>
     MPM_INLINE static MaskOf<V> admissible(const V (&state)[reals<D>]) {
         using T = ScalarOf<V>;

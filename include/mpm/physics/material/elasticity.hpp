@@ -21,11 +21,33 @@ struct Elasticity {
                 T(young * poisson / ((1 + poisson) * (1 - 2 * poisson)))};
     }
 };
+/// What every isotropic solid is given first.
+inline constexpr Parameter solid_density = {
+    "density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"};
+inline constexpr Parameter youngs_modulus = {"youngs_modulus", "E",  "Pa", required,         0.0,
+                                             unbounded,        true, true, "Young's modulus"};
+inline constexpr Parameter poissons_ratio = {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true,
+                                             "Poisson's ratio"};
+
 /// Speed of the pressure wave, m/s.
 inline double pressure_wave_speed(double young, double poisson, double density) {
     const auto e = Elasticity<double>::of(young, poisson);
     return std::sqrt((e.lame + 2 * e.shear) / density);
 }
+
+/// What a material says whose only parameters are these three.
+struct IsotropicElastic {
+    static constexpr bool volumetric = false;
+    static constexpr Parameter parameters[] = {solid_density, youngs_modulus, poissons_ratio};
+    template <class T>
+    using Constants = Elasticity<T>;
+    template <class T>
+    static Constants<T> constants(const double* p) {
+        return Elasticity<T>::of(p[1], p[2]);
+    }
+    static double density(const double* p) { return p[0]; }
+    static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
+};
 
 /// Numbers of a symmetric tensor: xx, yy, xy or xx, yy, zz, yz, xz, xy.
 template <int D>
@@ -124,6 +146,32 @@ MPM_INLINE MaskOf<V> admissible_left_cauchy_green(const Mat<V, D>& b, V out_of_p
     }
     return (V(T(-0.9975)) < square + beyond) & (square + beyond < V(T(399)));
 }
+
+/// What laws share that flow and answer with Hencky's stress: B first among what they store, in two
+/// dimensions followed by the elastic strain out of the plane. `Law::respond` updates and answers.
+template <class Law>
+struct HenckyFlow {
+    static constexpr bool volumetric = false;
+    static constexpr const char* needs = "elastic_strain";
+    static constexpr Column elastic_column = {
+        "B", {4, 6}, "elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz", "1"};
+    static double density(const double* p) { return p[0]; }
+    static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
+
+    template <int D, class V, int R>
+    MPM_INLINE static LogStrain<V, D> elastic_strain(const V (&state)[R]) {
+        return log_strain(load_symmetric<D>(state), D == 2 ? state[3] : V(ScalarOf<V>(0)));
+    }
+    template <class V, int D, class T = ScalarOf<V>, int R, class Constants>
+    MPM_INLINE static void advance(V (&state)[R], const Mat<V, D>& strain, const Constants& k) {
+        Law::template respond<V, D, T>(state, strain, k);
+    }
+    template <class V, int D, class T = ScalarOf<V>, int R, class Constants>
+    MPM_INLINE static Mat<V, D> kirchhoff(const V (&state)[R], const Mat<V, D>&,
+                                          const Constants& k) {
+        return hencky_stress(elastic_strain<D>(state), k.elastic);
+    }
+};
 
 /// What a reader sees of a Hencky material; `ratio` is J, of which plastic flow may hold a part.
 template <int D>

@@ -12,6 +12,7 @@
 #pragma once
 
 #include "mpm/physics/material/displacement.hpp"
+#include "mpm/physics/material/elasticity.hpp"
 
 namespace mpm {
 
@@ -65,11 +66,7 @@ struct FixedCorotated {
     static constexpr bool volumetric = false;
     static constexpr const char* needs = "deformation_gradient";
     static constexpr Column columns[] = {{"H", {4, 9}, "displacement gradient F - I", "1"}};
-    static constexpr Parameter parameters[] = {
-        {"density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"},
-        {"youngs_modulus", "E", "Pa", required, 0.0, unbounded, true, true, "Young's modulus"},
-        {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true, "Poisson's ratio"},
-    };
+    static constexpr Parameter parameters[] = {solid_density, youngs_modulus, poissons_ratio};
 
     template <class T>
     struct Constants {

@@ -9,28 +9,13 @@
 
 namespace mpm {
 
-struct LinearElastic {
+struct LinearElastic : IsotropicElastic {
     static constexpr const char* name = "LinearElastic";
     static constexpr const char* summary =
         "Hooke's law in the small strain; for rotations and strains of a few thousandths";
     static constexpr const char* source = "Hooke's law";
-    static constexpr bool volumetric = false;
     static constexpr const char* needs = "elastic_strain";
     static constexpr Column columns[] = {{"strain", {3, 6}, "small strain", "1"}};
-    static constexpr Parameter parameters[] = {
-        {"density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"},
-        {"youngs_modulus", "E", "Pa", required, 0.0, unbounded, true, true, "Young's modulus"},
-        {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true, "Poisson's ratio"},
-    };
-
-    template <class T>
-    using Constants = Elasticity<T>;
-    template <class T>
-    static Constants<T> constants(const double* p) {
-        return Elasticity<T>::of(p[1], p[2]);
-    }
-    static double density(const double* p) { return p[0]; }
-    static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
 
     template <int D>
     static constexpr int reals = symmetric_reals<D>;

@@ -13,28 +13,12 @@
 
 namespace mpm {
 
-struct NeoHookean {
+struct NeoHookean : IsotropicElastic {
     static constexpr const char* name = "NeoHookean";
     static constexpr const char* summary = "Hyperelastic solid, compressible neo-Hookean energy";
     static constexpr const char* source = "Bonet and Wood (2008), section 6.4.3";
-    static constexpr bool volumetric = false;
     static constexpr const char* needs = "deformation_gradient";
     static constexpr Column columns[] = {{"H", {4, 9}, "displacement gradient F - I", "1"}};
-    static constexpr Parameter parameters[] = {
-        {"density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"},
-        {"youngs_modulus", "E", "Pa", required, 0.0, unbounded, true, true,
-         "Young's modulus at zero strain"},
-        {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true, "Poisson's ratio at zero strain"},
-    };
-
-    template <class T>
-    using Constants = Elasticity<T>;
-    template <class T>
-    static Constants<T> constants(const double* p) {
-        return Elasticity<T>::of(p[1], p[2]);
-    }
-    static double density(const double* p) { return p[0]; }
-    static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
 
     template <int D>
     static constexpr int reals = (D * D);

@@ -9,29 +9,14 @@
 
 namespace mpm {
 
-struct StVenantKirchhoffHencky {
+struct StVenantKirchhoffHencky : IsotropicElastic {
     static constexpr const char* name = "StVenantKirchhoffHencky";
     static constexpr const char* summary =
         "Hyperelastic solid, quadratic in the logarithmic strain";
     static constexpr const char* source = "Bonus (2023), section 5.7; Hencky (1928)";
-    static constexpr bool volumetric = false;
     static constexpr const char* needs = "elastic_strain";
     static constexpr Column columns[] = {
         {"B", {3, 6}, "left Cauchy-Green tensor less the identity", "1"}};
-    static constexpr Parameter parameters[] = {
-        {"density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"},
-        {"youngs_modulus", "E", "Pa", required, 0.0, unbounded, true, true, "Young's modulus"},
-        {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true, "Poisson's ratio"},
-    };
-
-    template <class T>
-    using Constants = Elasticity<T>;
-    template <class T>
-    static Constants<T> constants(const double* p) {
-        return Elasticity<T>::of(p[1], p[2]);
-    }
-    static double density(const double* p) { return p[0]; }
-    static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
 
     template <int D>
     static constexpr int reals = symmetric_reals<D>;

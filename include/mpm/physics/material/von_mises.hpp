@@ -9,20 +9,17 @@
 
 namespace mpm {
 
-struct VonMises {
+struct VonMises : HenckyFlow<VonMises> {
     static constexpr const char* name = "VonMises";
     static constexpr const char* summary =
         "Elastic-plastic solid, von Mises yield with linear hardening";
     static constexpr const char* source = "Simo (1992)";
-    static constexpr bool volumetric = false;
-    static constexpr const char* needs = "elastic_strain";
     static constexpr Column columns[] = {
-        {"B", {4, 6}, "elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz", "1"},
-        {"plastic_strain", {1, 1}, "accumulated equivalent plastic strain", "1"}};
+        elastic_column, {"plastic_strain", {1, 1}, "accumulated equivalent plastic strain", "1"}};
     static constexpr Parameter parameters[] = {
-        {"density", "ρ", "kg/m³", required, 0.0, unbounded, true, true, "density at zero strain"},
-        {"youngs_modulus", "E", "Pa", required, 0.0, unbounded, true, true, "Young's modulus"},
-        {"poissons_ratio", "ν", "1", 0.3, -1.0, 0.5, true, true, "Poisson's ratio"},
+        solid_density,
+        youngs_modulus,
+        poissons_ratio,
         {"yield_stress", "σ_y", "Pa", required, 0.0, unbounded, true, true,
          "yield stress in uniaxial tension (Kirchhoff)"},
         {"hardening_modulus", "H", "Pa", 0.0, 0.0, unbounded, false, true,
@@ -43,19 +40,12 @@ struct VonMises {
         return {Elasticity<T>::of(p[1], p[2]), T(part * p[3]), T(part * p[4]),
                 T(1 / (2 * e.shear + 2.0 / 3 * p[4]))};
     }
-    static double density(const double* p) { return p[0]; }
-    static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
 
     /// B in the plane, in two dimensions the strain out of the plane, then the plastic strain.
     template <int D>
     static constexpr int reals = D == 2 ? 5 : 7;
     template <int D>
     static constexpr int hardened = reals<D> - 1;
-
-    template <int D, class V>
-    MPM_INLINE static LogStrain<V, D> elastic_strain(const V (&state)[reals<D>]) {
-        return log_strain(load_symmetric<D>(state), D == 2 ? state[3] : V(ScalarOf<V>(0)));
-    }
 
     /// Advances the state and returns the Kirchhoff stress.
     template <class V, int D, class T>
@@ -81,16 +71,6 @@ struct VonMises {
         if constexpr (D == 2) state[3] = s.e[2];
         state[hardened<D>] = state[hardened<D>] + T(0.81649658092772603) * flow;
         return hencky_stress(s, k.elastic);
-    }
-    template <class V, int D, class T>
-    MPM_INLINE static void advance(V (&state)[reals<D>], const Mat<V, D>& strain,
-                                   const Constants<T>& k) {
-        respond(state, strain, k);
-    }
-    template <class V, int D, class T>
-    MPM_INLINE static Mat<V, D> kirchhoff(const V (&state)[reals<D>], const Mat<V, D>&,
-                                          const Constants<T>& k) {
-        return hencky_stress(elastic_strain<D>(state), k.elastic);
     }
     template <class V, int D>
     MPM_INLINE static MaskOf<V> admissible(const V (&state)[reals<D>]) {
