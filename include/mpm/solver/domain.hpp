@@ -121,6 +121,8 @@ private:
     void permute(Body& body, const std::uint32_t* order);
     void link_table();
     Homes find_homes();
+    template <class Flag>
+    void add_homes(Homes& homes, std::uint32_t* count, const Flag& flag);
     void list_homes(const Homes& homes);
     void join_homes(const Homes& homes, Buffer<X, std::uint32_t>& any);
     void sort_by_colour(Body& body);

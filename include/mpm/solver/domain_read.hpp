@@ -21,8 +21,7 @@ void Domain<X, T, D>::prepare_velocities() {
     const Clock kept = clock_;
     clock_.halt = Halt::none;
     push_clock();
-    exec_.single(BeginStep<D>{clock_buffer_.data(), gravity_, boundary_records_.data(),
-                              int(spec_.boundaries.size())});
+    exec_.single(begin_step());
     exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells,
                                           grid_update(parity()), NothingDecided{});
     exec_.wait();

@@ -37,18 +37,29 @@ void Domain<X, T, D>::link_table() {
     }
 }
 
+/// The homes of one more body: `flag(to)` queues what marks them, `count` gets their number.
+template <class X, class T, int D>
+template <class Flag>
+void Domain<X, T, D>::add_homes(Homes& homes, std::uint32_t* count, const Flag& flag) {
+    const std::int64_t slots = table_.slots;
+    auto& of_body = homes.flag.emplace_back(exec_);
+    auto& position = homes.position.emplace_back(exec_);
+    of_body.reserve_discard(slots);
+    position.reserve_discard(slots + 1);
+    flag(of_body);
+    exec_.exclusive_scan(of_body.data(), position.data(), slots);
+    exec_.copy(count, position.data() + slots, sizeof(std::uint32_t));
+}
+
 template <class X, class T, int D>
 typename Domain<X, T, D>::Homes Domain<X, T, D>::find_homes() {
-    const std::int64_t slots = table_.slots;
     Homes homes;
     Buffer<X, std::uint32_t> counts(exec_);
     counts.reserve_discard(bodies_.size());
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        homes.flag.emplace_back(exec_).reserve_discard(slots);
-        homes.position.emplace_back(exec_).reserve_discard(slots + 1);
-        exec_.for_each(slots, FlagHomes{bodies_[b].cell_start.data(), homes.flag[b].data()});
-        exec_.exclusive_scan(homes.flag[b].data(), homes.position[b].data(), slots);
-        exec_.copy(counts.data() + b, homes.position[b].data() + slots, sizeof(std::uint32_t));
+        add_homes(homes, counts.data() + b, [&](Buffer<X, std::uint32_t>& flag) {
+            exec_.for_each(table_.slots, FlagHomes{bodies_[b].cell_start.data(), flag.data()});
+        });
     }
     homes.count = counts.host();
     return homes;
@@ -316,20 +327,13 @@ bool Domain<X, T, D>::sort() {
         cells.emplace_back(exec_);
         cells.back().reserve_discard(body.count + column_padding);
         cells.back().shrink(body.count);
-        homes.flag.emplace_back(exec_).reserve_discard(slots);
-        homes.flag[b].zero();
-        homes.position.emplace_back(exec_).reserve_discard(slots + 1);
-        FindCells<X, T, D> find{table_,
-                                body.view(),
-                                {},
-                                homes.flag[b].data(),
-                                cells.back().data(),
-                                counts.data() + 2 * b};
-        for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
-        exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
-        exec_.exclusive_scan(homes.flag[b].data(), homes.position[b].data(), slots);
-        exec_.copy(counts.data() + 2 * b + 1, homes.position[b].data() + slots,
-                   sizeof(std::uint32_t));
+        add_homes(homes, counts.data() + 2 * b + 1, [&](Buffer<X, std::uint32_t>& flag) {
+            flag.zero();
+            FindCells<X, T, D> find{table_,      body.view(),         {},
+                                    flag.data(), cells.back().data(), counts.data() + 2 * b};
+            for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
+            exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
+        });
     }
     join_homes(homes, occupied);
     exec_.for_each(slots,

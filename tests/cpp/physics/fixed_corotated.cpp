@@ -87,7 +87,7 @@ TEST(FixedCorotated, advance_is_the_product) {
         const auto h = random.matrix<3>(0.3), l = random.matrix<3>(0.1);
         double state[9];
         for (int i = 0; i < 9; ++i) state[i] = h(i / 3, i % 3);
-        FixedCorotated::advance<double, 3, double>(state, l, {});
+        FixedCorotated::advance<double, 3>(state, l, FixedCorotated::Constants<double>{});
         Mat<double, 3> f = h, g = l;
         for (int a = 0; a < 3; ++a) {
             f(a, a) += 1;

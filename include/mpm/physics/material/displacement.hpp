@@ -43,6 +43,25 @@ MPM_INLINE MaskOf<V> admissible_displacement_gradient(const V (&state)[D * D]) {
     return (V(T(-0.95)) < dJ) & (dJ < V(T(19)));
 }
 
+/// What materials share whose state is H alone.
+struct StoresDisplacement {
+    static constexpr const char* needs = "deformation_gradient";
+    static constexpr Column columns[] = {{"H", {4, 9}, "displacement gradient F - I", "1"}};
+    template <int D>
+    static constexpr int reals = (D * D);
+
+    template <class V, int D, class T = ScalarOf<V>, class Constants>
+    MPM_INLINE static void advance(V (&state)[D * D], const Mat<V, D>& strain, const Constants&) {
+        advance_displacement_gradient(state, strain);
+    }
+    template <class V, int D>
+    MPM_INLINE static MaskOf<V> admissible(const V (&state)[D * D]) {
+        return admissible_displacement_gradient<D>(state);
+    }
+    static constexpr const char* limits =
+        "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
+};
+
 /// What a reader sees, but for the energy; `out_of_plane` is tau_33 in two dimensions.
 template <int D>
 MPM_HD inline Observation<D> observe_displacement(const Mat<double, D>& h,

@@ -61,12 +61,12 @@ struct DruckerPrager : HenckyFlow<DruckerPrager> {
     template <class T>
     static Constants<T> constants(const double* p) {
         const auto e = Elasticity<double>::of(p[1], p[2]);
-        const double bulk = e.lame + 2.0 / 3 * e.shear;
+        const double bulk = e.bulk();
         const double friction = cone(p[3]) * std::sin(p[3] * degree),
                      cohesion = cone(p[3]) * p[4] * std::cos(p[3] * degree),
                      dilation = cone(p[5]) * std::sin(p[5] * degree);
         const double tension = cutoff(p);
-        return {Elasticity<T>::of(p[1], p[2]),
+        return {{T(e.shear), T(e.lame)},
                 T(bulk),
                 T(friction),
                 T(cohesion),
@@ -117,17 +117,11 @@ struct DruckerPrager : HenckyFlow<DruckerPrager> {
         MPM_UNROLL for (int i = 0; i < 3; ++i) s.e[i] = mean + part * dev[i];
         // What neither opened nor slid, nor closes a gap, is elastic: its B is the trial's.
         const auto changed = torn | shears | (zero < gap);
-        const Mat<V, D> returned = left_cauchy_green(s);
-        Mat<V, D> b;
-        MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j < D; ++j) {
-            b.e[i][j] = select(changed, returned.e[i][j], trial.e[i][j]);
-        }
-        store_symmetric<D>(state, b);
-        if constexpr (D == 2) state[3] = s.e[2];
+        HenckyFlow::template keep<D>(state, changed, trial, s);
         // Of what opens now a share stays for good; what closes closes all of it.
         const V change = elastic_volume - new_volume, widens = larger(change, zero);
         const V kept = select(torn, k.correction * widens + (change - widens), -gap);
-        state[sheared<D>] = state[sheared<D>] + T(0.81649658092772603) * (size - new_size);
+        state[sheared<D>] = state[sheared<D>] + T(equivalent_share) * (size - new_size);
         state[gained<D>] =
             state[gained<D>] + select(torn, (T(1) - k.correction) * widens, k.dilation * flow);
         state[opened<D>] = gap + kept;
@@ -137,9 +131,8 @@ struct DruckerPrager : HenckyFlow<DruckerPrager> {
     MPM_INLINE static MaskOf<V> admissible(const V (&state)[reals<D>]) {
         using T = ScalarOf<V>;
         const V hard = state[sheared<D>], gap = state[opened<D>], gain = state[gained<D>];
-        return admissible_left_cauchy_green(load_symmetric<D>(state), D == 2 ? state[3] : hard) &
-               (V(T(-1)) < hard) & (hard < V(T(1e6))) & (absolute(gap) < V(T(1e6))) &
-               (absolute(gain) < V(T(1e6)));
+        return HenckyFlow::template admissible_strain<D>(state) & (V(T(-1)) < hard) &
+               (hard < V(T(1e6))) & (absolute(gap) < V(T(1e6))) & (absolute(gain) < V(T(1e6)));
     }
     static constexpr const char* limits =
         "its elastic volume ratio left the range 0.05 to 20, or a plastic strain 1e6";
@@ -154,8 +147,7 @@ struct DruckerPrager : HenckyFlow<DruckerPrager> {
         Observation<D> o =
             observe_hencky<D>(s, e, std::exp(s.volumetric() + own[opened<D>] + own[gained<D>]));
         o.plastic_strain = own[sheared<D>];
-        const double size = 2 * e.shear * norm(s.deviator()),
-                     p = -(e.lame + 2.0 / 3 * e.shear) * s.volumetric(),
+        const double size = 2 * e.shear * norm(s.deviator()), p = -e.bulk() * s.volumetric(),
                      limit = cone(q[3]) *
                              (std::sin(q[3] * degree) * p + q[4] * std::cos(q[3] * degree));
         const double scale = 1e-5 * (std::fabs(p) + size + q[4]);

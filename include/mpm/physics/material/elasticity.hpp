@@ -20,6 +20,7 @@ struct Elasticity {
         return {T(young / (2 * (1 + poisson))),
                 T(young * poisson / ((1 + poisson) * (1 - 2 * poisson)))};
     }
+    MPM_HD T bulk() const { return lame + T(2.0 / 3) * shear; }
 };
 /// What every isotropic solid is given first.
 inline constexpr Parameter solid_density = {
@@ -130,6 +131,9 @@ MPM_INLINE Mat<V, D> hencky_stress(const LogStrain<V, D>& s, const Elasticity<T>
     MPM_UNROLL for (int i = 0; i < D; ++i) value[i] = (T(2) * k.shear) * s.e[i] + all;
     return compose(value, s.axes);
 }
+/// Equivalent strain of a flow by one along a unit deviator.
+inline constexpr double equivalent_share = 0.81649658092772603;  // sqrt(2/3)
+
 template <class V>
 MPM_INLINE V norm(const Vec<V, 3>& v) {
     return square_root(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
@@ -162,6 +166,23 @@ struct HenckyFlow {
     MPM_INLINE static LogStrain<V, D> elastic_strain(const V (&state)[R]) {
         return log_strain(load_symmetric<D>(state), D == 2 ? state[3] : V(ScalarOf<V>(0)));
     }
+    /// Keeps the elastic strain after a return: what did not change keeps the B of the trial.
+    template <int D, class V, int R>
+    MPM_INLINE static void keep(V (&state)[R], MaskOf<V> changed, const Mat<V, D>& trial,
+                                const LogStrain<V, D>& s) {
+        Mat<V, D> b = left_cauchy_green(s);
+        MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j < D; ++j) {
+            b.e[i][j] = select(changed, b.e[i][j], trial.e[i][j]);
+        }
+        store_symmetric<D>(state, b);
+        if constexpr (D == 2) state[3] = s.e[2];
+    }
+    /// Finite, and of an elastic volume ratio between 0.05 and 20.
+    template <int D, class V, int R>
+    MPM_INLINE static MaskOf<V> admissible_strain(const V (&state)[R]) {
+        return admissible_left_cauchy_green(load_symmetric<D>(state),
+                                            D == 2 ? state[3] : V(ScalarOf<V>(0)));
+    }
     template <class V, int D, class T = ScalarOf<V>, int R, class Constants>
     MPM_INLINE static void advance(V (&state)[R], const Mat<V, D>& strain, const Constants& k) {
         Law::template respond<V, D, T>(state, strain, k);
@@ -188,7 +209,7 @@ MPM_HD inline Observation<D> observe_hencky(const LogStrain<double, D>& s,
             o.stress[a][b] = tau.e[a][b] / ratio;
             o.deformation[a][b] = a == b ? 1.0 : 0.0;
         }
-    o.pressure = -(k.lame + 2.0 / 3 * k.shear) * volumetric / ratio;
+    o.pressure = -k.bulk() * volumetric / ratio;
     o.elastic_energy = k.shear * squares + 0.5 * k.lame * volumetric * volumetric;
     return o;
 }

@@ -59,14 +59,10 @@ MPM_INLINE Mat<V, 2> left_stretch(const Mat<V, 2>& f, V J) {
 
 }  // namespace detail
 
-struct FixedCorotated {
+struct FixedCorotated : IsotropicElastic, StoresDisplacement {
     static constexpr const char* name = "FixedCorotated";
     static constexpr const char* summary = "Hyperelastic solid, fixed corotated energy";
     static constexpr const char* source = "Bonus (2023), section 5.7";
-    static constexpr bool volumetric = false;
-    static constexpr const char* needs = "deformation_gradient";
-    static constexpr Column columns[] = {{"H", {4, 9}, "displacement gradient F - I", "1"}};
-    static constexpr Parameter parameters[] = {solid_density, youngs_modulus, poissons_ratio};
 
     template <class T>
     struct Constants {
@@ -75,21 +71,8 @@ struct FixedCorotated {
     };
     template <class T>
     static Constants<T> constants(const double* p) {
-        return {T(p[1] / (1 + p[2])), T(lame(p))};
-    }
-    static double density(const double* p) { return p[0]; }
-    /// Speed of the pressure wave, m/s.
-    static double wave_speed(const double* p) {
-        return std::sqrt((lame(p) + p[1] / (1 + p[2])) / p[0]);
-    }
-
-    template <int D>
-    static constexpr int reals = (D * D);
-
-    template <class V, int D, class T>
-    MPM_INLINE static void advance(V (&state)[D * D], const Mat<V, D>& strain,
-                                   const Constants<T>&) {
-        advance_displacement_gradient(state, strain);
+        const auto e = Elasticity<double>::of(p[1], p[2]);
+        return {T(2 * e.shear), T(e.lame)};
     }
 
     template <class V, int D, class T>
@@ -116,26 +99,18 @@ struct FixedCorotated {
         return tau;
     }
 
-    template <class V, int D>
-    MPM_INLINE static MaskOf<V> admissible(const V (&state)[D * D]) {
-        return admissible_displacement_gradient<D>(state);
-    }
-    static constexpr const char* limits =
-        "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
-
     template <int D>
     MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],
                                          const double* q) {
         double h[D * D];
         for (int a = 0; a < D * D; ++a) h[a] = state[a];
-        const double mu = q[1] / (2 * (1 + q[2])), lambda = lame(q);
+        const auto k = Elasticity<double>::of(q[1], q[2]);
         Mat<double, D> none{};
-        const Mat<double, D> tau =
-            kirchhoff<double, D, double>(h, none, Constants<double>{2 * mu, lambda});
+        const Mat<double, D> tau = kirchhoff<double, D, double>(h, none, constants<double>(q));
         const Mat<double, D> H = displacement_gradient<D>(h);
         const double dJ = volume_change(H), J = 1 + dJ;
         // Plane strain: tau_33 = lambda (J - 1) J.
-        Observation<D> o = observe_displacement<D>(H, tau, D == 2 ? lambda * dJ * J : 0.0);
+        Observation<D> o = observe_displacement<D>(H, tau, D == 2 ? k.lame * dJ * J : 0.0);
         // |V - I|^2 from V - I = (b - I)(V + I)^-1, the same route as the stress.
         Mat<double, D> f = H;
         for (int a = 0; a < D; ++a) f.e[a][a] += 1;
@@ -146,13 +121,8 @@ struct FixedCorotated {
                 const double e = v.e[a][b] - (a == b ? 1.0 : 0.0);
                 distance += e * e;
             }
-        o.elastic_energy = mu * distance + 0.5 * lambda * dJ * dJ;
+        o.elastic_energy = k.shear * distance + 0.5 * k.lame * dJ * dJ;
         return o;
-    }
-
-private:
-    MPM_HD static double lame(const double* p) {
-        return p[1] * p[2] / ((1 + p[2]) * (1 - 2 * p[2]));
     }
 };
 

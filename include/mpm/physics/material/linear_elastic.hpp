@@ -70,7 +70,7 @@ struct LinearElastic : IsotropicElastic {
                 o.deformation[a][b] = a == b ? 1.0 : 0.0;
                 squares += e.e[a][b] * e.e[a][b];
             }
-        o.pressure = -(k.lame + 2.0 / 3 * k.shear) * trace(e) / o.volume_ratio;
+        o.pressure = -k.bulk() * trace(e) / o.volume_ratio;
         o.elastic_energy = k.shear * squares + 0.5 * k.lame * trace(e) * trace(e);
         return o;
     }

@@ -13,21 +13,11 @@
 
 namespace mpm {
 
-struct NeoHookean : IsotropicElastic {
+struct NeoHookean : IsotropicElastic, StoresDisplacement {
     static constexpr const char* name = "NeoHookean";
     static constexpr const char* summary = "Hyperelastic solid, compressible neo-Hookean energy";
     static constexpr const char* source = "Bonet and Wood (2008), section 6.4.3";
-    static constexpr const char* needs = "deformation_gradient";
-    static constexpr Column columns[] = {{"H", {4, 9}, "displacement gradient F - I", "1"}};
 
-    template <int D>
-    static constexpr int reals = (D * D);
-
-    template <class V, int D, class T>
-    MPM_INLINE static void advance(V (&state)[D * D], const Mat<V, D>& strain,
-                                   const Constants<T>&) {
-        advance_displacement_gradient(state, strain);
-    }
     template <class V, int D, class T>
     MPM_INLINE static Mat<V, D> kirchhoff(const V (&state)[D * D], const Mat<V, D>&,
                                           const Constants<T>& k) {
@@ -40,12 +30,6 @@ struct NeoHookean : IsotropicElastic {
         }
         return tau;
     }
-    template <class V, int D>
-    MPM_INLINE static MaskOf<V> admissible(const V (&state)[D * D]) {
-        return admissible_displacement_gradient<D>(state);
-    }
-    static constexpr const char* limits =
-        "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
 
     template <int D>
     MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],

@@ -37,7 +37,9 @@ struct VonMises : HenckyFlow<VonMises> {
     static Constants<T> constants(const double* p) {
         const auto e = Elasticity<double>::of(p[1], p[2]);
         const double part = std::sqrt(2.0 / 3);
-        return {Elasticity<T>::of(p[1], p[2]), T(part * p[3]), T(part * p[4]),
+        return {{T(e.shear), T(e.lame)},
+                T(part * p[3]),
+                T(part * p[4]),
                 T(1 / (2 * e.shear + 2.0 / 3 * p[4]))};
     }
 
@@ -62,22 +64,16 @@ struct VonMises : HenckyFlow<VonMises> {
         const V flow = select(yields, k.compliance * over, zero);
         const V part = flow / select(zero < size, size, V(T(1)));
         MPM_UNROLL for (int i = 0; i < 3; ++i) s.e[i] = s.e[i] - part * dev[i];
-        const Mat<V, D> returned = left_cauchy_green(s);
-        Mat<V, D> b;
-        MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j < D; ++j) {
-            b.e[i][j] = select(yields, returned.e[i][j], trial.e[i][j]);
-        }
-        store_symmetric<D>(state, b);
-        if constexpr (D == 2) state[3] = s.e[2];
-        state[hardened<D>] = state[hardened<D>] + T(0.81649658092772603) * flow;
+        HenckyFlow::template keep<D>(state, yields, trial, s);
+        state[hardened<D>] = state[hardened<D>] + T(equivalent_share) * flow;
         return hencky_stress(s, k.elastic);
     }
     template <class V, int D>
     MPM_INLINE static MaskOf<V> admissible(const V (&state)[reals<D>]) {
         using T = ScalarOf<V>;
         const V hard = state[hardened<D>];
-        return admissible_left_cauchy_green(load_symmetric<D>(state), D == 2 ? state[3] : hard) &
-               (V(T(-1)) < hard) & (hard < V(T(1e6)));
+        return HenckyFlow::template admissible_strain<D>(state) & (V(T(-1)) < hard) &
+               (hard < V(T(1e6)));
     }
     static constexpr const char* limits =
         "its volume ratio left the range 0.05 to 20, or its plastic strain 1e6";
