@@ -70,7 +70,7 @@ struct FixedCorotated : IsotropicElastic, StoresDisplacement {
         T lame;         // lambda
     };
     template <class T>
-    static Constants<T> constants(const double* p) {
+    MPM_HD static Constants<T> constants(const double* p) {
         const auto e = Elasticity<double>::of(p[1], p[2]);
         return {T(2 * e.shear), T(e.lame)};
     }
