@@ -2,4 +2,4 @@
 # include/mpm/physics/material/<snake_case_name>.hpp; adding one here gives it an instantiation unit
 # per backend.
 set(MPM_MODELS TaitFluid FixedCorotated NeoHookean StVenantKirchhoffHencky LinearElastic VonMises
-               DruckerPrager)
+               DruckerPrager Hypoelastic)

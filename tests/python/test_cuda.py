@@ -158,6 +158,7 @@ MATERIALS = {
         density=DENSITY, youngs_modulus=MODULUS, cohesion=5e-3 * MODULUS, dilatancy_angle=5,
         tension_cutoff=2e-3 * MODULUS,
     ),
+    "hypoelastic": libmpm.materials.Hypoelastic(density=DENSITY, youngs_modulus=MODULUS),
 }  # fmt: skip
 
 

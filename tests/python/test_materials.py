@@ -25,6 +25,7 @@ ALL = [
     materials.LinearElastic(density=7.0, youngs_modulus=2e5),
     materials.VonMises(density=7.0, youngs_modulus=2e5, yield_stress=1e3),
     materials.DruckerPrager(density=7.0, youngs_modulus=2e5, cohesion=10.0),
+    materials.Hypoelastic(density=7.0, youngs_modulus=2e5),
 ]
 
 

@@ -22,6 +22,7 @@ SOLIDS = {
     "hencky": materials.StVenantKirchhoffHencky(**ELASTIC),
     "von-mises": materials.VonMises(**ELASTIC, yield_stress=STRONG),
     "drucker-prager": materials.DruckerPrager(**ELASTIC, cohesion=STRONG, tension_cutoff=STRONG),
+    "hypoelastic": materials.Hypoelastic(**ELASTIC),
 }
 
 

@@ -2,6 +2,7 @@
 // state, move, and hand back what it deposits. No memory is touched here except through `Lines`.
 #pragma once
 
+#include "mpm/physics/material/description.hpp"
 #include "mpm/physics/transfer/affine.hpp"
 #include "mpm/physics/volume_smoothing.hpp"
 
@@ -26,13 +27,6 @@ inline constexpr bool lane_wise = [] {
     else
         return false;
 }();
-
-/// A material whose stress falls out of its update says so by a `respond` that does both.
-template <class Material, class V, int D, class T>
-concept Responds = requires(V (&state)[Material::template reals<D>], const Mat<V, D>& strain,
-                            const typename Material::template Constants<T>& k) {
-    Material::respond(state, strain, k);
-};
 
 template <class Material, int D, Smoothing S>
 inline constexpr int state_reals = Material::template reals<D> +

@@ -14,6 +14,7 @@ from libmpm._src.values import value
 __all__ = [
     "DruckerPrager",
     "FixedCorotated",
+    "Hypoelastic",
     "LinearElastic",
     "NeoHookean",
     "StVenantKirchhoffHencky",
@@ -690,3 +691,86 @@ class DruckerPrager(Material):
     dilatancy_angle: float = 0.0
     tension_cutoff: float = 0.0
     volume_correction: float = 1.0
+
+
+@value
+class Hypoelastic(Material):
+    """Linear elastic law in rates, Jaumann and Hill terms; for small steps.
+
+    ==============  ======  =====  ===========  ========  ======================
+    parameter       symbol  unit   range        default   meaning
+    ==============  ======  =====  ===========  ========  ======================
+    density         ρ       kg/m³  > 0          required  density at zero strain
+    youngs_modulus  E       Pa     > 0          required  Young's modulus
+    poissons_ratio  ν       1      > -1, < 0.5  0.3       Poisson's ratio
+    ==============  ======  =====  ===========  ========  ======================
+
+    Particles store: sigma (Cauchy stress; 2D: and the one out of the plane), dJ (volume change J -
+    1).
+    No volume smoothing (`FBar`).
+    Source: de Koster (2018), equations 2.4 and 2.40 to 2.45.
+
+    Raises `SceneError` with every parameter out of range.
+    """
+
+    label: ClassVar[str] = "materials.Hypoelastic"
+    table: ClassVar[Entry] = Entry(
+        name="Hypoelastic",
+        summary="Linear elastic law in rates, Jaumann and Hill terms; for small steps",
+        source="de Koster (2018), equations 2.4 and 2.40 to 2.45",
+        needs="stress",
+        columns=(
+            Column(
+                name="sigma",
+                components=6,
+                meaning="Cauchy stress; 2D: and the one out of the plane",
+                unit="Pa",
+            ),
+            Column(
+                name="dJ",
+                components=1,
+                meaning="volume change J - 1",
+                unit="1",
+            ),
+        ),
+        fbar=False,
+        parameters=(
+            Parameter(
+                name="density",
+                symbol="ρ",
+                unit="kg/m³",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="density at zero strain",
+            ),
+            Parameter(
+                name="youngs_modulus",
+                symbol="E",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="Young's modulus",
+            ),
+            Parameter(
+                name="poissons_ratio",
+                symbol="ν",
+                unit="1",
+                default=0.3,
+                lower=-1.0,
+                upper=0.5,
+                lower_open=True,
+                upper_open=True,
+                meaning="Poisson's ratio",
+            ),
+        ),
+    )
+
+    density: float
+    youngs_modulus: float
+    poissons_ratio: float = 0.3

@@ -50,6 +50,11 @@ std::vector<double> usual_parameters() {
     return out;
 }
 
+/// A law in rates stores no energy and knows turns in small steps only; its own tests hold it to
+/// what it promises instead (hypoelastic.cpp).
+template <class M>
+inline constexpr bool in_rates = std::is_same_v<M, Hypoelastic>;
+
 template <class M>
 class Materials : public ::testing::Test {
 protected:
@@ -89,6 +94,7 @@ protected:
 
     template <int D>
     void stress_is_the_derivative_of_the_energy() {
+        if (in_rates<M>) return;
         for (double size : {1e-6, 1e-4, 1e-2, 0.2}) {
             for (int round = 0; round < 200; ++round) {
                 const auto s = advanced<D>({}, random.template matrix<D>(size));
@@ -107,6 +113,7 @@ protected:
     template <int D>
     void objectivity() {
         if (std::is_same_v<M, LinearElastic>) return;  // knows no rotations, and says so
+        if (in_rates<M>) return;
         for (double size : {1e-4, 0.2}) {
             for (int round = 0; round < 200; ++round) {
                 const auto s = advanced<D>({}, random.template matrix<D>(size));
@@ -196,6 +203,16 @@ protected:
                 State<double, D> s;
                 s.r[r] = bad;
                 EXPECT_FALSE((M::template admissible<double, D>(s.r))) << bad << " at " << r;
+                // In a pack, as the loops have it, one lane among others.
+                using V = Pack<double, 4>;
+                V packed[M::template reals<D>];
+                for (int k = 0; k < M::template reals<D>; ++k) {
+                    const double lane[] = {0, 0, s.r[k], 0};
+                    packed[k] = V::load(lane);
+                }
+                const auto judged = M::template admissible<V, D>(packed);
+                EXPECT_FALSE(judged[2]) << bad << " at " << r << " in a pack";
+                EXPECT_TRUE(judged[0] && judged[1] && judged[3]);
             }
         }
     }

@@ -4,6 +4,8 @@
 
 #include <limits>
 
+#include "mpm/core/linalg.hpp"
+
 namespace mpm {
 
 struct Parameter {
@@ -23,6 +25,13 @@ struct Column {
     int components[2];  // in two and three dimensions
     const char* meaning;
     const char* unit;
+};
+
+/// A material whose stress falls out of its update says so by a `respond` that does both.
+template <class Material, class V, int D, class T>
+concept Responds = requires(V (&state)[Material::template reals<D>], const Mat<V, D>& strain,
+                            const typename Material::template Constants<T>& k) {
+    Material::respond(state, strain, k);
 };
 
 inline constexpr double required = std::numeric_limits<double>::quiet_NaN();

@@ -143,12 +143,12 @@ MPM_INLINE V norm(const Vec<V, 3>& v) {
 template <class V, int D>
 MPM_INLINE MaskOf<V> admissible_left_cauchy_green(const Mat<V, D>& b, V out_of_plane) {
     using T = ScalarOf<V>;
-    V square = volume_change(b);  // J^2 - 1
-    V beyond = out_of_plane * V(T(0));
+    const V square = volume_change(b);  // J^2 - 1
+    MaskOf<V> fine = is_finite(out_of_plane) & (V(T(-0.9975)) < square) & (square < V(T(399)));
     MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j <= i; ++j) {
-        beyond = beyond + b.e[i][j] * V(T(0));
+        fine = fine & is_finite(b.e[i][j]);
     }
-    return (V(T(-0.9975)) < square + beyond) & (square + beyond < V(T(399)));
+    return fine;
 }
 
 /// What laws share that flow and answer with Hencky's stress: B first among what they store, in two

@@ -44,12 +44,11 @@ struct LinearElastic : IsotropicElastic {
     template <class V, int D>
     MPM_INLINE static MaskOf<V> admissible(const V (&state)[reals<D>]) {
         using T = ScalarOf<V>;
-        V change = V(T(0)), rest = V(T(0));
-        MPM_UNROLL for (int r = 0; r < reals<D>; ++r) {
-            if (r < D) change = change + state[r];
-            rest = rest + state[r] * V(T(0));
-        }
-        return (V(T(-0.95)) < change + rest) & (change + rest < V(T(19)));
+        V change = V(T(0));
+        MPM_UNROLL for (int r = 0; r < D; ++r) change = change + state[r];
+        MaskOf<V> fine = (V(T(-0.95)) < change) & (change < V(T(19)));
+        MPM_UNROLL for (int r = D; r < reals<D>; ++r) fine = fine & is_finite(state[r]);
+        return fine;
     }
     static constexpr const char* limits = "its volume ratio left the range 0.05 to 20";
 
