@@ -16,9 +16,10 @@ SEES = {
     "exec": {"core"},
     "data": {"core", "exec"},
     "kernels": {"core", "physics", "exec", "data"},
+    "triangular": {"core", "physics", "exec", "data"},
     "io": {"core", "data"},
-    "solver": {"core", "physics", "exec", "data", "kernels", "io"},
-    "bindings": {"core", "physics", "exec", "data", "kernels", "io", "solver"},
+    "solver": {"core", "physics", "exec", "data", "kernels", "triangular", "io"},
+    "bindings": {"core", "physics", "exec", "data", "kernels", "triangular", "io", "solver"},
 }
 BACKEND = re.compile(
     r"(?:cuda[\w/]*(?:\.h|\.hpp)?|cuda/.*|driver_types\.h|device_launch_parameters\.h|curand.*"

@@ -1,8 +1,10 @@
 // libmpm._core: the CPU backend, always built.
 #include <omp.h>
 
+#include "basis_binding.hpp"
 #include "engine_binding.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
+#include "mpm/solver/functions_engine.hpp"
 
 namespace py = pybind11;
 
@@ -37,7 +39,11 @@ py::array_t<T> equation_of_state(const py::array_t<T, py::array::c_style>& j, do
 
 PYBIND11_MODULE(_core, m) {
     m.doc() = "Compiled core of libmpm: CPU backend (OpenMP).";
-    mpm::python::bind_engine(m, mpm::make_cpu_engine);
+    mpm::python::bind_engine(m, mpm::make_cpu_engine, [](const auto& spec, const auto& backend) {
+        return spec.functions.kind.empty() ? mpm::plan_scene(spec, backend)
+                                           : mpm::plan_functions(spec);
+    });
+    mpm::python::bind_basis(m);
     m.def("material_table", &mpm::python::material_table,
           "Descriptions of all materials and their parameters.");
     m.def(

@@ -9,7 +9,7 @@ namespace py = pybind11;
 
 PYBIND11_MODULE(_cuda, m) {
     m.doc() = "Compiled core of libmpm: CUDA backend.";
-    mpm::python::bind_engine(m, mpm::make_cuda_engine);
+    mpm::python::bind_engine(m, mpm::make_cuda_engine, mpm::plan_scene);
     m.def(
         "build_info",
         [] {

@@ -47,7 +47,7 @@ inline py::dict plan_dict(const Plan& p) {
     grid["channels"] = p.channels;
     grid["bytes_per_node"] = p.bytes_per_node;
     out["grid"] = grid;
-    out["pipeline"] = p.fused ? "fused" : "two-pass";
+    out["pipeline"] = p.on_functions ? "modified update" : p.fused ? "fused" : "two-pass";
     out["pipeline_reason"] = p.pipeline_reason;
     out["kernels"] = p.kernels;
     out["time_step"] = p.time_step;
@@ -115,8 +115,9 @@ struct Handle {
 };
 
 using Factory = std::function<std::unique_ptr<Engine>(const Spec&)>;
+using Planner = std::function<Plan(const Spec&, const BackendTraits&)>;
 
-inline void bind_engine(py::module_& m, const Factory& make) {
+inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan) {
     // Errors become the Python classes of the same name, looked up when first needed.
     py::register_exception_translator([](std::exception_ptr p) {
         const auto raise = [](const char* name, const char* what) {
@@ -140,10 +141,10 @@ inline void bind_engine(py::module_& m, const Factory& make) {
 
     m.def(
         "plan",
-        [](const py::dict& d, const std::string& kind) {
+        [plan](const py::dict& d, const std::string& kind) {
             const Spec spec = read_spec(d);
             const auto traits = kind == "cuda" ? cuda_traits : cpu_traits;
-            return plan_dict(plan_scene(spec, traits(spec.precision)));
+            return plan_dict(plan(spec, traits(spec.precision)));
         },
         py::arg("spec"), py::arg("kind"),
         "What a spec costs on a \"cpu\" or on a \"cuda\" device that need not exist, before "

@@ -139,6 +139,28 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
             throw SceneError("body '" + b.name + "': " + m.name +
                              " stores no volume ratio to set a pressure by");
     }
+    if (d.contains("volume"))
+        b.volume = read_rows(d["volume"], b.count, {}, "body '" + b.name + "': volume");
+    if (d.contains("stress")) {
+        b.stress = read_rows(d["stress"], b.count, {4}, "body '" + b.name + "': stress");
+        if (std::string(m.needs) != "stress")
+            throw SceneError("body '" + b.name + "': " + m.name +
+                             " stores no stress to begin with");
+    }
+    if (d.contains("tractions")) {
+        for (const auto& item : d["tractions"]) {
+            const py::dict t = item.cast<py::dict>();
+            TractionSpec pull;
+            pull.particles = t["particles"].cast<std::vector<std::uint64_t>>();
+            for (std::uint64_t p : pull.particles)
+                if (p >= b.count)
+                    throw SceneError("body '" + b.name + "': a traction names particle " +
+                                     std::to_string(p) + " of " + std::to_string(b.count));
+            pull.length = t["length"].cast<double>();
+            pull.value = read_table(t["value"], dimension, "body '" + b.name + "': traction");
+            b.tractions.push_back(std::move(pull));
+        }
+    }
     const py::dict f = d["fbar"];
     const auto form = f["form"].cast<std::string>();
     const std::map<std::string, SmoothingForm> forms = {
@@ -168,6 +190,7 @@ inline BoundarySpec read_boundary(const py::dict& d, int dimension) {
                              "': its box needs one lower and one upper cell an axis");
         }
     }
+    if (d.contains("segments")) b.segments = doubles(d["segments"]);
     b.present.assign(2 * dimension, 0);
     b.law.assign(2 * dimension, SurfaceLaw{});
     for (const auto& [face, response] : d["faces"].cast<py::dict>()) {
@@ -229,6 +252,35 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
     return s;
 }
 
+inline FunctionsSpec read_functions(const py::dict& d) {
+    FunctionsSpec f;
+    f.kind = d["kind"].cast<std::string>();
+    if (f.kind == "splines") {
+        for (int a = 0; a < 2; ++a) {
+            f.knots[a] = doubles(d["knots"][py::int_(a)]);
+            f.degrees[a] = d["degree"][py::int_(a)].cast<int>();
+        }
+    } else if (f.kind == "triangular") {
+        f.vertices = doubles(d["vertices"]);
+        const auto t =
+            py::array_t<int, py::array::c_style | py::array::forcecast>::ensure(d["triangles"]);
+        if (!t) throw SceneError("grid: triangles are not an array of vertex numbers");
+        f.triangles.assign(t.data(), t.data() + t.size());
+        f.basis = d["basis"].cast<std::string>();
+        f.degree = d["degree"].cast<int>();
+        if (!d["split"].is_none()) f.split = doubles(d["split"]);
+    } else {
+        throw SceneError("grid: kind '" + f.kind + "' is not built");
+    }
+    const py::dict m = d["mass"];
+    f.mass = m["kind"].cast<std::string>();
+    f.solver = m["solver"].cast<std::string>();
+    f.tolerance = m["tolerance"].cast<double>();
+    f.iterations = m["iterations"].cast<int>();
+    f.deactivate_below = m["deactivate_below"].cast<double>();
+    return f;
+}
+
 inline Spec read_spec(const py::dict& d) {
     Spec s;
     s.dimension = d["dimension"].cast<int>();
@@ -251,6 +303,7 @@ inline Spec read_spec(const py::dict& d) {
     s.threads = d["threads"].cast<int>();
     s.cell_size = d["cell_size"].cast<double>();
     s.cells = d["cells"].cast<std::vector<std::int64_t>>();
+    if (d.contains("grid")) s.functions = read_functions(d["grid"]);
     s.gravity = read_table(d["gravity"], s.dimension, "gravity");
     s.cfl = d["cfl"].cast<double>();
     s.time_step = d["time_step"].is_none() ? 0 : d["time_step"].cast<double>();

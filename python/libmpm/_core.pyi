@@ -6,7 +6,7 @@ import collections.abc
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['Engine', 'build_info', 'equation_of_state', 'material_table', 'plan']
+__all__: list[str] = ['Basis', 'Engine', 'build_info', 'equation_of_state', 'material_table', 'plan']
 class Engine:
     """
     A simulation on one device, built from a spec (design/engine-contract.md).
@@ -47,6 +47,54 @@ class Engine:
         ...
     @property
     def time_step(self) -> float:
+        ...
+class Basis:
+    """
+    The functions of a grid over cells.
+    """
+    def __init__(self, grid: dict) -> None:
+        """
+        From the "grid" of a spec (design/engine-contract.md).
+        """
+    def control_points(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Points (functions, 2) whose sum with the functions is the position.
+        """
+    def control_triangles(self) -> typing.Any:
+        """
+        Corners (v, 3, 2) of the control triangles of the vertices, or None.
+        """
+    def evaluate(self, points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> tuple:
+        """
+        Numbers (n, k), values (n, k) and gradients (n, k, 2) of the functions at points (n, 2); a row is filled up with function -1 and zeros.
+        """
+    def locate(self, points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> numpy.typing.NDArray[numpy.int32]:
+        """
+        Cells (n,) of points (n, 2), -1 outside.
+        """
+    def outline(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Start and end (k, 2, 2) of the pieces of the outline.
+        """
+    def quadrature(self, points_per_direction: typing.SupportsInt | typing.SupportsIndex) -> tuple:
+        """
+        Points (q, 2) and weights (q,), exact on every piece to degree 2 points_per_direction - 2.
+        """
+    def split(self) -> typing.Any:
+        """
+        Inner points (t, 2) and points on the sides (t, 3, 2) of the triangles, or None.
+        """
+    @property
+    def cells(self) -> int:
+        ...
+    @property
+    def degree(self) -> int:
+        ...
+    @property
+    def functions(self) -> int:
+        ...
+    @property
+    def name(self) -> str:
         ...
 def build_info() -> dict:
     """

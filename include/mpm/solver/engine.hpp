@@ -93,5 +93,7 @@ std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(con
 
 std::unique_ptr<Engine> make_cpu_engine(const Spec& spec);
 std::unique_ptr<Engine> make_cuda_engine(const Spec& spec);
+/// For scenes on functions over cells (Spec::functions).
+std::unique_ptr<Engine> make_functions_engine(const Spec& spec);
 
 }  // namespace mpm

@@ -55,6 +55,7 @@ struct Plan {
     int sum_channels = 0, velocity_channels = 0;
     int bytes_per_node = 0;
     bool fused = true;
+    bool on_functions = false;  // functions over cells in place of the regular grid
     std::string pipeline_reason;
     std::vector<std::string> kernels;
     double time_step = 0;

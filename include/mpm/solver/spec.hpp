@@ -34,6 +34,13 @@ inline Rows rows_of(std::vector<double> values, int width) {
         };
 }
 
+/// A force on chosen particles of a body's surface.
+struct TractionSpec {
+    std::vector<std::uint64_t> particles;  // rows of the body
+    double length = 0;                     // of the boundary that each stands for, m
+    TableSpec value;                       // Pa
+};
+
 struct BodySpec {
     std::string name;
     std::string material;
@@ -45,6 +52,10 @@ struct BodySpec {
     Rows position;                 // (count, dimension), m from the lower corner; empty for a plan
     std::vector<double> velocity;  // (dimension,) or (count, dimension)
     Rows pressure;                 // (count,) or empty
+    // On functions over cells only:
+    Rows volume;  // (count,) m^2, or empty: all alike, from the mass
+    Rows stress;  // (count, 4) Pa: xx, yy, xy, zz of materials that store it, or empty
+    std::vector<TractionSpec> tractions;
     SmoothingForm smoothing = SmoothingForm::none;
     double smoothing_time = 0;
     double smoothing_ratio = 0;
@@ -53,6 +64,8 @@ struct BodySpec {
 struct BoundarySpec {
     std::string name;
     bool is_box = false;
+    std::vector<double> segments;  // (n, 4) m: parts of the outline of a grid of functions, its law
+                                   // that of face 0
     std::vector<int> lower, upper;  // box, cells
     std::vector<int> present;       // per face x-, x+, y-, ...
     std::vector<SurfaceLaw> law;    // per face
@@ -80,6 +93,23 @@ enum class Precision { single, mixed, double_ };
 
 enum class Leaving { stop, freeze, remove };
 
+/// Functions over cells of the user's choosing in place of the regular grid: de Koster (2018).
+struct FunctionsSpec {
+    std::string kind;              // "" (none), "triangular" or "splines"
+    std::vector<double> vertices;  // (n, 2) m from the lower corner
+    std::vector<int> triangles;    // (m, 3)
+    std::string basis;             // "linear", "lagrange", "powell-sabin", "cubic-powell-sabin"
+    int degree = 2;
+    std::vector<double> split;     // (m, 2) m, or empty
+    std::vector<double> knots[2];  // m
+    int degrees[2] = {2, 2};
+    std::string mass = "consistent";  // "lumped", "partial-rows", "partial-symmetric"
+    std::string solver = "direct";    // "cg", "richardson"
+    double tolerance = 1e-10;
+    int iterations = 200;
+    double deactivate_below = 0;
+};
+
 struct Spec {
     int dimension = 3;
     Precision precision = Precision::single;
@@ -88,6 +118,7 @@ struct Spec {
     int threads = 0;
     double cell_size = 0;
     std::vector<std::int64_t> cells;
+    FunctionsSpec functions;
     TableSpec gravity;
     double cfl = 0.4;
     double time_step = 0;  // 0: from the wave speeds
