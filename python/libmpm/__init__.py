@@ -10,7 +10,7 @@ import importlib
 import os
 from typing import TYPE_CHECKING, Any
 
-from libmpm import boundaries, materials, sensors, shapes
+from libmpm import boundaries, grids, materials, sensors, shapes
 from libmpm._src.errors import (
     CapacityError,
     CheckpointError,
@@ -21,10 +21,12 @@ from libmpm._src.errors import (
     OutputError,
     SceneError,
 )
+from libmpm._src.field import Field
 from libmpm._src.method import FBar, Method
 from libmpm._src.plan import Plan
 from libmpm._src.scene import Scene
 from libmpm._src.timetable import TimeTable
+from libmpm._src.triangular.shapes import Traction
 
 if TYPE_CHECKING:
     from libmpm._src.output.writer import Output
@@ -36,6 +38,7 @@ __all__ = [
     "DeviceError",
     "Error",
     "FBar",
+    "Field",
     "Method",
     "ModelWarning",
     "NumericalError",
@@ -46,9 +49,11 @@ __all__ = [
     "SceneError",
     "Simulation",
     "TimeTable",
+    "Traction",
     "__version__",
     "boundaries",
     "build_info",
+    "grids",
     "materials",
     "sensors",
     "shapes",

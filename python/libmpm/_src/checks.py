@@ -19,10 +19,13 @@ from libmpm._src.parameters import wave_speed
 from libmpm._src.sensors import Energy, LoadCell, ParticleTracker, VelocityProbe, WaveGauge
 from libmpm._src.shapes import Box, DomainWalls, faces_of
 from libmpm._src.timetable import TimeTable, check_vector_table
+from libmpm._src.triangular import placing, rules
+from libmpm._src.triangular.shapes import Outline
 from libmpm._src.values import Checker, nearest
 
 if TYPE_CHECKING:
-    from libmpm._src.scene import Body, Boundary, PlacedSensor, Scene
+    from libmpm._src.parts import Body, Boundary, PlacedSensor
+    from libmpm._src.scene import Scene
 
 __all__ = ["Plane", "body_counts", "body_lattice", "check_scene", "faces_present", "holes_of"]
 __all__ += ["initial_gravity", "planes", "relative", "snap", "vertical_axis"]
@@ -78,6 +81,8 @@ def faces_present(scene: Scene, boundary: Boundary) -> tuple[str, ...]:
     """Return the faces that a boundary has in this scene."""
     everything = faces_of(scene.dimension)
     shape = boundary.shape
+    if isinstance(shape, Outline):
+        return ()
     if isinstance(shape, DomainWalls) and shape.faces != "all":
         return tuple(f for f in everything if f in shape.faces)
     return everything
@@ -85,7 +90,9 @@ def faces_present(scene: Scene, boundary: Boundary) -> tuple[str, ...]:
 
 def planes(scene: Scene) -> list[Plane]:
     """Return stated and effective plane of every wall and box face."""
-    found = []
+    found: list[Plane] = []
+    if scene.grid is not None:
+        return found  # boundaries lie on edges of the grid, exactly
     for boundary in scene.boundaries:
         if isinstance(boundary.shape, Box):
             stated = (boundary.shape.lower, boundary.shape.upper)
@@ -103,7 +110,10 @@ def planes(scene: Scene) -> list[Plane]:
 
 def body_lattice(scene: Scene, body: Body) -> sampling.Lattice:
     """Return the lattice that fills a body, relative to the scene's lower corner."""
+    assert isinstance(body.shape, Box)
     low, high = (relative(scene, p).tolist() for p in (body.shape.lower, body.shape.upper))
+    if body.lattice is not None:
+        return sampling.Lattice(tuple(low), tuple(high), tuple(body.lattice))
     return sampling.lattice(low, high, scene.cell_size, body.particles_per_cell)
 
 
@@ -112,12 +122,14 @@ def holes_of(scene: Scene, body: Body) -> list[tuple[list[float], list[float]]]:
     return [
         (relative(scene, b.shape.lower).tolist(), relative(scene, b.shape.upper).tolist())
         for b in scene.bodies
-        if body.name in b.subtract_from and b is not body
+        if body.name in b.subtract_from and b is not body and isinstance(b.shape, Box)
     ]
 
 
 def body_counts(scene: Scene) -> list[int]:
-    """Return the number of particles of every body, without placing them."""
+    """Return the number of particles of every body."""
+    if scene.grid is not None:
+        return [placing.place(scene, b).count for b in scene.bodies]
     return [
         sampling.points(body_lattice(scene, b), holes_of(scene, b), scene.cell_size).count
         for b in scene.bodies
@@ -130,6 +142,10 @@ def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
     doubts: list[str] = []
     if not scene.bodies:
         problems.append("Scene: there is no body; expected at least one; use add_body")
+    if scene.grid is not None:
+        rules.check_grid(scene, problems, doubts)
+    elif not rules.check_square_cells(scene, problems):
+        return problems, doubts
     fitting = [b for b in scene.bodies if _check_body(scene, b, problems, doubts)]
     _check_overlaps(scene, fitting, problems)
     solid = [b for b in scene.boundaries if _check_boundary(scene, b, problems, doubts)]
@@ -172,10 +188,13 @@ def _check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str]
     """Check one body; returns whether its box can be compared with others."""
     check = Checker(f"body '{body.name}'")
     d = scene.dimension
-    _wrong_dimension(check, "velocity", len(body.velocity), d)
+    _wrong_dimension(check, "velocity", len(body.velocity), d)  # of a vector or a Field
     fits = not _wrong_dimension(check, "shape", body.shape.dimension, d)
-    if fits:
+    if fits and isinstance(body.shape, Box):
         _outside(check, scene, "the body", body.shape.lower, body.shape.upper)
+    if scene.grid is not None:
+        fits = rules.check_body(scene, body, check.problems) and fits
+    elif fits and isinstance(body.shape, Box):
         for a, size in enumerate(body.shape.size):
             cells = size / scene.cell_size
             if cells < 2 * (1 - _ROUNDING):
@@ -234,8 +253,9 @@ def _overlap(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> list
 
 def _check_overlaps(scene: Scene, bodies: list[Body], problems: list[str]) -> None:
     slack = _ROUNDING * scene.cell_size
-    for i, one in enumerate(bodies):
-        for two in bodies[i + 1 :]:
+    boxes = [(b, b.shape) for b in bodies if isinstance(b.shape, Box)]
+    for i, (one, first) in enumerate(boxes):
+        for two, second in boxes[i + 1 :]:
             forth, back = two.name in one.subtract_from, one.name in two.subtract_from
             pair = f"body '{one.name}': with body '{two.name}'"
             if forth and back:
@@ -245,9 +265,7 @@ def _check_overlaps(scene: Scene, bodies: list[Body], problems: list[str]) -> No
                 )
             if forth or back:
                 continue
-            shared = _overlap(
-                (one.shape.lower, one.shape.upper), (two.shape.lower, two.shape.upper)
-            )
+            shared = _overlap((first.lower, first.upper), (second.lower, second.upper))
             if min(shared) > slack:
                 size = " × ".join(f"{x:.3g}" for x in shared)
                 problems.append(
@@ -267,15 +285,18 @@ def _check_boundary(
     fits = True
     if boundary.motion is not None:
         check_vector_table(check, "motion", boundary.motion, d, "m/s")
-    if isinstance(shape, Box):
+    if scene.grid is not None:
+        rules.check_boundary(scene, boundary, check.problems)
+        fits = not isinstance(shape, Box)
+    elif isinstance(shape, Box):
         fits = not _wrong_dimension(check, "shape", shape.dimension, d)
         if fits:
             doubts += _check_box(check, scene, boundary.name, shape)
-    elif shape.faces != "all":
+    if isinstance(shape, DomainWalls) and shape.faces != "all":
         for face in shape.faces:
             if face not in everything:
                 check.fail(f"faces has '{face}' in {d}D; expected some of {', '.join(everything)}")
-    if isinstance(boundary.response, Mapping):
+    if isinstance(boundary.response, Mapping) and not isinstance(shape, Outline):
         present = faces_present(scene, boundary)
         for face in boundary.response:
             if face not in present:
@@ -343,6 +364,7 @@ def _check_blocked(
         corners = snap(scene, boundary.shape)
         low, high = ((base + np.array(c) * scene.cell_size).tolist() for c in corners)
         for body in bodies:
+            assert isinstance(body.shape, Box)
             shared = _overlap((body.shape.lower, body.shape.upper), (low, high))
             if min(shared) > _SHIFT * scene.cell_size:
                 size = " × ".join(f"{x:.3g}" for x in shared)

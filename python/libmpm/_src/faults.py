@@ -31,6 +31,21 @@ _CAUSES = {
         "particles left the domain",
         "enlarge the domain, add a wall, or choose Method(leaving='freeze') or 'delete'",
     ),
+    "unstable-step": (
+        "the time step has become longer than the longest stable one",
+        "lower the time step or leave it out, use more particles per cell, grids.PartialMass() or "
+        "LumpedMass(), or an empty row of cells less beyond the surface",
+    ),
+    "starved": (
+        "the stable time step has shrunk to nothing",
+        "use more particles per cell, grids.PartialMass() with an empty row of cells beyond the "
+        "surface, or LumpedMass()",
+    ),
+    "singular-mass": (
+        "the mass matrix could not be solved",
+        "use more particles per cell, grids.PartialMass() or LumpedMass(), or for "
+        "ConsistentMass(solver='cg') more iterations or a larger tolerance",
+    ),
     "fixed-point": (
         "a grid sum left the range of the integers that hold it",
         "lower Method.cfl or the time step, or use precision='double'",
@@ -51,8 +66,10 @@ def describe_fault(fault: Mapping[str, Any], time_step: float) -> str:
     """Return body, particles, step, time, onset, and what to lower."""
     code = str(fault["code"])
     cause, remedy = _CAUSES.get(code, (code, "lower Method.cfl or the time step"))
+    # What concerns the grid as a whole has no particle to blame.
+    who = f", particle {_listed(fault['ids'])}" if len(fault["ids"]) else ""
     text = (
-        f"body '{fault['body']}', particle {_listed(fault['ids'])}: {cause} at step "
+        f"body '{fault['body']}'{who}: {cause} at step "
         f"{fault['step']}, {fault['time']:.6g} s (time step {time_step:.4g} s"
     )
     if fault.get("speed"):

@@ -23,17 +23,22 @@ from libmpm._src.checks import (
     vertical_axis,
 )
 from libmpm._src.errors import SceneError
+from libmpm._src.field import Field
 from libmpm._src.method import CROSSINGS, FBar
 from libmpm._src.parameters import wave_speed
 from libmpm._src.sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
 from libmpm._src.shapes import Box
 from libmpm._src.timetable import TimeTable, constant
+from libmpm._src.triangular import placing
+from libmpm._src.triangular.shapes import Outline
 from libmpm._src.values import nearest
 
 if TYPE_CHECKING:
-    from libmpm._src.scene import Body, Boundary, PlacedSensor, Scene
+    from libmpm._src.parts import Body, Boundary, PlacedSensor
+    from libmpm._src.scene import Scene
 
-__all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "lower", "world_offset"]
+__all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "choose_device"]
+__all__ += ["choose_precision", "lower", "world_offset"]
 
 PRECISIONS = ("single", "mixed", "double")
 PIPELINES = ("auto", "fused", "two-pass")
@@ -67,6 +72,30 @@ def check_options(
     return problems
 
 
+def choose_precision(scene: Scene, precision: str) -> str:
+    """Return the precision that "auto" stands for: double on grids of functions, else single."""
+    if scene.grid is None:
+        return "single" if precision == "auto" else precision
+    if precision not in ("auto", "double"):
+        raise SceneError(
+            f"precision is {precision!r} on a grid of functions, which is built in double alone; "
+            "use 'double' or 'auto'"
+        )
+    return "double"
+
+
+def choose_device(scene: Scene, device: str) -> str:
+    """Return the device of a scene: the CPU for grids of functions, else as asked for."""
+    if scene.grid is None or device == "cpu":
+        return device
+    if device != "auto":
+        raise SceneError(
+            f"device is {device!r} on a grid of functions, which is built for the CPU alone; use "
+            "'cpu' or 'auto'"
+        )
+    return "cpu"
+
+
 def check_backend(kind: str, precision: str) -> None:
     """Refuse a precision that a backend, "cpu" or "cuda", does not have."""
     if kind == "cpu" and precision == "mixed":
@@ -79,7 +108,7 @@ def check_backend(kind: str, precision: str) -> None:
 def lower(
     scene: Scene,
     *,
-    precision: str = "single",
+    precision: str = "auto",
     pipeline: str = "auto",
     device_index: int = 0,
     threads: int = 0,
@@ -93,7 +122,10 @@ def lower(
     the particles' size is allocated; without particles they are None. `time_step` in s overrides
     that of the scene's method. Raises `SceneError`, warns as `Scene.validate`.
     """
+    precision = choose_precision(scene, precision)
     problems = check_options(precision, pipeline, time_step=time_step, threads=threads)
+    if scene.grid is not None and pipeline != "auto":
+        problems.append(f"pipeline is {pipeline!r} on a grid of functions; expected 'auto'")
     if problems:
         raise SceneError(problems)
     scene.validate()
@@ -121,7 +153,7 @@ def lower(
         "bodies": bodies,
         "boundaries": [_boundary(scene, b) for b in scene.boundaries],
         "sensors": [_sensor(scene, s, bodies) for s in scene.sensors],
-    }
+    } | ({} if scene.grid is None else {"grid": scene.grid.specification()})
 
 
 def _check_step(scene: Scene, step: float, precision: str) -> None:
@@ -154,6 +186,8 @@ def _table(table: TimeTable) -> dict[str, Any]:
 
 
 def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[str, Any]:
+    if scene.grid is not None:
+        return _body_on_functions(scene, body, first, with_particles)
     grid = body_lattice(scene, body)
     points = sampling.points(grid, holes_of(scene, body), scene.cell_size)
     parameters = body.material.parameters()
@@ -171,10 +205,67 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "particle_mass": mass,
         "first_id": first,
         "position": points.rows if with_particles else None,
-        "velocity": np.array(body.velocity, dtype=np.float64),
+        "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
         "pressure": pressure,
         "fbar": _fbar(scene, body),
     }
+
+
+def _velocity(scene: Scene, body: Body, position: Rows, count: int) -> npt.NDArray[np.float64]:
+    """Return the velocity of a body (d,), or of each of so many particles (count, d), m/s."""
+    if not isinstance(body.velocity, Field):
+        return np.array(body.velocity, dtype=np.float64)
+    if count == 0:
+        return np.zeros(scene.dimension)
+    return body.velocity.at(position(0, count) + np.asarray(scene.lower))
+
+
+def _body_on_functions(
+    scene: Scene, body: Body, first: int, with_particles: bool
+) -> dict[str, Any]:
+    placed = placing.place(scene, body)
+    low = np.asarray(scene.lower, dtype=np.float64)
+    position = placed.position - low
+    n = placed.count
+    parameters = body.material.parameters()
+    density = parameters["density"]
+
+    def rows(first: int, last: int) -> npt.NDArray[np.float64]:
+        return position[first:last]
+
+    result: dict[str, Any] = {
+        "name": body.name,
+        "material": body.material.table.name,
+        "parameters": parameters,
+        "count": n,
+        "bounds": np.array([position.min(axis=0), position.max(axis=0)]),
+        "particle_mass": density * float(placed.volume.sum()) / n,
+        "first_id": first,
+        "position": None,
+        "velocity": _velocity(scene, body, rows, n if with_particles else 0),
+        "pressure": None,
+        "fbar": {"form": "none", "time": 0.0, "ratio": 0.0},
+    }
+    if not with_particles:
+        return result
+    result |= {"position": rows, "volume": placed.volume}
+    if body.hydrostatic is not None:
+        result["pressure"] = _hydrostatic(scene, body.hydrostatic, density, rows)
+    if body.stress is not None:
+        given = body.stress
+        fixed = (
+            np.tile(np.asarray(given, dtype=np.float64), (n, 1))
+            if not isinstance(given, Field)
+            else given.at(placed.position)
+        )
+        result["stress"] = fixed
+    tractions = []
+    for traction in body.tractions:
+        which, length = placing.traction_rows(scene, body, traction)
+        value = traction.value
+        table = value if isinstance(value, TimeTable) else constant(value)
+        tractions.append({"particles": which.tolist(), "length": length, "value": _table(table)})
+    return result | {"tractions": tractions}
 
 
 def _hydrostatic(scene: Scene, level: float, density: float, position: Rows) -> Rows:
@@ -212,8 +303,10 @@ def _fbar(scene: Scene, body: Body) -> dict[str, Any]:
 
 def _boundary(scene: Scene, boundary: Boundary) -> dict[str, Any]:
     faces = {}
-    for face in faces_present(scene, boundary):
-        given = boundary.response
+    given = boundary.response
+    # An outline has no faces: its one response stands under the first name.
+    names = ("x-",) if isinstance(boundary.shape, Outline) else faces_present(scene, boundary)
+    for face in names:
         response = given if isinstance(given, Response) else given[face]
         static, dynamic = response.friction
         faces[face] = {
@@ -223,6 +316,9 @@ def _boundary(scene: Scene, boundary: Boundary) -> dict[str, Any]:
         }
     start, end = boundary.window
     result: dict[str, Any] = {"name": boundary.name, "kind": "domain"}
+    if isinstance(boundary.shape, Outline):
+        corner = np.asarray(scene.lower, dtype=np.float64)
+        result["segments"] = boundary.shape.segments() - np.concatenate([corner, corner])
     if isinstance(boundary.shape, Box):
         low, high = snap(scene, boundary.shape)
         result |= {

@@ -226,6 +226,18 @@ def _speed(arrays: Mapping[str, NDArray[Any]]) -> NDArray[Any] | None:
     return np.linalg.norm(arrays["velocity"], axis=1) if "velocity" in arrays else None
 
 
+def _corners(scene: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the corners of a scene's domain; those of a grid of functions are its own."""
+    domain: Any = scene
+    if "grid" in scene:
+        from libmpm._src.scene import Scene
+
+        grid = Scene.from_dict(scene).grid
+        assert grid is not None
+        domain = {"lower": grid.lower, "upper": grid.upper}
+    return np.asarray(domain["lower"], float), np.asarray(domain["upper"], float)
+
+
 class _Snapshots:
     """Draws frames: the largest body coloured by speed, the others in plain colours."""
 
@@ -247,8 +259,8 @@ class _Snapshots:
         known = [np.percentile(s, 99.5) for s in speeds if s is not None and len(s)]
         self._fastest = max([float(v) for v in known], default=1.0) or 1.0
         origin = np.asarray(scene.get("origin") or np.zeros(scene["dimension"]), float)
-        self._lower = np.asarray(scene["lower"], float) + origin
-        self._upper = np.asarray(scene["upper"], float) + origin
+        lower, upper = _corners(scene)
+        self._lower, self._upper = lower + origin, upper + origin
         self._boxes = _boxes(scene)
         self._axes = "xyz" if scene["dimension"] == 3 else "xy"
 

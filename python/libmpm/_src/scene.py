@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from libmpm._src.boundaries import Response
 from libmpm._src.errors import SceneError
+from libmpm._src.field import Field
 from libmpm._src.method import FBar, Method
 from libmpm._src.parameters import Material
+from libmpm._src.parts import Body, Boundary, PlacedSensor
 from libmpm._src.sensors import Sensor
-from libmpm._src.shapes import FACES, Box, DomainWalls
+from libmpm._src.shapes import Box, DomainWalls
 from libmpm._src.timetable import TimeTable, check_vector_table
-from libmpm._src.values import Checker, Value, keywords_only, plain, value
+from libmpm._src.triangular.choices import SplineGrid, TriangularGrid
+from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
+from libmpm._src.values import Checker, Value, keywords_only, plain
 from libmpm._src.values import warn as warn_all
 
 if TYPE_CHECKING:
@@ -32,126 +35,18 @@ _WHOLE = 1e-6
 T = TypeVar("T", bound=Value)
 
 
-@value
-class Body(Value):
-    """A body of the scene; see `Scene.add_body` for the fields."""
-
-    name: str
-    shape: Box
-    material: Material
-    particles_per_cell: int
-    velocity: Sequence[float]
-    fbar: FBar | Literal["default"] | None = "default"
-    hydrostatic: float | None = None
-    subtract_from: Sequence[str] = ()
-
-    def _label(self) -> str:
-        return f"body '{self.name}'"
-
-    def _check(self, check: Checker) -> dict[str, Any]:
-        check.instance("shape", self.shape, (Box,), "shapes.Box(lower=..., upper=...)")
-        check.instance("material", self.material, (Material,), "a value of libmpm.materials")
-        if self.fbar not in ("default", None) and not isinstance(self.fbar, FBar):
-            check.fail(f'fbar is {self.fbar!r}; expected "default", None or FBar(...)')
-        level = self.hydrostatic
-        if level is not None:
-            level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")
-        others = self.subtract_from
-        if isinstance(others, str):
-            others = (others,)
-        if not isinstance(others, list | tuple):
-            check.fail(f"subtract_from is {others!r}; expected names of bodies")
-            others = ()
-        remedy = "use 4 in 2D and 8 in 3D where nothing speaks for another number"
-        return {
-            "name": check.text("name", self.name),
-            "particles_per_cell": check.integer(
-                "particles_per_cell", self.particles_per_cell, lower=1, remedy=remedy
-            ),
-            "velocity": check.vector("velocity", self.velocity, unit="m/s"),
-            "hydrostatic": level,
-            "subtract_from": tuple(check.text("subtract_from", name) for name in others),
-        }
-
-
-@value
-class Boundary(Value):
-    """A boundary of the scene; see `Scene.add_boundary` for the fields."""
-
-    name: str
-    shape: Box | DomainWalls
-    response: Response | Mapping[str, Response]
-    motion: TimeTable | None = None
-    time: tuple[float, float] | None = None
-
-    def _label(self) -> str:
-        return f"boundary '{self.name}'"
-
-    def _check(self, check: Checker) -> dict[str, Any]:
-        check.instance("shape", self.shape, (Box, DomainWalls), "shapes.DomainWalls() or a Box")
-        response = self.response
-        example = "a value of libmpm.boundaries"
-        if isinstance(response, Mapping):
-            for face, one in response.items():
-                if face not in FACES:
-                    check.fail(f"response has face {face!r}; expected some of {', '.join(FACES)}")
-                check.instance(f"response['{face}']", one, (Response,), example)
-            response = dict(response)
-        else:
-            check.instance("response", response, (Response,), f"{example}, or one for each face")
-        if self.motion is not None:
-            check.instance("motion", self.motion, (TimeTable,), "a TimeTable of velocities in m/s")
-        return {
-            "name": check.text("name", self.name),
-            "response": response,
-            "time": self._window(check),
-        }
-
-    def _window(self, check: Checker) -> tuple[float, float] | None:
-        if self.time is None:
-            return None
-        if not isinstance(self.time, list | tuple) or len(self.time) != 2:
-            check.fail(f"time is {self.time!r}; expected (start, end) in s, or None for always")
-            return None
-        start, end = self.time
-        start = check.number("time[0]", start, lower=0, unit="s")
-        # None is how a file writes an open end.
-        end = math.inf if end is None else check.number("time[1]", end, unit="s", infinite=True)
-        if end <= start:
-            check.fail(f"time is ({start:g}, {end:g}); expected end > start, in s")
-        return start, end
-
-    @property
-    def window(self) -> tuple[float, float]:
-        """Start and end of the time in which the boundary acts, in s; (0, inf) is always."""
-        return (0.0, math.inf) if self.time is None else self.time
-
-
-@value
-class PlacedSensor(Value):
-    """A sensor with its name in the scene."""
-
-    name: str
-    sensor: Sensor
-
-    def _label(self) -> str:
-        return f"sensor '{self.name}'"
-
-    def _check(self, check: Checker) -> dict[str, Any]:
-        check.instance("sensor", self.sensor, (Sensor,), "a value of libmpm.sensors")
-        return {"name": check.text("name", self.name)}
-
-
 class Scene:
     """A simulation as plain values: domain, bodies, boundaries and sensors.
 
     =========  ======  ==========  =======================================================
     parameter  unit    range       meaning
     =========  ======  ==========  =======================================================
-    dimension  -       2, 3        2 is plane strain of unit thickness
+    dimension  -       2, 3        2 is plane strain of unit thickness; None = 3, 2 with a `grid`
     cell_size  m       > 0         edge Δx of the square or cubic cells of the grid
     lower      m       (d,)        lower corner of the domain, relative to `origin`
     upper      m       (d,)        upper corner, a whole number of cells above `lower`
+    grid       -       a grid      of `libmpm.grids`: triangles or splines in place of square
+                                   cells, in 2D on the CPU; the three above come from it
     origin     m       (d,)        world position of coordinate zero; None = zero. All
                                    coordinates of the scene are relative to it
     gravity    m/s²    (d,)        vector or `TimeTable` of vectors; None = no gravity
@@ -163,14 +58,15 @@ class Scene:
     `to_dict`, `from_dict`, `save` and `load`. Raises `SceneError` with all problems.
     """
 
-    @keywords_only("Scene")
+    @keywords_only("Scene", instead={"grid": ("cell_size", "lower", "upper")})
     def __init__(
         self,
         *,
-        dimension: int = 3,
-        cell_size: float,
-        lower: Sequence[float],
-        upper: Sequence[float],
+        dimension: int | None = None,
+        cell_size: float | None = None,
+        lower: Sequence[float] | None = None,
+        upper: Sequence[float] | None = None,
+        grid: TriangularGrid | SplineGrid | None = None,
         origin: Sequence[float] | None = None,
         gravity: Sequence[float] | TimeTable | None = None,
         method: Method | None = None,
@@ -178,14 +74,23 @@ class Scene:
     ) -> None:
         """See the class."""
         check = Checker(f"Scene '{name}'" if isinstance(name, str) and name else "Scene")
+        if dimension is None:
+            dimension = 3 if grid is None else 2
         if isinstance(dimension, bool) or dimension not in (2, 3):
             check.fail(f"dimension is {dimension!r}; expected 2 or 3")
             check.finish()
         d = int(dimension)
         self._dimension = d
-        self._cell_size = check.number("cell_size", cell_size, lower=0, lower_open=True, unit="m")
-        self._lower = check.vector("lower", lower, lengths=(d,), unit="m")
-        self._upper = check.vector("upper", upper, lengths=(d,), unit="m")
+        self._grid = grid
+        given = {"cell_size": cell_size, "lower": lower, "upper": upper}
+        if grid is None:
+            self._cell_size = check.number(
+                "cell_size", cell_size, lower=0, lower_open=True, unit="m"
+            )
+            self._lower = check.vector("lower", lower, lengths=(d,), unit="m")
+            self._upper = check.vector("upper", upper, lengths=(d,), unit="m")
+        else:
+            self._take_grid(check, grid, given)
         zero = (0.0,) * d
         self._origin = (
             zero if origin is None else check.vector("origin", origin, lengths=(d,), unit="m")
@@ -201,11 +106,27 @@ class Scene:
         self._method = Method() if method is None else method
         check.instance("method", self._method, (Method,), "Method(...)")
         self._name = check.text("name", name, empty=True)
-        self._cells = self._count_cells(check)
+        self._cells = (grid.cells,) if grid is not None else self._count_cells(check)
         self._bodies: dict[str, Body] = {}
         self._boundaries: dict[str, Boundary] = {}
         self._sensors: dict[str, PlacedSensor] = {}
         check.finish()
+
+    def _take_grid(
+        self, check: Checker, grid: TriangularGrid | SplineGrid, given: Mapping[str, Any]
+    ) -> None:
+        """Take the corners of the domain from a grid of functions."""
+        kinds = (TriangularGrid, SplineGrid)
+        check.instance("grid", grid, kinds, "a grid of libmpm.grids")
+        check.finish()
+        for key, item in given.items():
+            if item is not None:
+                check.fail(f"{key} is {item!r} with a grid, which has its own; leave it out")
+        if self._dimension != 2:
+            check.fail(f"dimension is {self._dimension} with {grid!r}; expected 2; leave it out")
+            check.finish()
+        self._cell_size = grid.spacing
+        self._lower, self._upper = tuple(grid.lower), tuple(grid.upper)
 
     def _count_cells(self, check: Checker) -> tuple[int, ...]:
         if not (self._lower and self._upper and self._cell_size > 0):
@@ -233,8 +154,13 @@ class Scene:
         return self._dimension
 
     @property
+    def grid(self) -> TriangularGrid | SplineGrid | None:
+        """The grid of triangles or splines; None where the cells are squares or cubes."""
+        return self._grid
+
+    @property
     def cell_size(self) -> float:
-        """Edge of a cell, m."""
+        """Edge of a cell, m; the shortest of a `grid`."""
         return self._cell_size
 
     @property
@@ -269,7 +195,7 @@ class Scene:
 
     @property
     def cells(self) -> tuple[int, ...]:
-        """Number of cells on each axis."""
+        """Number of cells on each axis; of a `grid` its one number of cells."""
         return self._cells
 
     @property
@@ -292,13 +218,16 @@ class Scene:
         self,
         *,
         name: str,
-        shape: Box,
+        shape: Box | Cells | Points,
         material: Material,
         particles_per_cell: int | None = None,
-        velocity: Sequence[float] | None = None,
+        velocity: Sequence[float] | Field | None = None,
         fbar: FBar | Literal["default"] | None = "default",
         hydrostatic: float | None = None,
         subtract_from: Sequence[str] = (),
+        lattice: Sequence[int] | None = None,
+        stress: Sequence[float] | Field | None = None,
+        tractions: Sequence[Traction] = (),
     ) -> str:
         """Add a body and return its name.
 
@@ -306,14 +235,20 @@ class Scene:
         parameter           unit  range     meaning
         ==================  ====  ========  ==================================================
         name                -     unique    name among the bodies
-        shape               -     Box       filled by a lattice of its own, exact total mass
+        shape               -     a shape   Box, filled by a lattice of its own, exact total mass;
+                                            on a `grid` also Cells or Points
         material            -     material  a value of `libmpm.materials`
         particles_per_cell  1     ≥ 1       None = 2 per axis
-        velocity            m/s   (d,)      at the start; None = at rest
+        velocity            m/s   (d,)      at the start, or a `Field`; None = at rest
         fbar                -     `FBar`    "default" is on where the material supports it
         hydrostatic         m     level     surface level against gravity, for instance z of the
                                             surface: the body starts with ρ g depth below it
         subtract_from       -     names     bodies that lose their particles inside this one
+        lattice             1     (d,)      particles of a Box on each axis, in place of
+                                            particles_per_cell
+        stress              Pa    (4,)      xx, yy, xy, zz at the start, or a `Field`; on a `grid`,
+                                            of materials that store their stress
+        tractions           -     -         `Traction` values on faces of a Box, on a `grid`
         ==================  ====  ========  ==================================================
 
         Raises `SceneError`; `validate` checks what concerns several objects.
@@ -329,6 +264,9 @@ class Scene:
             fbar=fbar,
             hydrostatic=hydrostatic,
             subtract_from=subtract_from,
+            lattice=lattice,
+            stress=stress,
+            tractions=tractions,
         )
         return _insert(self._bodies, "body", body.name, body)
 
@@ -337,7 +275,7 @@ class Scene:
         self,
         *,
         name: str,
-        shape: Box | DomainWalls,
+        shape: Box | DomainWalls | Outline,
         response: Response | Mapping[str, Response],
         motion: TimeTable | None = None,
         time: tuple[float, float] | None = None,
@@ -348,7 +286,7 @@ class Scene:
         parameter  unit   range         meaning
         =========  =====  ============  ===================================================
         name       -      unique        name among the boundaries
-        shape      -      a shape       `DomainWalls` or a rigid `Box`
+        shape      -      a shape       `DomainWalls` or a rigid `Box`; on a `grid` also `Outline`
         response   -      a response    one for all faces, or a dictionary by face
         motion     m/s    (n, d) table  prescribed velocity; None = at rest
         time       s      0 ≤ a < b     (start, end) of its action; None = always
@@ -386,7 +324,7 @@ class Scene:
         self,
         *,
         device: str = "auto",
-        precision: str = "single",
+        precision: str = "auto",
         pipeline: str = "auto",
         until: float | None = None,
         time_step: float | None = None,
@@ -412,12 +350,17 @@ class Scene:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scene in terms of JSON; "libmpm" is the version of the schema."""
-        head = {"libmpm": SCHEMA} | {key: plain(getattr(self, key)) for key in HEAD}
+        head = {"libmpm": SCHEMA} | {key: plain(getattr(self, key)) for key in self._head()}
         parts = {
             kind: [{k: v for k, v in p.to_dict().items() if k != "type"} for p in placed]
             for kind, placed in self._parts().items()
         }
         return head | parts
+
+    def _head(self) -> tuple[str, ...]:
+        """Return the arguments that make this scene."""
+        left_out = ("grid",) if self._grid is None else ("cell_size", "lower", "upper")
+        return tuple(key for key in HEAD if key not in left_out)
 
     def _parts(self) -> dict[str, Sequence[Value]]:
         return {"bodies": self.bodies, "boundaries": self.boundaries, "sensors": self.sensors}
@@ -470,7 +413,7 @@ class Scene:
 
 
 #: Arguments of `Scene`, in the order of its files.
-HEAD = ("name", "dimension", "cell_size", "lower", "upper", "origin", "gravity", "method")
+HEAD = ("name", "dimension", "cell_size", "lower", "upper", "grid", "origin", "gravity", "method")
 
 
 def _insert(placed: dict[str, T], kind: str, name: str, item: T) -> str:

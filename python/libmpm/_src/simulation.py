@@ -23,7 +23,13 @@ from libmpm._src.errors import (
 )
 from libmpm._src.faults import describe_fault, describe_removed
 from libmpm._src.interrupts import deferred_interrupt
-from libmpm._src.lowering import check_backend, lower, world_offset
+from libmpm._src.lowering import (
+    check_backend,
+    choose_device,
+    choose_precision,
+    lower,
+    world_offset,
+)
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.sensor_file import Series
 from libmpm._src.output.writer import Output, Writer
@@ -48,7 +54,8 @@ class Simulation:
     device
         "auto" (CUDA if there is a device, else the CPU), "cpu", "cuda" or "cuda:<index>".
     precision
-        "single", "double", or on CUDA devices "mixed": particles double, grid single.
+        "single", "double", or on CUDA devices "mixed": particles double, grid single. "auto" is
+        single, and double on grids of functions, which have no other.
     pipeline
         "auto", "fused" or "two-pass".
     output
@@ -67,7 +74,7 @@ class Simulation:
         scene: Scene,
         *,
         device: str = "auto",
-        precision: str = "single",
+        precision: str = "auto",
         pipeline: str = "auto",
         output: Output | str | Path | None = None,
         threads: int = 0,
@@ -75,6 +82,7 @@ class Simulation:
     ) -> None:
         """Check the request; nothing is allocated yet."""
         self._scene = Scene.from_dict(scene.to_dict())
+        precision = choose_precision(self._scene, precision)
         self._requested: dict[str, Any] = {
             "precision": precision,
             "pipeline": pipeline,
@@ -82,7 +90,7 @@ class Simulation:
             "time_step": time_step,
         }
         lower(self._scene, with_particles=False, **self._requested)
-        self._backend = backends.select(device)
+        self._backend = backends.select(choose_device(self._scene, device))
         check_backend(self._backend.kind, precision)
         self._output = Output(output) if isinstance(output, str | Path) else output
         self._offset = world_offset(self._scene)
@@ -431,7 +439,8 @@ class Simulation:
             scene,
             device=chosen,
             precision=header["precision"],
-            pipeline=header["pipeline"] if same else "auto",
+            # Grids of functions have one pipeline, which is not asked for by name.
+            pipeline=header["pipeline"] if same and scene.grid is None else "auto",
             output=output,
             threads=header["threads"],
             time_step=header["time_step"],

@@ -35,11 +35,13 @@ def nearest(name: str, names: Iterable[str]) -> str:
     return f"choose from {', '.join(names)}" if names else "there are none"
 
 
-def keywords_only(label: str, positional: int = 0) -> Callable[[Callable[P, T]], Callable[P, T]]:
+def keywords_only(
+    label: str, positional: int = 0, instead: Mapping[str, Sequence[str]] | None = None
+) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Make a method report unnamed, unknown and missing arguments as one `SceneError`.
 
     Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
-    after self may come without a name.
+    after self may come without a name. `instead` names an argument that makes others unnecessary.
     """
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
@@ -60,9 +62,13 @@ def keywords_only(label: str, positional: int = 0) -> Callable[[Callable[P, T]],
                 if key not in names:
                     problems.append(f"{label}: unknown argument '{key}'; {nearest(key, names)}")
             if extra <= 0:
-                for key in required[len(args) - 1 :]:
-                    if key not in kwargs:
-                        problems.append(f"{label}: argument '{key}' is missing; it has no default")
+                missing = [key for key in required[len(args) - 1 :] if key not in kwargs]
+                for other, names_of in (instead or {}).items():
+                    if kwargs.get(other) is None:
+                        missing += [key for key in names_of if kwargs.get(key) is None]
+                problems += [
+                    f"{label}: argument '{key}' is missing; it has no default" for key in missing
+                ]
             if problems:
                 raise SceneError(problems)
             return function(*args, **kwargs)

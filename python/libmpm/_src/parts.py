@@ -1,0 +1,158 @@
+"""What a scene is made of: bodies, boundaries and sensors with their names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+from libmpm._src.boundaries import Response
+from libmpm._src.field import Field
+from libmpm._src.method import FBar
+from libmpm._src.parameters import Material
+from libmpm._src.sensors import Sensor
+from libmpm._src.shapes import FACES, Box, DomainWalls
+from libmpm._src.timetable import TimeTable
+from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
+from libmpm._src.values import Checker, Value, sequence, value
+
+__all__ = ["Body", "Boundary", "PlacedSensor"]
+
+
+@value
+class Body(Value):
+    """A body of the scene; see `Scene.add_body` for the fields."""
+
+    name: str
+    shape: Box | Cells | Points
+    material: Material
+    particles_per_cell: int
+    velocity: Sequence[float] | Field
+    fbar: FBar | Literal["default"] | None = "default"
+    hydrostatic: float | None = None
+    subtract_from: Sequence[str] = ()
+    lattice: Sequence[int] | None = None
+    stress: Sequence[float] | Field | None = None
+    tractions: Sequence[Traction] = ()
+
+    def _label(self) -> str:
+        return f"body '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance(
+            "shape", self.shape, (Box, Cells, Points), "shapes.Box(lower=..., upper=...)"
+        )
+        check.instance("material", self.material, (Material,), "a value of libmpm.materials")
+        if self.fbar not in ("default", None) and not isinstance(self.fbar, FBar):
+            check.fail(f'fbar is {self.fbar!r}; expected "default", None or FBar(...)')
+        level = self.hydrostatic
+        if level is not None:
+            level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")
+        others = self.subtract_from
+        if isinstance(others, str):
+            others = (others,)
+        if not isinstance(others, list | tuple):
+            check.fail(f"subtract_from is {others!r}; expected names of bodies")
+            others = ()
+        remedy = "use 4 in 2D and 8 in 3D where nothing speaks for another number"
+        velocity, stress = self.velocity, self.stress
+        if not isinstance(velocity, Field):
+            velocity = check.vector("velocity", velocity, unit="m/s")
+        if stress is not None and not isinstance(stress, Field):
+            stress = check.vector("stress", stress, lengths=(4,), unit="Pa")
+        tractions = sequence(self.tractions) or ()
+        for i, traction in enumerate(tractions):
+            check.instance(f"tractions[{i}]", traction, (Traction,), "Traction(face=, value=)")
+        return {
+            "name": check.text("name", self.name),
+            "particles_per_cell": check.integer(
+                "particles_per_cell", self.particles_per_cell, lower=1, remedy=remedy
+            ),
+            "velocity": velocity,
+            "hydrostatic": level,
+            "subtract_from": tuple(check.text("subtract_from", name) for name in others),
+            "lattice": self._lattice(check),
+            "stress": stress,
+            "tractions": tuple(tractions),
+        }
+
+    def _lattice(self, check: Checker) -> tuple[int, ...] | None:
+        if self.lattice is None:
+            return None
+        counts = sequence(self.lattice)
+        if not counts or not isinstance(self.shape, Box):
+            check.fail(
+                f"lattice is {self.lattice!r}; expected the number of particles on each axis of "
+                "a shapes.Box"
+            )
+            return None
+        return tuple(check.integer(f"lattice[{a}]", n, lower=1) for a, n in enumerate(counts))
+
+
+@value
+class Boundary(Value):
+    """A boundary of the scene; see `Scene.add_boundary` for the fields."""
+
+    name: str
+    shape: Box | DomainWalls | Outline
+    response: Response | Mapping[str, Response]
+    motion: TimeTable | None = None
+    time: tuple[float, float] | None = None
+
+    def _label(self) -> str:
+        return f"boundary '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        kinds = (Box, DomainWalls, Outline)
+        check.instance("shape", self.shape, kinds, "shapes.DomainWalls() or a Box")
+        response = self.response
+        example = "a value of libmpm.boundaries"
+        if isinstance(response, Mapping):
+            for face, one in response.items():
+                if face not in FACES:
+                    check.fail(f"response has face {face!r}; expected some of {', '.join(FACES)}")
+                check.instance(f"response['{face}']", one, (Response,), example)
+            response = dict(response)
+        else:
+            check.instance("response", response, (Response,), f"{example}, or one for each face")
+        if self.motion is not None:
+            check.instance("motion", self.motion, (TimeTable,), "a TimeTable of velocities in m/s")
+        return {
+            "name": check.text("name", self.name),
+            "response": response,
+            "time": self._window(check),
+        }
+
+    def _window(self, check: Checker) -> tuple[float, float] | None:
+        if self.time is None:
+            return None
+        if not isinstance(self.time, list | tuple) or len(self.time) != 2:
+            check.fail(f"time is {self.time!r}; expected (start, end) in s, or None for always")
+            return None
+        start, end = self.time
+        start = check.number("time[0]", start, lower=0, unit="s")
+        # None is how a file writes an open end.
+        end = math.inf if end is None else check.number("time[1]", end, unit="s", infinite=True)
+        if end <= start:
+            check.fail(f"time is ({start:g}, {end:g}); expected end > start, in s")
+        return start, end
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Start and end of the time in which the boundary acts, in s; (0, inf) is always."""
+        return (0.0, math.inf) if self.time is None else self.time
+
+
+@value
+class PlacedSensor(Value):
+    """A sensor with its name in the scene."""
+
+    name: str
+    sensor: Sensor
+
+    def _label(self) -> str:
+        return f"sensor '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance("sensor", self.sensor, (Sensor,), "a value of libmpm.sensors")
+        return {"name": check.text("name", self.name)}

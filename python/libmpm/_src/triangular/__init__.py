@@ -1,0 +1,1 @@
+"""Descriptions of the grids of triangles and of splines."""

@@ -1,0 +1,22 @@
+"""Packages that only some meshes and samplings need."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from libmpm._src.errors import SceneError
+
+__all__ = ["need"]
+
+
+def need(module: str, what: str) -> Any:
+    """Import a module on behalf of `what`; raises `SceneError` if it is not installed."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.split(".")[0]
+        raise SceneError(
+            f"{what}: the package {package} is not installed ({error}); expected it for this call; "
+            "run `pip install libmpm[triangular]`"
+        ) from error

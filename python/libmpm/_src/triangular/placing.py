@@ -1,0 +1,91 @@
+"""Filling bodies with particles on a grid of triangles or splines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from libmpm._src import sampling
+from libmpm._src.shapes import Box
+from libmpm._src.triangular.choices import TriangularGrid
+from libmpm._src.triangular.mesh import Mesh
+from libmpm._src.triangular.particles import subdivide, voronoi_areas
+from libmpm._src.triangular.shapes import Cells, Points, Traction
+
+if TYPE_CHECKING:
+    from libmpm._src.parts import Body
+    from libmpm._src.scene import Scene
+
+__all__ = ["Placed", "chosen_triangles", "place", "traction_rows"]
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Particles of a body: `position` (n, 2) m in the scene, `volume` (n,) m²."""
+
+    position: Floats
+    volume: Floats
+
+    @property
+    def count(self) -> int:
+        """Number of particles."""
+        return len(self.position)
+
+
+def box_lattice(scene: Scene, body: Body) -> sampling.Lattice:
+    """Return the lattice of a body in a box, m in the scene."""
+    assert isinstance(body.shape, Box)
+    low, high = body.shape.lower, body.shape.upper
+    if body.lattice is not None:
+        return sampling.Lattice(tuple(low), tuple(high), tuple(body.lattice))
+    return sampling.lattice(low, high, scene.cell_size, body.particles_per_cell)
+
+
+def chosen_triangles(mesh: Mesh, within: Any) -> npt.NDArray[np.intp]:
+    """Return the triangles of a mesh whose centres lie in a polygon; all for None."""
+    corners = mesh.corners()
+    if within is None:
+        return np.arange(len(corners))
+    from matplotlib.path import Path
+
+    return np.flatnonzero(Path(np.asarray(within)).contains_points(corners.mean(axis=1)))
+
+
+def place(scene: Scene, body: Body) -> Placed:
+    """Return the particles of a body, in the order of their ids."""
+    shape = body.shape
+    if isinstance(shape, Box):
+        grid = box_lattice(scene, body)
+        rows = sampling.points(grid, [], scene.cell_size).rows(0, grid.count)
+        return Placed(rows, np.full(grid.count, grid.volume / grid.count))
+    assert isinstance(scene.grid, TriangularGrid)  # the scene's checks refuse others
+    mesh = scene.grid.mesh
+    triangles = chosen_triangles(mesh, shape.within)
+    if isinstance(shape, Cells):
+        corners = mesh.corners()[triangles]
+        return Placed(*subdivide(corners, math.isqrt(body.particles_per_cell)))
+    assert isinstance(shape, Points)
+    position = np.asarray(shape.position, dtype=np.float64)
+    if shape.volume is not None:
+        return Placed(position, np.asarray(shape.volume, dtype=np.float64))
+    if shape.within is not None:
+        vertices, every = mesh.arrays()
+        used, renumbered = np.unique(every[triangles], return_inverse=True)
+        mesh = Mesh(vertices=vertices[used], triangles=renumbered.reshape(-1, 3))
+    return Placed(position, voronoi_areas(position, mesh))
+
+
+def traction_rows(scene: Scene, body: Body, traction: Traction) -> tuple[npt.NDArray[Any], float]:
+    """Return the particles along a face of a body's box, and the length that each stands for."""
+    grid = box_lattice(scene, body)
+    numbers = np.arange(grid.count).reshape(grid.shape)
+    axis, end = "xy".index(traction.face[0]), -1 if traction.face[1] == "+" else 0
+    rows = np.take(numbers, end, axis=axis)
+    along = 1 - axis
+    return rows, (grid.upper[along] - grid.lower[along]) / grid.shape[along]

@@ -1,0 +1,147 @@
+"""Rules of scenes on a grid of triangles or splines, in the manner of `libmpm._src.checks`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from libmpm._src.boundaries import Response, Separable
+from libmpm._src.errors import SceneError
+from libmpm._src.field import Field
+from libmpm._src.method import FBar
+from libmpm._src.sensors import WaveGauge
+from libmpm._src.shapes import Box
+from libmpm._src.triangular.choices import TriangularGrid
+from libmpm._src.triangular.placing import chosen_triangles, place
+from libmpm._src.triangular.shapes import Cells, Outline, Points
+from libmpm._src.values import Checker
+
+if TYPE_CHECKING:
+    from libmpm._src.parts import Body, Boundary
+    from libmpm._src.scene import Scene
+
+__all__ = ["check_body", "check_boundary", "check_grid", "check_square_cells"]
+
+
+def check_grid(scene: Scene, problems: list[str], doubts: list[str]) -> None:
+    """Check what concerns the scene as a whole."""
+    assert scene.grid is not None
+    if scene.method.leaving == "freeze":
+        problems.append(
+            "Method: leaving is 'freeze', which is not built for grids of functions; expected "
+            "'stop' or 'delete'"
+        )
+    for placed in scene.sensors:
+        if isinstance(placed.sensor, WaveGauge):
+            problems.append(
+                f"sensor '{placed.name}': a WaveGauge is not built for grids of functions; use "
+                "ParticleTracker or VelocityProbe"
+            )
+    doubts += scene.grid.doubts()
+
+
+def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
+    """Check one body; returns whether it can be filled with particles."""
+    check = Checker(f"body '{body.name}'")
+    fits = True
+    shape = body.shape
+    if isinstance(body.fbar, FBar):
+        check.fail(
+            f"fbar is {body.fbar!r} on a grid of functions, which has no volume smoothing; "
+            "remove fbar"
+        )
+    if body.subtract_from:
+        check.fail("subtract_from is not built for grids of functions; shape the bodies apart")
+    if isinstance(shape, Cells | Points) and not isinstance(scene.grid, TriangularGrid):
+        check.fail(f"{shape.label} needs a grid of triangles; use shapes.Box with lattice=(nx, ny)")
+        fits = False
+    if isinstance(shape, Cells) and math.isqrt(body.particles_per_cell) ** 2 != (
+        body.particles_per_cell
+    ):
+        check.fail(
+            f"particles_per_cell is {body.particles_per_cell}; expected a square number for "
+            "shapes.Cells, such as 4, 9 or 16"
+        )
+        fits = False
+    if fits and isinstance(shape, Cells):
+        assert isinstance(scene.grid, TriangularGrid)
+        if not len(chosen_triangles(scene.grid.mesh, shape.within)):
+            check.fail("within holds the centre of no triangle; expected some; move its corners")
+            fits = False
+    if isinstance(shape, Points) and fits and shape.volume is None:
+        try:
+            place(scene, body)
+        except SceneError as error:
+            check.problems += [f"body '{body.name}': {p}" for p in error.problems]
+            fits = False
+    if body.lattice is not None and len(body.lattice) != 2:
+        check.fail(f"lattice has {len(body.lattice)} numbers; expected 2")
+        fits = False
+    if body.tractions and not isinstance(shape, Box):
+        check.fail("tractions act on faces of a shapes.Box; expected one; or remove them")
+    stores = body.material.table.needs == "stress"
+    if body.stress is not None and not stores:
+        check.fail(
+            f"stress is given for {body.material.table.name}, which stores none; expected a "
+            "material such as Hypoelastic; remove stress"
+        )
+    if isinstance(body.stress, Field) and len(body.stress) != 4:
+        check.fail(f"stress has {len(body.stress)} formulas; expected 4: xx, yy, xy, zz")
+    problems += check.problems
+    return fits
+
+
+def check_boundary(scene: Scene, boundary: Boundary, problems: list[str]) -> None:
+    """Check one boundary."""
+    check = Checker(f"boundary '{boundary.name}'")
+    if isinstance(boundary.shape, Box):
+        check.fail(
+            "a Box cannot lie in a grid of functions; leave it out of the mesh, and hold that "
+            "part of its outline with shapes.Outline"
+        )
+    given = boundary.response
+    if isinstance(boundary.shape, Outline) and isinstance(given, Mapping):
+        check.fail("response is given by face; expected one for the whole of a shapes.Outline")
+    if isinstance(boundary.shape, Outline) and not isinstance(scene.grid, TriangularGrid):
+        check.fail("shapes.Outline needs a grid of triangles; use shapes.DomainWalls")
+    every = given.values() if isinstance(given, Mapping) else [given]
+    for response in every:
+        if isinstance(response, Separable):
+            check.fail(
+                f"response is {response!r}, which is not built for grids of functions; use "
+                "Sticky() or Slip()"
+            )
+        elif isinstance(response, Response) and any(response.friction):
+            check.fail(
+                f"response is {response!r} with friction, which is not built for grids of "
+                "functions; leave the friction out"
+            )
+    problems += check.problems
+
+
+def check_square_cells(scene: Scene, problems: list[str]) -> bool:
+    """Refuse what only grids of functions have; returns whether the rest can be checked."""
+    fine = True
+    remedy = "expected a grid of libmpm.grids for it: Scene(grid=...)"
+    for body in scene.bodies:
+        wrong = []
+        if isinstance(body.shape, Cells | Points):
+            wrong.append(body.shape.label)
+            fine = False
+        wrong += [key for key in ("stress", "tractions") if getattr(body, key)]
+        for what in wrong:
+            problems.append(f"body '{body.name}': {what} on a grid of square cells; {remedy}")
+        if body.lattice is not None and len(body.lattice) != scene.dimension:
+            problems.append(
+                f"body '{body.name}': lattice has {len(body.lattice)} numbers; expected "
+                f"{scene.dimension}, the dimension of the scene"
+            )
+            fine = False
+    for boundary in scene.boundaries:
+        if isinstance(boundary.shape, Outline):
+            problems.append(
+                f"boundary '{boundary.name}': shapes.Outline on a grid of square cells; {remedy}"
+            )
+            fine = False
+    return fine

@@ -1,0 +1,512 @@
+"""Scenes on grids of triangles and splines: what they accept, and that they run like any other."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm import boundaries, grids, materials, sensors, shapes
+from libmpm._src.cli import main
+from support import triangular as t
+
+ELASTIC = materials.Hypoelastic(density=1000.0, youngs_modulus=1e6, poissons_ratio=0.3)
+
+
+def square(basis=None, mass=None, gravity=(0.0, 0.0), method=None, n=2, lower=(0.0, 0.0), size=1.0):
+    mesh = grids.Mesh.blocks(
+        columns=n, rows=n, lower=lower, upper=(lower[0] + size, lower[1] + size)
+    )
+    grid = grids.TriangularGrid(
+        mesh=mesh, basis=basis or grids.PowellSabin(), mass=mass or grids.ConsistentMass()
+    )
+    return libmpm.Scene(grid=grid, gravity=gravity, method=method)
+
+
+def block(scene, name="block", low=0.0, high=1.0, **options):
+    corner = np.asarray(scene.lower)
+    options.setdefault("shape", shapes.Box(lower=corner + low, upper=corner + high))
+    options.setdefault("material", ELASTIC)
+    scene.add_body(name=name, **options)
+    return scene
+
+
+def column(**options):
+    grid = t.blocks(1, 4, 0.1, 1.0, grids.PowellSabin())
+    return t.column(t.LARGE_COLUMN, grid, (4, 24), **options)
+
+
+def test_scene_takes_its_domain_from_the_grid():
+    scene = square(size=2.0)
+    assert scene.dimension == 2
+    assert (scene.lower, scene.upper) == ((0.0, 0.0), (2.0, 2.0))
+    assert scene.cells == (16,)
+    assert scene.cell_size == pytest.approx(np.sqrt(0.5))
+    with pytest.raises(libmpm.SceneError, match=r"cell_size is 0\.1 with a grid"):
+        libmpm.Scene(grid=scene.grid, cell_size=0.1)
+    with pytest.raises(libmpm.SceneError, match="dimension is 3"):
+        libmpm.Scene(grid=scene.grid, dimension=3)
+    with pytest.raises(libmpm.SceneError, match="argument 'cell_size' is missing"):
+        libmpm.Scene(lower=(0, 0), upper=(1, 1))
+
+
+def test_scenes_round_trip():
+    scene = column()
+    scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.01))
+    for copy in (
+        libmpm.Scene.from_dict(scene.to_dict()),
+        pickle.loads(pickle.dumps(scene)),
+    ):
+        assert copy == scene
+        assert copy.plan().to_dict() == scene.plan().to_dict()
+
+
+def test_scene_file(tmp_path):
+    scene = column()
+    scene.save(tmp_path / "column.json")
+    assert libmpm.Scene.load(tmp_path / "column.json") == scene
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda s: block(s, "b", fbar=libmpm.FBar()), "fbar is .* on a grid of functions"),
+        (lambda s: block(s, "b", stress=(0, 0, 0, 0), material=materials.NeoHookean(
+            density=1.0, youngs_modulus=1.0)), "stress is given for NeoHookean"),
+        (lambda s: block(s, "b", shape=shapes.Cells(), particles_per_cell=5), "square number"),
+        (lambda s: block(s, "b", shape=shapes.Cells(within=((5, 5), (6, 5), (6, 6)))),
+         "centre of no triangle"),
+        (lambda s: block(s, "b", high=1.5), "expected inside the domain"),
+        (lambda s: block(s, "b", shape=shapes.Cells(),
+                         tractions=(libmpm.Traction(face="y+", value=(0, -1)),)),
+         "tractions act on faces of a shapes.Box"),
+        (lambda s: s.add_boundary(name="w", shape=shapes.Box(lower=(0, 0), upper=(1, 1)),
+                                  response=boundaries.Slip()), "a Box cannot lie in a grid"),
+        (lambda s: s.add_boundary(name="w", shape=shapes.DomainWalls(),
+                                  response=boundaries.Separable()), "Separable.* is not built"),
+        (lambda s: s.add_sensor(name="g", sensor=sensors.WaveGauge(position=(0.5,))),
+         "a WaveGauge is not built"),
+    ],
+)  # fmt: skip
+def test_refusals_name_object_and_remedy(change, message):
+    scene = block(square())
+    with pytest.raises(libmpm.SceneError, match=message):
+        change(scene)
+        scene.validate()
+
+
+def test_what_a_grid_of_functions_lacks_is_refused():
+    scene = block(square(method=libmpm.Method(leaving="freeze")))
+    with pytest.raises(libmpm.SceneError, match="'freeze'"):
+        scene.validate()
+    scene = block(square())
+    for options, message in (
+        ({"precision": "single"}, "built in double alone"),
+        ({"device": "cuda"}, "built for the CPU alone"),
+        ({"pipeline": "fused"}, "expected 'auto'"),
+    ):
+        with pytest.raises(libmpm.SceneError, match=message):
+            libmpm.Simulation(scene, **options)
+
+
+def test_what_square_cells_lack_is_refused():
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))
+    scene.add_body(name="a", shape=shapes.Cells(), material=ELASTIC)
+    scene.add_body(
+        name="b", shape=shapes.Box(lower=(0, 0), upper=(1, 1)), material=ELASTIC,
+        stress=(0, 0, 0, 0), lattice=(2, 2, 2),
+    )  # fmt: skip
+    scene.add_boundary(
+        name="c", shape=shapes.Outline(points=((0, 0), (1, 0))), response=boundaries.Slip()
+    )
+    with pytest.raises(libmpm.SceneError) as error:
+        scene.validate()
+    for text in ("body 'a': shapes.Cells", "body 'b': stress", "lattice has 3", "boundary 'c'"):
+        assert text in str(error.value)
+
+
+def test_lattice_and_field_on_square_cells():
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(-1, 2), upper=(0, 3))
+    scene.add_body(
+        name="b", shape=shapes.Box(lower=(-0.8, 2.2), upper=(-0.2, 2.8)), material=ELASTIC,
+        lattice=(5, 7), velocity=libmpm.Field(components=("x", "2 * y")),
+    )  # fmt: skip
+    body = libmpm.Simulation(scene, device="cpu", precision="double").particles["b"]
+    assert len(body) == 35
+    # A linear field stays itself when gathered from the grid, but for the outermost nodes.
+    assert np.ptp(body["position"][:, 0]) == pytest.approx(0.6 * 4 / 5)
+    momentum = (body["mass"][:, None] * body["velocity"]).sum(axis=0)
+    position = body["position"]
+    expected = body["mass"].sum() * np.array([position[:, 0].mean(), 2 * position[:, 1].mean()])
+    assert momentum == pytest.approx(expected, rel=1e-6)
+
+
+def test_field_evaluates_arithmetic_alone():
+    field = libmpm.Field(components=("where(x > 0.5, 1, -x ** 2)", "max(y, 0) + cos(pi)"))
+    found = field.at([(1.0, 2.0), (0.5, -3.0)])
+    assert found.tolist() == [[1.0, 1.0], [-0.25, -1.0]]
+    for formula in ("__import__('os')", "x.real", "[x]", "open('f')", "x if y else 0", "'a'", "w"):
+        with pytest.raises(libmpm.SceneError, match=r"components\[0\]"):
+            libmpm.Field(components=(formula,))
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [
+        grids.TriangularGrid(mesh=grids.Mesh.squares(
+            columns=3, rows=3, lower=(0.0, 0.0), upper=(1.0, 1.0)), basis=basis, mass=mass)
+        for basis in (grids.Linear(), grids.PowellSabin(), grids.CubicPowellSabin())
+        for mass in (grids.ConsistentMass(), grids.ConsistentMass(solver="cg", tolerance=1e-13,
+                                                                   iterations=1000))
+    ]
+    + [
+        grids.SplineGrid(lower=(0.0, 0.0), upper=(1.0, 1.0), spans=(3, 3), degree=2),
+        grids.TriangularGrid(mesh=grids.Mesh.squares(
+            columns=3, rows=3, lower=(0.0, 0.0), upper=(1.0, 1.0)), mass=grids.LumpedMass()),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_free_fall_and_momentum(grid):
+    scene = libmpm.Scene(grid=grid, gravity=(1.0, -9.81))
+    block(scene, lattice=(36, 36), velocity=(0.3, 0.5))
+    simulation = libmpm.Simulation(scene)
+    simulation.step(10)
+    time = simulation.time
+    body = simulation.particles["block"]
+    expected = np.array([0.3, 0.5]) + time * np.array([1.0, -9.81])
+    # Lumped masses smooth the field of a constant to itself; every form keeps a uniform motion.
+    assert body["velocity"] == pytest.approx(np.tile(expected, (36**2, 1)), abs=1e-8)
+    assert body["stress"] == pytest.approx(0, abs=1e-3)
+    assert body["mass"].sum() == pytest.approx(1000.0)
+
+
+def test_moving_the_scene_changes_no_number():
+    runs = []
+    for lower in ((0.0, 0.0), (1e4, -3e3)):
+        scene = square(gravity=(0.0, -9.81), lower=lower, method=libmpm.Method(time_step=1e-4),
+                       mass=grids.LumpedMass())  # fmt: skip
+        block(scene, low=0.1, high=0.7, lattice=(8, 8), velocity=(0.1, 0.0))
+        simulation = libmpm.Simulation(scene)
+        simulation.step(50)
+        runs.append(simulation.particles["block"]["displacement"])
+    # Coordinates at 1e4 m carry errors of 1e-12 m; nothing else may change.
+    assert runs[0] == pytest.approx(runs[1], abs=1e-11)
+
+
+def test_rotated_scene_gives_rotated_motion():
+    # The same triangles turned by an angle: nothing of the method may prefer an axis.
+    angle = 0.6
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    base = grids.Mesh.blocks(columns=3, rows=3, lower=(0.0, 0.0), upper=(1.0, 1.0))
+    vertices, triangles = base.arrays()
+    found = []
+    rng = np.random.default_rng(3)
+    inside = 0.2 + 0.6 * rng.random((300, 2))
+    pull = np.array([0.0, -9.81])
+    for rotation in (np.eye(2), turn):
+        mesh = grids.Mesh(vertices=vertices @ rotation.T, triangles=triangles)
+        scene = libmpm.Scene(
+            grid=grids.TriangularGrid(mesh=mesh), gravity=rotation @ pull,
+            method=libmpm.Method(time_step=2e-5),
+        )  # fmt: skip
+        block(scene, shape=shapes.Points(position=inside @ rotation.T,
+                                         volume=np.full(300, 0.36 / 300)),
+              velocity=rotation @ np.array([0.2, 0.1]))  # fmt: skip
+        simulation = libmpm.Simulation(scene)
+        simulation.step(60)
+        found.append(simulation.particles["block"]["displacement"] @ rotation)
+    assert np.abs(found[0] - found[1]).max() < 1e-9 * np.abs(found[0]).max()
+
+
+def test_slip_on_a_slanted_side_lets_slide_and_holds_across():
+    # A block rests against a slope and falls along it, as gravity along the slope says.
+    angle = np.radians(30)
+    along = np.array([np.cos(angle), -np.sin(angle)])
+    across = np.array([np.sin(angle), np.cos(angle)])
+    corners = [(0, 0), (3, 0), (3, 1.5), (0, 1.5)]
+    place = np.array([a * along + b * across for a, b in corners])
+    inner = np.array(
+        [a * along + b * across for a in np.linspace(0, 3, 9) for b in np.linspace(0, 1.5, 5)]
+    )
+    mesh = grids.Mesh.delaunay(inner)
+    scene = libmpm.Scene(grid=grids.TriangularGrid(mesh=mesh), gravity=(0.0, -10.0))
+    points = np.array(
+        [
+            a * along + b * across
+            for a in np.linspace(0.5, 1.5, 20, endpoint=False) + 0.025
+            for b in np.linspace(0, 0.5, 10, endpoint=False) + 0.025
+        ]
+    )
+    weight = 1000 * 0.5 * 10
+    scene.add_body(
+        name="block",
+        shape=shapes.Points(position=points, volume=np.full(200, 0.5 / 200)),
+        material=materials.Hypoelastic(density=1000.0, youngs_modulus=1e6, poissons_ratio=0.0),
+    )
+    scene.add_boundary(
+        name="slope", shape=shapes.Outline(points=place[:2]), response=boundaries.Slip()
+    )
+    scene.add_sensor(name="load", sensor=sensors.LoadCell(boundary="slope", interval=0.05))
+    simulation = libmpm.Simulation(scene)
+    simulation.run(until=0.3, progress=False)
+    body = simulation.particles["block"]
+    speed = np.average(body["velocity"], axis=0)
+    assert speed @ along == pytest.approx(10 * np.sin(angle) * simulation.time, rel=1e-6)
+    # It bounces on the slope, by no more than a sound wave through it gathers: g cos(angle) H / c.
+    assert abs(speed @ across) < 10 * np.cos(angle) * 0.5 / np.sqrt(1e6 / 1000)
+    load = simulation.sensors["load"].values[:, :2].mean(axis=0)
+    # Its mean load is its weight across the slope, and none along it.
+    assert load @ across == pytest.approx(-weight * np.cos(angle), rel=0.1)
+    assert abs(load @ along) < 1e-6 * weight
+
+
+def test_tractions_stretch_a_bar_to_their_stress():
+    # A pull that grows slowly over three periods: the strain that its stress has, σ = E (1 - 1/F).
+    young, pull = 1e6, 2e4
+    mesh = grids.Mesh.blocks(columns=5, rows=1, lower=(0.0, 0.0), upper=(1.25, 0.2))
+    scene = libmpm.Scene(grid=grids.TriangularGrid(mesh=mesh))
+    scene.add_body(
+        name="bar", shape=shapes.Box(lower=(0, 0), upper=(1.0, 0.2)), lattice=(48, 10),
+        material=materials.Hypoelastic(density=1000.0, youngs_modulus=young, poissons_ratio=0.0),
+        tractions=(libmpm.Traction(face="x+", value=libmpm.TimeTable(
+            (0.0, 0.38), ((0.0, 0.0), (pull, 0.0)))),),
+    )  # fmt: skip
+    scene.add_boundary(
+        name="walls", shape=shapes.DomainWalls(faces=("x-", "y-", "y+")), response=boundaries.Slip()
+    )
+    scene.add_sensor(name="load", sensor=sensors.LoadCell(boundary="walls", faces=("x-",),
+                                                         interval=0.01))  # fmt: skip
+    simulation = libmpm.Simulation(scene)
+    simulation.run(until=0.38, progress=False)
+    body = simulation.particles["bar"]
+    stress = np.average(body["stress"][:, 0, 0], weights=body["volume"])
+    assert stress == pytest.approx(pull, rel=0.05)
+    end = body["displacement"][body["position"][:, 0].argmax(), 0]
+    assert end == pytest.approx(1 / (1 - pull / young) - 1, rel=0.05)
+    load = simulation.sensors["load"]
+    assert load.values[-4:, 0].mean() == pytest.approx(pull * 0.2 * 0.95, rel=0.1)
+
+
+def test_initial_stress_holds_a_column_at_rest():
+    weight = "-9810 * (1 - y)"
+    scene = libmpm.Scene(grid=t.blocks(1, 4, 0.25, 1.0, grids.PowellSabin()), gravity=(0.0, -9.81))
+    scene.add_body(
+        name="soil", shape=shapes.Box(lower=(0, 0), upper=(0.25, 1.0)), lattice=(8, 32),
+        material=materials.Hypoelastic(density=1000.0, youngs_modulus=1e7, poissons_ratio=0.3),
+        stress=libmpm.Field(components=(f"3 / 7 * ({weight})", weight, "0", f"3 / 7 * ({weight})")),
+    )  # fmt: skip
+    scene.add_boundary(
+        name="box", shape=shapes.DomainWalls(faces=("x-", "x+", "y-")), response=boundaries.Slip()
+    )
+    simulation = libmpm.Simulation(scene)
+    simulation.run(until=0.05, progress=False)
+    free = 9.81 * 0.05**2 / 2
+    body = simulation.particles["soil"]
+    # What moves is what the quadrature by particles leaves of the balance.
+    assert np.abs(body["displacement"]).max() < 1e-2 * free
+    assert body["pressure"].max() == pytest.approx((1 + 6 / 7) / 3 * 9810 * (1 - 1 / 64), rel=0.02)
+
+
+def test_library_materials_agree_for_small_strains():
+    found = {}
+    for material in (ELASTIC, materials.NeoHookean(density=1000.0, youngs_modulus=1e6),
+                     materials.FixedCorotated(density=1000.0, youngs_modulus=1e6),
+                     materials.StVenantKirchhoffHencky(density=1000.0, youngs_modulus=1e6),
+                     materials.LinearElastic(density=1000.0, youngs_modulus=1e6),
+                     materials.VonMises(density=1000.0, youngs_modulus=1e6, yield_stress=1e9),
+                     ):  # fmt: skip
+        scene = square(method=libmpm.Method(time_step=1e-4))
+        block(
+            scene,
+            low=0.0,
+            high=1.0,
+            lattice=(12, 12),
+            material=material,
+            velocity=libmpm.Field(components=("1e-4 * sin(pi * x)", "1e-4 * cos(pi * y)")),
+        )
+        simulation = libmpm.Simulation(scene)
+        simulation.run(until=0.02, progress=False)
+        found[material.table.name] = simulation.particles["block"]["displacement"]
+    expected = found.pop("LinearElastic")
+    for name, displacement in found.items():
+        assert np.abs(displacement - expected).max() < 1e-4 * np.abs(expected).max(), name
+
+
+def test_water_column_carries_its_weight():
+    scene = square(gravity=(0.0, -9.81), n=3)
+    block(scene, material=materials.TaitFluid(bulk_modulus=2e6), hydrostatic=1.0, lattice=(24, 24))
+    scene.add_boundary(
+        name="tank", shape=shapes.DomainWalls(faces=("x-", "x+", "y-")), response=boundaries.Slip()
+    )
+    scene.add_sensor(name="bed", sensor=sensors.LoadCell(boundary="tank", faces=("y-",),
+                                                        interval=0.01))  # fmt: skip
+    simulation = libmpm.Simulation(scene)
+    simulation.run(until=0.2, progress=False)
+    load = simulation.sensors["bed"].values[:, 1].mean()
+    assert load == pytest.approx(-9810.0, rel=0.02)
+
+
+def test_runs_do_not_depend_on_threads_portions_or_reading(tmp_path):
+    def run(threads, portions, read, until=0.05):
+        scene = column()
+        scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.01))
+        simulation = libmpm.Simulation(scene, threads=threads)
+        for k in range(portions):
+            simulation.run(until=until * (k + 1) / portions, progress=False)
+            if read:
+                _ = simulation.grid["velocity"], simulation.particles["soil"]["stress"]
+        body = simulation.particles["soil"]
+        return body["position"], body["velocity"], simulation.sensors["energy"].values
+
+    first = run(1, 1, False)
+    for other in (run(2, 1, False), run(2, 5, True)):
+        for a, b in zip(first, other, strict=True):
+            assert np.array_equal(a, b)
+
+
+def test_checkpoints_continue_bit_for_bit(tmp_path):
+    whole = libmpm.Simulation(column())
+    whole.step(60)
+    half = libmpm.Simulation(column())
+    half.step(27)  # not where the largest frequency is looked at
+    half.save_checkpoint(tmp_path / "half.npz")
+    resumed = libmpm.Simulation.resume(tmp_path / "half.npz")
+    resumed.step(33)
+    assert resumed.time == whole.time
+    for name in ("position", "velocity", "stress", "displacement"):
+        assert np.array_equal(resumed.particles["soil"][name], whole.particles["soil"][name]), name
+    assert np.array_equal(resumed.sensors["middle"].values, whole.sensors["middle"].values)
+
+
+def test_frames_and_sensor_files(tmp_path):
+    scene = column()
+    output = libmpm.Output(tmp_path / "out", frame_interval=0.01, checkpoint_interval=0.02)
+    with libmpm.Simulation(scene, output=output) as simulation:
+        simulation.run(until=0.03, progress=False)
+    written = {path.suffix for path in (tmp_path / "out").rglob("*")}
+    assert ".vtkhdf" in written and ".npz" in written and ".h5" in written
+
+
+def test_leaving_particles_are_named_or_deleted():
+    for policy in ("stop", "delete"):
+        scene = square(method=libmpm.Method(leaving=policy), mass=grids.LumpedMass())
+        block(scene, low=0.6, high=0.9, lattice=(6, 6), velocity=(3.0, 0.0))
+        simulation = libmpm.Simulation(scene)
+        if policy == "stop":
+            with pytest.raises(libmpm.NumericalError, match="left the domain"):
+                simulation.run(until=0.2, progress=False)
+            continue
+        with pytest.warns(libmpm.ModelWarning, match="policy delete"):
+            simulation.run(until=0.08, progress=False)
+        assert 0 < len(simulation.particles["block"]) < 36
+        assert len(simulation.particles["block"]["id"]) == len(simulation.particles["block"])
+
+
+def test_particles_outside_the_mesh_are_refused():
+    mesh = grids.Mesh(vertices=((0, 0), (1, 0), (0, 1)), triangles=((0, 1, 2),))
+    scene = libmpm.Scene(grid=grids.TriangularGrid(mesh=mesh))
+    scene.add_body(name="b", shape=shapes.Box(lower=(0, 0), upper=(0.9, 0.9)), lattice=(4, 4),
+                   material=ELASTIC)  # fmt: skip
+    with pytest.raises(libmpm.SceneError, match="of its particles lie outside the grid"):
+        libmpm.Simulation(scene).step()
+
+
+def test_cells_and_points_fill_exactly():
+    mesh = grids.Mesh.delaunay(np.random.default_rng(5).random((40, 2)))
+    grid = grids.TriangularGrid(mesh=mesh)
+    for shape, ppc in ((shapes.Cells(), 9), (shapes.Points(
+            position=mesh.corners().mean(axis=1)), 1)):  # fmt: skip
+        scene = libmpm.Scene(grid=grid)
+        scene.add_body(name="b", shape=shape, material=ELASTIC, particles_per_cell=ppc)
+        mass = libmpm.Simulation(scene).particles["b"]["mass"]
+        assert mass.sum() == pytest.approx(1000 * mesh.area, rel=1e-12)
+        assert len(mass) == ppc * len(mesh.areas())
+
+
+def test_moving_and_timed_boundaries():
+    # A side that pushes at a set speed for a while: its particles follow, and go on when it stops.
+    scene = square(n=2, size=1.0)
+    block(
+        scene,
+        low=0.0,
+        high=1.0,
+        lattice=(12, 12),
+        material=materials.Hypoelastic(density=1000.0, youngs_modulus=1e6, poissons_ratio=0.0),
+        shape=shapes.Box(lower=(0.0, 0.0), upper=(0.8, 1.0)),
+    )
+    scene.add_boundary(
+        name="piston", shape=shapes.DomainWalls(faces=("x-",)), response=boundaries.Slip(),
+        motion=libmpm.TimeTable((0.0, 1.0), ((0.05, 0.0), (0.05, 0.0))), time=(0.0, 0.02),
+    )  # fmt: skip
+    scene.add_boundary(
+        name="sides", shape=shapes.DomainWalls(faces=("y-", "y+")), response=boundaries.Slip()
+    )
+    scene.add_sensor(name="load", sensor=sensors.LoadCell(boundary="piston"))
+    scene.add_sensor(name="probe", sensor=sensors.VelocityProbe(position=(0.02, 0.5)))
+    simulation = libmpm.Simulation(scene)
+    simulation.run(until=0.04, progress=False)
+    load, probe = simulation.sensors["load"], simulation.sensors["probe"]
+    pushing = (load.time > 0.005) & (load.time < 0.02)
+    # ρ c v A while the wave has not come back.
+    impedance = np.sqrt(1000.0 * 1e6) * 0.05
+    assert load.values[pushing, 0].mean() == pytest.approx(-impedance, rel=0.05)
+    assert np.all(load.values[load.time > 0.021, 0] == 0)
+    held = (probe.time > 0.005) & (probe.time < 0.02)
+    assert probe.values[held, 0].mean() == pytest.approx(0.05, rel=0.05)
+    assert probe.values[held, 0] == pytest.approx(0.05, rel=0.12)  # nothing damps its ringing
+
+
+def test_one_dimensional_splines_are_the_bar():
+    # Degree 0 across: the method on a line with B-splines.
+    case = t.SMALL_BAR
+    errors = []
+    for spans in (4, 8):
+        grid = grids.SplineGrid(
+            lower=(0.0, 0.0), upper=(case.length, case.height), spans=(spans, 1), degree=(2, 0)
+        )
+        scene = libmpm.Scene(grid=grid, method=libmpm.Method(time_step=1e-4))
+        formula = "0.1 * sin(pi * x / 25)"
+        scene.add_body(
+            name="bar", shape=shapes.Box(lower=(0, 0), upper=(case.length, case.height)),
+            lattice=(40 * spans, 1), velocity=libmpm.Field(components=(formula, "0")),
+            material=materials.Hypoelastic(density=1.0, youngs_modulus=100.0, poissons_ratio=0.0),
+        )  # fmt: skip
+        scene.add_boundary(
+            name="ends", shape=shapes.DomainWalls(faces=("x-", "x+")), response=boundaries.Sticky()
+        )
+        simulation = libmpm.Simulation(scene)
+        simulation.run(until=0.02, progress=False)
+        body = simulation.particles["bar"]
+        start = (body["position"] - body["displacement"])[:, 0]
+        u, _ = case.linear(start, simulation.time)
+        errors.append(np.sqrt(np.mean((body["displacement"][:, 0] - u) ** 2)))
+        assert np.all(body["displacement"][:, 1] == 0)
+    assert np.log2(errors[0] / errors[1]) > 2.8  # third order
+
+
+def test_plan_tells_what_runs():
+    plan = column().plan(until=0.1)
+    assert plan.pipeline == "modified update"
+    assert "factorise" in plan.kernels
+    assert plan.precision == "double" and plan.device == "cpu"
+    simulation = libmpm.Simulation(column())
+    simulation.step()
+    assert plan.memory_total == pytest.approx(simulation.statistics["bytes"], rel=0.3)
+    # The estimate of the step is a safe one, and the run's own is not far from it.
+    assert 0.5 < plan.time_step / simulation.dt < 1.5
+    assert "TriangularGrid" in str(plan) and "TriangularGrid" in plan._repr_html_()
+
+
+def test_command_line_runs_and_plans_such_a_scene(tmp_path, capsys):
+    scene = column(interval=0.001)
+    file, out = tmp_path / "column.json", tmp_path / "out"
+    scene.save(file)
+    quiet = ["--quiet"]
+    assert main(["check", str(file)]) == 0
+    assert main(["plan", str(file)]) == 0
+    assert "modified update" in capsys.readouterr().out
+    assert main(["run", str(file), "-o", str(out), "--until", "0.01", *quiet]) == 0
+    assert (out / "report.png").exists()
+    assert main(["run", str(file), "-o", str(tmp_path / "b"), "--precision", "single"]) == 2
