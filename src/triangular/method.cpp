@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include "mpm/core/error.hpp"
@@ -17,38 +18,58 @@ constexpr std::size_t worth_threads = 20000;
 
 }  // namespace
 
-void Particles::erase(const std::vector<std::size_t>& gone) {
-    if (gone.empty()) return;
-    std::vector<std::size_t> now(count());  // new number, or count() for those that go
-    std::size_t kept = 0, next = 0;
-    for (std::size_t p = 0; p < now.size(); ++p) {
-        const bool goes = next < gone.size() && gone[next] == p;
-        next += goes;
-        now[p] = goes ? now.size() : kept++;
-    }
-    const auto compact = [&](auto& column, std::size_t width) {
-        for (std::size_t p = 0; p < now.size(); ++p)
-            if (now[p] < now.size())
-                std::copy_n(column.begin() + std::ptrdiff_t(p * width), width,
-                            column.begin() + std::ptrdiff_t(now[p] * width));
-        column.resize(kept * width);
+void Particles::take(const std::vector<std::size_t>& places) {
+    const auto gather = [&](auto& column, std::size_t width) {
+        std::remove_reference_t<decltype(column)> taken;
+        taken.reserve(places.size() * width);
+        for (std::size_t p : places)
+            for (std::size_t k = 0; k < width; ++k) taken.push_back(column[p * width + k]);
+        column = std::move(taken);
     };
+    std::vector<std::size_t> now(count(), count());  // count() for those that go
+    for (std::size_t k = 0; k < places.size(); ++k) now[places[k]] = k;
     for (Traction& t : tractions) {
         std::vector<std::size_t> left;
         for (std::size_t p : t.particles)
             if (now[p] < now.size()) left.push_back(now[p]);
         t.particles = left;
     }
-    compact(state, std::size_t(law->reals()));
-    compact(id, 1);
-    compact(velocity, 1);
-    compact(displacement, 1);
-    compact(mass, 1);
-    compact(volume, 1);
-    compact(stress, 1);
-    compact(rate, 1);
-    compact(cell, 1);
-    compact(position, 1);
+    gather(state, std::size_t(law->reals()));
+    gather(id, 1);
+    gather(position, 1);
+    gather(velocity, 1);
+    gather(displacement, 1);
+    gather(mass, 1);
+    gather(volume, 1);
+    gather(stress, 1);
+    gather(rate, 1);
+    gather(cell, 1);
+    by_id_.clear();
+}
+
+void Particles::erase(const std::vector<std::size_t>& gone) {
+    if (gone.empty()) return;
+    std::vector<std::size_t> kept;
+    auto next = gone.begin();
+    for (std::size_t p = 0; p < count(); ++p) {
+        if (next != gone.end() && *next == p)
+            ++next;
+        else
+            kept.push_back(p);
+    }
+    take(kept);
+}
+
+std::size_t Particles::place_of(std::uint64_t sought) const {
+    if (by_id_.size() != count()) {
+        by_id_.resize(count());
+        std::iota(by_id_.begin(), by_id_.end(), std::size_t(0));
+        std::sort(by_id_.begin(), by_id_.end(),
+                  [&](std::size_t a, std::size_t b) { return id[a] < id[b]; });
+    }
+    const auto at = std::lower_bound(by_id_.begin(), by_id_.end(), sought,
+                                     [&](std::size_t p, std::uint64_t x) { return id[p] < x; });
+    return at == by_id_.end() || id[*at] != sought ? count() : *at;
 }
 
 Method::Method(std::unique_ptr<Basis> basis, const MassOptions& mass, int threads)
@@ -85,6 +106,16 @@ void Method::start() {
         stiffness_.push_back({along, e.lame, 0, e.lame, along, 0, 0, 0, e.shear});
     }
     if (!constraints_) hold({});
+}
+
+void Method::sort_by_cell() {
+    for (Particles& b : bodies_) {
+        std::vector<std::size_t> places(b.count());
+        std::iota(places.begin(), places.end(), std::size_t(0));
+        std::stable_sort(places.begin(), places.end(),
+                         [&](std::size_t p, std::size_t q) { return b.cell[p] < b.cell[q]; });
+        b.take(places);
+    }
 }
 
 std::vector<std::vector<std::size_t>> Method::relocate() {
@@ -138,7 +169,7 @@ void Method::each_particle(int cell, const F& f) const {
          ++k) {
         const std::size_t all = listed_[k];
         while (all >= first_of_body_[body + 1]) ++body;
-        f(body, all - first_of_body_[body], all * width_);
+        f(body, all - first_of_body_[body], k * width_);
     }
 }
 

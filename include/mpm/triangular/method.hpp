@@ -21,7 +21,7 @@ struct Traction {
     std::function<Point(double time)> value;  // Pa
 };
 
-/// Particles of one body, in the order of their ids.
+/// Particles of one body, in any order.
 struct Particles {
     std::string name;
     std::unique_ptr<Law> law;
@@ -39,7 +39,14 @@ struct Particles {
         return state.data() + p * std::size_t(law->reals());
     }
     double* state_of(std::size_t p) { return state.data() + p * std::size_t(law->reals()); }
+    /// Place of the particle with an id, count() if it has gone.
+    std::size_t place_of(std::uint64_t sought) const;
+    /// Keeps the particles at these places, in this order.
+    void take(const std::vector<std::size_t>& places);
     void erase(const std::vector<std::size_t>& gone);  // ascending
+
+private:
+    mutable std::vector<std::size_t> by_id_;  // places by ascending id, made when asked for
 };
 
 /// What stopped a step.
@@ -67,6 +74,8 @@ public:
     const Basis& basis() const { return *basis_; }
     /// Call after the last body was added and after particles were changed from outside.
     void start();
+    /// Puts particles of a cell beside each other in memory, where most of them stay.
+    void sort_by_cell();
     void hold(const std::vector<Hold>& holds);
 
     /// Particles outside the functions' domain, body by body: to be dealt with before `prepare`.
@@ -122,8 +131,8 @@ private:
     std::vector<std::array<double, 9>> stiffness_;  // of each body at rest: xx, yy, engineering xy
     // Particles by cell, all bodies: number of a particle among all.
     std::vector<std::size_t> first_of_body_, cell_start_, listed_;
-    std::vector<double> value_;    // (all particles, width)
-    std::vector<Point> gradient_;  // (all particles, width)
+    std::vector<double> value_;    // (all particles as listed, width)
+    std::vector<Point> gradient_;  // (all particles as listed, width)
     CellMatrices sums_;
     std::vector<double> local_;  // (cells, width, 2): what cells add to the functions
     std::vector<char> filled_;

@@ -63,6 +63,7 @@ FunctionsEngine::FunctionsEngine(const Spec& spec)
                          std::to_string(x[0]) + ", " + std::to_string(x[1]) +
                          ") m from the lower corner; enlarge the mesh or move the body");
     }
+    method_.sort_by_cell();
     bool loads = false;
     for (const SensorSpec& s : spec_.sensors) {
         loads = loads || s.kind == SensorKind::load_cell;
@@ -227,6 +228,7 @@ void FunctionsEngine::fail(const Trouble& t) {
     f.code = t.code;
     f.body = method_.bodies()[std::size_t(std::max(t.body, 0))].name;
     f.ids = t.ids;
+    std::sort(f.ids.begin(), f.ids.end());
     f.step = step_;
     f.time = time_;
     f.value = t.value;
@@ -397,9 +399,8 @@ void FunctionsEngine::sample(std::size_t s) {
         case SensorKind::tracker: {
             const auto& body = method_.bodies()[std::size_t(spec.body)];
             for (std::uint64_t id : spec.ids) {
-                const auto at = std::lower_bound(body.id.begin(), body.id.end(), id);
-                const auto p = std::size_t(at - body.id.begin());
-                if (at == body.id.end() || *at != id) {
+                const std::size_t p = body.place_of(id);
+                if (p == body.count()) {
                     row.insert(row.end(), 4, nothing);
                     continue;
                 }

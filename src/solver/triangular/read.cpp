@@ -172,9 +172,11 @@ void FunctionsEngine::load(const State& state) {
         const std::string p = "body" + std::to_string(b) + "_";
         const auto ids = detail::from_blob<std::uint64_t>(state, p + "id");
         // Particles that had left before the state was saved.
+        std::vector<std::uint64_t> left = ids;
+        std::sort(left.begin(), left.end());
         std::vector<std::size_t> gone;
         for (std::size_t k = 0; k < body.count(); ++k)
-            if (!std::binary_search(ids.begin(), ids.end(), body.id[k])) gone.push_back(k);
+            if (!std::binary_search(left.begin(), left.end(), body.id[k])) gone.push_back(k);
         body.erase(gone);
         const auto fits = [&](std::size_t have, std::size_t width) {
             if (body.id != ids || have != width * body.count())

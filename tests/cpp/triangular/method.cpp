@@ -238,6 +238,15 @@ TEST(TriangularMethod, particles_that_go_take_all_they_have) {
     EXPECT_EQ(b.position[4], sixth);
     EXPECT_EQ(b.state[4 * 5 + 2], state);
     EXPECT_EQ(b.tractions[0].particles, (std::vector<std::size_t>{0, 15}));
+    EXPECT_EQ(b.place_of(5), b.count());
+
+    m->sort_by_cell();
+    EXPECT_TRUE(std::is_sorted(b.cell.begin(), b.cell.end()));
+    const std::size_t place = b.place_of(6);
+    EXPECT_EQ(b.id[place], 6u);
+    EXPECT_EQ(b.position[place], sixth);
+    EXPECT_EQ(b.state[place * 5 + 2], state);
+    EXPECT_EQ(b.id[b.tractions[0].particles[1]], 17u);
 }
 
 }  // namespace
