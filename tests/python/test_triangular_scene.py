@@ -402,6 +402,10 @@ def test_leaving_particles_are_named_or_deleted():
             simulation.run(until=0.08, progress=False)
         assert 0 < len(simulation.particles["block"]) < 36
         assert len(simulation.particles["block"]["id"]) == len(simulation.particles["block"])
+        with pytest.warns(libmpm.ModelWarning):
+            simulation.run(until=0.5, progress=False)
+        assert len(simulation.particles["block"]) == 0
+        assert simulation.time >= 0.5  # an empty scene goes on
 
 
 def test_particles_outside_the_mesh_are_refused():

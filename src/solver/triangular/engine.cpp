@@ -45,6 +45,10 @@ triangular::MassOptions mass_options(const FunctionsSpec& f) {
 
 FunctionsEngine::FunctionsEngine(const Spec& spec)
     : spec_(spec), method_(make_basis(spec.functions), mass_options(spec.functions), spec.threads) {
+    if (spec.leaving == Leaving::freeze) {
+        throw SceneError("leaving is 'freeze', which is not built for grids of functions; use "
+                         "'stop' or 'delete'");
+    }
     for (const BodySpec& b : spec.bodies) place_body(b);
     for (BodySpec& b : spec_.bodies) {
         b.position = b.pressure = b.volume = b.stress = nullptr;
@@ -281,6 +285,7 @@ void FunctionsEngine::watch_step() {
     if (!afresh && (watched_at_ == step_ || step_ % watch_every != 0)) return;
     stable_ = method_.stable_step(afresh);
     watched_at_ = step_;
+    if (!std::isfinite(stable_) && dt_ > 0) return;  // no particle is left to limit it
     dt_ = spec_.time_step > 0 ? spec_.time_step : spec_.cfl * stable_;
     if (first_dt_ == 0) first_dt_ = dt_;
     char text[256];

@@ -220,8 +220,9 @@ class Mesh(Value):
         places = np.asarray(points, dtype=np.float64).reshape(-1, 2) - self.lower
         vertices, triangles = self.arrays()
         vertices -= self.lower
-        found = Triangulation(*vertices.T, triangles).get_trifinder()
-        inside = np.asarray(found(*places.T) >= 0)
+        triangulation = Triangulation(vertices[:, 0], vertices[:, 1], triangles)
+        found: Any = triangulation.get_trifinder()
+        inside = np.asarray(found(places[:, 0], places[:, 1]) >= 0)
         # The search may put a point of the outline on either side of it.
         reach = _BESIDE * float(np.hypot(*vertices.max(axis=0)))
         start, end = vertices[self.outline()].transpose(1, 0, 2)

@@ -64,7 +64,7 @@ def plot_control_triangles(functions: Functions, ax: Any = None, **style: Any) -
 
     corners = _powell_sabin(functions, functions.control_triangles)
     ax = plot_mesh(functions, ax)
-    look = {"facecolor": "none", "edgecolor": "tab:red", "linewidth": 1.0} | style
+    look: dict[str, Any] = {"facecolor": "none", "edgecolor": "tab:red", "linewidth": 1.0} | style
     ax.add_collection(PolyCollection(list(corners), **look))
     ax.autoscale_view()
     return ax
@@ -107,7 +107,8 @@ def plot_field(functions: Functions, coefficients: Floats, ax: Any = None, **sty
         cuts = int(np.clip(often, 0, _CUTS))
         # Far from the origin, rounding of the halved edges would put points outside.
         low = np.array(functions.grid.lower)
-        fine = UniformTriRefiner(Triangulation(*(vertices - low).T, triangles))
+        x, y = (vertices - low).T
+        fine = UniformTriRefiner(Triangulation(x, y, triangles))
         found = fine.refine_triangulation(subdiv=cuts)
         position = np.column_stack([found.x, found.y]) + low
         drawn = ax.tricontourf(*position.T, found.triangles, values(position), **look)
