@@ -14,16 +14,19 @@ namespace {
 struct Row {
     std::vector<std::pair<int, double>> entries;  // (full number, weight)
     int hold;
-    Point target;   // times the hold's velocity
-    double facing;  // how far the direction is that of the edge's normal, 0 to 1
+    Point target;  // times the hold's velocity
+    Point normal;  // of the edge
 };
 
 /// Weights below this part of the largest are rounding.
 constexpr double negligible = 1e-9;
+/// Conditions that differ by less are one: the edges along a straight side turn by the rounding of
+/// their vertices, in files by some units of the ninth digit, and must not become corners.
+constexpr double alike = 1e-5;
 
 void add_rows(const Functional& f, int hold, const Point& direction, const Point& normal,
               std::vector<Row>& out) {
-    Row row{{}, hold, f.slope ? Point(0, 0) : direction, std::abs(direction.dot(normal))};
+    Row row{{}, hold, f.slope ? Point(0, 0) : direction, normal};
     double norm = 0;
     for (double w : f.weight) norm = std::max(norm, std::abs(w));
     if (!(norm > 0)) return;
@@ -78,8 +81,9 @@ Constraints::Constraints(const Basis& basis, const std::vector<Hold>& holds) {
         for (const auto& [full, weight] : r.entries) {
             groups.join(r.entries.front().first, full);
             // In a corner a force goes to the side that it presses on, not to one it runs along.
-            if (r.facing <= facing[std::size_t(full)]) continue;
-            facing[std::size_t(full)] = r.facing;
+            const double faces = std::abs(r.normal[full % 2]);
+            if (faces <= facing[std::size_t(full)] + alike) continue;
+            facing[std::size_t(full)] = faces;
             held_[std::size_t(full)] = r.hold;
         }
     std::map<int, std::vector<int>>
@@ -105,7 +109,7 @@ Constraints::Constraints(const Basis& basis, const std::vector<Hold>& holds) {
                 c(Eigen::Index(r), at - numbers.begin()) = weight;
             }
         Eigen::FullPivLU<Eigen::MatrixXd> lu(c);
-        lu.setThreshold(negligible);
+        lu.setThreshold(alike);
         const Eigen::MatrixXd kernel = lu.kernel();
         const bool none = lu.dimensionOfKernel() == 0;
         for (Eigen::Index k = 0; !none && k < kernel.cols(); ++k) {
@@ -117,7 +121,7 @@ Constraints::Constraints(const Basis& basis, const std::vector<Hold>& holds) {
             ++free_;
         }
         Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> least(c);
-        least.setThreshold(negligible);
+        least.setThreshold(alike);
         const Eigen::MatrixXd inverse = least.pseudoInverse();
         for (std::size_t m = 0; m < numbers.size(); ++m)
             for (std::size_t r = 0; r < found->second.size(); ++r) {

@@ -21,7 +21,7 @@ Lagrange::Lagrange(std::shared_ptr<const Mesh> shared, int order)
 
     nodes_ = mesh().vertices();
     for (const auto& e : mesh().edges()) {
-        const Point &a = nodes_[std::size_t(e.vertex[0])], b = nodes_[std::size_t(e.vertex[1])];
+        const Point a = nodes_[std::size_t(e.vertex[0])], b = nodes_[std::size_t(e.vertex[1])];
         for (int place = 1; place < order; ++place) {
             const double part = double(place) / order;
             nodes_.push_back((1 - part) * a + part * b);

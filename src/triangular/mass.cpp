@@ -236,7 +236,11 @@ Eigen::VectorXd MassSystem::times(const Eigen::VectorXd& c) const {
 }
 
 std::size_t MassSystem::bytes() const {
-    std::size_t all = std::size_t(matrix_.nonZeros()) * 12 * (symmetric() ? 2 : 4);
+    std::size_t all = std::size_t(matrix_.nonZeros() + lumped_.nonZeros()) * 12;
+    if (!iterates(Solver::conjugate_gradients) && !iterates(Solver::richardson)) {
+        all += 12 * std::size_t(symmetric() ? cholesky_.matrixL().nestedExpression().nonZeros()
+                                            : general_.nnzL() + general_.nnzU());
+    }
     for (const auto& l : local_) all += l.size() * sizeof(double);
     for (const auto& p : places_) all += p.size() * sizeof(Place);
     return all;

@@ -141,8 +141,11 @@ void Method::list_particles() {
         first_of_body_.push_back(first_of_body_.back() + b.count());
         for (int c : b.cell) ++cell_start_[std::size_t(c) + 1];
     }
+    cells_changed_ = false;
     for (std::size_t c = 0; c < cells; ++c) {
-        filled_[c] = cell_start_[c + 1] > 0;
+        const bool filled = cell_start_[c + 1] > 0;
+        cells_changed_ = cells_changed_ || filled != bool(filled_[c]);
+        filled_[c] = filled;
         cell_start_[c + 1] += cell_start_[c];
     }
     listed_.resize(first_of_body_.back());
@@ -361,12 +364,16 @@ void Method::stiffness_times(const Eigen::VectorXd& field, Eigen::VectorXd& out)
 double Method::stable_step(bool thorough) {
     const Eigen::Index n = 2 * basis_->functions();
     const Eigen::VectorXd nothing = Eigen::VectorXd::Zero(n);
-    Eigen::VectorXd w;
+    Eigen::VectorXd w, anything(n);
+    std::mt19937_64 random(20180701);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    for (double& x : anything) x = uniform(random);
     if (thorough || search_.size() != n) {
-        std::mt19937_64 random(20180701);
-        std::uniform_real_distribution<double> uniform(-1, 1);
-        search_.resize(n);
-        for (Eigen::Index i = 0; i < n; ++i) search_[i] = uniform(random);
+        search_ = anything;
+    } else {
+        // The last vector knows nothing of what it does not couple to, such as another body.
+        const double norm = std::sqrt(anything.dot(mass_.times(anything)));
+        if (norm > 0) search_ += (0.05 / norm) * anything;
     }
     const int most = thorough ? 40 : 4;
     // Of the free coefficients only, and none without mass.
@@ -465,6 +472,7 @@ double Method::bytes_per_particle(const Basis& basis, int reals) {
 
 double Method::bytes() const {
     double all = double(mass_.bytes() + sums_.bytes()) + double(local_.size()) * sizeof(double);
+    all += 1000.0 * basis_->cells();  // the mesh and the functions' own numbers, about
     for (const Particles& b : bodies_)
         all += double(b.count()) * bytes_per_particle(*basis_, b.law->reals());
     return all;

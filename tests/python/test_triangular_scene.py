@@ -97,6 +97,66 @@ def test_refusals_name_object_and_remedy(change, message):
         scene.validate()
 
 
+def test_bodies_share_no_room():
+    mesh = grids.Mesh.blocks(columns=2, rows=1, lower=(0.0, 0.0), upper=(2.0, 1.0))
+    left = ((-1, -1), (1, -1), (1, 2), (-1, 2))
+    for first, second, message in (
+        (shapes.Cells(), shapes.Cells(within=left), "both fill 4 triangles"),
+        (shapes.Cells(), shapes.Box(lower=(0, 0), upper=(1, 1)), "the bodies have 3 m² in all"),
+        (shapes.Points(position=((1, 0.5),), volume=(5.0,)), None, "the bodies have 5 m² in all"),
+    ):
+        scene = libmpm.Scene(grid=grids.TriangularGrid(mesh=mesh))
+        for name, shape in (("a", first), ("b", second)):
+            if shape is not None:
+                scene.add_body(name=name, shape=shape, material=ELASTIC)
+        with pytest.raises(libmpm.SceneError, match=message):
+            scene.validate()
+
+
+def test_sensors_fit_the_grid():
+    scene = block(libmpm.Scene(grid=grids.TriangularGrid(
+        mesh=grids.Mesh(vertices=((0, 0), (1, 0), (0, 1)), triangles=((0, 1, 2),)))),
+        shape=shapes.Cells())  # fmt: skip
+    scene.add_boundary(
+        name="slope", shape=shapes.Outline(points=((1, 0), (0, 1))), response=boundaries.Slip()
+    )
+    scene.add_sensor(name="far", sensor=sensors.VelocityProbe(position=(0.9, 0.9)))
+    scene.add_sensor(name="load", sensor=sensors.LoadCell(boundary="slope", faces=("x-",)))
+    with pytest.raises(libmpm.SceneError) as error:
+        scene.validate()
+    assert "sensor 'far': position (0.9, 0.9) m lies outside" in str(error.value)
+    assert "'slope' is an Outline, which has none" in str(error.value)
+
+
+def test_outlines_lie_on_edges_all_along():
+    for points, message in ((((0, 0), (3, 0)), "on 1.000000 m of its 3.000000"),
+                            (((0, 0), (0.3, 0)), "no edge of the grid's outline lies on it"),
+                            (((0, 0), (1, 0.5)), "no edge")):  # fmt: skip
+        scene = block(square())
+        scene.add_boundary(
+            name="w", shape=shapes.Outline(points=points), response=boundaries.Slip()
+        )
+        with pytest.raises(libmpm.SceneError, match=message):
+            libmpm.Simulation(scene).step()
+    mesh = grids.Mesh(vertices=((0, 0), (1, 0), (0, 1)), triangles=((0, 1, 2),))
+    scene = libmpm.Scene(grid=grids.TriangularGrid(mesh=mesh))
+    scene.add_body(name="b", shape=shapes.Cells(), particles_per_cell=16, material=ELASTIC)
+    scene.add_boundary(name="w", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    with pytest.raises(libmpm.SceneError, match=r"lies on face x\+"):
+        libmpm.Simulation(scene).step()
+
+
+def test_a_scene_that_cannot_move_is_refused():
+    mesh = grids.Mesh(vertices=((0, 0), (1, 0), (0, 1)), triangles=((0, 1, 2),))
+    grid = grids.TriangularGrid(mesh=mesh, basis=grids.Linear())
+    scene = libmpm.Scene(grid=grid)
+    scene.add_body(name="b", shape=shapes.Cells(), particles_per_cell=16, material=ELASTIC)
+    scene.add_boundary(name="all", shape=shapes.Outline(
+        points=((0, 0), (1, 0), (0, 1), (0, 0))), response=boundaries.Sticky())  # fmt: skip
+    with pytest.raises(libmpm.SceneError, match="no function is free to move"):
+        libmpm.Simulation(scene).step()
+
+
 def test_what_a_grid_of_functions_lacks_is_refused():
     scene = block(square(method=libmpm.Method(leaving="freeze")))
     with pytest.raises(libmpm.SceneError, match="'freeze'"):
@@ -147,9 +207,31 @@ def test_field_evaluates_arithmetic_alone():
     field = libmpm.Field(components=("where(x > 0.5, 1, -x ** 2)", "max(y, 0) + cos(pi)"))
     found = field.at([(1.0, 2.0), (0.5, -3.0)])
     assert found.tolist() == [[1.0, 1.0], [-0.25, -1.0]]
-    for formula in ("__import__('os')", "x.real", "[x]", "open('f')", "x if y else 0", "'a'", "w"):
+    for formula in (
+        "sin(x, y)",
+        "max(x)",
+        "+".join("x" * 20000),
+        "__import__('os')",
+        "x.real",
+        "[x]",
+        "open('f')",
+        "x if y else 0",
+        "'a'",
+        "w",
+    ):
         with pytest.raises(libmpm.SceneError, match=r"components\[0\]"):
             libmpm.Field(components=(formula,))
+    assert libmpm.Field(components=("x * y",))([1.0, 2.0], [3.0, 4.0]).tolist() == [3.0, 8.0]
+
+
+@pytest.mark.parametrize(
+    "formula", ["1 / (0 * x)", "log(x - 9)", "10 ** 1000", "9 ** 9 ** 9", "(-1) ** 0.5", "z"]
+)
+def test_fields_that_are_not_finite_are_refused_with_the_body(formula):
+    for scene in (square(), libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))):
+        block(scene, low=0.1, high=0.9, velocity=libmpm.Field(components=(formula, "0")))
+        with pytest.raises(libmpm.SceneError, match="body 'block': velocity: component 0"):
+            scene.validate()
 
 
 @pytest.mark.parametrize(
@@ -220,8 +302,10 @@ def test_rotated_scene_gives_rotated_motion():
     assert np.abs(found[0] - found[1]).max() < 1e-9 * np.abs(found[0]).max()
 
 
-def test_slip_on_a_slanted_side_lets_slide_and_holds_across():
-    # A block rests against a slope and falls along it, as gravity along the slope says.
+@pytest.mark.parametrize("digits", [16, 9, 8])
+def test_slip_on_a_slanted_side_lets_slide_and_holds_across(digits):
+    # A block rests against a slope and falls along it, as gravity along the slope says. Vertices as
+    # files have them, rounded, must not make corners of a straight side.
     angle = np.radians(30)
     along = np.array([np.cos(angle), -np.sin(angle)])
     across = np.array([np.sin(angle), np.cos(angle)])
@@ -230,7 +314,8 @@ def test_slip_on_a_slanted_side_lets_slide_and_holds_across():
     inner = np.array(
         [a * along + b * across for a in np.linspace(0, 3, 9) for b in np.linspace(0, 1.5, 5)]
     )
-    mesh = grids.Mesh.delaunay(inner)
+    mesh = grids.Mesh.delaunay(inner.round(digits))
+    place = place.round(digits)
     scene = libmpm.Scene(grid=grids.TriangularGrid(mesh=mesh), gravity=(0.0, -10.0))
     points = np.array(
         [
@@ -253,13 +338,14 @@ def test_slip_on_a_slanted_side_lets_slide_and_holds_across():
     simulation.run(until=0.3, progress=False)
     body = simulation.particles["block"]
     speed = np.average(body["velocity"], axis=0)
-    assert speed @ along == pytest.approx(10 * np.sin(angle) * simulation.time, rel=1e-6)
+    free = 10 * np.sin(angle) * simulation.time
+    assert speed @ along == pytest.approx(free, rel=1e-6 if digits > 9 else 1e-3)
     # It bounces on the slope, by no more than a sound wave through it gathers: g cos(angle) H / c.
     assert abs(speed @ across) < 10 * np.cos(angle) * 0.5 / np.sqrt(1e6 / 1000)
     load = simulation.sensors["load"].values[:, :2].mean(axis=0)
     # Its mean load is its weight across the slope, and none along it.
     assert load @ across == pytest.approx(-weight * np.cos(angle), rel=0.1)
-    assert abs(load @ along) < 1e-6 * weight
+    assert abs(load @ along) < (1e-6 if digits > 9 else 1e-3) * weight
 
 
 def test_tractions_stretch_a_bar_to_their_stress():
@@ -389,6 +475,32 @@ def test_frames_and_sensor_files(tmp_path):
     assert ".vtkhdf" in written and ".npz" in written and ".h5" in written
 
 
+def test_every_body_s_starvation_is_seen():
+    # A stiff block far away decides the largest frequency while a soft one comes to starve.
+    mesh = grids.Mesh.blocks(columns=12, rows=1, lower=(0.0, 0.0), upper=(12.0, 1.0))
+    for stiff in (None, 1e6, 1e7):
+        grid = grids.TriangularGrid(mesh=mesh, basis=grids.Linear(), mass=grids.ConsistentMass())
+        scene = libmpm.Scene(grid=grid)
+        for name, place, young, speed in (("soft", 0.0, 1e4, 0.05), ("stiff", 6.0, stiff, 0.0)):
+            if young is None:
+                continue
+            scene.add_body(
+                name=name, shape=shapes.Box(lower=(place, 0), upper=(place + 2, 1)),
+                lattice=(12, 6), velocity=(speed, 0),
+                material=materials.Hypoelastic(density=1000.0, youngs_modulus=young),
+            )  # fmt: skip
+        simulation = libmpm.Simulation(scene)
+        with pytest.raises(libmpm.NumericalError) as error:
+            simulation.run(until=20.0, progress=False)
+        assert "grid: the stable time step has shrunk" in str(error.value), stiff
+        speeds = simulation.particles["soft"]["speed"]
+        assert speeds.max() < 1.0  # nothing has blown up before
+        with pytest.raises(libmpm.NumericalError):
+            simulation.step()
+        with pytest.raises(libmpm.NumericalError, match="cannot be saved"):
+            simulation.save_checkpoint("unused.npz")
+
+
 def test_leaving_particles_are_named_or_deleted():
     for policy in ("stop", "delete"):
         scene = square(method=libmpm.Method(leaving=policy), mass=grids.LumpedMass())
@@ -413,8 +525,8 @@ def test_particles_outside_the_mesh_are_refused():
     scene = libmpm.Scene(grid=grids.TriangularGrid(mesh=mesh))
     scene.add_body(name="b", shape=shapes.Box(lower=(0, 0), upper=(0.9, 0.9)), lattice=(4, 4),
                    material=ELASTIC)  # fmt: skip
-    with pytest.raises(libmpm.SceneError, match="of its particles lie outside the grid"):
-        libmpm.Simulation(scene).step()
+    with pytest.raises(libmpm.SceneError, match="of its 16 particles lie outside of the mesh"):
+        scene.validate()
 
 
 def test_cells_and_points_fill_exactly():
@@ -497,7 +609,8 @@ def test_plan_tells_what_runs():
     assert plan.precision == "double" and plan.device == "cpu"
     simulation = libmpm.Simulation(column())
     simulation.step()
-    assert plan.memory_total == pytest.approx(simulation.statistics["bytes"], rel=0.3)
+    # With what building the matrices takes for a moment.
+    assert 1 < plan.memory_total / simulation.statistics["bytes"] < 2.5
     # The estimate of the step is a safe one, and the run's own is not far from it.
     assert 0.5 < plan.time_step / simulation.dt < 1.5
     assert "TriangularGrid" in str(plan) and "TriangularGrid" in plan._repr_html_()

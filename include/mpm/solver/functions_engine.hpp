@@ -72,7 +72,7 @@ private:
     std::vector<int> active_;  // parts that hold now
     double time_ = 0, dt_ = 0, first_dt_ = 0, stable_ = 0;
     std::int64_t step_ = 0, watched_at_ = -1;
-    bool ready_ = false;
+    bool ready_ = false, held_ = false;
     std::optional<Fault> fault_;
     std::vector<SensorState> sensors_;
     std::vector<Removed> removed_;

@@ -109,6 +109,8 @@ public:
 
     const MassSystem& mass() const { return mass_; }
     int filled_cells() const;
+    /// Particles have entered cells or left the last ones since the state before.
+    bool cells_changed() const { return cells_changed_; }
     double bytes() const;
     static double bytes_per_particle(const Basis& basis, int reals);
 
@@ -136,6 +138,7 @@ private:
     CellMatrices sums_;
     std::vector<double> local_;  // (cells, width, 2): what cells add to the functions
     std::vector<char> filled_;
+    bool cells_changed_ = false;
     Eigen::VectorXd force_, acceleration_, velocity_, search_;
     std::vector<std::array<double, 3>> impulses_;
     std::vector<Point> control_;

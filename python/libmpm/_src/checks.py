@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src import sampling
+from libmpm._src.errors import SceneError
+from libmpm._src.field import Field
 from libmpm._src.method import FBar
 from libmpm._src.parameters import wave_speed
 from libmpm._src.sensors import Energy, LoadCell, ParticleTracker, VelocityProbe, WaveGauge
@@ -148,6 +150,8 @@ def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
         return problems, doubts
     fitting = [b for b in scene.bodies if _check_body(scene, b, problems, doubts)]
     _check_overlaps(scene, fitting, problems)
+    if scene.grid is not None and len(fitting) == len(scene.bodies) and not problems:
+        rules.check_overlaps(scene, fitting, problems)
     solid = [b for b in scene.boundaries if _check_boundary(scene, b, problems, doubts)]
     _check_walls(scene, solid, problems)
     _check_blocked(scene, fitting, solid, problems)
@@ -205,6 +209,8 @@ def _check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str]
                     f"cell_size ≤ {size / 2:g} m or a thicker body"
                 )
     _check_material(check, scene, body)
+    if fits and isinstance(body.velocity, Field) and len(body.velocity) == d:
+        check.problems += _check_field(scene, body)
     names = [b.name for b in scene.bodies]
     for other in body.subtract_from:
         if other == body.name:
@@ -214,6 +220,24 @@ def _check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str]
             check.fail(f"subtract_from has unknown body '{other}'; {nearest(other, others)}")
     problems += check.problems
     return fits
+
+
+def _check_field(scene: Scene, body: Body) -> list[str]:
+    """Evaluate a body's fields where it can be done before the particles are placed."""
+    assert isinstance(body.velocity, Field)
+    where = f"body '{body.name}': velocity"
+    try:
+        if scene.grid is not None:
+            position = placing.place(scene, body).position
+            body.velocity.at(position, where)
+            if isinstance(body.stress, Field) and len(body.stress) == 4:
+                body.stress.at(position, f"body '{body.name}': stress")
+        elif isinstance(body.shape, Box):
+            corners = np.array([body.shape.lower, body.shape.upper], dtype=np.float64)
+            body.velocity.at(corners.mean(axis=0, keepdims=True), where)
+    except SceneError as error:
+        return list(error.problems)
+    return []
 
 
 def _check_material(check: Checker, scene: Scene, body: Body) -> None:
@@ -269,8 +293,13 @@ def _check_overlaps(scene: Scene, bodies: list[Body], problems: list[str]) -> No
             if min(shared) > slack:
                 size = " × ".join(f"{x:.3g}" for x in shared)
                 problems.append(
-                    f"{pair}: the bodies overlap by {size} m; expected apart, or an order: "
-                    f"subtract_from=('{one.name}',) on '{two.name}' keeps '{two.name}' whole"
+                    f"{pair}: the bodies overlap by {size} m; expected apart"
+                    + (
+                        f", or an order: subtract_from=('{one.name}',) on '{two.name}' keeps "
+                        f"'{two.name}' whole"
+                        if scene.grid is None
+                        else "; shape them apart"
+                    )
                 )
 
 
@@ -427,7 +456,12 @@ def _check_load_cell(check: Checker, scene: Scene, cell: LoadCell) -> None:
         return
     if cell.faces == "all":
         return
-    present = faces_present(scene, scene.boundaries[names.index(cell.boundary)])
+    boundary = scene.boundaries[names.index(cell.boundary)]
+    if isinstance(boundary.shape, Outline):
+        check.fail(f"faces is {cell.faces!r}; boundary '{cell.boundary}' is an Outline, which has "
+                   "none; leave faces out")  # fmt: skip
+        return
+    present = faces_present(scene, boundary)
     for face in cell.faces:
         if face not in present:
             check.fail(f"faces has '{face}'; boundary '{cell.boundary}' has {', '.join(present)}")

@@ -29,12 +29,13 @@ _CAUSES = {
     ),
     "left-domain": (
         "particles left the domain",
-        "enlarge the domain, add a wall, or choose Method(leaving='freeze') or 'delete'",
+        "enlarge the domain, add a wall, or choose Method(leaving='delete') or, on square cells, "
+        "'freeze'",
     ),
     "unstable-step": (
         "the time step has become longer than the longest stable one",
-        "lower the time step or leave it out, use more particles per cell, grids.PartialMass() or "
-        "LumpedMass(), or an empty row of cells less beyond the surface",
+        "lower the time step or leave it out, use more particles per cell, grids.PartialMass() "
+        "with an empty row of cells beyond the surface, or LumpedMass()",
     ),
     "starved": (
         "the stable time step has shrunk to nothing",
@@ -43,8 +44,8 @@ _CAUSES = {
     ),
     "singular-mass": (
         "the mass matrix could not be solved",
-        "use more particles per cell, grids.PartialMass() or LumpedMass(), or for "
-        "ConsistentMass(solver='cg') more iterations or a larger tolerance",
+        "use more particles per cell (with quadratic functions 9, with cubic 25 or more), "
+        "grids.LumpedMass(), or for ConsistentMass(solver='cg') more iterations",
     ),
     "fixed-point": (
         "a grid sum left the range of the integers that hold it",
@@ -66,10 +67,11 @@ def describe_fault(fault: Mapping[str, Any], time_step: float) -> str:
     """Return body, particles, step, time, onset, and what to lower."""
     code = str(fault["code"])
     cause, remedy = _CAUSES.get(code, (code, "lower Method.cfl or the time step"))
-    # What concerns the grid as a whole has no particle to blame.
-    who = f", particle {_listed(fault['ids'])}" if len(fault["ids"]) else ""
+    who = f"body '{fault['body']}'" if fault["body"] else "grid"
+    if len(fault["ids"]):
+        who += f", particle {_listed(fault['ids'])}"
     text = (
-        f"body '{fault['body']}'{who}: {cause} at step "
+        f"{who}: {cause} at step "
         f"{fault['step']}, {fault['time']:.6g} s (time step {time_step:.4g} s"
     )
     if fault.get("speed"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
@@ -10,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.errors import SceneError
 from libmpm._src.values import Checker, Value, nearest, sequence, value
 
 __all__ = ["Field"]
@@ -30,6 +32,8 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "max": np.maximum,
     "where": np.where,
 }
+#: Numbers of arguments; a NumPy function would take one too many for its output.
+_ARITY = {"min": 2, "max": 2, "where": 3}
 _OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -57,7 +61,8 @@ class Field(Value):
     ==========  ====  =========  ==============================================================
 
     A formula has numbers, + - * / **, comparisons, pi, e, and sin, cos, tan, tanh, exp, log, sqrt,
-    abs, min, max, where(condition, yes, no): ``Field(components=("0.1 * sin(pi * x / 25)", "0"))``.
+    abs, min, max, where(condition, yes, no); velocities are in m/s, stresses in Pa:
+    ``Field(components=("0.1 * sin(pi * x / 25)", "0"))``.
     Nothing else is evaluated, so that a scene file cannot run code. Raises `SceneError`.
     """
 
@@ -75,29 +80,60 @@ class Field(Value):
         for i, formula in enumerate(items):
             try:
                 _check_tree(ast.parse(formula.strip(), mode="eval").body)
-            except SyntaxError:
-                check.fail(f"components[{i}] is {formula!r}, which is no formula; see Field")
+            except (SyntaxError, RecursionError, MemoryError):
+                check.fail(f"components[{i}] is {formula!r:.80}, which is no formula; see Field")
             except ValueError as error:
-                check.fail(f"components[{i}] is {formula!r}: {error}")
+                check.fail(f"components[{i}] is {formula!r:.80}: {error}")
         return {"components": tuple(items)}
 
     def __len__(self) -> int:
         """Return the number of components."""
         return len(self.components)
 
-    def at(self, position: npt.ArrayLike) -> Floats:
-        """Return the field at points (n, d) in m of the scene, float64 (n, k)."""
-        points = np.asarray(position, dtype=np.float64)
+    def at(self, position: npt.ArrayLike, what: str = "Field") -> Floats:
+        """Return the field at points (n, d) in m of the scene, float64 (n, k).
+
+        Raises `SceneError` where a component is not finite or names a coordinate that the points
+        do not have; `what` is named in it.
+        """
+        points = np.array(position, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] > len(_AXES):
+            raise SceneError(f"{what}: points have the shape {points.shape}; expected (n, d) in m")
         names: dict[str, Any] = dict(zip(_AXES, points.T, strict=False)) | _CONSTANTS
         out = np.empty((len(points), len(self.components)))
         for k, formula in enumerate(self.components):
-            out[:, k] = _evaluate(ast.parse(formula.strip(), mode="eval").body, names)
+            label = f"{what}: component {k}, {formula!r:.80},"
+            try:
+                with np.errstate(all="ignore"):
+                    out[:, k] = _evaluate(ast.parse(formula.strip(), mode="eval").body, names)
+            except ValueError as error:
+                raise SceneError(f"{label} {error}") from error
+            wrong = np.flatnonzero(~np.isfinite(out[:, k]))
+            if len(wrong):
+                place = ", ".join(f"{x:g}" for x in points[wrong[0]])
+                raise SceneError(
+                    f"{label} is {out[wrong[0], k]:g} at ({place}) m; expected a finite number "
+                    "wherever the body is"
+                )
         return out
+
+    def __call__(self, *coordinates: npt.ArrayLike) -> Floats:
+        """Return the field at coordinates x, y, ...: (n,) of one component, else (n, k)."""
+        values = self.at(np.column_stack([np.ravel(c) for c in coordinates]))
+        return values[:, 0] if len(self) == 1 else values
 
 
 def _check_tree(node: ast.AST) -> None:
     """Raise ValueError for anything but arithmetic."""
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        if isinstance(node.value, bool):
+            raise ValueError(f"'{node.value}' is not arithmetic; see Field for what is")
+        try:
+            finite = math.isfinite(node.value)
+        except OverflowError:
+            finite = False
+        if not finite:
+            raise ValueError("a number is too large")
         return
     if isinstance(node, ast.Name):
         known = (*_AXES, *_CONSTANTS)
@@ -109,6 +145,9 @@ def _check_tree(node: ast.AST) -> None:
             raise ValueError(
                 f"unknown function '{node.func.id}'; {nearest(node.func.id, _FUNCTIONS)}"
             )
+        wanted = _ARITY.get(node.func.id, 1)
+        if len(node.args) != wanted:
+            raise ValueError(f"{node.func.id} has {len(node.args)} arguments; expected {wanted}")
         children: list[ast.AST] = list(node.args)
     elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
         children = [node.left, node.right]
@@ -124,10 +163,12 @@ def _check_tree(node: ast.AST) -> None:
 
 def _evaluate(node: ast.AST, names: Mapping[str, Any]) -> Any:
     if isinstance(node, ast.Constant):
-        return node.value
+        # Python's own numbers would grow without end, raise, or turn complex.
+        assert isinstance(node.value, int | float)
+        return np.float64(node.value)
     if isinstance(node, ast.Name):
         if node.id not in names:
-            raise ValueError(f"'{node.id}' is no coordinate of this scene")
+            raise ValueError(f"names '{node.id}', which is no coordinate of a plane scene")
         return names[node.id]
     if isinstance(node, ast.Call):
         assert isinstance(node.func, ast.Name)
@@ -136,7 +177,7 @@ def _evaluate(node: ast.AST, names: Mapping[str, Any]) -> Any:
         left, right = _evaluate(node.left, names), _evaluate(node.right, names)
         return _OPERATORS[type(node.op)](left, right)
     if isinstance(node, ast.UnaryOp):
-        return _OPERATORS[type(node.op)](_evaluate(node.operand, names))
+        return _OPERATORS[type(node.op)](np.asarray(_evaluate(node.operand, names), float))
     assert isinstance(node, ast.Compare)
     left, right = _evaluate(node.left, names), _evaluate(node.comparators[0], names)
     return _OPERATORS[type(node.ops[0])](left, right)

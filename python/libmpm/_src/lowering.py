@@ -217,7 +217,8 @@ def _velocity(scene: Scene, body: Body, position: Rows, count: int) -> npt.NDArr
         return np.array(body.velocity, dtype=np.float64)
     if count == 0:
         return np.zeros(scene.dimension)
-    return body.velocity.at(position(0, count) + np.asarray(scene.lower))
+    where = f"body '{body.name}': velocity"
+    return body.velocity.at(position(0, count) + np.asarray(scene.lower), where)
 
 
 def _body_on_functions(
@@ -256,7 +257,7 @@ def _body_on_functions(
         fixed = (
             np.tile(np.asarray(given, dtype=np.float64), (n, 1))
             if not isinstance(given, Field)
-            else given.at(placed.position)
+            else given.at(placed.position, f"body '{body.name}': stress")
         )
         result["stress"] = fixed
     tractions = []

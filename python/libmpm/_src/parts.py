@@ -60,7 +60,11 @@ class Body(Value):
             velocity = check.vector("velocity", velocity, unit="m/s")
         if stress is not None and not isinstance(stress, Field):
             stress = check.vector("stress", stress, lengths=(4,), unit="Pa")
-        tractions = sequence(self.tractions) or ()
+        given = (self.tractions,) if isinstance(self.tractions, Traction) else self.tractions
+        tractions = None if isinstance(given, str) else sequence(given)
+        if tractions is None:
+            check.fail(f"tractions is {given!r}; expected a tuple of Traction(face=, value=)")
+            tractions = []
         for i, traction in enumerate(tractions):
             check.instance(f"tractions[{i}]", traction, (Traction,), "Traction(face=, value=)")
         return {

@@ -45,9 +45,14 @@ triangular::MassOptions mass_options(const FunctionsSpec& f) {
 
 FunctionsEngine::FunctionsEngine(const Spec& spec)
     : spec_(spec), method_(make_basis(spec.functions), mass_options(spec.functions), spec.threads) {
+    if (spec.dimension != 2) {
+        throw SceneError("grid: functions over cells are built in two dimensions, dimension is " +
+                         std::to_string(spec.dimension) + "; use dimension=2");
+    }
     if (spec.leaving == Leaving::freeze) {
-        throw SceneError("leaving is 'freeze', which is not built for grids of functions; use "
-                         "'stop' or 'delete'");
+        throw SceneError(
+            "leaving is 'freeze', which is not built for grids of functions; use "
+            "'stop' or 'delete'");
     }
     for (const BodySpec& b : spec.bodies) place_body(b);
     for (BodySpec& b : spec_.bodies) {
@@ -86,7 +91,11 @@ FunctionsEngine::FunctionsEngine(const Spec& spec)
                       spec_.time_step, stable_);
         throw SceneError(text);
     }
-    fault_.reset();  // what else is wrong with the first state, `run` will say again
+    if (!std::isfinite(dt_)) {
+        throw SceneError(
+            "grid: no function is free to move; all are held or without particles. "
+            "Refine the mesh or hold fewer sides");
+    }
 }
 
 void FunctionsEngine::place_body(const BodySpec& b) {
@@ -138,7 +147,7 @@ void FunctionsEngine::place_body(const BodySpec& b) {
 void FunctionsEngine::find_parts() {
     const auto& basis = method_.basis();
     const auto& outline = basis.outline();
-    const double near = 1e-9 * (basis.upper() - basis.lower()).maxCoeff();
+    const double near = 1e-6 * basis.spacing();  // vertices of files are rounded
     for (std::size_t b = 0; b < spec_.boundaries.size(); ++b) {
         const BoundarySpec& boundary = spec_.boundaries[b];
         if (boundary.is_box) {
@@ -146,7 +155,7 @@ void FunctionsEngine::find_parts() {
                              "': a box cannot lie in a grid of functions; cut it out of the mesh "
                              "and hold that part of the outline");
         }
-        const auto add = [&](int face, const auto& belongs) {
+        const auto add = [&](int face, const std::string& what, const auto& belongs) {
             const SurfaceLaw& law = boundary.law[std::size_t(face)];
             if (law.response == Response::separable) {
                 throw SceneError("boundary '" + boundary.name +
@@ -154,20 +163,32 @@ void FunctionsEngine::find_parts() {
                                  "Sticky() or Slip()");
             }
             HeldPart part{int(b), face, {{}, law.response == Response::slip}};
-            for (std::size_t e = 0; e < outline.size(); ++e)
-                if (belongs(outline[e])) part.hold.edges.push_back(int(e));
+            double length = 0;
+            for (std::size_t e = 0; e < outline.size(); ++e) {
+                if (!belongs(outline[e])) continue;
+                part.hold.edges.push_back(int(e));
+                length += (outline[e].end - outline[e].start).norm();
+            }
             if (part.hold.edges.empty()) {
                 throw SceneError("boundary '" + boundary.name +
-                                 "': no edge of the grid's outline lies on it; check its "
-                                 "coordinates against the mesh");
+                                 "': no edge of the grid's outline " + "lies on " + what +
+                                 "; check its coordinates against the mesh, " +
+                                 "or name the sides that there are with DomainWalls(faces=...)");
             }
             parts_.push_back(std::move(part));
+            return length;
         };
         if (!boundary.segments.empty()) {
-            add(0, [&](const triangular::OuterEdge& e) {
+            double wanted = 0;
+            const auto segment = [&](std::size_t s) {
+                return std::pair(Point(boundary.segments[s], boundary.segments[s + 1]),
+                                 Point(boundary.segments[s + 2], boundary.segments[s + 3]));
+            };
+            for (std::size_t s = 0; s + 3 < boundary.segments.size(); s += 4)
+                wanted += (segment(s).second - segment(s).first).norm();
+            const double found = add(0, "it", [&](const triangular::OuterEdge& e) {
                 for (std::size_t s = 0; s + 3 < boundary.segments.size(); s += 4) {
-                    const Point from(boundary.segments[s], boundary.segments[s + 1]);
-                    const Point to(boundary.segments[s + 2], boundary.segments[s + 3]);
+                    const auto [from, to] = segment(s);
                     const Point along = (to - from).normalized();
                     const auto on = [&](const Point& x) {
                         const double at = (x - from).dot(along);
@@ -178,13 +199,21 @@ void FunctionsEngine::find_parts() {
                 }
                 return false;
             });
+            if (std::abs(found - wanted) > 1e-6 * wanted) {
+                throw SceneError("boundary '" + boundary.name +
+                                 "': edges of the grid's outline lie "
+                                 "on " +
+                                 std::to_string(found) + " m of its " + std::to_string(wanted) +
+                                 " m; give it corners that are vertices of the outline");
+            }
             continue;
         }
         for (int face = 0; face < 4; ++face) {
             if (!boundary.present[std::size_t(face)]) continue;
             const Eigen::Index axis = face / 2;
             const double at = face % 2 ? basis.upper()[axis] : basis.lower()[axis];
-            add(face, [&](const triangular::OuterEdge& e) {
+            const std::string name = std::string(face / 2 ? "y" : "x") + (face % 2 ? "+" : "-");
+            add(face, "face " + name, [&](const triangular::OuterEdge& e) {
                 return std::abs(e.start[axis] - at) < near && std::abs(e.end[axis] - at) < near;
             });
         }
@@ -200,7 +229,8 @@ void FunctionsEngine::hold_active() {
         now.push_back(int(p));
         holds.push_back(parts_[p].hold);
     }
-    if (now == active_ && watched_at_ >= 0) return;
+    if (held_ && now == active_) return;
+    held_ = true;
     active_ = now;
     method_.hold(holds);
     watched_at_ = -1;  // another system: its largest frequency is not known
@@ -230,7 +260,8 @@ double FunctionsEngine::charge(const char* phase) {
 void FunctionsEngine::fail(const Trouble& t) {
     Fault f;
     f.code = t.code;
-    f.body = method_.bodies()[std::size_t(std::max(t.body, 0))].name;
+    // What befalls the grid as a whole is no body's.
+    if (t.body >= 0) f.body = method_.bodies()[std::size_t(t.body)].name;
     f.ids = t.ids;
     std::sort(f.ids.begin(), f.ids.end());
     f.step = step_;
@@ -244,6 +275,7 @@ void FunctionsEngine::fail(const Trouble& t) {
 
 /// Particles in their cells, matrices and forces, and the time step. False after a fault.
 bool FunctionsEngine::make_ready() {
+    if (fault_) return false;
     if (ready_) return true;
     charge(nullptr);
     const auto outside = method_.relocate();
@@ -282,10 +314,12 @@ bool FunctionsEngine::make_ready() {
 
 void FunctionsEngine::watch_step() {
     const bool afresh = watched_at_ < 0;
-    if (!afresh && (watched_at_ == step_ || step_ % watch_every != 0)) return;
+    // A function that has only just been reached has next to no mass: no time to wait then.
+    const bool due = step_ % watch_every == 0 || method_.cells_changed();
+    if (!afresh && (watched_at_ == step_ || !due)) return;
     stable_ = method_.stable_step(afresh);
     watched_at_ = step_;
-    if (!std::isfinite(stable_) && dt_ > 0) return;  // no particle is left to limit it
+    if (std::isinf(stable_) && dt_ > 0) return;  // no particle is left to limit it
     dt_ = spec_.time_step > 0 ? spec_.time_step : spec_.cfl * stable_;
     if (first_dt_ == 0) first_dt_ = dt_;
     char text[256];
@@ -294,21 +328,22 @@ void FunctionsEngine::watch_step() {
                       "the longest stable step has fallen to %.4g s; functions at a nearly empty "
                       "cell have lost their mass (smallest %.3g kg/m)",
                       stable_, method_.mass().smallest_mass());
-        fail({"unstable-step", 0, {}, stable_, 0, text});
+        fail({"unstable-step", -1, {}, stable_, 0, text});
     } else if (!std::isfinite(dt_) || dt_ < starved * first_dt_) {
         std::snprintf(text, sizeof text,
                       "the stable step has fallen from %.4g s to %.4g s; functions at a nearly "
                       "empty cell have lost their mass (smallest %.3g kg/m)",
                       first_dt_, dt_, method_.mass().smallest_mass());
-        fail({"starved", 0, {}, dt_, 0, text});
+        fail({"starved", -1, {}, dt_, 0, text});
     }
 }
 
 RunResult FunctionsEngine::run(std::int64_t steps, double until, double wall) {
     RunResult r;
     const auto began = std::chrono::steady_clock::now();
+    charge(nullptr);
     while (true) {
-        if (fault_ || !make_ready()) {
+        if (!make_ready()) {
             r.reason = "fault";
             r.fault = *fault_;
             break;

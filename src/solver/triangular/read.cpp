@@ -129,6 +129,8 @@ std::vector<Point> points_from(const State& state, const std::string& name) {
 }  // namespace
 
 State FunctionsEngine::save() {
+    if (fault_ && fault_->code != "left-domain")
+        throw NumericalError("the state cannot be saved after a fault (" + fault_->code + ")");
     State s;
     s["clock"] = detail::to_blob(std::vector<double>{time_, dt_, first_dt_, stable_});
     s["counters"] = detail::to_blob(std::vector<std::int64_t>{step_, watched_at_});
@@ -215,6 +217,7 @@ void FunctionsEngine::load(const State& state) {
     step_ = counters[0];
     fault_.reset();
     ready_ = false;
+    held_ = false;
     hold_active();
     method_.set_search(detail::from_blob<double>(state, "search"));
     dt_ = clock[1];

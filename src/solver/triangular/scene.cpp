@@ -73,8 +73,15 @@ Plan plan_functions(const Spec& spec) {
     std::size_t couplings = 0;
     for (int c = 0; c < basis->cells(); ++c)
         couplings += basis->on_cell(c).size() * basis->on_cell(c).size();
-    // Cell matrices twice, sparse matrix and its factor, force, momentum, acceleration, velocity.
-    plan.memory_grid = double(couplings) * (2 * 8 + 2 * 24) + double(basis->functions()) * 16 * 4;
+    // Cell matrices twice, where they go, the sparse matrix and what its pattern is made of; its
+    // factor; the mesh and the functions' numbers; force, momentum, acceleration, velocity.
+    const FunctionsSpec& f = spec.functions;
+    const double factor = f.mass == "lumped"         ? 0
+                          : f.mass == "partial-rows" ? 150
+                          : f.solver == "direct"     ? 50
+                                                     : 0;
+    plan.memory_grid = double(couplings) * ((f.mass == "lumped" ? 40 : 110) + factor) +
+                       double(basis->cells()) * 1000 + double(basis->functions()) * 16 * 4;
     plan.bytes_per_node = int(plan.memory_grid / double(basis->functions()));
     for (const auto& b : spec.bodies) {
         const MaterialInfo& m = material(b.material);
@@ -107,9 +114,15 @@ Plan plan_functions(const Spec& spec) {
         }
         plan.bodies.push_back(std::move(p));
     }
-    // The consistent splines' 2 / omega_max is a fifth of h / c and more (digest 3.6); the engine
-    // measures the scene's own.
-    plan.time_step = plan.wave_speed > 0 ? spec.cfl * 0.2 * basis->spacing() / plan.wave_speed : 0;
+    // 2 / omega_max in parts of h / c, about: digest 3.6 and measured; the engine finds the scene's
+    // own.
+    const int degree = std::max(1, basis->degree());
+    const double part = (degree == 1   ? 0.28
+                         : degree == 2 ? 0.2
+                         : degree < 5  ? 0.1
+                                       : 0.05) *
+                        (spec.functions.mass == "lumped" ? 2.5 : 1.0);
+    plan.time_step = plan.wave_speed > 0 ? spec.cfl * part * basis->spacing() / plan.wave_speed : 0;
     if (spec.time_step > 0) {
         plan.time_step = spec.time_step;
         plan.limited_by = "given by the caller";

@@ -27,6 +27,9 @@ __all__ = ["SplineGrid", "TriangularGrid"]
 
 Floats = npt.NDArray[np.float64]
 
+#: Cells of a spline grid; with more the matrices alone would take tens of gigabytes.
+_MOST = 10_000_000
+
 #: Part of the width by which the end knots may differ from the corners.
 _END = 1e-9
 
@@ -267,6 +270,9 @@ def _check_spans(check: Checker, spans: Any, degree: list[int]) -> tuple[int, ..
         check.fail(f"spans is {spans!r}; expected a pair of whole numbers")
         return (1, 1)
     found = tuple(check.integer(f"spans[{a}]", n, lower=1) for a, n in enumerate(items))
+    if math.prod(found) > _MOST:
+        check.fail(f"spans is {found}, {math.prod(found):,} cells; expected {_MOST:,} at most")
+        return (1, 1)
     for a, (n, p) in enumerate(zip(found, degree, strict=True)):
         if p == 0 and n > 1:
             check.fail(

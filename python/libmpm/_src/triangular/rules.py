@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from libmpm._src.boundaries import Response, Separable
 from libmpm._src.errors import SceneError
 from libmpm._src.field import Field
 from libmpm._src.method import FBar
-from libmpm._src.sensors import WaveGauge
+from libmpm._src.sensors import VelocityProbe, WaveGauge
 from libmpm._src.shapes import Box
 from libmpm._src.triangular.choices import TriangularGrid
 from libmpm._src.triangular.placing import chosen_triangles, place
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from libmpm._src.parts import Body, Boundary
     from libmpm._src.scene import Scene
 
-__all__ = ["check_body", "check_boundary", "check_grid", "check_square_cells"]
+__all__ = ["check_body", "check_boundary", "check_grid", "check_overlaps", "check_square_cells"]
 
 
 def check_grid(scene: Scene, problems: list[str], doubts: list[str]) -> None:
@@ -38,7 +38,37 @@ def check_grid(scene: Scene, problems: list[str], doubts: list[str]) -> None:
                 f"sensor '{placed.name}': a WaveGauge is not built for grids of functions; use "
                 "ParticleTracker or VelocityProbe"
             )
+        elif isinstance(placed.sensor, VelocityProbe) and isinstance(scene.grid, TriangularGrid):
+            place = placed.sensor.position
+            if len(place) == 2 and not scene.grid.mesh.contains([place])[0]:
+                problems.append(
+                    f"sensor '{placed.name}': position ({place[0]:g}, {place[1]:g}) m lies outside "
+                    "of the mesh; expected inside; move it"
+                )
     doubts += scene.grid.doubts()
+
+
+def check_overlaps(scene: Scene, bodies: Sequence[Body], problems: list[str]) -> None:
+    """Refuse triangles that two bodies fill, and more material than the mesh has room for."""
+    if not isinstance(scene.grid, TriangularGrid):
+        return
+    mesh = scene.grid.mesh
+    filled = [(b, set(chosen_triangles(mesh, b.shape.within).tolist()))
+              for b in bodies if isinstance(b.shape, Cells)]  # fmt: skip
+    for i, (one, first) in enumerate(filled):
+        for two, second in filled[i + 1 :]:
+            shared = len(first & second)
+            if shared:
+                problems.append(
+                    f"body '{one.name}': with body '{two.name}': both fill {shared} triangles; "
+                    "expected apart; give shapes.Cells(within=...) that do not meet"
+                )
+    volume = sum(float(place(scene, b).volume.sum()) for b in bodies)
+    if volume > mesh.area * (1 + 1e-6):
+        problems.append(
+            f"Scene: the bodies have {volume:g} m² in all, the mesh {mesh.area:g} m²; expected no "
+            "more than it has room for; bodies overlap, or volumes of shapes.Points are too large"
+        )
 
 
 def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
@@ -75,6 +105,8 @@ def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
         except SceneError as error:
             check.problems += [f"body '{body.name}': {p}" for p in error.problems]
             fits = False
+    if fits and isinstance(scene.grid, TriangularGrid) and not isinstance(shape, Cells):
+        fits = _check_inside(check, scene, body)
     if body.lattice is not None and len(body.lattice) != 2:
         check.fail(f"lattice has {len(body.lattice)} numbers; expected 2")
         fits = False
@@ -90,6 +122,24 @@ def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
         check.fail(f"stress has {len(body.stress)} formulas; expected 4: xx, yy, xy, zz")
     problems += check.problems
     return fits
+
+
+def _check_inside(check: Checker, scene: Scene, body: Body) -> bool:
+    assert isinstance(scene.grid, TriangularGrid)
+    if isinstance(body.shape, Box) and body.shape.dimension != 2:
+        return False
+    if body.lattice is not None and len(body.lattice) != 2:
+        return True  # refused elsewhere
+    position = place(scene, body).position
+    outside = position[~scene.grid.mesh.contains(position)]
+    if len(outside):
+        x, y = outside[0]
+        check.fail(
+            f"{len(outside)} of its {len(position)} particles lie outside of the mesh, the first "
+            f"at ({x:g}, {y:g}) m; expected inside; enlarge the mesh, or shape the body by its "
+            "triangles with shapes.Cells"
+        )
+    return not len(outside)
 
 
 def check_boundary(scene: Scene, boundary: Boundary, problems: list[str]) -> None:

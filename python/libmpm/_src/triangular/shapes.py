@@ -10,7 +10,7 @@ import numpy as np
 
 from libmpm._src.shapes import Shape, faces_of
 from libmpm._src.timetable import TimeTable, check_vector_table
-from libmpm._src.values import Checker, Value, sequence, value
+from libmpm._src.values import Checker, Value, value
 
 __all__ = ["Cells", "Outline", "Points", "Traction"]
 
@@ -92,7 +92,10 @@ class Points(Shape):
         within = None if self.within is None else _points(check, "within", self.within, 3)
         volume = self.volume
         if volume is not None:
-            areas = np.asarray(volume, dtype=np.float64)
+            try:
+                areas = np.asarray(volume, dtype=np.float64)
+            except (TypeError, ValueError):
+                areas = np.empty(())
             if areas.shape != (len(points),):
                 check.fail(
                     f"volume has the shape {areas.shape}; expected ({len(points)},), one a particle"
@@ -169,5 +172,4 @@ class Traction(Value):
         if isinstance(self.value, TimeTable):
             check_vector_table(check, "value", self.value, 2, "Pa")
             return {"face": face}
-        items = sequence(self.value)
-        return {"face": face, "value": check.vector("value", items, lengths=(2,), unit="Pa")}
+        return {"face": face, "value": check.vector("value", self.value, lengths=(2,), unit="Pa")}

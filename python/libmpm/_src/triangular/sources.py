@@ -23,18 +23,20 @@ Arrays = tuple[Floats, Numbers]
 
 #: Twice the area of a triangle, in squares of its longest edge, up to which it has none.
 _FLAT = 1e-9
+#: The same for triangles on the hull of points, which need not be there.
+_ROUNDED = 1e-5
 #: Part of the size of a mesh by which a plane may bulge.
 _PLANE = 1e-9
 #: Cells of a file that are no part of the plane but of its outline.
 _IGNORED = ("vertex", "line")
 
 
-def flat(corners: Floats) -> npt.NDArray[np.bool_]:
+def flat(corners: Floats, part: float = _FLAT) -> npt.NDArray[np.bool_]:
     """Return which triangles, corners (m, 3, 2), are too thin to have an area, shape (m,)."""
     edges = np.roll(corners, -1, axis=1) - corners
     longest = (edges**2).sum(axis=2).max(axis=1)
     twice = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
-    return np.asarray(~(np.abs(twice) > _FLAT * longest))
+    return np.asarray(~(np.abs(twice) > part * longest))
 
 
 def check_lattice(
@@ -102,13 +104,21 @@ def delaunay(vertices: Any) -> Arrays:
     # Coordinates far from zero would cost the triangulation its digits.
     near = points - points.min(axis=0)
     try:
-        triangles = spatial.Delaunay(near).simplices.astype(np.int64)
+        found = spatial.Delaunay(near)
     except spatial.QhullError as error:
         raise SceneError(
             f"{label}: the {len(points)} vertices lie on a line; expected some beside it; add them"
         ) from error
-    # Points in a row on the hull are joined by triangles that are thin to rounding.
-    return points, triangles[~flat(near[triangles])]
+    triangles = found.simplices.astype(np.int64)
+    # Points in a row on the hull, rounded as files have them, are joined by triangles that are thin
+    # to that rounding: they go from the hull inwards, as far as there are any.
+    thin, stays = flat(near[triangles], _ROUNDED), np.ones(len(triangles), dtype=bool)
+    while True:
+        outer = (found.neighbors < 0) | ~stays[found.neighbors]
+        goes = stays & thin & outer.any(axis=1)
+        if not goes.any():
+            return points, triangles[stays]
+        stays &= ~goes
 
 
 def read(path: str | os.PathLike[str]) -> Arrays:
