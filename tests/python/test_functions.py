@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -248,3 +249,11 @@ def test_new_axes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.get_xlabel() == "x (m)"
     assert len(found.collections[0].get_segments()) == 8
     plt.close(found.figure)
+
+
+def test_pickles() -> None:
+    functions = grids.Functions(grids.SplineGrid(lower=(0.0, 0.0), upper=(1.0, 1.0), spans=(2, 2)))
+    assert functions.count == 16
+    copy = pickle.loads(pickle.dumps(functions))
+    assert copy.grid == functions.grid
+    np.testing.assert_array_equal(copy.control_points, functions.control_points)

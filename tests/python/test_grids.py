@@ -276,7 +276,6 @@ def test_given_knots() -> None:
         ({"spans": (1, 1), "degree": (1, 2, 3)}, "degree is (1, 2, 3); expected a whole number or"),
         ({"spans": (1, 1), "degree": 1.5}, "degree is 1.5; expected a whole number or (p_x, p_y)"),
         ({"spans": (1, 1), "upper": (0, 4)}, "upper[0] is 0 with lower[0] 1; expected upper >"),
-        ({"spans": (1, 1), "mass": None}, "mass is None; expected grids.ConsistentMass()"),
         ({"knots": 3}, "knots is 3; expected a pair of knot vectors"),
         ({"knots": ([1, 5], [2, 2, 4, 4])}, "knots[0] is [1, 5]; expected at least 4 numbers"),
         ({"knots": ([1, 1, 5, 5], [2, 2, 3, 2, 4, 4])}, "knots[1][3] is 2 after 3; expected knots"),

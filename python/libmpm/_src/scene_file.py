@@ -78,5 +78,5 @@ class SceneReader:
 
 def _stand_in(data: Mapping[str, Any]) -> Scene:
     """Return an empty scene in which the parts of a broken one can still be checked."""
-    d = 2 if data.get("dimension") == 2 else 3
+    d = 2 if data.get("dimension") == 2 or "grid" in data else 3
     return Scene(dimension=d, cell_size=1.0, lower=(0.0,) * d, upper=(1.0,) * d)

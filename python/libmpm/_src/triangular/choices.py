@@ -172,7 +172,7 @@ class SplineGrid(Value):
     upper      m     (2,)        opposite corner, greater than `lower` on every axis
     spans      -     (2,), ≥ 1   number of equal spans on each axis
     degree     -     0 to 5      polynomial degree, one or (p_x, p_y)
-    mass       -     `Mass`      `ConsistentMass`, `LumpedMass` or `PartialMass`, the default
+    mass       -     `Mass`      `ConsistentMass`, `LumpedMass` or `PartialMass`; None = the last
     knots      m     (x, y)      open knot vectors instead of `spans`
     =========  ====  ==========  =========================================================
 
@@ -190,7 +190,7 @@ class SplineGrid(Value):
     upper: Sequence[float]
     spans: Sequence[int] | None = None
     degree: int | Sequence[int] = 2
-    mass: Mass = PartialMass()
+    mass: Mass | None = None
     knots: Sequence[Sequence[float]] | None = None
 
     def _check(self, check: Checker) -> dict[str, Any]:
@@ -208,8 +208,11 @@ class SplineGrid(Value):
         degree = [degree_of(check, f"degree[{a}]", p, 0) for a, p in enumerate(degree)]
         if degree == [0, 0]:
             check.fail("degree is (0, 0), functions without slopes; expected ≥ 1 on an axis")
-        _check_mass(check, self.mass)
-        found: dict[str, Any] = {"lower": lower, "upper": upper, "degree": tuple(degree)}
+        mass = PartialMass() if self.mass is None else self.mass
+        _check_mass(check, mass)
+        found: dict[str, Any] = {
+            "lower": lower, "upper": upper, "degree": tuple(degree), "mass": mass
+        }  # fmt: skip
         if (self.spans is None) == (self.knots is None):
             have = "both are" if self.spans is not None else "neither is"
             check.fail(f"spans and knots: {have} given; expected one of them")
@@ -252,7 +255,7 @@ class SplineGrid(Value):
             "kind": "splines",
             "knots": [self._knots(0), self._knots(1)],
             "degree": [self._degree(0), self._degree(1)],
-            "mass": self.mass.specification(),
+            "mass": (self.mass or PartialMass()).specification(),
         }
 
 

@@ -78,6 +78,11 @@ class Functions:
 
         return _core.Basis(self._grid.specification())
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is compiled; it is made again when first asked for."""
+        kept = ("_grid", "_lower", "_points")
+        return {key: self.__dict__[key] for key in kept}
+
     def __repr__(self) -> str:
         """Return a short description."""
         cells = self._basis.cells

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -66,19 +67,27 @@ def place(scene: Scene, body: Body) -> Placed:
         return Placed(rows, np.full(grid.count, grid.volume / grid.count))
     assert isinstance(scene.grid, TriangularGrid)  # the scene's checks refuse others
     mesh = scene.grid.mesh
-    triangles = chosen_triangles(mesh, shape.within)
     if isinstance(shape, Cells):
-        corners = mesh.corners()[triangles]
+        corners = mesh.corners()[chosen_triangles(mesh, shape.within)]
         return Placed(*subdivide(corners, math.isqrt(body.particles_per_cell)))
     assert isinstance(shape, Points)
     position = np.asarray(shape.position, dtype=np.float64)
     if shape.volume is not None:
         return Placed(position, np.asarray(shape.volume, dtype=np.float64))
+    return Placed(position, _cells_of(mesh, shape))
+
+
+@functools.lru_cache(maxsize=16)
+def _cells_of(mesh: Mesh, shape: Points) -> Floats:
+    """Return the areas of Voronoi cells; checks, plan and engine all ask for them."""
+    triangles = chosen_triangles(mesh, shape.within)
     if shape.within is not None:
         vertices, every = mesh.arrays()
         used, renumbered = np.unique(every[triangles], return_inverse=True)
         mesh = Mesh(vertices=vertices[used], triangles=renumbered.reshape(-1, 3))
-    return Placed(position, voronoi_areas(position, mesh))
+    areas = voronoi_areas(np.asarray(shape.position, dtype=np.float64), mesh)
+    areas.flags.writeable = False
+    return areas
 
 
 def traction_rows(scene: Scene, body: Body, traction: Traction) -> tuple[npt.NDArray[Any], float]:

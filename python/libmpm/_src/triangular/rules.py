@@ -99,6 +99,11 @@ def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
         if not len(chosen_triangles(scene.grid.mesh, shape.within)):
             check.fail("within holds the centre of no triangle; expected some; move its corners")
             fits = False
+    if fits and isinstance(shape, Points) and shape.within is not None:
+        assert isinstance(scene.grid, TriangularGrid)
+        if not len(chosen_triangles(scene.grid.mesh, shape.within)):
+            check.fail("within holds the centre of no triangle; expected some; move its corners")
+            fits = False
     if isinstance(shape, Points) and fits and shape.volume is None:
         try:
             place(scene, body)

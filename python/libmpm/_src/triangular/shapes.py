@@ -104,6 +104,8 @@ class Points(Shape):
                 bad = int(np.flatnonzero(~(np.isfinite(areas) & (areas > 0)))[0])
                 check.fail(f"volume[{bad}] is {areas[bad]:g}; expected > 0 m²")
             volume = tuple(areas.ravel().tolist())
+            if within is not None:
+                check.fail("volume and within are given; expected one: within is for Voronoi cells")
         return {"position": points, "volume": volume, "within": within}
 
     @property
