@@ -37,10 +37,8 @@ inline void append(std::vector<double>& numbers, const Point& x) {
 
 class BasisHandle {
 public:
-    explicit BasisHandle(const FunctionsSpec& spec) : basis_(make_basis(spec)) {
-        for (int c = 0; c < basis_->cells(); ++c)
-            width_ = std::max(width_, basis_->on_cell(c).size());
-    }
+    explicit BasisHandle(const FunctionsSpec& spec)
+        : basis_(make_basis(spec)), width_(basis_->widest()) {}
 
     const triangular::Basis& basis() const { return *basis_; }
 
@@ -167,7 +165,7 @@ private:
     }
 
     std::unique_ptr<triangular::Basis> basis_;
-    std::size_t width_ = 0;  // functions of the cell that has most
+    std::size_t width_;  // functions of the cell that has most
 };
 
 inline void bind_basis(py::module_& m) {

@@ -139,10 +139,10 @@ bool MassSystem::assemble(const CellMatrices& sums, const std::vector<char>& fil
     if (!(largest_ > 0)) largest_ = 1;
     drop_from(matrix_);
     condition_ = smallest_ / largest_;
-    return factorise(sums);
+    return factorise();
 }
 
-bool MassSystem::factorise(const CellMatrices& sums) {
+bool MassSystem::factorise() {
     if (matrix_.rows() == 0) return true;
     if (iterates(Solver::conjugate_gradients)) {
         gradients_.setTolerance(options_.tolerance);
@@ -151,7 +151,8 @@ bool MassSystem::factorise(const CellMatrices& sums) {
         return gradients_.info() == Eigen::Success;
     }
     if (iterates(Solver::richardson)) {
-        // Row sums of the matrix as it stands, lumped or not.
+        // Row sums of the matrix as it stands, lumped or not; `times` wants the matrix itself.
+        const auto kept = local_;
         for (std::size_t c = 0; c < local_.size(); ++c) {
             const std::size_t n = basis_.on_cell(int(c)).size();
             for (std::size_t i = 0; i < n; ++i) {
@@ -161,12 +162,9 @@ bool MassSystem::factorise(const CellMatrices& sums) {
             }
         }
         add_up(lumped_, lumped_places_);
+        local_ = kept;
         drop_from(lumped_);
         lumped_cholesky_.factorize(lumped_);
-        // The cells' matrices are still wanted by `times`.
-        exec_.for_each(basis_.cells(), [&](std::int64_t c) {
-            shape(int(c), sums.of(int(c)), local_[std::size_t(c)]);
-        });
         return lumped_cholesky_.info() == Eigen::Success;
     }
     if (!symmetric()) {

@@ -16,6 +16,16 @@ namespace {
 /// instead of 2.2, one of 38,400 took 7.7 instead of 12.9.
 constexpr std::size_t worth_threads = 20000;
 
+/// Coefficient of a function in both components.
+Point coefficient(const Eigen::VectorXd& field, int function) {
+    return {field[2 * function], field[2 * function + 1]};
+}
+
+/// The mass matrix is the grid's as a whole, no body's.
+Trouble unsolved(double value, const char* what) {
+    return {"singular-mass", -1, {}, value, 0, what};
+}
+
 }  // namespace
 
 void Particles::take(const std::vector<std::size_t>& places) {
@@ -74,7 +84,7 @@ std::size_t Particles::place_of(std::uint64_t sought) const {
 
 Method::Method(std::unique_ptr<Basis> basis, const MassOptions& mass, int threads)
     : exec_(threads), basis_(std::move(basis)), mass_(*basis_, mass, exec_), sums_(*basis_) {
-    for (int c = 0; c < basis_->cells(); ++c) width_ = std::max(width_, basis_->on_cell(c).size());
+    width_ = basis_->widest();
     filled_.assign(std::size_t(basis_->cells()), 0);
     local_.assign(std::size_t(basis_->cells()) * width_ * 2, 0.0);
     control_ = basis_->control_points();
@@ -188,6 +198,30 @@ void Method::collect(Eigen::VectorXd& out) const {
     }
 }
 
+/// out = what f(sums of the cell, its functions, body, particle, place of its values and gradients)
+/// adds up over all particles, two numbers a function.
+template <class F>
+void Method::sum(Eigen::VectorXd& out, const F& f) {
+    each_cell([&](int cell) {
+        const auto& on = basis_->on_cell(cell);
+        double* sums = local_.data() + std::size_t(cell) * width_ * 2;
+        std::fill(sums, sums + 2 * on.size(), 0.0);
+        each_particle(cell,
+                      [&](std::size_t b, std::size_t p, std::size_t at) { f(sums, on, b, p, at); });
+    });
+    collect(out);
+}
+
+/// Adds a particle's momentum to a cell's sums.
+void Method::deposit(double* sums, const std::vector<int>& on, std::size_t b, std::size_t p,
+                     std::size_t at) const {
+    const Point momentum = bodies_[b].mass[p] * bodies_[b].velocity[p];
+    for (std::size_t i = 0; i < on.size(); ++i) {
+        sums[2 * i] += value_[at + i] * momentum[0];
+        sums[2 * i + 1] += value_[at + i] * momentum[1];
+    }
+}
+
 std::optional<Trouble> Method::prepare(double time, const Point& gravity) {
     list_particles();
     std::vector<std::vector<Point>> pull(bodies_.size());
@@ -224,8 +258,7 @@ std::optional<Trouble> Method::prepare(double time, const Point& gravity) {
     });
     collect(force_);
     if (!mass_.assemble(sums_, filled_)) {
-        return Trouble{"singular-mass",       0, {},
-                       mass_.smallest_mass(), 0, "the mass matrix could not be factorised"};
+        return unsolved(mass_.smallest_mass(), "the mass matrix could not be factorised");
     }
     return std::nullopt;
 }
@@ -234,12 +267,7 @@ std::optional<Trouble> Method::step(double dt, const Surroundings& around) {
     Eigen::VectorXd given;
     constraints_->given(around.hold_acceleration, given);
     if (!mass_.solve(force_, given, acceleration_)) {
-        return Trouble{"singular-mass",
-                       0,
-                       {},
-                       double(mass_.iterations()),
-                       0,
-                       "the solver for accelerations did not converge"};
+        return unsolved(mass_.iterations(), "the solver for accelerations did not converge");
     }
     if (loads_) {
         // What the holds add to the balance M a = F; the opposite is what they feel.
@@ -255,34 +283,17 @@ std::optional<Trouble> Method::step(double dt, const Surroundings& around) {
         }
     }
     // Velocities, and the momentum that they project to.
-    each_cell([&](int cell) {
-        const auto& on = basis_->on_cell(cell);
-        double* sum = local_.data() + std::size_t(cell) * width_ * 2;
-        std::fill(sum, sum + 2 * on.size(), 0.0);
-        each_particle(cell, [&](std::size_t b, std::size_t p, std::size_t at) {
-            Particles& body = bodies_[b];
-            const double* phi = value_.data() + at;
-            Point gain(0, 0);
-            for (std::size_t i = 0; i < on.size(); ++i)
-                gain += phi[i] * Point(acceleration_[2 * on[i]], acceleration_[2 * on[i] + 1]);
-            body.velocity[p] += dt * gain;
-            const Point momentum = body.mass[p] * body.velocity[p];
-            for (std::size_t i = 0; i < on.size(); ++i) {
-                sum[2 * i] += phi[i] * momentum[0];
-                sum[2 * i + 1] += phi[i] * momentum[1];
-            }
-        });
-    });
     Eigen::VectorXd momentum;
-    collect(momentum);
+    sum(momentum, [&](double* sums, const auto& on, std::size_t b, std::size_t p, std::size_t at) {
+        Point gain(0, 0);
+        for (std::size_t i = 0; i < on.size(); ++i)
+            gain += value_[at + i] * coefficient(acceleration_, on[i]);
+        bodies_[b].velocity[p] += dt * gain;
+        deposit(sums, on, b, p, at);
+    });
     constraints_->given(around.hold_velocity, given);
     if (!mass_.solve(momentum, given, velocity_)) {
-        return Trouble{"singular-mass",
-                       0,
-                       {},
-                       double(mass_.iterations()),
-                       0,
-                       "the solver for velocities did not converge"};
+        return unsolved(mass_.iterations(), "the solver for velocities did not converge");
     }
     each_cell([&](int cell) {
         const auto& on = basis_->on_cell(cell);
@@ -291,7 +302,7 @@ std::optional<Trouble> Method::step(double dt, const Surroundings& around) {
             Point v(0, 0);
             Tensor rate{}, strain;
             for (std::size_t i = 0; i < on.size(); ++i) {
-                const Point node(velocity_[2 * on[i]], velocity_[2 * on[i] + 1]);
+                const Point node = coefficient(velocity_, on[i]);
                 const Point& g = gradient_[at + i];
                 v += value_[at + i] * node;
                 for (int k = 0; k < 2; ++k)
@@ -330,32 +341,26 @@ std::optional<Trouble> Method::check() const {
 
 // What the internal forces change by when particles are displaced by a field, at rest stiffness.
 void Method::stiffness_times(const Eigen::VectorXd& field, Eigen::VectorXd& out) {
-    each_cell([&](int cell) {
-        const auto& on = basis_->on_cell(cell);
-        double* sum = local_.data() + std::size_t(cell) * width_ * 2;
-        std::fill(sum, sum + 2 * on.size(), 0.0);
-        each_particle(cell, [&](std::size_t b, std::size_t p, std::size_t at) {
-            double e[3] = {};
-            for (std::size_t i = 0; i < on.size(); ++i) {
-                const Point& g = gradient_[at + i];
-                const double x = field[2 * on[i]], y = field[2 * on[i] + 1];
-                e[0] += x * g[0];
-                e[1] += y * g[1];
-                e[2] += x * g[1] + y * g[0];
-            }
-            const auto& d = stiffness_[b];
-            double s[3];
-            for (std::size_t k = 0; k < 3; ++k)
-                s[k] = bodies_[b].volume[p] *
-                       (d[3 * k] * e[0] + d[3 * k + 1] * e[1] + d[3 * k + 2] * e[2]);
-            for (std::size_t i = 0; i < on.size(); ++i) {
-                const Point& g = gradient_[at + i];
-                sum[2 * i] += g[0] * s[0] + g[1] * s[2];
-                sum[2 * i + 1] += g[0] * s[2] + g[1] * s[1];
-            }
-        });
+    sum(out, [&](double* sums, const auto& on, std::size_t b, std::size_t p, std::size_t at) {
+        double e[3] = {};
+        for (std::size_t i = 0; i < on.size(); ++i) {
+            const Point& g = gradient_[at + i];
+            const Point node = coefficient(field, on[i]);
+            e[0] += node[0] * g[0];
+            e[1] += node[1] * g[1];
+            e[2] += node[0] * g[1] + node[1] * g[0];
+        }
+        const auto& d = stiffness_[b];
+        double s[3];
+        for (std::size_t k = 0; k < 3; ++k)
+            s[k] = bodies_[b].volume[p] *
+                   (d[3 * k] * e[0] + d[3 * k + 1] * e[1] + d[3 * k + 2] * e[2]);
+        for (std::size_t i = 0; i < on.size(); ++i) {
+            const Point& g = gradient_[at + i];
+            sums[2 * i] += g[0] * s[0] + g[1] * s[2];
+            sums[2 * i + 1] += g[0] * s[2] + g[1] * s[1];
+        }
     });
-    collect(out);
 }
 
 // Lanczos on M^-1 K in the inner product of M, restarted from the largest Ritz vector. Where the
@@ -413,20 +418,8 @@ void Method::set_search(const std::vector<double>& at) {
 }
 
 Eigen::VectorXd Method::velocity_field(const std::vector<Point>& hold_velocity) {
-    each_cell([&](int cell) {
-        const std::size_t n = basis_->on_cell(cell).size();
-        double* sum = local_.data() + std::size_t(cell) * width_ * 2;
-        std::fill(sum, sum + 2 * n, 0.0);
-        each_particle(cell, [&](std::size_t b, std::size_t p, std::size_t at) {
-            const Point momentum = bodies_[b].mass[p] * bodies_[b].velocity[p];
-            for (std::size_t i = 0; i < n; ++i) {
-                sum[2 * i] += value_[at + i] * momentum[0];
-                sum[2 * i + 1] += value_[at + i] * momentum[1];
-            }
-        });
-    });
     Eigen::VectorXd momentum, given, out;
-    collect(momentum);
+    sum(momentum, [&](const auto&... particle) { deposit(particle...); });
     constraints_->given(hold_velocity, given);
     mass_.solve(momentum, given, out);
     return out;
@@ -440,8 +433,7 @@ std::optional<Point> Method::value_at(const Eigen::VectorXd& field, const Point&
     basis_->evaluate(cell, x, phi, grad);
     const auto& on = basis_->on_cell(cell);
     Point out(0, 0);
-    for (std::size_t i = 0; i < on.size(); ++i)
-        out += phi[i] * Point(field[2 * on[i]], field[2 * on[i] + 1]);
+    for (std::size_t i = 0; i < on.size(); ++i) out += phi[i] * coefficient(field, on[i]);
     return out;
 }
 
@@ -462,8 +454,7 @@ int Method::filled_cells() const {
 }
 
 double Method::bytes_per_particle(const Basis& basis, int reals) {
-    std::size_t width = 0;
-    for (int c = 0; c < basis.cells(); ++c) width = std::max(width, basis.on_cell(c).size());
+    const std::size_t width = basis.widest();
     return double(sizeof(std::uint64_t) + 3 * sizeof(Point) + 2 * sizeof(double) +
                   std::size_t(reals) * sizeof(double) + sizeof(std::array<double, 3>) +
                   sizeof(Tensor) + sizeof(int) + sizeof(std::size_t) +

@@ -18,6 +18,8 @@ std::unique_ptr<triangular::Basis> make_basis(const FunctionsSpec& spec);
 std::unique_ptr<triangular::Law> make_law(const std::string& material,
                                           const std::vector<double>& parameters);
 
+triangular::Point table_at(const TableSpec& table, double time);
+
 class FunctionsEngine final : public Engine {
 public:
     explicit FunctionsEngine(const Spec& spec);
@@ -64,7 +66,7 @@ private:
     void sample_due();
     void sample(std::size_t sensor);
     void take_impulses();
-    double charge(const char* phase);
+    void charge(const char* phase);
 
     Spec spec_;
     triangular::Method method_;

@@ -3,7 +3,7 @@
 // cells of a plane domain with sum phi_i = 1.
 #pragma once
 
-#include <limits>
+#include <algorithm>
 #include <vector>
 
 #include "mpm/triangular/mesh.hpp"
@@ -39,6 +39,12 @@ public:
     /// Numbers of the functions that do not vanish on a cell; `most` is the largest count.
     virtual const std::vector<int>& on_cell(int cell) const = 0;
     static constexpr int most = 36;
+    /// The largest count of this basis.
+    std::size_t widest() const {
+        std::size_t width = 0;
+        for (int c = 0; c < cells(); ++c) width = std::max(width, on_cell(c).size());
+        return width;
+    }
 
     /// Values and gradients (1/m) at a point of a cell, in the order of on_cell.
     virtual void evaluate(int cell, const Point& x, double* value, Point* gradient) const = 0;

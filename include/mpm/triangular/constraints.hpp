@@ -27,7 +27,6 @@ public:
     int free() const { return free_; }
     /// Coefficient `full` is the sum of these, plus what is given.
     const std::vector<Term>& terms(int full) const { return terms_[std::size_t(full)]; }
-    bool held(int full) const { return held_[std::size_t(full)] >= 0; }
     /// Which hold takes up the force on a coefficient, -1 for none. Of several the one whose side
     /// faces the force, then the first.
     int holder(int full) const { return held_[std::size_t(full)]; }

@@ -84,7 +84,7 @@ private:
     void lay_out(bool only_diagonal, Matrix& m, std::vector<std::vector<Place>>& places);
     void shape(int cell, const double* sums, std::vector<double>& local) const;
     void mark_surface(const std::vector<char>& filled);
-    bool factorise(const CellMatrices& sums);
+    bool factorise();
     bool reduced_solve(const Eigen::VectorXd& f, Eigen::VectorXd& c);
     bool iterates(Solver solver) const {
         return options_.form != MassForm::lumped && options_.solver == solver;

@@ -122,6 +122,10 @@ private:
     void list_particles();
     void stiffness_times(const Eigen::VectorXd& field, Eigen::VectorXd& out);
     void collect(Eigen::VectorXd& out) const;
+    template <class F>
+    void sum(Eigen::VectorXd& out, const F& f);
+    void deposit(double* sums, const std::vector<int>& on, std::size_t b, std::size_t p,
+                 std::size_t at) const;
     std::optional<Trouble> check() const;
 
     Cpu exec_, alone_{1};

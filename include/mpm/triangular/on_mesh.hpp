@@ -12,7 +12,6 @@ public:
     explicit OnMesh(std::shared_ptr<const Mesh> mesh);
 
     const Mesh& mesh() const { return *mesh_; }
-    const std::shared_ptr<const Mesh>& shared_mesh() const { return mesh_; }
     int cells() const override { return int(mesh_->triangles().size()); }
     int locate(const Point& x, int guess) const override { return mesh_->locate(x, guess); }
     std::vector<std::array<Point, 3>> pieces(int cell) const override {

@@ -17,13 +17,6 @@ constexpr int watch_every = 4;
 /// A time step that had to shrink to this part of the first one will never get anywhere.
 constexpr double starved = 1e-3;
 
-Point table_at(const TableSpec& t, double time) {
-    double out[2];
-    TimeTableView{t.time.data(), t.value.data(), std::int32_t(t.time.size()), 2, t.end}.at(time,
-                                                                                           out);
-    return {out[0], out[1]};
-}
-
 triangular::MassOptions mass_options(const FunctionsSpec& f) {
     triangular::MassOptions o;
     using triangular::MassForm;
@@ -98,128 +91,6 @@ FunctionsEngine::FunctionsEngine(const Spec& spec)
     }
 }
 
-void FunctionsEngine::place_body(const BodySpec& b) {
-    const MaterialInfo& info = material(b.material);
-    triangular::Particles body;
-    body.name = b.name;
-    body.law = make_law(b.material, b.parameters);
-    const std::size_t n = b.count, reals = std::size_t(body.law->reals());
-    std::vector<double> row(2 * n);
-    b.position(0, n, row.data());
-    const bool each = b.velocity.size() == 2 * n && n != 1;
-    const double density = info.density(b.parameters.data());
-    for (std::size_t p = 0; p < n; ++p) {
-        body.id.push_back(b.first_id + p);
-        body.position.emplace_back(row[2 * p], row[2 * p + 1]);
-        const std::size_t v = each ? 2 * p : 0;
-        body.velocity.emplace_back(b.velocity[v], b.velocity[v + 1]);
-    }
-    body.displacement.assign(n, Point(0, 0));
-    body.volume.assign(n, b.particle_mass / density);
-    if (b.volume) b.volume(0, n, body.volume.data());
-    for (double v : body.volume) body.mass.push_back(v * density);
-    body.state.assign(n * reals, 0.0);
-    if (b.pressure) {
-        std::vector<double> pressure(n);
-        b.pressure(0, n, pressure.data());
-        for (std::size_t p = 0; p < n; ++p)
-            body.state[p * reals] = info.volume_from_pressure(pressure[p], b.parameters.data());
-    }
-    if (b.stress) {
-        std::vector<double> stress(4 * n);
-        b.stress(0, n, stress.data());
-        for (std::size_t p = 0; p < n; ++p)
-            std::copy_n(stress.begin() + std::ptrdiff_t(4 * p), 4,
-                        body.state.begin() + std::ptrdiff_t(p * reals));
-    }
-    for (const TractionSpec& t : b.tractions) {
-        triangular::Traction pull;
-        pull.particles.assign(t.particles.begin(), t.particles.end());
-        pull.length = t.length;
-        pull.value = [table = t.value](double time) { return table_at(table, time); };
-        body.tractions.push_back(std::move(pull));
-    }
-    method_.bodies().push_back(std::move(body));
-}
-
-// Outer edges that belong to each face of the domain, or lie on the segments of an outline
-// boundary.
-void FunctionsEngine::find_parts() {
-    const auto& basis = method_.basis();
-    const auto& outline = basis.outline();
-    const double near = 1e-6 * basis.spacing();  // vertices of files are rounded
-    for (std::size_t b = 0; b < spec_.boundaries.size(); ++b) {
-        const BoundarySpec& boundary = spec_.boundaries[b];
-        if (boundary.is_box) {
-            throw SceneError("boundary '" + boundary.name +
-                             "': a box cannot lie in a grid of functions; cut it out of the mesh "
-                             "and hold that part of the outline");
-        }
-        const auto add = [&](int face, const std::string& what, const auto& belongs) {
-            const SurfaceLaw& law = boundary.law[std::size_t(face)];
-            if (law.response == Response::separable) {
-                throw SceneError("boundary '" + boundary.name +
-                                 "': a separable response is not built for grids of functions; use "
-                                 "Sticky() or Slip()");
-            }
-            HeldPart part{int(b), face, {{}, law.response == Response::slip}};
-            double length = 0;
-            for (std::size_t e = 0; e < outline.size(); ++e) {
-                if (!belongs(outline[e])) continue;
-                part.hold.edges.push_back(int(e));
-                length += (outline[e].end - outline[e].start).norm();
-            }
-            if (part.hold.edges.empty()) {
-                throw SceneError("boundary '" + boundary.name +
-                                 "': no edge of the grid's outline " + "lies on " + what +
-                                 "; check its coordinates against the mesh, " +
-                                 "or name the sides that there are with DomainWalls(faces=...)");
-            }
-            parts_.push_back(std::move(part));
-            return length;
-        };
-        if (!boundary.segments.empty()) {
-            double wanted = 0;
-            const auto segment = [&](std::size_t s) {
-                return std::pair(Point(boundary.segments[s], boundary.segments[s + 1]),
-                                 Point(boundary.segments[s + 2], boundary.segments[s + 3]));
-            };
-            for (std::size_t s = 0; s + 3 < boundary.segments.size(); s += 4)
-                wanted += (segment(s).second - segment(s).first).norm();
-            const double found = add(0, "it", [&](const triangular::OuterEdge& e) {
-                for (std::size_t s = 0; s + 3 < boundary.segments.size(); s += 4) {
-                    const auto [from, to] = segment(s);
-                    const Point along = (to - from).normalized();
-                    const auto on = [&](const Point& x) {
-                        const double at = (x - from).dot(along);
-                        return std::abs(triangular::cross(along, x - from)) < near && at > -near &&
-                               at < (to - from).norm() + near;
-                    };
-                    if (on(e.start) && on(e.end)) return true;
-                }
-                return false;
-            });
-            if (std::abs(found - wanted) > 1e-6 * wanted) {
-                throw SceneError("boundary '" + boundary.name +
-                                 "': edges of the grid's outline lie "
-                                 "on " +
-                                 std::to_string(found) + " m of its " + std::to_string(wanted) +
-                                 " m; give it corners that are vertices of the outline");
-            }
-            continue;
-        }
-        for (int face = 0; face < 4; ++face) {
-            if (!boundary.present[std::size_t(face)]) continue;
-            const Eigen::Index axis = face / 2;
-            const double at = face % 2 ? basis.upper()[axis] : basis.lower()[axis];
-            const std::string name = std::string(face / 2 ? "y" : "x") + (face % 2 ? "+" : "-");
-            add(face, "face " + name, [&](const triangular::OuterEdge& e) {
-                return std::abs(e.start[axis] - at) < near && std::abs(e.end[axis] - at) < near;
-            });
-        }
-    }
-}
-
 void FunctionsEngine::hold_active() {
     std::vector<int> now;
     std::vector<triangular::Hold> holds;
@@ -249,12 +120,10 @@ std::vector<Point> FunctionsEngine::hold_velocities(double time) const {
     return out;
 }
 
-double FunctionsEngine::charge(const char* phase) {
+void FunctionsEngine::charge(const char* phase) {
     const auto now = std::chrono::steady_clock::now();
-    const double spent = std::chrono::duration<double>(now - mark_).count();
+    if (phase) timings_[phase] += std::chrono::duration<double>(now - mark_).count();
     mark_ = now;
-    if (phase) timings_[phase] += spent;
-    return spent;
 }
 
 void FunctionsEngine::fail(const Trouble& t) {
