@@ -114,9 +114,7 @@ def body_lattice(scene: Scene, body: Body) -> sampling.Lattice:
     """Return the lattice that fills a body, relative to the scene's lower corner."""
     assert isinstance(body.shape, Box)
     low, high = (relative(scene, p).tolist() for p in (body.shape.lower, body.shape.upper))
-    if body.lattice is not None:
-        return sampling.Lattice(tuple(low), tuple(high), tuple(body.lattice))
-    return sampling.lattice(low, high, scene.cell_size, body.particles_per_cell)
+    return sampling.lattice(low, high, scene.cell_size, body.particles_per_cell, body.lattice)
 
 
 def holes_of(scene: Scene, body: Body) -> list[tuple[list[float], list[float]]]:

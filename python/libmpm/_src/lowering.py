@@ -252,14 +252,10 @@ def _body_on_functions(
     result |= {"position": rows, "volume": placed.volume}
     if body.hydrostatic is not None:
         result["pressure"] = _hydrostatic(scene, body.hydrostatic, density, rows)
-    if body.stress is not None:
-        given = body.stress
-        fixed = (
-            np.tile(np.asarray(given, dtype=np.float64), (n, 1))
-            if not isinstance(given, Field)
-            else given.at(placed.position, f"body '{body.name}': stress")
-        )
-        result["stress"] = fixed
+    if isinstance(body.stress, Field):
+        result["stress"] = body.stress.at(placed.position, f"body '{body.name}': stress")
+    elif body.stress is not None:
+        result["stress"] = np.tile(np.asarray(body.stress, dtype=np.float64), (n, 1))
     tractions = []
     for traction in body.tractions:
         which, length = placing.traction_rows(scene, body, traction)

@@ -49,12 +49,19 @@ class Lattice:
 
 
 def lattice(
-    lower: Sequence[float], upper: Sequence[float], cell_size: float, particles_per_cell: int
+    lower: Sequence[float],
+    upper: Sequence[float],
+    cell_size: float,
+    particles_per_cell: int,
+    counts: Sequence[int] | None = None,
 ) -> Lattice:
     """Return the lattice of a box: nearest whole number of points to L k / Δx on each axis.
 
-    k = particles_per_cell^(1/d); at least one point; ties go up.
+    k = particles_per_cell^(1/d); at least one point; ties go up. `counts` states
+    the numbers instead.
     """
+    if counts is not None:
+        return Lattice(tuple(lower), tuple(upper), tuple(counts))
     k = particles_per_cell ** (1.0 / len(lower))
     # The allowance decides ties alike however the box's edges were rounded.
     shape = tuple(

@@ -28,10 +28,14 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placed:
-    """Particles of a body: `position` (n, 2) m in the scene, `volume` (n,) m²."""
+    """Particles of a body: `position` (n, 2) m in the scene, `volume` (n,) m²; read-only."""
 
     position: Floats
     volume: Floats
+
+    def __post_init__(self) -> None:
+        """Keep what may be shared from being written to."""
+        self.position.flags.writeable = self.volume.flags.writeable = False
 
     @property
     def count(self) -> int:
@@ -43,9 +47,7 @@ def box_lattice(scene: Scene, body: Body) -> sampling.Lattice:
     """Return the lattice of a body in a box, m in the scene."""
     assert isinstance(body.shape, Box)
     low, high = body.shape.lower, body.shape.upper
-    if body.lattice is not None:
-        return sampling.Lattice(tuple(low), tuple(high), tuple(body.lattice))
-    return sampling.lattice(low, high, scene.cell_size, body.particles_per_cell)
+    return sampling.lattice(low, high, scene.cell_size, body.particles_per_cell, body.lattice)
 
 
 def chosen_triangles(mesh: Mesh, within: Any) -> npt.NDArray[np.intp]:
@@ -60,34 +62,30 @@ def chosen_triangles(mesh: Mesh, within: Any) -> npt.NDArray[np.intp]:
 
 def place(scene: Scene, body: Body) -> Placed:
     """Return the particles of a body, in the order of their ids."""
-    shape = body.shape
-    if isinstance(shape, Box):
+    if isinstance(body.shape, Box):
         grid = box_lattice(scene, body)
         rows = sampling.points(grid, [], scene.cell_size).rows(0, grid.count)
         return Placed(rows, np.full(grid.count, grid.volume / grid.count))
     assert isinstance(scene.grid, TriangularGrid)  # the scene's checks refuse others
-    mesh = scene.grid.mesh
-    if isinstance(shape, Cells):
-        corners = mesh.corners()[chosen_triangles(mesh, shape.within)]
-        return Placed(*subdivide(corners, math.isqrt(body.particles_per_cell)))
-    assert isinstance(shape, Points)
-    position = np.asarray(shape.position, dtype=np.float64)
-    if shape.volume is not None:
-        return Placed(position, np.asarray(shape.volume, dtype=np.float64))
-    return Placed(position, _cells_of(mesh, shape))
+    assert isinstance(body.shape, Cells | Points)
+    return _fill(scene.grid.mesh, body.shape, body.particles_per_cell)
 
 
 @functools.lru_cache(maxsize=16)
-def _cells_of(mesh: Mesh, shape: Points) -> Floats:
-    """Return the areas of Voronoi cells; checks, plan and engine all ask for them."""
+def _fill(mesh: Mesh, shape: Cells | Points, particles_per_cell: int) -> Placed:
+    """Return particles that depend on the mesh; checks, plan and engine all ask for them."""
     triangles = chosen_triangles(mesh, shape.within)
+    if isinstance(shape, Cells):
+        corners = mesh.corners()[triangles]
+        return Placed(*subdivide(corners, math.isqrt(particles_per_cell)))
+    position = np.asarray(shape.position, dtype=np.float64)
+    if shape.volume is not None:
+        return Placed(position, np.asarray(shape.volume, dtype=np.float64))
     if shape.within is not None:
         vertices, every = mesh.arrays()
         used, renumbered = np.unique(every[triangles], return_inverse=True)
         mesh = Mesh(vertices=vertices[used], triangles=renumbered.reshape(-1, 3))
-    areas = voronoi_areas(np.asarray(shape.position, dtype=np.float64), mesh)
-    areas.flags.writeable = False
-    return areas
+    return Placed(position, voronoi_areas(position, mesh))
 
 
 def traction_rows(scene: Scene, body: Body, traction: Traction) -> tuple[npt.NDArray[Any], float]:
