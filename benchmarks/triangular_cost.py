@@ -153,10 +153,7 @@ def bar_reference(case, when, place, columns):
     The nearest to the middle is half a distance off, where waves of twice the frequency are felt.
     """
     cells = 2 * columns * (400 // (2 * columns) + 1)  # a node at every particle
-    return t._lagrangian(
-        case.length, case.density, case.young, when, cells, fixed_end=True,
-        place=place / case.length, start=lambda x: case.speed * np.sin(np.pi * x / case.length),
-    )  # fmt: skip
+    return case.lagrangian(when, cells=cells, place=place / case.length)
 
 
 def reference(problem, place, when, particles):

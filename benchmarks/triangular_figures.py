@@ -18,10 +18,6 @@ from support import triangular as t
 RUN = {"device": "cpu", "threads": 1}  # so few particles that threads would wait for each other
 P1, PS = grids.Linear(), grids.PowellSabin()
 
-# Blocks -> E_u in m², tables 4.2 and 4.3.
-TABLE_42 = {4: 1.80956e-4, 8: 4.44076e-5, 16: 1.07531e-5, 32: 2.68352e-6}
-TABLE_43 = {1: 3.70985e-4, 2: 3.13639e-5, 4: 3.56528e-6, 8: 4.90397e-7, 16: 1.76596e-7}
-
 TIME, U, V = "time (s)", "displacement (m)", "velocity (m/s)"
 
 
@@ -73,24 +69,10 @@ def large_bar(*cases):
         yield from _references(column, len(cases), "reference", "1D", time, *reference)
 
 
-def strain_free_error(basis, blocks, per_block=(16, 14)):
-    """E_u of eq. 4.4 at 0.02 s, m², before any particle crosses."""
-    case = t.SMALL_BAR
-    run = bar_run(case, basis, blocks, 1, per_block, 1e-4, 0.02)
-    assert not run.error, run.error
-    body = run.simulation.particles["bar"]
-    start = (body["position"] - body["displacement"])[:, 0]
-    expected, _ = case.linear(start, run.simulation.time)
-    miss = body["displacement"][:, 0] - expected
-    # Both fields grow with time alike; the last step may end a rounding past 0.02 s.
-    scale = 0.02 / run.simulation.time
-    return scale * float(np.sqrt((body["mass"] / case.density * miss**2).sum()))
-
-
 def convergence():
-    for name, basis, table in (("P1", P1, TABLE_42), ("PS", PS, TABLE_43)):
+    for name, basis, table in (("P1", P1, t.TABLE_42), ("PS", PS, t.TABLE_43)):
         size = [t.SMALL_BAR.length / n for n in table]
-        found = [strain_free_error(basis, n) for n in table]
+        found = [t.bar_error(basis, n, **RUN) for n in table]
         yield curve(0, name, size, found, "marked")
         yield curve(0, f"{name}, thesis", size, list(table.values()), "printed")
         order = 2 if basis is P1 else 3
