@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.errors import SceneError
+from libmpm._src.optional import need
 from libmpm._src.triangular.mesh import Mesh, listed
-from libmpm._src.triangular.optional import need
 from libmpm._src.values import Checker
 
 __all__ = ["subdivide", "voronoi_areas"]

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.errors import SceneError
+from libmpm._src.optional import need
 from libmpm._src.triangular import plots
 from libmpm._src.triangular.bases import Lagrange
 from libmpm._src.triangular.functions import Evaluation, Field, Functions, places, sampled
 from libmpm._src.triangular.mesh import listed
-from libmpm._src.triangular.optional import need
 from libmpm._src.values import Checker
 
 __all__ = ["Projection", "project"]

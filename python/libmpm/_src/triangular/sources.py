@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.errors import SceneError
-from libmpm._src.triangular.optional import need
+from libmpm._src.optional import need
 from libmpm._src.values import Checker
 
 __all__ = ["Arrays", "blocks", "check_lattice", "delaunay", "flat", "read", "squares"]
