@@ -163,9 +163,11 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                      h->engine = make(h->spec);
                  }
                  for (auto& b : h->spec.bodies) {
-                     b.position = b.pressure = nullptr;
+                     b.position = b.pressure = b.state = nullptr;
                      b.velocity = {};
+                     b.ids = {};
                  }
+                 h->spec.start = {};
                  return h;
              }),
              py::arg("spec"))
@@ -259,6 +261,20 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                 return numpy(a);
             },
             py::arg("name"))
+        .def("sums",
+             [](Handle& h) {
+                 NodalSums s;
+                 {
+                     py::gil_scoped_release unlocked;
+                     s = h.engine->sums();
+                 }
+                 const py::ssize_t d = h.spec.dimension, n = py::ssize_t(s.cell.size()) / d;
+                 py::dict out;
+                 out["cell"] = py::array_t<std::int64_t>({n, d}, s.cell.data());
+                 for (const auto& [name, value] : s.value)
+                     out[py::str(name)] = py::array_t<double>(n, value.data());
+                 return out;
+             })
         .def("save",
              [](Handle& h) {
                  State s;

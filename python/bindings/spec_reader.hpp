@@ -139,6 +139,18 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
             throw SceneError("body '" + b.name + "': " + m.name +
                              " stores no volume ratio to set a pressure by");
     }
+    if (d.contains("id_count")) b.id_count = d["id_count"].cast<std::uint64_t>();
+    if (d.contains("state")) {
+        const auto width = d["state_width"].cast<int>();
+        b.restored = true;
+        b.state_width = width;
+        b.state = read_rows(d["state"], b.count, {width}, "body '" + b.name + "': state");
+        const auto ids = py::array_t<std::uint32_t, py::array::c_style>::ensure(d["ids"]);
+        if (!ids || std::uint64_t(ids.size()) != b.count)
+            throw SceneError("body '" + b.name + "': ids are no array of " +
+                             std::to_string(b.count) + " numbers of 32 bits");
+        b.ids.assign(ids.data(), ids.data() + ids.size());
+    }
     if (d.contains("volume"))
         b.volume = read_rows(d["volume"], b.count, {}, "body '" + b.name + "': volume");
     if (d.contains("stress")) {
@@ -176,6 +188,34 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
     b.smoothing_time = f["time"].cast<double>();
     b.smoothing_ratio = f["ratio"].cast<double>();
     return b;
+}
+
+inline StartSpec read_start(const py::dict& d, int dimension) {
+    StartSpec s;
+    s.given = true;
+    s.time = d["time"].cast<double>();
+    s.time_step = d["time_step"].cast<double>();
+    s.step = d["step"].cast<std::int64_t>();
+    const auto whole = [&](const char* name) {
+        const auto a = py::array_t<std::int64_t, py::array::c_style>::ensure(d[name]);
+        if (!a) throw SceneError(std::string("start: ") + name + " is no array of whole numbers");
+        return std::vector<std::int64_t>(a.data(), a.data() + a.size());
+    };
+    s.cell = whole("cell");
+    s.velocity = doubles(d["velocity"]);
+    const std::size_t nodes = s.cell.size() / std::size_t(dimension);
+    if (s.velocity.size() != s.cell.size() || s.cell.size() % std::size_t(dimension) != 0)
+        throw SceneError("start: there are not as many velocities as cells");
+    for (const auto& [name, value] : d["averages"].cast<py::dict>()) {
+        auto& average = s.averages[name.cast<std::string>()] = doubles(value);
+        if (average.size() != nodes)
+            throw SceneError("start: there are not as many averages as cells");
+    }
+    s.sensor_next = whole("sensor_next");
+    s.sensor_last = doubles(d["sensor_last"]);
+    s.sensor_first = doubles(d["sensor_first"]);
+    s.load_impulse = doubles(d["load_impulse"]);
+    return s;
 }
 
 inline BoundarySpec read_boundary(const py::dict& d, int dimension) {
@@ -299,6 +339,7 @@ inline Spec read_spec(const py::dict& d) {
         throw SceneError("precision is '" + precision + "'; expected single, mixed or double");
     }
     s.device = d["device"].cast<int>();
+    if (d.contains("shared_device")) s.shared_device = d["shared_device"].cast<bool>();
     s.pipeline = d["pipeline"].cast<std::string>();
     s.threads = d["threads"].cast<int>();
     s.cell_size = d["cell_size"].cast<double>();
@@ -316,6 +357,7 @@ inline Spec read_spec(const py::dict& d) {
     for (const auto& b : d["boundaries"])
         s.boundaries.push_back(read_boundary(b.cast<py::dict>(), s.dimension));
     for (const auto& x : d["sensors"]) s.sensors.push_back(read_sensor(x.cast<py::dict>(), s));
+    if (d.contains("start")) s.start = read_start(d["start"], s.dimension);
     return s;
 }
 

@@ -51,6 +51,7 @@ public:
     void zero(void* p, std::size_t bytes) { std::memset(p, 0, bytes); }
     void wait() {}
     void trim() {}
+    void trim_beyond(std::size_t) {}
     void check(const char*) {}
 
     template <class F>
@@ -91,6 +92,35 @@ public:
             for (int m = 0; m < M; ++m) out[m] = std::max(out[m], local[m]);
         }
         then(static_cast<const double*>(out));
+    }
+
+    /// Parts in which `sum_each` adds up n iterations: they depend on n alone, so that no number of
+    /// threads changes a bit.
+    static std::int64_t sum_parts(std::int64_t n) {
+        return std::max<std::int64_t>(1, (n + 63) / 64);
+    }
+
+    /// then(s, sums) for each set s < sets, with sums[w] = sum over i of what f(i, s, local) adds
+    /// to local[w]. `parts` has room for sum_parts(n) * sets * W numbers. Beside it beside(k) runs
+    /// for k < more, which are few and slow.
+    template <int W, class F, class G, class H>
+    void sum_each(std::int64_t n, int sets, const F& f, const G& then, double* parts,
+                  std::int64_t more, const H& beside) {
+        for_each_large(more, beside);
+        const std::int64_t chunks = sum_parts(n);
+        for_each_large(chunks * sets, [&](std::int64_t k) {
+            const std::int64_t chunk = k / sets;
+            double* local = parts + k * W;
+            std::fill_n(local, W, 0.0);
+            for (std::int64_t i = 64 * chunk; i < std::min(n, 64 * (chunk + 1)); ++i)
+                f(i, int(k % sets), local);
+        });
+        for (int s = 0; s < sets; ++s) {
+            double sums[W] = {};
+            for (std::int64_t c = 0; c < chunks; ++c)
+                for (int w = 0; w < W; ++w) sums[w] += parts[(c * sets + s) * W + w];
+            then(s, static_cast<const double*>(sums));
+        }
     }
 
     /// out[i] = sum of in[0 .. i), for i in [0, n]: n + 1 results.

@@ -111,6 +111,69 @@ __global__ void __launch_bounds__(max_threads)
     });
 }
 
+/// Adds what the threads of a block hold, in a fixed order; the sums are thread 0's.
+template <int W>
+__device__ __forceinline__ void add_up(double (&local)[W]) {
+    __shared__ double of_warp[max_threads / 32][W];
+    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
+    for (int w = 0; w < W; ++w) {
+        double x = local[w];
+        for (int by = 16; by > 0; by /= 2) x += __shfl_down_sync(~0u, x, by);
+        if (lane == 0) of_warp[warp][w] = x;
+    }
+    __syncthreads();
+    for (int w = 0; w < W && threadIdx.x == 0; ++w) {
+        local[w] = 0;
+        for (int k = 0; k < max_threads / 32; ++k) local[w] += of_warp[k][w];
+    }
+    __syncthreads();
+}
+
+/// Blocks leave their parts; the last of them adds the parts. Which block that is changes nothing.
+/// Blocks behind the first `summing` take what runs beside, a warp each.
+template <int W, class F, class G, class H>
+__global__ void __launch_bounds__(max_threads)
+    sum_kernel(std::int64_t n, int sets, const __grid_constant__ F f, double* parts,
+               const __grid_constant__ G then, std::uint32_t* arrivals, unsigned summing,
+               std::int64_t more, const __grid_constant__ H beside) {
+    after_previous();
+    if (blockIdx.x >= summing) {
+        const std::int64_t k =
+            std::int64_t(blockIdx.x - summing) * (max_threads / 32) + threadIdx.x / 32;
+        if (threadIdx.x % 32 == 0 && k < more) beside(k);
+        return;
+    }
+    const std::int64_t stride = std::int64_t(summing) * blockDim.x;
+    for (int s = 0; s < sets; ++s) {
+        double local[W] = {};
+        for (std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x; i < n;
+             i += stride) {
+            f(i, s, local);
+        }
+        add_up<W>(local);
+        if (threadIdx.x == 0) {
+            double* out = parts + (std::int64_t(s) * summing + blockIdx.x) * W;
+            for (int w = 0; w < W; ++w) out[w] = local[w];
+        }
+    }
+    __shared__ bool last;
+    if (threadIdx.x == 0) {
+        __threadfence();
+        last = atomicAdd(arrivals, 1u) + 1 == summing;
+        __threadfence();
+    }
+    __syncthreads();
+    if (!last) return;
+    for (int s = 0; s < sets; ++s) {
+        double local[W] = {};
+        for (unsigned b = threadIdx.x; b < summing; b += blockDim.x)
+            for (int w = 0; w < W; ++w) local[w] += parts[(std::int64_t(s) * summing + b) * W + w];
+        add_up<W>(local);
+        if (threadIdx.x == 0) then(s, static_cast<const double*>(local));
+    }
+    if (threadIdx.x == 0) *arrivals = 0;
+}
+
 template <class T>
 struct SumOf;
 template <>
@@ -146,7 +209,9 @@ public:
     /// Steps handed over before the state is looked at again.
     static constexpr int batch = 64;
 
-    explicit Cuda(int device);
+    /// `shared`: other simulations run on the device at the same time, so that what a launch leaves
+    /// idle is not lost; a run alone is slower for it.
+    Cuda(int device, bool shared);
     Cuda(Cuda&&) noexcept = default;
     Cuda& operator=(Cuda&&) noexcept = default;
 
@@ -159,6 +224,14 @@ public:
     void wait();
     /// Gives memory back that was freed and is kept for later.
     void trim();
+    /// Does so if much more is kept than the bytes that will be asked for next: pieces of sizes
+    /// that are no longer needed.
+    void trim_beyond(std::size_t bytes);
+    /// The most bytes that were in use at a time, and the most that were held for use.
+    struct Peak {
+        std::uint64_t used = 0, held = 0;
+    };
+    Peak peak() const;
 
     int device() const { return context_->device; }
     cudaStream_t stream() const { return context_->beside ? context_->side : context_->stream; }
@@ -167,6 +240,7 @@ public:
     void main_stream() { context_->beside = false; }
     void join();
     int multiprocessors() const { return context_->multiprocessors; }
+    bool shared() const { return context_->shared; }
 
     /// Queues a kernel of `blocks` x `rows` blocks.
     template <class... P, class... A>
@@ -231,6 +305,25 @@ public:
         launch_next(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
                     cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
     }
+    /// Parts in which `sum_each` adds up n iterations: they depend on n and the device alone.
+    std::int64_t sum_parts(std::int64_t n) const {
+        const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
+        return std::clamp<std::int64_t>(blocks, 1, 2 * multiprocessors());
+    }
+
+    /// then(s, sums) for each set s < sets, with sums[w] = sum over i of what f(i, s, local) adds
+    /// to local[w]. `parts` has room for sum_parts(n) * sets * W numbers. Beside it beside(k) runs
+    /// for k < more, which are few and slow.
+    template <int W, class F, class G, class H>
+    void sum_each(std::int64_t n, int sets, const F& f, const G& then, double* parts,
+                  std::int64_t more, const H& beside) {
+        constexpr int warps = cuda::max_threads / 32;
+        const std::int64_t summing = sum_parts(n);
+        launch_next(&cuda::sum_kernel<W, F, G, H>, summing + (more + warps - 1) / warps, 1,
+                    cuda::max_threads, n, sets, f, parts, then, context_->arrivals,
+                    unsigned(summing), more, beside);
+    }
+
     /// For kernels that end with something done once (`cuda::last_of`).
     std::uint32_t* arrivals() const { return context_->arrivals; }
 
@@ -274,10 +367,11 @@ private:
             throw CapacityError("more than 2^31 - 1 blocks of threads in one launch");
     }
     struct Context {
-        explicit Context(int device);
+        Context(int device, bool shared);
         ~Context() { close(); }
         void close() noexcept;
         int device;
+        bool shared;
         int multiprocessors = 0;
         cudaStream_t stream = nullptr, side = nullptr;
         cudaEvent_t event = nullptr;

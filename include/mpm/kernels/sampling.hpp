@@ -62,92 +62,84 @@ inline constexpr int load_columns = D == 2 ? 3 : 6;  // forces, then moments
 
 template <int D>
 struct LoadCellRecord {
+    int sensor;  // among all sensors
     int boundary;
     int faces;  // bit mask
     double reference[D];
 };
 
-/// Momentum that the boundaries of load cells take from the nodes of one block in this step. On one
-/// worker per block and in a fixed order, so that the bits do not depend on who came first.
+/// Momentum, and its moment, that the boundary of a load cell takes from one node in this step.
 template <class T, class Sum, int D>
 struct MeasureLoads {
     NodeUpdate<T, Sum, D> node;
-    const std::int32_t* slots;
+    const std::int32_t* slots;  // blocks that the boundaries of load cells touch
     const LoadCellRecord<D>* cells;
-    int count;
     double cell_size;
-    double* partial;  // (slots, count, load_columns)
 
-    MPM_INLINE void operator()(std::int64_t k) const {
-        const std::int32_t slot = slots[k];
-        double* out = partial + k * count * load_columns<D>;
-        for (int c = 0; c < count * load_columns<D>; ++c) out[c] = 0;
+    MPM_INLINE void operator()(std::int64_t i, int number, double* sum) const {
         if (node.clock->halt != Halt::none) return;
-        for (int n = 0; n < block_cells; ++n) {
-            const T m = node.mass(slot, n);
-            if (!(m > T(0))) continue;
-            std::int64_t at[D];
-            node.cell(slot, n, at);
-            const auto seen = [&](int boundary, int face, const Vec<T, D>& before,
-                                  const Vec<T, D>& after) {
-                for (int c = 0; c < count; ++c) {
-                    if (cells[c].boundary != boundary || !(cells[c].faces >> face & 1)) continue;
-                    double f[D], r[D];
-                    for (int a = 0; a < D; ++a) {
-                        f[a] = double(m) * (double(before[a]) - double(after[a]));
-                        r[a] = (double(at[a]) + 0.5) * cell_size - cells[c].reference[a];
-                    }
-                    double* o = out + c * load_columns<D>;
-                    for (int a = 0; a < D; ++a) o[a] += f[a];
-                    if constexpr (D == 2) {
-                        o[2] += r[0] * f[1] - r[1] * f[0];
-                    } else {
-                        o[3] += r[1] * f[2] - r[2] * f[1];
-                        o[4] += r[2] * f[0] - r[0] * f[2];
-                        o[5] += r[0] * f[1] - r[1] * f[0];
-                    }
-                }
-            };
-            node.velocity(slot, n, m, node.momentum(slot, n), seen);
-        }
-    }
-};
-
-/// Adds the blocks' parts to the impulses, one worker a column.
-template <int D>
-struct AddLoads {
-    const Clock* clock;
-    const double* partial;
-    std::int32_t slots;
-    int columns;  // of all load cells
-    double* impulse;
-    MPM_INLINE void operator()(std::int64_t column) const {
-        if (clock->halt != Halt::none) return;
-        double sum = 0;
-        for (std::int32_t k = 0; k < slots; ++k) sum += partial[std::int64_t(k) * columns + column];
-        impulse[column] += sum;
-    }
-};
-
-/// Mean load since the sample before.
-template <int D>
-struct SampleLoad {
-    const Clock* clock;
-    SensorRecord* sensor;
-    double* impulse;  // of this load cell
-    MPM_HD void operator()() const {
-        SensorRecord& r = *sensor;
-        if (!r.due) return;
-        const double elapsed = clock->time - r.last_time;
-        if (elapsed > 0) {  // the first sample, at the start, has nothing to average over
-            double* row = open_row(r, clock->time);
-            for (int c = 0; c < load_columns<D>; ++c) {
-                row[c] = impulse[c] / elapsed;
-                impulse[c] = 0;
+        const std::int32_t slot = slots[i / block_cells];
+        const int n = int(i % block_cells);
+        const T m = node.mass(slot, n);
+        if (!(m > T(0))) return;
+        const LoadCellRecord<D>& cell = cells[number];
+        std::int64_t at[D];
+        node.cell(slot, n, at);
+        const auto seen = [&](int boundary, int face, const Vec<T, D>& before,
+                              const Vec<T, D>& after) {
+            if (cell.boundary != boundary || !(cell.faces >> face & 1)) return;
+            double f[D], r[D];
+            for (int a = 0; a < D; ++a) {
+                f[a] = double(m) * (double(before[a]) - double(after[a]));
+                r[a] = (double(at[a]) + 0.5) * cell_size - cell.reference[a];
+                sum[a] += f[a];
             }
-        }
-        r.last_time = clock->time;
+            if constexpr (D == 2) {
+                sum[2] += r[0] * f[1] - r[1] * f[0];
+            } else {
+                sum[3] += r[1] * f[2] - r[2] * f[1];
+                sum[4] += r[2] * f[0] - r[0] * f[2];
+                sum[5] += r[0] * f[1] - r[1] * f[0];
+            }
+        };
+        node.velocity(slot, n, m, node.momentum(slot, n), seen);
     }
+};
+
+/// A sample that is due is the mean load since the one before; then this step's share is added.
+template <int D>
+struct TakeLoad {
+    const Clock* clock;
+    SensorRecord* sensors;
+    const LoadCellRecord<D>* cells;
+    double* impulse;  // (load cells, load_columns)
+
+    MPM_INLINE void operator()(int number, const double* sum) const {
+        double* of_cell = impulse + number * load_columns<D>;
+        SensorRecord& r = sensors[cells[number].sensor];
+        if (r.due) {
+            const double elapsed = clock->time - r.last_time;
+            if (elapsed > 0) {  // the first sample, at the start, has nothing to average over
+                double* row = open_row(r, clock->time);
+                for (int c = 0; c < load_columns<D>; ++c) {
+                    row[c] = of_cell[c] / elapsed;
+                    of_cell[c] = 0;
+                }
+            }
+            r.last_time = clock->time;
+        }
+        for (int c = 0; c < load_columns<D>; ++c) of_cell[c] += sum[c];
+    }
+};
+
+/// Where a wave gauge or a velocity probe is.
+template <int D>
+struct PointRecord {
+    int sensor;       // among all sensors
+    int axis;         // of a gauge: vertical; -1: a velocity probe
+    int channel = 0;  // of a gauge, among the sums: mass of all, or of one body
+    double full = 1;  // mass of a full node, kg
+    double position[D];
 };
 
 /// Free surface above a point: where the nodes' fill falls through one half, from above,
@@ -155,14 +147,10 @@ struct SampleLoad {
 /// Not-a-number where the column is dry.
 template <class T, class Sum, int D>
 struct SampleGauge {
-    NodeUpdate<T, Sum, D> node;
-    SensorRecord* sensor;
-    double position[D];
-    int axis;     // vertical
-    int channel;  // of the sums: mass of all, or of one body
-    double full;  // mass of a full node, kg
+    const NodeUpdate<T, Sum, D>& node;
+    const PointRecord<D>& point;
     double cell_size;
-    std::int64_t cells[D];
+    const std::int64_t (&cells)[D];
 
     MPM_INLINE double fill(std::int64_t (&c)[D]) const {
         std::int64_t block[D];
@@ -174,21 +162,21 @@ struct SampleGauge {
         const std::int32_t slot = find_block<D>(node.grid.table, block);
         if (slot < 0) return 0;
         const Sum* s = node.sums(slot, Block<D>::cell(at));
-        return from_sum<double>(s[channel * block_cells], node.clock->unit_read[mass_sum]) / full;
+        return from_sum<double>(s[point.channel * block_cells], node.clock->unit_read[mass_sum]) /
+               point.full;
     }
     MPM_INLINE double surface(std::int64_t (&c)[D]) const {
         double above = 0;
-        for (std::int64_t k = cells[axis] - 1; k >= 0; --k) {
-            c[axis] = k;
+        for (std::int64_t k = cells[point.axis] - 1; k >= 0; --k) {
+            c[point.axis] = k;
             const double here = fill(c);
             if (here >= 0.5) return (double(k) + 0.5 + (here - 0.5) / (here - above)) * cell_size;
             above = here;
         }
         return nan("");
     }
-    MPM_HD void operator()() const {
-        SensorRecord& r = *sensor;
-        if (!r.due) return;
+    MPM_INLINE void operator()(double* row) const {
+        const int axis = point.axis;
         double sum = 0, total = 0;
         for (int corner = 0; corner < (1 << D); ++corner) {
             if (corner >> axis & 1) continue;
@@ -196,7 +184,7 @@ struct SampleGauge {
             std::int64_t c[D];
             for (int a = 0; a < D; ++a) {
                 if (a == axis) continue;
-                const double s = position[a] / cell_size - 0.5;
+                const double s = point.position[a] / cell_size - 0.5;
                 const std::int64_t low = std::int64_t(floor(s));
                 const int up = corner >> a & 1;
                 weight *= up ? s - double(low) : 1 - (s - double(low));
@@ -210,28 +198,36 @@ struct SampleGauge {
                 total += weight;
             }
         }
-        open_row(r, node.clock->time)[0] = total > 0 ? sum / total : nan("");
+        row[0] = total > 0 ? sum / total : nan("");
     }
 };
 
+/// Gauges and probes that are due, one worker each.
 template <class T, class Sum, int D>
-struct SampleVelocity {
+struct SamplePoints {
     NodeUpdate<T, Sum, D> node;
-    SensorRecord* sensor;
-    double position[D];
+    SensorRecord* sensors;
+    const PointRecord<D>* points;
     double cell_size;
-    MPM_HD void operator()() const {
-        SensorRecord& r = *sensor;
+    std::int64_t cells[D];
+
+    MPM_INLINE void operator()(std::int64_t k) const {
+        const PointRecord<D>& point = points[k];
+        SensorRecord& r = sensors[point.sensor];
         if (!r.due) return;
+        double* row = open_row(r, node.clock->time);
+        if (point.axis >= 0) {
+            SampleGauge<T, Sum, D>{node, point, cell_size, cells}(row);
+            return;
+        }
         std::int64_t cell[D];
         double xi[D], v[D];
         for (int a = 0; a < D; ++a) {
-            const double s = position[a] / cell_size;
+            const double s = point.position[a] / cell_size;
             cell[a] = std::int64_t(floor(s));
             xi[a] = s - double(cell[a]) - 0.5;
         }
         const bool wet = velocity_at<T, Sum, D>(node, cell, xi, v);
-        double* row = open_row(r, node.clock->time);
         for (int a = 0; a < D; ++a) row[a] = wet ? v[a] : nan("");
     }
 };
@@ -296,20 +292,29 @@ struct TrackParticles {
     }
 };
 
-/// Adds the parts that the bodies' energy passes left, in order. `first` keeps the total of the
-/// first sample.
-struct SampleEnergy {
+/// Beside a sum that has nothing beside it.
+struct Nothing {
+    MPM_INLINE void operator()(std::int64_t) const {}
+};
+
+/// The parts that the bodies' energy passes left: (n, 3) kinetic, elastic, potential.
+struct AddEnergies {
+    const SensorRecord* sensor;
+    const double* partial;
+    MPM_INLINE void operator()(std::int64_t i, int /*set*/, double* sum) const {
+        if (!sensor->due) return;
+        for (int e = 0; e < 3; ++e) sum[e] += partial[3 * i + e];
+    }
+};
+
+/// A row of sums of energy. `first` keeps the total of the first sample.
+struct TakeEnergy {
     const Clock* clock;
     SensorRecord* sensor;
-    const double* partial;  // (count, 3): kinetic, elastic, potential
-    std::int64_t count;
     double* first;  // total at the first sample, or not-a-number
-    MPM_HD void operator()() const {
+    MPM_INLINE void operator()(int /*set*/, const double* sum) const {
         SensorRecord& r = *sensor;
         if (!r.due) return;
-        double sum[3] = {};
-        for (std::int64_t k = 0; k < count; ++k)
-            for (int e = 0; e < 3; ++e) sum[e] += partial[3 * k + e];
         const double total = sum[0] + sum[1] + sum[2];
         if (!(*first == *first)) *first = total;
         double* row = open_row(r, clock->time);

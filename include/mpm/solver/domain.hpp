@@ -49,6 +49,7 @@ public:
     std::vector<std::string> attribute_names(int body) const override;
     Attributes attributes(int body, const std::vector<std::string>& names) override;
     Array grid(const std::string& name) override;
+    NodalSums sums() override;
     State save() override;
     void load(const State& state) override;
     std::map<std::string, double> timings() const override { return timings_; }
@@ -63,9 +64,6 @@ private:
     };
     struct Sensor {
         SensorSpec spec;
-        int load = -1;  // index among load cells
-        int gauge_channel = 0;
-        double gauge_full = 1;
         Buffer<X, double> times, values, first;
         Buffer<X, std::uint32_t> ids;
         Buffer<X, std::int32_t> columns;
@@ -83,7 +81,13 @@ private:
     void find_blocks(const Spec& spec);
     void place_body(Body& body, const BodySpec& spec);
     void first_deposit(const Spec& spec);
-    void deposit_all(const Spec& spec);
+    template <class Chosen>
+    void deposit(const Spec& spec, const Chosen& chosen, double dt);
+    template <class Chosen>
+    void deposit_all(const Spec& spec, const Chosen& chosen);
+    void start_from(const Spec& spec);
+    std::vector<double> sums_as_numbers(const std::vector<Sum>& sums) const;
+    void adopt_sums(const std::vector<double>& value);
     void set_scales(double mass, double momentum_limit, double group_limit);
     TimeTableView upload_table(const TableSpec& table, int components);
 
@@ -91,6 +95,7 @@ private:
     void one_step();
     void update_grid();
     void run_sensors();
+    void sample_energy(Sensor& sensor, SensorRecord* record);
     void run_bodies();
     Fault describe_fault();
     std::int64_t growth_start() const;
@@ -102,6 +107,8 @@ private:
     }
 
     // domain_state.hpp
+    void restore_sensors(const std::vector<std::int64_t>& next, const std::vector<double>& last,
+                         const std::vector<double>& first, std::vector<double> impulse);
     std::vector<std::uint32_t> cell_by_cell(const Body& body,
                                             std::vector<std::uint8_t>* cell = nullptr) const;
 
@@ -194,7 +201,8 @@ private:
     std::vector<Sensor> sensors_;
     Buffer<X, SensorRecord> sensor_records_{exec_};
     Buffer<X, LoadCellRecord<D>> load_cells_{exec_};
-    int load_count_ = 0;
+    Buffer<X, PointRecord<D>> points_{exec_};  // gauges and probes
+    int load_count_ = 0, point_count_ = 0;
     Buffer<X, double> load_impulse_{exec_};
     Buffer<X, double> load_partial_{exec_};
     Buffer<X, std::uint32_t> measured_{exec_};

@@ -103,6 +103,26 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
                        }
                        exec_.for_each(n, place);
                    });
+    if (!s.ids.empty()) exec_.upload(body.id.data(), s.ids.data(), s.count * sizeof s.ids[0]);
+    if (s.state) {
+        const std::size_t width = body.state.size();
+        if (std::size_t(s.state_width) != width)
+            throw SceneError("body '" + s.name + "' has " + std::to_string(s.state_width) +
+                             " numbers a particle to begin with; this run stores " +
+                             std::to_string(width));
+        std::vector<double> rows;
+        std::vector<T> column;
+        for (std::uint64_t first = 0; first < s.count; first += piece_rows) {
+            const std::uint64_t n = std::min(piece_rows, s.count - first);
+            rows.resize(n * width);
+            column.resize(n);
+            s.state(first, first + n, rows.data());
+            for (std::size_t r = 0; r < width; ++r) {
+                for (std::uint64_t k = 0; k < n; ++k) column[k] = T(rows[k * width + r]);
+                exec_.upload(body.state[r].data() + first, column.data(), n * sizeof(T));
+            }
+        }
+    }
     if (s.pressure) {
         std::vector<T> j;
         for_each_piece(
@@ -131,38 +151,141 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
         s.reserve_discard(std::size_t(table_.slots) * plan_.sum_channels * block_cells);
         s.zero();
     }
+    const auto everyone = [](const BodySpec&) { return true; };
+    if (spec.start.given)
+        start_from(spec);
+    else
+        deposit(spec, everyone, clock_.dt);
+}
+
+/// Fills the sums with what the chosen bodies deposit, their stress for a step of `dt`.
+template <class X, class T, int D>
+template <class Chosen>
+void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt) {
     std::vector<BodyNumbers> numbers;
     for (const BodyConstants& body : constants_.host())
-        numbers.push_back(body_numbers(body, spec_.cell_size, clock_.dt, clock_.dt));
+        numbers.push_back(body_numbers(body, spec_.cell_size, clock_.dt, dt));
     numbers_.assign(numbers);
+    sums_[parity()].zero();
     if constexpr (!std::is_integral_v<Sum>) {
-        deposit_all(spec);
+        deposit_all(spec, chosen);
     } else {
         // Once to learn what is deposited, with a mass that cannot be exceeded: all particles of a
         // node's 3^D cells, each with the largest weight.
         Buffer<X, double> found(exec_);
         found.reserve_discard(1);
         double mass = 0;
-        for (Body& body : bodies_) {
+        for (std::size_t b = 0; b < bodies_.size(); ++b) {
+            if (!chosen(spec.bodies[b])) continue;
+            const Body& body = bodies_[b];
             exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                        MostOfCell{body.cell_start.data()}, Keep{found.data()});
             mass += body.particle_mass * std::max(found.host()[0], 1.0) * stencil_nodes<D> *
                     std::pow(0.75, D);
         }
-        set_scales(mass, 1, 1);
-        deposit_all(spec);
+        set_scales(std::max(mass, least_mass_), 1, 1);
+        deposit_all(spec, chosen);
         exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
-                                   LargestNodeMass<Grid, Sum, D>{node_update(0)},
+                                   LargestNodeMass<Grid, Sum, D>{node_update(parity())},
                                    Keep{found.data()});
         fetch_clock();
         const double calm = 1e-6 * plan_.wave_speed;
         set_scales(std::max(found.host()[0], least_mass_),
                    2 * std::max(clock_.deposited[momentum_sum], calm),
                    2 * std::max(clock_.deposited[group_sum], 1e-7));
-        sums_[0].zero();
-        deposit_all(spec);
+        sums_[parity()].zero();
+        deposit_all(spec, chosen);
         fetch_clock();
     }
+}
+
+/// The sums of a run that goes on from another: restored bodies carry that run's nodal velocities
+/// and averages on the mass that their particles have now, so that taking particles out or adding
+/// others leaves the motion of the rest as it was. New bodies deposit as at any start.
+template <class X, class T, int D>
+void Domain<X, T, D>::start_from(const Spec& spec) {
+    const StartSpec& start = spec.start;
+    const std::size_t nodes = start.cell.size() / D,
+                      stride = std::size_t(plan_.sum_channels) * block_cells;
+    const auto restored = [](const BodySpec& b) { return b.restored; };
+    const auto fresh = [](const BodySpec& b) { return !b.restored; };
+
+    // The velocities hold the stress of a step as long as that run's was. Restored bodies rest in
+    // this deposit, so their momentum is what their stress does in the difference.
+    deposit(spec, restored, clock_.dt - start.time_step);
+    std::vector<double> sums = sums_as_numbers(sums_[parity()].host());
+    std::vector<const std::vector<double>*> averages;
+    for (const GroupChannels& g : plan_.groups) {
+        const auto found = start.averages.find(plan_.channels[g.sum]);
+        averages.push_back(found == start.averages.end() ? nullptr : &found->second);
+    }
+    const auto keys = keys_.host();
+    const BlockTableView<D> table{table_.keys_of, table_.slots, keys.data(), nullptr, nullptr};
+    for (std::size_t k = 0; k < nodes; ++k) {
+        std::int64_t block[D];
+        int at[D];
+        for (int a = 0; a < D; ++a) {
+            const std::int64_t c = start.cell[k * D + a] + Block<D>::edge * BlockKeys<D>::rim;
+            block[a] = c / Block<D>::edge - BlockKeys<D>::rim;
+            at[a] = int(c % Block<D>::edge);
+        }
+        const std::int32_t slot = find_block<D>(table, block);
+        if (slot < 0) continue;  // all its particles were taken out
+        double* s = sums.data() + std::size_t(slot) * stride + Block<D>::cell(at);
+        for (int a = 0; a < D; ++a) s[(1 + a) * block_cells] += start.velocity[k * D + a] * s[0];
+        for (std::size_t g = 0; g < averages.size(); ++g) {
+            if (averages[g] == nullptr) continue;
+            const GroupChannels& c = plan_.groups[g];
+            s[c.sum * block_cells] =
+                (*averages[g])[k] * s[c.weight >= 0 ? c.weight * block_cells : 0];
+        }
+    }
+
+    deposit(spec, fresh, clock_.dt);
+    const std::vector<double> added = sums_as_numbers(sums_[parity()].host());
+    for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += added[k];
+    adopt_sums(sums);
+    push_clock();
+}
+
+/// Sums in the units of this moment's clock.
+template <class X, class T, int D>
+std::vector<double> Domain<X, T, D>::sums_as_numbers(const std::vector<Sum>& sums) const {
+    std::vector<double> out(sums.size());
+    for (std::size_t k = 0; k < out.size(); ++k)
+        out[k] = from_sum<double>(sums[k], clock_.unit_read[scale_of_sum(k)]);
+    return out;
+}
+
+/// Takes numbers for sums, on this backend's scale.
+template <class X, class T, int D>
+void Domain<X, T, D>::adopt_sums(const std::vector<double>& value) {
+    std::vector<Sum> sums(value.size());
+    if constexpr (std::is_integral_v<Sum>) {
+        double top[quantities] = {};
+        for (std::size_t k = 0; k < value.size(); ++k) {
+            double& most = top[scale_of_sum(k)];
+            most = std::max(most, std::abs(value[k]));
+        }
+        for (int q = 0; q < quantities; ++q) {
+            double scale = 1;
+            if (top[q] > 0)
+                scale = power_of_two_below(std::ldexp(1.0, X::template sum_bits<T> - 2) / top[q]);
+            // The largest deposit is not known; no less than this by the largest sum.
+            if (q != mass_sum && top[mass_sum] > 0)
+                clock_.deposited[q] =
+                    std::max(clock_.deposited[q], deposit_growth * top[q] / top[mass_sum]);
+            clock_.deposit_limit[q] = std::numeric_limits<double>::infinity();
+            clock_.unit_read[q] = 1 / scale;
+            clock_.scale_write[q] = scale;
+        }
+        for (std::size_t k = 0; k < value.size(); ++k)
+            sums[k] = Sum(std::llrint(value[k] * clock_.scale_write[scale_of_sum(k)]));
+    } else {
+        for (std::size_t k = 0; k < value.size(); ++k) sums[k] = Sum(value[k]);
+    }
+    sums_[parity()].assign(sums);
+    sums_[1 - parity()].reserve_discard(sums.size());
 }
 
 template <class X, class T, int D>
@@ -180,11 +303,12 @@ void Domain<X, T, D>::set_scales(double mass, double momentum_limit, double grou
 }
 
 template <class X, class T, int D>
-void Domain<X, T, D>::deposit_all(const Spec& spec) {
+template <class Chosen>
+void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
     push_clock();
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
-        if (body.homes == 0) continue;
+        if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
         const auto& velocity = spec.bodies[b].velocity;
         const std::size_t n = body.count;
         body.scratch.reserve_discard(n * D + column_padding);
@@ -201,7 +325,7 @@ void Domain<X, T, D>::deposit_all(const Spec& spec) {
             given.assign(piece);
             exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
         }
-        body.ops.initial(pass(body, int(b), 0));
+        body.ops.initial(pass(body, int(b), parity()));
         exec_.wait();
         body.scratch = Buffer<X, Grid>(exec_);
     }

@@ -81,6 +81,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         return std::find(names.begin(), names.end(), name) != names.end();
     };
     for (const auto& n : names) {
+        // Not for readers: what particles store, and which of them the run has set aside.
+        if (n == "state" || n == "frozen") continue;
         if (std::find(known.begin(), known.end(), n) == known.end()) {
             std::string list;
             for (const auto& k : known) list += (list.empty() ? "" : ", ") + k;
@@ -124,6 +126,11 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     double* plastic = make("plastic_strain", 1, 0);
     double* yields = make("yields", 1, 0);
     double* smoothed = make("volume_ratio_smoothed", 1, 0);
+    double* frozen = make("frozen", 1, 0);
+    const std::size_t stored = std::size_t(body.plan.state_columns);
+    double* raw = make("state", stored, 0);
+    if (raw) out.values["state"].shape.push_back(stored);
+    for (std::size_t k = active; frozen && k < n; ++k) frozen[k] = 1;
 
     if (moving) prepare_velocities();
     const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
@@ -148,6 +155,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         if (mass) mass[q] = m;
         if (speed) speed[q] = std::sqrt(square);
         if (kinetic) kinetic[q] = 0.5 * m * square;
+        for (std::size_t r = 0; raw && r < stored; ++r) raw[q * stored + r] = s[r];
         if (smoothed) smoothed[q] = 1 - s[body.plan.state_columns - 1];
         if (!constitutive) return;
         // The stress follows the volume that F-bar gives it.
@@ -268,6 +276,29 @@ Array Domain<X, T, D>::grid(const std::string& name) {
     return out;
 }
 
+/// Of the nodes that carry mass.
+template <class X, class T, int D>
+NodalSums Domain<X, T, D>::sums() {
+    fetch_clock();
+    const auto keys = keys_.host();
+    const auto value = sums_as_numbers(sums_[parity()].host());
+    NodalSums out;
+    for (std::size_t slot = 0; slot < keys.size(); ++slot) {
+        std::int64_t block[D];
+        table_.keys_of.block(keys[slot], block);
+        for (int node = 0; node < block_cells; ++node) {
+            const double* s = value.data() + slot * plan_.sum_channels * block_cells + node;
+            if (!(s[0] > 0)) continue;
+            int at[D];
+            Block<D>::coordinates(node, at);
+            for (int a = 0; a < D; ++a) out.cell.push_back(block[a] * Block<D>::edge + at[a]);
+            for (int c = 0; c < plan_.sum_channels; ++c)
+                out.value[plan_.channels[c]].push_back(s[c * block_cells]);
+        }
+    }
+    return out;
+}
+
 /// Rows that the sensors have left in their rings, appended to what waits for `drain`.
 template <class X, class T, int D>
 void Domain<X, T, D>::collect_samples() {
@@ -323,6 +354,11 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
                         b.lone.bytes() + b.lone_slot.bytes() + b.scratch.bytes());
     }
     out["bytes"] = bytes;
+    if constexpr (X::is_device) {
+        const auto peak = exec_.peak();
+        out["most_bytes_used"] = double(peak.used);
+        out["most_bytes_held"] = double(peak.held);
+    }
     return out;
 }
 

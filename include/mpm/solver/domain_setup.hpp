@@ -51,8 +51,11 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     clock_.numbers_dt = -1;
     clock_.stray_limit = ~std::uint64_t(0);
     for (int q = 0; q < quantities; ++q) clock_.unit_read[q] = clock_.scale_write[q] = 1;
+    clock_.time = spec_.start.time;
+    clock_.step = last_sort_ = spec_.start.step;
     // The first step obeys the same speed limit as every later one.
     double speed = 0;
+    for (double v : spec_.start.velocity) speed = std::max(speed, std::abs(v));
     for (const auto& b : spec_.bodies)
         for (double v : b.velocity) speed = std::max(speed, std::abs(v));
     if (speed * clock_.dt > 0.5 * spec_.cell_size)
@@ -62,14 +65,19 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     set_boundaries();
     place_particles(spec_);
     set_sensors();
+    if (spec_.start.given)
+        restore_sensors(spec_.start.sensor_next, spec_.start.sensor_last, spec_.start.sensor_first,
+                        spec_.start.load_impulse);
     link_table();
     list_homes(find_homes());
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {
-        b.position = b.pressure = {};
+        b.position = b.pressure = b.state = {};
         b.velocity = {};
+        b.ids = {};
     }
+    spec_.start = {};
 }
 
 template <class X, class T, int D>
@@ -86,9 +94,9 @@ TimeTableView Domain<X, T, D>::upload_table(const TableSpec& table, int componen
 template <class X, class T, int D>
 void Domain<X, T, D>::set_boundaries() {
     std::vector<BoundaryRecord<D>> records, measured;
-    std::vector<bool> is_measured(spec_.boundaries.size(), false);
+    std::vector<int> measured_faces(spec_.boundaries.size(), 0);
     for (const auto& s : spec_.sensors)
-        if (s.kind == SensorKind::load_cell) is_measured.at(std::size_t(s.boundary)) = true;
+        if (s.kind == SensorKind::load_cell) measured_faces.at(std::size_t(s.boundary)) |= s.faces;
     for (std::size_t k = 0; k < spec_.boundaries.size(); ++k) {
         const BoundarySpec& s = spec_.boundaries[k];
         BoundaryRecord<D> r{};
@@ -105,7 +113,9 @@ void Domain<X, T, D>::set_boundaries() {
         r.end = s.end;
         if (s.moves) r.motion = upload_table(s.motion, D);
         records.push_back(r);
-        if (is_measured[k]) measured.push_back(r);
+        if (measured_faces[k] == 0) continue;
+        for (int f = 0; f < 2 * D; ++f) r.present[f] = r.present[f] && measured_faces[k] >> f & 1;
+        measured.push_back(r);
     }
     boundary_records_.assign(records);
     measured_boundaries_.assign(measured);
@@ -115,6 +125,7 @@ void Domain<X, T, D>::set_boundaries() {
 template <class X, class T, int D>
 void Domain<X, T, D>::set_sensors() {
     std::vector<LoadCellRecord<D>> loads;
+    std::vector<PointRecord<D>> points;
     for (const auto& s : spec_.sensors) {
         sensors_.emplace_back(exec_);
         Sensor& sensor = sensors_.back();
@@ -125,12 +136,18 @@ void Domain<X, T, D>::set_sensors() {
         sensor.values.assign(std::vector<double>(capacity * columns, 0.0));
         sensor.drained.values.shape = {0, columns};
         if (s.kind == SensorKind::load_cell) {
-            sensor.load = int(loads.size());
             LoadCellRecord<D> r{};
+            r.sensor = int(sensors_.size()) - 1;
             r.boundary = s.boundary;
             r.faces = s.faces;
             for (int a = 0; a < D; ++a) r.reference[a] = s.reference[a];
             loads.push_back(r);
+        }
+        if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe) {
+            PointRecord<D>& point = points.emplace_back();
+            point.sensor = int(sensors_.size()) - 1;
+            point.axis = s.kind == SensorKind::wave_gauge ? s.axis : -1;
+            for (int a = 0; a < D; ++a) point.position[a] = s.position[a];
         }
         if (s.kind == SensorKind::wave_gauge) {
             // Water alone where its mass has a channel, else everything that has mass.
@@ -139,9 +156,9 @@ void Domain<X, T, D>::set_sensors() {
                 if (bodies_[k].material->volumetric) b = int(k);
             if (b < 0) b = 0;
             if (bodies_[b].plan.group.weight >= 0)
-                sensor.gauge_channel = bodies_[b].plan.group.weight;
-            sensor.gauge_full = bodies_[b].material->density(bodies_[b].parameters.data()) *
-                                std::pow(spec_.cell_size, D);
+                points.back().channel = bodies_[b].plan.group.weight;
+            points.back().full = bodies_[b].material->density(bodies_[b].parameters.data()) *
+                                 std::pow(spec_.cell_size, D);
         }
         if (s.kind == SensorKind::tracker) {
             const Body& body = bodies_.at(std::size_t(s.body));
@@ -151,11 +168,13 @@ void Domain<X, T, D>::set_sensors() {
                       [&](int x, int y) { return s.ids[x] < s.ids[y]; });
             std::vector<std::uint32_t> ids;
             for (int k : order) {
-                if (s.ids[k] < body.first_id || s.ids[k] - body.first_id >= body.count) {
-                    throw SceneError("sensor '" + s.name + "': id " + std::to_string(s.ids[k]) +
-                                     " is not of body '" + body.plan.name + "', whose ids are " +
-                                     std::to_string(body.first_id) + " to " +
-                                     std::to_string(body.first_id + body.count - 1));
+                if (s.ids[k] < body.first_id ||
+                    s.ids[k] - body.first_id >= ids_of(spec_.bodies[s.body])) {
+                    throw SceneError(
+                        "sensor '" + s.name + "': id " + std::to_string(s.ids[k]) +
+                        " is not of body '" + body.plan.name + "', whose ids are " +
+                        std::to_string(body.first_id) + " to " +
+                        std::to_string(body.first_id + ids_of(spec_.bodies[s.body]) - 1));
                 }
                 ids.push_back(std::uint32_t(s.ids[k] - body.first_id));
             }
@@ -177,6 +196,8 @@ void Domain<X, T, D>::set_sensors() {
     sensor_records_.assign(records);
     load_count_ = int(loads.size());
     load_cells_.assign(loads);
+    point_count_ = int(points.size());
+    points_.assign(points);
     load_impulse_.assign(std::vector<double>(std::size_t(load_count_) * load_columns<D>, 0.0));
 }
 

@@ -32,7 +32,8 @@ void Domain<X, T, D>::link_table() {
         measured_count_ = std::int32_t(n);
         measured_slots_.reserve_discard(n);
         exec_.for_each(slots, ListHomes{measured_.data(), position.data(), measured_slots_.data()});
-        load_partial_.reserve_discard(std::size_t(n) * load_count_ * load_columns<D>);
+        load_partial_.reserve_discard(std::size_t(exec_.sum_parts(std::int64_t(n) * block_cells)) *
+                                      load_count_ * load_columns<D>);
         exec_.wait();
     }
 }
@@ -222,15 +223,21 @@ template <class X, class T, int D>
 void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
                                         Buffer<X, std::uint64_t>& keys) {
     const std::int64_t n = std::int64_t(homes.size()) * Block<D>::neighbours;
-    keys.reserve_discard(n);
-    exec_.for_each(n, ListNeighbours<D>{table_.keys_of, homes.data(), keys.data()});
-    const std::int64_t slots = exec_.sort_unique(keys.data(), n, table_.keys_of.bits());
+    Buffer<X, std::uint64_t> all(exec_);
+    all.reserve_discard(n);
+    exec_.for_each(n, ListNeighbours<D>{table_.keys_of, homes.data(), all.data()});
+    const std::int64_t slots = exec_.sort_unique(all.data(), n, table_.keys_of.bits());
     if (slots * block_cells >= std::int64_t(~0u)) {
         throw CapacityError(
             "the scene needs " + std::to_string(slots) +
             " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
     }
-    keys.shrink(slots);
+    keys.reserve_discard(slots);
+    exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
+    // As large as this, it would weigh on the sort that follows.
+    const bool heavy = all.bytes() > (std::size_t(16) << 20);
+    all = Buffer<X, std::uint64_t>(exec_);
+    if (heavy) exec_.trim();
 }
 
 /// A table of the occupied blocks and all their neighbours. `map` leads from the present table's
@@ -315,6 +322,9 @@ template <class X, class T, int D>
 bool Domain<X, T, D>::sort() {
     const double began = now();
     const std::int64_t slots = table_.slots;
+    std::uint64_t most = 0;
+    for (const Body& body : bodies_) most = std::max<std::uint64_t>(most, body.count);
+    exec_.trim_beyond(most * 3 * sizeof(std::uint32_t));
     // Per body: particles that have left, homes; then whether the table lacks a block.
     const std::size_t bodies = bodies_.size();
     Buffer<X, std::uint32_t> occupied(exec_), counts(exec_);

@@ -128,56 +128,44 @@ void Domain<X, T, D>::load(const State& state) {
         // From another backend or precision: through numbers, and onto this backend's scale.
         auto value = detail::numbers(state, "sums");
         const bool was_fixed = saved.type == 'i' || saved.type == 'l';
-        double top[quantities] = {};
-        for (std::size_t k = 0; k < value.size(); ++k) {
-            const int q = scale_of_sum(k);
-            if (was_fixed) value[k] *= clock_.unit_read[q];
-            top[q] = std::max(top[q], std::abs(value[k]));
-        }
-        std::vector<Sum> sums(value.size());
-        for (int q = 0; q < quantities; ++q) {
-            double scale = 1;
-            if constexpr (std::is_integral_v<Sum>) {
-                if (top[q] > 0)
-                    scale =
-                        power_of_two_below(std::ldexp(1.0, X::template sum_bits<T> - 2) / top[q]);
-                // The largest deposit is not known; no less than this by the largest sum.
-                if (!was_fixed && q != mass_sum && top[mass_sum] > 0)
-                    clock_.deposited[q] = deposit_growth * top[q] / top[mass_sum];
-                clock_.deposit_limit[q] = std::numeric_limits<double>::infinity();
-            }
-            clock_.unit_read[q] = 1 / scale;
-            clock_.scale_write[q] = scale;
-        }
-        for (std::size_t k = 0; k < value.size(); ++k) {
-            if constexpr (std::is_integral_v<Sum>)
-                sums[k] = Sum(std::llrint(value[k] * clock_.scale_write[scale_of_sum(k)]));
-            else
-                sums[k] = Sum(value[k]);
-        }
-        sums_[reading].assign(sums);
+        for (std::size_t k = 0; was_fixed && k < value.size(); ++k)
+            value[k] *= clock_.unit_read[scale_of_sum(k)];
+        if (!was_fixed) std::fill_n(clock_.deposited, quantities, 0.0);
+        adopt_sums(value);
     }
     sums_[1 - reading].reserve_discard(sums_[reading].size());
 
-    load_impulse_.assign(detail::from_blob<double>(state, "load_impulse"));
-    auto records = sensor_records_.host();
-    const auto next = detail::from_blob<std::int64_t>(state, "sensor_next");
-    const auto last = detail::from_blob<double>(state, "sensor_last");
-    const auto first = detail::from_blob<double>(state, "sensor_first");
-    if (next.size() != records.size())
-        throw SceneError("the saved state has other sensors than this scene");
-    for (std::size_t k = 0; k < records.size(); ++k) {
-        records[k].next = next[k];
-        records[k].last_time = last[k];
-        records[k].count = 0;
-        sensors_[k].first.assign({first[k]});
-    }
-    sensor_records_.assign(records);
+    restore_sensors(detail::from_blob<std::int64_t>(state, "sensor_next"),
+                    detail::from_blob<double>(state, "sensor_last"),
+                    detail::from_blob<double>(state, "sensor_first"),
+                    detail::from_blob<double>(state, "load_impulse"));
     clock_.halt = Halt::none;
     link_table();
     list_homes(find_homes());
     push_clock();
     dead_ = false;
+}
+
+/// Sensors that a run before this one had go on where they were; those behind them start now.
+template <class X, class T, int D>
+void Domain<X, T, D>::restore_sensors(const std::vector<std::int64_t>& next,
+                                      const std::vector<double>& last,
+                                      const std::vector<double>& first,
+                                      std::vector<double> impulse) {
+    auto records = sensor_records_.host();
+    if (next.size() > records.size() || last.size() != next.size() || first.size() != next.size() ||
+        impulse.size() > load_impulse_.size())
+        throw SceneError("the saved state has other sensors than this scene");
+    for (std::size_t k = 0; k < records.size(); ++k) {
+        const bool known = k < next.size();
+        records[k].next = known ? next[k] : 0;
+        records[k].last_time = known ? last[k] : clock_.time;
+        records[k].count = 0;
+        if (known) sensors_[k].first.assign({first[k]});
+    }
+    impulse.resize(load_impulse_.size(), 0.0);
+    load_impulse_.assign(impulse);
+    sensor_records_.assign(records);
 }
 
 }  // namespace mpm

@@ -46,71 +46,57 @@ void Domain<X, T, D>::run_sensors() {
     if (sensors_.empty()) return;
     const auto node = node_update(parity());
     Clock* clock = clock_buffer_.data();
+    SamplePoints<Grid, Sum, D> points{
+        node, sensor_records_.data(), points_.data(), spec_.cell_size, {}};
+    for (int a = 0; a < D; ++a) points.cells[a] = spec_.cells[a];
+    if (load_count_ > 0) {
+        exec_.template sum_each<load_columns<D>>(
+            std::int64_t(measured_count_) * block_cells, load_count_,
+            MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
+                                       spec_.cell_size},
+            TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(), load_impulse_.data()},
+            load_partial_.data(), point_count_, points);
+    } else if (point_count_ > 0) {
+        exec_.for_each_large(point_count_, points);
+    }
     for (std::size_t k = 0; k < sensors_.size(); ++k) {
         Sensor& s = sensors_[k];
         SensorRecord* record = sensor_records_.data() + k;
         if constexpr (!X::is_device) {
             if (!record->due) continue;
         }
-        switch (s.spec.kind) {
-            case SensorKind::load_cell:
-                exec_.single(
-                    SampleLoad<D>{clock, record, load_impulse_.data() + s.load * load_columns<D>});
-                break;
-            case SensorKind::wave_gauge: {
-                SampleGauge<Grid, Sum, D> gauge{
-                    node,         record,          {}, s.spec.axis, s.gauge_channel,
-                    s.gauge_full, spec_.cell_size, {}};
-                for (int a = 0; a < D; ++a) {
-                    gauge.position[a] = s.spec.position[a];
-                    gauge.cells[a] = spec_.cells[a];
-                }
-                exec_.single(gauge);
-                break;
-            }
-            case SensorKind::velocity_probe: {
-                SampleVelocity<Grid, Sum, D> probe{node, record, {}, spec_.cell_size};
-                for (int a = 0; a < D; ++a) probe.position[a] = s.spec.position[a];
-                exec_.single(probe);
-                break;
-            }
-            case SensorKind::tracker: {
-                Body& body = bodies_[s.spec.body];
-                exec_.single(OpenTrack{clock, record});
-                exec_.for_each_large(body.homes,
-                                     TrackParticles<Grid, Sum, T, D>{
-                                         node, record, body.view(), s.ids.data(), s.columns.data(),
-                                         int(s.spec.ids.size()), spec_.cell_size});
-                break;
-            }
-            case SensorKind::energy: {
-                std::int64_t homes = 0;
-                for (std::size_t b = 0; b < bodies_.size(); ++b)
-                    if (s.spec.body < 0 || s.spec.body == int(b)) homes += bodies_[b].homes;
-                if (s.partial.size() < std::size_t(3 * homes)) s.partial.reserve_discard(3 * homes);
-                std::int64_t at = 0;
-                for (std::size_t b = 0; b < bodies_.size(); ++b) {
-                    if (s.spec.body >= 0 && s.spec.body != int(b)) continue;
-                    if (bodies_[b].homes > 0) {
-                        bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due,
-                                                s.partial.data() + 3 * at);
-                    }
-                    at += bodies_[b].homes;
-                }
-                exec_.single(SampleEnergy{clock, record, s.partial.data(), at, s.first.data()});
-                break;
-            }
+        if (s.spec.kind == SensorKind::tracker) {
+            Body& body = bodies_[s.spec.body];
+            exec_.single(OpenTrack{clock, record});
+            exec_.for_each_large(body.homes,
+                                 TrackParticles<Grid, Sum, T, D>{
+                                     node, record, body.view(), s.ids.data(), s.columns.data(),
+                                     int(s.spec.ids.size()), spec_.cell_size});
         }
+        if (s.spec.kind == SensorKind::energy) sample_energy(s, record);
     }
-    if (load_count_ > 0) {
-        exec_.for_each_large(
-            measured_count_,
-            MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
-                                       load_count_, spec_.cell_size, load_partial_.data()});
-        const int columns = load_count_ * load_columns<D>;
-        exec_.for_each(columns, AddLoads<D>{clock, load_partial_.data(), measured_count_, columns,
-                                            load_impulse_.data()});
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
+    const auto chosen = [&](std::size_t b) { return s.spec.body < 0 || s.spec.body == int(b); };
+    std::int64_t homes = 0;
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+        if (chosen(b)) homes += bodies_[b].homes;
+    const std::size_t room = std::size_t(homes + exec_.sum_parts(homes)) * 3;
+    if (s.partial.size() < room) s.partial.reserve_discard(room);
+    std::int64_t at = 0;
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        if (!chosen(b)) continue;
+        if (bodies_[b].homes > 0) {
+            bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due,
+                                    s.partial.data() + 3 * at);
+        }
+        at += bodies_[b].homes;
     }
+    exec_.template sum_each<3>(homes, 1, AddEnergies{record, s.partial.data()},
+                               TakeEnergy{clock_buffer_.data(), record, s.first.data()},
+                               s.partial.data() + 3 * homes, 0, Nothing{});
 }
 
 template <class X, class T, int D>

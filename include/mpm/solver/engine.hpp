@@ -54,6 +54,12 @@ struct Removed {
     std::string policy;
 };
 
+/// What particles have left at the nodes, before gravity and boundaries.
+struct NodalSums {
+    std::vector<std::int64_t> cell;                    // (n, dimension)
+    std::map<std::string, std::vector<double>> value;  // by channel, (n,)
+};
+
 struct Samples {
     std::vector<double> time;
     Array values;
@@ -81,6 +87,7 @@ public:
     virtual std::vector<std::string> attribute_names(int body) const = 0;
     virtual Attributes attributes(int body, const std::vector<std::string>& names) = 0;
     virtual Array grid(const std::string& name) = 0;
+    virtual NodalSums sums() = 0;
     virtual State save() = 0;
     virtual void load(const State& state) = 0;
     virtual std::map<std::string, double> timings() const = 0;

@@ -34,6 +34,9 @@ public:
     std::vector<std::string> attribute_names(int body) const override;
     Attributes attributes(int body, const std::vector<std::string>& names) override;
     Array grid(const std::string& name) override;
+    NodalSums sums() override {
+        throw SceneError("a run on a grid of functions has no sums at nodes to go on from");
+    }
     State save() override;
     void load(const State& state) override;
     std::map<std::string, double> timings() const override { return timings_; }

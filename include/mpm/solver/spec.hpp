@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -52,6 +53,12 @@ struct BodySpec {
     Rows position;                 // (count, dimension), m from the lower corner; empty for a plan
     std::vector<double> velocity;  // (dimension,) or (count, dimension)
     Rows pressure;                 // (count,) or empty
+    // Of a body that goes on from another run (StartSpec):
+    bool restored = false;
+    std::vector<std::uint32_t> ids;  // (count,) above first_id, below id_count; empty: the rows
+    std::uint64_t id_count = 0;      // ids kept for the body; 0: as many as particles
+    Rows state;                      // (count, state_width): what its particles store
+    int state_width = 0;
     // On functions over cells only:
     Rows volume;  // (count,) m^2, or empty: all alike, from the mass
     Rows stress;  // (count, 4) Pa: xx, yy, xy, zz of materials that store it, or empty
@@ -59,6 +66,23 @@ struct BodySpec {
     SmoothingForm smoothing = SmoothingForm::none;
     double smoothing_time = 0;
     double smoothing_ratio = 0;
+};
+
+inline std::uint64_t ids_of(const BodySpec& b) { return b.id_count ? b.id_count : b.count; }
+
+/// Where a run begins that goes on from another with other bodies: the nodal velocities and
+/// averages of that run, which its particles' bodies (`restored`) take with them.
+struct StartSpec {
+    bool given = false;
+    double time = 0;
+    double time_step = 0;  // for which the nodal velocities hold the particles' stress
+    std::int64_t step = 0;
+    std::vector<std::int64_t> cell;  // (n, dimension): cells that the nodes are centres of
+    std::vector<double> velocity;    // (n, dimension)
+    std::map<std::string, std::vector<double>> averages;  // by the channel of their sum, (n,)
+    // Of the first sensors of the scene, which that run had; flat as in a saved state.
+    std::vector<std::int64_t> sensor_next;
+    std::vector<double> sensor_last, sensor_first, load_impulse;
 };
 
 struct BoundarySpec {
@@ -114,6 +138,7 @@ struct Spec {
     int dimension = 3;
     Precision precision = Precision::single;
     int device = 0;
+    bool shared_device = false;  // other simulations run on it at the same time
     std::string pipeline = "auto";
     int threads = 0;
     double cell_size = 0;
@@ -126,6 +151,7 @@ struct Spec {
     std::vector<BodySpec> bodies;
     std::vector<BoundarySpec> boundaries;
     std::vector<SensorSpec> sensors;
+    StartSpec start;
 };
 
 }  // namespace mpm

@@ -47,7 +47,7 @@ std::string cuda_runtime() {
     return std::to_string(version / 1000) + "." + std::to_string(version % 1000 / 10);
 }
 
-Cuda::Context::Context(int device) : device(device) {
+Cuda::Context::Context(int device, bool shared) : device(device), shared(shared) {
     int count = 0;
     const cudaError_t code = cudaGetDeviceCount(&count);
     if (code != cudaSuccess) {
@@ -63,9 +63,11 @@ Cuda::Context::Context(int device) : device(device) {
     MPM_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device));
     int major = 0;
     MPM_CUDA(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device));
-    // A kernel built for less has no `after_previous`, on whatever device it runs.
+    // A kernel built for less has no `after_previous`, on whatever device it runs. On a shared
+    // device blocks that wait for the kernel before them would hold room that others could use.
     constexpr int built_for[] = {__CUDA_ARCH_LIST__};
-    overlaps = major >= 9 && std::ranges::all_of(built_for, [](int a) { return a >= 900; });
+    overlaps =
+        !shared && major >= 9 && std::ranges::all_of(built_for, [](int a) { return a >= 900; });
     int pools = 0;
     MPM_CUDA(cudaDeviceGetAttribute(&pools, cudaDevAttrMemoryPoolsSupported, device));
     if (!pools) {
@@ -115,7 +117,7 @@ void Cuda::Context::close() noexcept {
     cudaGetLastError();
 }
 
-Cuda::Cuda(int device) : context_(std::make_unique<Context>(device)) {}
+Cuda::Cuda(int device, bool shared) : context_(std::make_unique<Context>(device, shared)) {}
 
 void Cuda::side_stream() {
     const cuda::DeviceGuard guard(device());
@@ -200,6 +202,31 @@ void Cuda::trim() {
     wait();
     const cuda::DeviceGuard guard(device());
     for (auto pool : context_->pool) MPM_CUDA(cudaMemPoolTrimTo(pool, 0));
+}
+
+void Cuda::trim_beyond(std::size_t bytes) {
+    const cuda::DeviceGuard guard(device());
+    std::uint64_t free = 0;
+    for (auto pool : context_->pool) {
+        std::uint64_t used = 0, held = 0;
+        MPM_CUDA(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrUsedMemCurrent, &used));
+        MPM_CUDA(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &held));
+        free += held - used;
+    }
+    if (free > bytes + bytes / 16 + large) trim();
+}
+
+Cuda::Peak Cuda::peak() const {
+    const cuda::DeviceGuard guard(device());
+    Peak sum;
+    for (auto pool : context_->pool) {
+        std::uint64_t used = 0, held = 0;
+        MPM_CUDA(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrUsedMemHigh, &used));
+        MPM_CUDA(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemHigh, &held));
+        sum.used += used;
+        sum.held += held;
+    }
+    return sum;
 }
 
 void Cuda::host_for(std::int64_t n, const std::function<void(std::int64_t)>& f) {

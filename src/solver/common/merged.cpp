@@ -14,13 +14,13 @@ constexpr std::uint64_t most_with_velocities = 1u << 24;
 bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
     // Nothing has been checked yet: what does not fit is left for the plan to refuse.
     const std::size_t corners = 2 * std::size_t(dimension);
-    return a.bounds.size() == corners && b.bounds.size() == corners && a.material == b.material &&
-           a.parameters == b.parameters &&
+    return a.restored == b.restored && a.bounds.size() == corners && b.bounds.size() == corners &&
+           a.material == b.material && a.parameters == b.parameters &&
            // Equal boxes elsewhere differ by the rounding of their edges.
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
            a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
            a.smoothing_ratio == b.smoothing_ratio && bool(a.pressure) == bool(b.pressure) &&
-           a.first_id + a.count == b.first_id && a.count > 0 && b.count > 0 &&
+           a.first_id + ids_of(a) == b.first_id && a.count > 0 && b.count > 0 &&
            (a.velocity == b.velocity || a.count + b.count <= most_with_velocities);
 }
 
@@ -51,6 +51,16 @@ void append(BodySpec& to, const BodySpec& b, int dimension) {
     }
     to.position = one_after_another(std::move(to.position), to.count, b.position, dimension);
     to.pressure = one_after_another(std::move(to.pressure), to.count, b.pressure, 1);
+    to.state = one_after_another(std::move(to.state), to.count, b.state, to.state_width);
+    if (!to.ids.empty() || !b.ids.empty()) {
+        const auto add = [&](const BodySpec& body, std::uint64_t shift) {
+            for (std::uint64_t k = 0; k < body.count; ++k)
+                to.ids.push_back(std::uint32_t(shift + (body.ids.empty() ? k : body.ids[k])));
+        };
+        if (to.ids.empty()) add(BodySpec(to), 0);
+        add(b, ids_of(to));
+    }
+    to.id_count = ids_of(to) + ids_of(b);
     to.count += b.count;
     for (int a = 0; a < dimension; ++a) {
         to.bounds[a] = std::min(to.bounds[a], b.bounds[a]);
@@ -63,8 +73,9 @@ public:
     Merged(const Spec& spec, MergedSpec merged,
            const std::function<std::unique_ptr<Engine>(const Spec&)>& make)
         : body_of_(std::move(merged.body_of)), inner_(make(merged.spec)) {
-        for (const auto& b : spec.bodies) bodies_.push_back({b.name, b.first_id, b.count});
-        for (const auto& b : merged.spec.bodies) together_.push_back(b.count);
+        for (const auto& b : spec.bodies)
+            bodies_.push_back({b.name, b.first_id, b.count, ids_of(b)});
+        for (const auto& b : merged.spec.bodies) together_.push_back({b.count, ids_of(b)});
     }
 
     RunResult run(std::int64_t steps, double until, double wall) override {
@@ -78,7 +89,7 @@ public:
     std::uint64_t particle_count(int body) const override {
         const int m = body_of_.at(std::size_t(body));
         if (alone(body)) return inner_->particle_count(m);
-        if (inner_->particle_count(m) == together_[m]) return bodies_[body].count;
+        if (inner_->particle_count(m) == together_[m].count) return bodies_[body].count;
         return rows_of_body(inner_->attributes(m, {}).id, body).size();
     }
     std::vector<Samples> drain() override { return inner_->drain(); }
@@ -128,6 +139,7 @@ public:
         return out;
     }
     Array grid(const std::string& name) override { return inner_->grid(name); }
+    NodalSums sums() override { return inner_->sums(); }
     State save() override { return inner_->save(); }
     void load(const State& state) override { inner_->load(state); }
     std::map<std::string, double> timings() const override { return inner_->timings(); }
@@ -136,27 +148,31 @@ public:
 private:
     struct Body {
         std::string name;
-        std::uint64_t first_id, count;
+        std::uint64_t first_id, count, ids;
+    };
+
+    struct Together {
+        std::uint64_t count, ids;
     };
 
     bool alone(int body) const {
-        return bodies_[body].count == together_[body_of_.at(std::size_t(body))];
+        return bodies_[body].ids == together_[body_of_.at(std::size_t(body))].ids;
     }
     std::size_t owner(std::uint64_t id) const {
         for (std::size_t b = 0; b < bodies_.size(); ++b)
-            if (id - bodies_[b].first_id < bodies_[b].count) return b;
+            if (id - bodies_[b].first_id < bodies_[b].ids) return b;
         return 0;
     }
     std::vector<std::size_t> rows_of_body(const std::vector<std::uint64_t>& ids, int body) const {
         std::vector<std::size_t> rows;
         for (std::size_t k = 0; k < ids.size(); ++k)
-            if (ids[k] - bodies_[body].first_id < bodies_[body].count) rows.push_back(k);
+            if (ids[k] - bodies_[body].first_id < bodies_[body].ids) rows.push_back(k);
         return rows;
     }
 
     std::vector<Body> bodies_;
     std::vector<int> body_of_;
-    std::vector<std::uint64_t> together_;  // particles of each merged body at the start
+    std::vector<Together> together_;  // each merged body at the start
     std::unique_ptr<Engine> inner_;
 };
 

@@ -192,4 +192,36 @@ TEST(Buffer, keeps_moves_and_grows) {
 }
 
 }  // namespace
+
+TEST(CpuVerbs, sum_each_adds_every_set_and_no_thread_changes_a_bit) {
+    for (std::int64_t n : {0, 1, 63, 64, 65, 1000}) {
+        const auto sums = [&](int threads) {
+            Cpu exec(threads);
+            std::vector<double> parts(std::size_t(exec.sum_parts(n)) * 3 * 2, -1.0), out(6, -1.0);
+            std::vector<int> beside(5, 0);
+            exec.sum_each<2>(
+                n, 3,
+                [](std::int64_t i, int set, double* sum) {
+                    sum[0] += 1;
+                    sum[1] += (set + 1) / (double(i) + 3);
+                },
+                [&](int set, const double* sum) {
+                    out[2 * set] = sum[0];
+                    out[2 * set + 1] = sum[1];
+                },
+                parts.data(), 5, [&](std::int64_t k) { ++beside[k]; });
+            for (int once : beside) EXPECT_EQ(once, 1);
+            return out;
+        };
+        const auto one = sums(1);
+        EXPECT_EQ(one, sums(3));
+        for (int set = 0; set < 3; ++set) {
+            double expected = 0;
+            for (std::int64_t i = 0; i < n; ++i) expected += (set + 1) / (double(i) + 3);
+            EXPECT_EQ(one[2 * set], double(n));
+            EXPECT_NEAR(one[2 * set + 1], expected, 1e-13);
+        }
+    }
+}
+
 }  // namespace mpm

@@ -209,15 +209,18 @@ __global__ void __launch_bounds__(fused_threads, 1)
     end_pass(pass);
 }
 
-/// Threads that share a cell: enough for a few warps on every scheduler.
-inline int threads_a_cell(std::int32_t homes, int multiprocessors) {
+/// Threads that share a cell: enough for a few warps on every scheduler, of which other simulations
+/// on the same device bring their own.
+inline int threads_a_cell(std::int32_t homes, int multiprocessors, bool shared) {
+    if (shared) return 1;
     return homes < multiprocessors * 3 / 2 ? 4 : (homes < multiprocessors * 4 ? 2 : 1);
 }
 
 template <class Material, Smoothing S, int D>
 void run_fused(const Pass<Cuda, float, D>& pass) {
     const int threads =
-        block_cells * threads_a_cell(pass.body.full_homes, pass.exec->multiprocessors());
+        block_cells *
+        threads_a_cell(pass.body.full_homes, pass.exec->multiprocessors(), pass.exec->shared());
     pass.exec->launch_next(&fused_step<Material, S, D>, pass.body.full_homes, 1, threads, pass,
                            Material::template constants<float>(pass.parameters));
 }
