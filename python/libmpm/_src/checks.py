@@ -19,10 +19,11 @@ from libmpm._src.field import Field
 from libmpm._src.method import FBar
 from libmpm._src.parameters import wave_speed
 from libmpm._src.sensors import Energy, LoadCell, ParticleTracker, VelocityProbe, WaveGauge
-from libmpm._src.shapes import Box, DomainWalls, faces_of
+from libmpm._src.shapes import Box, DomainWalls, OrientedBox, faces_of
 from libmpm._src.timetable import TimeTable, check_vector_table
 from libmpm._src.triangular import placing, rules
 from libmpm._src.triangular.shapes import Outline
+from libmpm._src.turned import Extent, TurnedBox, close_pairs, reach
 from libmpm._src.values import Checker, nearest
 
 if TYPE_CHECKING:
@@ -30,11 +31,15 @@ if TYPE_CHECKING:
     from libmpm._src.scene import Scene
 
 __all__ = ["Plane", "body_counts", "body_lattice", "check_scene", "faces_present", "holes_of"]
+__all__ += ["new_bodies", "place_of"]
 __all__ += ["initial_gravity", "planes", "relative", "snap", "vertical_axis"]
 
 #: Parts of a cell: rounding of coordinates; a shift of a face that matters.
 _ROUNDING = 1e-6
 _SHIFT = 0.01
+
+#: Shapes that a lattice fills.
+_BOXES = (Box, OrientedBox)
 
 
 @dataclass(frozen=True)
@@ -112,28 +117,56 @@ def planes(scene: Scene) -> list[Plane]:
 
 def body_lattice(scene: Scene, body: Body) -> sampling.Lattice:
     """Return the lattice that fills a body, relative to the scene's lower corner."""
-    assert isinstance(body.shape, Box)
-    low, high = (relative(scene, p).tolist() for p in (body.shape.lower, body.shape.upper))
-    return sampling.lattice(low, high, scene.cell_size, body.particles_per_cell, body.lattice)
+    place = place_of(scene, body)
+    if isinstance(place, TurnedBox):
+        return sampling.turned_lattice(
+            place, scene.cell_size, body.particles_per_cell, body.lattice
+        )
+    return sampling.lattice(*place, scene.cell_size, body.particles_per_cell, body.lattice)
 
 
-def holes_of(scene: Scene, body: Body) -> list[tuple[list[float], list[float]]]:
+def holes_of(scene: Scene, body: Body) -> list[Extent]:
     """Return the boxes, relative, of the bodies that are subtracted from this one."""
     return [
-        (relative(scene, b.shape.lower).tolist(), relative(scene, b.shape.upper).tolist())
+        place_of(scene, b)
         for b in scene.bodies
-        if body.name in b.subtract_from and b is not body and isinstance(b.shape, Box)
+        if body.name in b.subtract_from and b is not body and isinstance(b.shape, _BOXES)
     ]
+
+
+def _geometry(shape: Box | OrientedBox) -> Extent:
+    """Return the corners of a straight box, or the geometry of a turned one; m of the scene."""
+    return shape.turned() if isinstance(shape, OrientedBox) else (shape.lower, shape.upper)
+
+
+def new_bodies(scene: Scene) -> list[Body]:
+    """Return the bodies that the run which the scene goes on from did not have."""
+    return [b for b in scene.bodies if scene.start is None or not scene.start.restored(b.name)]
+
+
+def place_of(scene: Scene, body: Body) -> Extent:
+    """Return where the box of a body is, relative to the scene's lower corner."""
+    assert isinstance(body.shape, _BOXES)
+    place = _geometry(body.shape)
+    if isinstance(place, TurnedBox):
+        return place.moved([-x for x in scene.lower])
+    low, high = (relative(scene, corner).tolist() for corner in place)
+    return low, high
 
 
 def body_counts(scene: Scene) -> list[int]:
-    """Return the number of particles of every body."""
+    """Return the number of particles of every body; of a restored one no fewer than it has."""
     if scene.grid is not None:
         return [placing.place(scene, b).count for b in scene.bodies]
-    return [
-        sampling.points(body_lattice(scene, b), holes_of(scene, b), scene.cell_size).count
-        for b in scene.bodies
-    ]
+    counts = []
+    for b in scene.bodies:
+        before = None if scene.start is None else scene.start.restored(b.name)
+        if before is not None:
+            counts.append(before.ids)
+            continue
+        lattice = body_lattice(scene, b)
+        counts.append(sampling.points(lattice, holes_of(scene, b), scene.cell_size).count)
+    return counts
 
 
 def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
@@ -146,15 +179,17 @@ def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
         rules.check_grid(scene, problems, doubts)
     elif not rules.check_square_cells(scene, problems):
         return problems, doubts
-    fitting = [b for b in scene.bodies if _check_body(scene, b, problems, doubts)]
+    # Restored bodies are no longer where their shapes say; `snapshot` compares their particles.
+    to_place = scene.bodies if scene.start is None else new_bodies(scene)
+    fitting = [b for b in to_place if _check_body(scene, b, problems, doubts)]
     _check_overlaps(scene, fitting, problems)
-    if scene.grid is not None and len(fitting) == len(scene.bodies) and not problems:
+    if scene.grid is not None and len(fitting) == len(to_place) and not problems:
         rules.check_overlaps(scene, fitting, problems)
     solid = [b for b in scene.boundaries if _check_boundary(scene, b, problems, doubts)]
     _check_walls(scene, solid, problems)
     _check_blocked(scene, fitting, solid, problems)
     counts: Mapping[str, int] = {}
-    if len(fitting) == len(scene.bodies):
+    if len(fitting) == len(to_place):
         counts = dict(zip([b.name for b in scene.bodies], body_counts(scene), strict=True))
         for name, n in counts.items():
             if n == 0:
@@ -192,16 +227,23 @@ def _check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str]
     d = scene.dimension
     _wrong_dimension(check, "velocity", len(body.velocity), d)  # of a vector or a Field
     fits = not _wrong_dimension(check, "shape", body.shape.dimension, d)
-    if fits and isinstance(body.shape, Box):
+    if fits and isinstance(body.shape, _BOXES):
         _outside(check, scene, "the body", body.shape.lower, body.shape.upper)
-    if scene.grid is not None:
+    if scene.grid is not None and isinstance(body.shape, OrientedBox):
+        check.fail(
+            "shapes.OrientedBox is not built for grids of functions; expected a shapes.Box, or "
+            "shapes.Cells or Points on triangles"
+        )
+        fits = False
+    elif scene.grid is not None:
         fits = rules.check_body(scene, body, check.problems) and fits
-    elif fits and isinstance(body.shape, Box):
+    elif fits and isinstance(body.shape, _BOXES):
+        where = "on its own axis" if isinstance(body.shape, OrientedBox) else "on axis"
         for a, size in enumerate(body.shape.size):
             cells = size / scene.cell_size
             if cells < 2 * (1 - _ROUNDING):
                 doubts.append(
-                    f"body '{body.name}': {size:g} m thick on axis {a}, that is {cells:.3g} cells; "
+                    f"body '{body.name}': {size:g} m thick {where} {a}, that is {cells:.3g} cells; "
                     f"expected two or more; contact begins about half a cell early on either "
                     f"side, an error of about {100 / cells:.0f} % of the thickness; use "
                     f"cell_size ≤ {size / 2:g} m or a thicker body"
@@ -230,7 +272,7 @@ def _check_field(scene: Scene, body: Body) -> list[str]:
             body.velocity.at(position, where)
             if isinstance(body.stress, Field) and len(body.stress) == 4:
                 body.stress.at(position, f"body '{body.name}': stress")
-        elif isinstance(body.shape, Box):
+        elif isinstance(body.shape, _BOXES):
             corners = np.array([body.shape.lower, body.shape.upper], dtype=np.float64)
             body.velocity.at(corners.mean(axis=0, keepdims=True), where)
     except SceneError as error:
@@ -267,38 +309,34 @@ def _check_material(check: Checker, scene: Scene, body: Body) -> None:
         )
 
 
-def _overlap(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> list[float]:
-    return [
-        min(au, bu) - max(al, bl) for al, au, bl, bu in zip(a[0], a[1], b[0], b[1], strict=True)
-    ]
-
-
 def _check_overlaps(scene: Scene, bodies: list[Body], problems: list[str]) -> None:
     slack = _ROUNDING * scene.cell_size
-    boxes = [(b, b.shape) for b in bodies if isinstance(b.shape, Box)]
-    for i, (one, first) in enumerate(boxes):
-        for two, second in boxes[i + 1 :]:
-            forth, back = two.name in one.subtract_from, one.name in two.subtract_from
-            pair = f"body '{one.name}': with body '{two.name}'"
-            if forth and back:
+    boxes = [(b, b.shape) for b in bodies if isinstance(b.shape, _BOXES)]
+    earlier: dict[str, Body] = {}
+    for two, _ in boxes:
+        for name in two.subtract_from:
+            if name in earlier and two.name in earlier[name].subtract_from:
                 problems.append(
-                    f"{pair}: each is subtracted from the other; expected one order; remove one "
-                    "of the two names from subtract_from"
+                    f"body '{name}': with body '{two.name}': each is subtracted from the other; "
+                    "expected one order; remove one of the two names from subtract_from"
                 )
-            if forth or back:
-                continue
-            shared = _overlap((first.lower, first.upper), (second.lower, second.upper))
-            if min(shared) > slack:
-                size = " × ".join(f"{x:.3g}" for x in shared)
-                problems.append(
-                    f"{pair}: the bodies overlap by {size} m; expected apart"
-                    + (
-                        f", or an order: subtract_from=('{one.name}',) on '{two.name}' keeps "
-                        f"'{two.name}' whole"
-                        if scene.grid is None
-                        else "; shape them apart"
-                    )
+        earlier[two.name] = two
+    for i, j in close_pairs([(shape.lower, shape.upper) for _, shape in boxes]):
+        (one, first), (two, second) = boxes[i], boxes[j]
+        if two.name in one.subtract_from or one.name in two.subtract_from:
+            continue
+        deep, size = reach(_geometry(first), _geometry(second))
+        if deep > slack:
+            problems.append(
+                f"body '{one.name}': with body '{two.name}': the bodies overlap by {size} m; "
+                "expected apart"
+                + (
+                    f", or an order: subtract_from=('{one.name}',) on '{two.name}' keeps "
+                    f"'{two.name}' whole"
+                    if scene.grid is None
+                    else "; shape them apart"
                 )
+            )
 
 
 def _check_boundary(
@@ -391,10 +429,9 @@ def _check_blocked(
         corners = snap(scene, boundary.shape)
         low, high = ((base + np.array(c) * scene.cell_size).tolist() for c in corners)
         for body in bodies:
-            assert isinstance(body.shape, Box)
-            shared = _overlap((body.shape.lower, body.shape.upper), (low, high))
-            if min(shared) > _SHIFT * scene.cell_size:
-                size = " × ".join(f"{x:.3g}" for x in shared)
+            assert isinstance(body.shape, _BOXES)
+            deep, size = reach(_geometry(body.shape), (low, high))
+            if deep > _SHIFT * scene.cell_size:
                 planes = ", ".join(f"{x:g} to {y:g}" for x, y in zip(low, high, strict=True))
                 problems.append(
                     f"body '{body.name}': reaches {size} m into boundary '{boundary.name}', which "

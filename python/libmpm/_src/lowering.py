@@ -36,6 +36,7 @@ from libmpm._src.values import nearest
 if TYPE_CHECKING:
     from libmpm._src.parts import Body, Boundary, PlacedSensor
     from libmpm._src.scene import Scene
+    from libmpm._src.start import RestoredBody
 
 __all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "choose_device"]
 __all__ += ["choose_precision", "lower", "world_offset"]
@@ -112,15 +113,18 @@ def lower(
     pipeline: str = "auto",
     device_index: int = 0,
     threads: int = 0,
+    shared_device: bool = False,
     time_step: float | None = None,
     with_particles: bool = True,
+    shell: bool = False,
 ) -> dict[str, Any]:
     """Return the engine's specification of a scene.
 
     Positions are float64 in metres relative to `Scene.lower`; `Scene.origin` does not enter.
     `position` and `pressure` are functions that give the rows first ≤ i < last, so that nothing of
     the particles' size is allocated; without particles they are None. `time_step` in s overrides
-    that of the scene's method. Raises `SceneError`, warns as `Scene.validate`.
+    that of the scene's method. A `shell` has one particle in each body and the ids of all: for
+    engines that load a state. Raises `SceneError`, warns as `Scene.validate`.
     """
     precision = choose_precision(scene, precision)
     problems = check_options(precision, pipeline, time_step=time_step, threads=threads)
@@ -135,14 +139,17 @@ def lower(
     bodies = []
     first = 0
     for body in scene.bodies:
-        bodies.append(_body(scene, body, first, with_particles))
-        first += bodies[-1]["count"]
+        bodies.append(_body(scene, body, first, with_particles and not shell))
+        if shell:
+            _hollow(bodies[-1], scene, body)
+        first += bodies[-1].get("id_count", bodies[-1]["count"])
     gravity = scene.gravity
     return {
         "dimension": scene.dimension,
         "precision": precision,
         "device": device_index,
         "pipeline": pipeline,
+        "shared_device": shared_device,
         "threads": threads,
         "cell_size": scene.cell_size,
         "cells": list(scene.cells),
@@ -153,7 +160,70 @@ def lower(
         "bodies": bodies,
         "boundaries": [_boundary(scene, b) for b in scene.boundaries],
         "sensors": [_sensor(scene, s, bodies) for s in scene.sensors],
-    } | ({} if scene.grid is None else {"grid": scene.grid.specification()})
+    } | _added(scene, with_particles and not shell)
+
+
+def _added(scene: Scene, with_particles: bool) -> dict[str, Any]:
+    """Return what only some scenes have: a grid of functions, or another run to go on from."""
+    if scene.grid is not None:
+        return {"grid": scene.grid.specification()}
+    start = scene.start
+    if start is None or start.as_it_was(scene) or not with_particles:
+        return {}
+    from libmpm._src.snapshot import snapshot
+
+    found = snapshot(scene)
+    kept = found.sensors or {
+        "sensor_next": np.zeros(0, dtype=np.int64),
+        "sensor_last": np.zeros(0), "sensor_first": np.zeros(0), "load_impulse": np.zeros(0),
+    }  # fmt: skip
+    return {
+        "start": {
+            "time": found.time, "step": found.step, "time_step": found.time_step,
+            "cell": found.cell, "velocity": found.velocity(), "averages": found.averages(), **kept,
+        }
+    }  # fmt: skip
+
+
+def _hollow(specification: dict[str, Any], scene: Scene, body: Body) -> None:
+    """Leave one particle of a body, in the middle of its bounds, and the ids of all."""
+    middle = specification["bounds"].mean(axis=0, keepdims=True)
+    specification.setdefault("id_count", specification["count"])
+    specification |= {"count": 1, "position": middle}
+    if scene.grid is None and body.hydrostatic is not None:
+        specification["pressure"] = np.zeros(1)
+
+
+def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:
+    """Return a body that goes on from another run, without those that new bodies displace."""
+    grid = body_lattice(scene, body)
+    result: dict[str, Any] = {
+        "name": body.name,
+        "material": body.material.table.name,
+        "parameters": body.material.parameters(),
+        "count": before.ids,
+        "id_count": before.ids,
+        "bounds": grid.bounds,
+        "particle_mass": before.particle_mass,
+        "first_id": before.first_id,
+        "position": None,
+        "velocity": np.zeros(scene.dimension),
+        "pressure": None,
+        "fbar": _fbar(scene, body),
+    }
+    if not fill:
+        return result
+    from libmpm._src.snapshot import remaining
+
+    ids, position, state = remaining(scene, body)
+    return result | {
+        "count": len(ids),
+        "bounds": np.array([position.min(axis=0), position.max(axis=0)]),
+        "position": position,
+        "ids": ids.astype(np.uint32),
+        "state": state,
+        "state_width": state.shape[1],
+    }
 
 
 def _check_step(scene: Scene, step: float, precision: str) -> None:
@@ -188,6 +258,10 @@ def _table(table: TimeTable) -> dict[str, Any]:
 def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[str, Any]:
     if scene.grid is not None:
         return _body_on_functions(scene, body, first, with_particles)
+    before = None if scene.start is None else scene.start.restored(body.name)
+    if before is not None:
+        assert scene.start is not None
+        return _restored(scene, body, before, with_particles)
     grid = body_lattice(scene, body)
     points = sampling.points(grid, holes_of(scene, body), scene.cell_size)
     parameters = body.material.parameters()
@@ -201,7 +275,7 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "material": body.material.table.name,
         "parameters": parameters,
         "count": points.count,
-        "bounds": np.array([grid.lower, grid.upper], dtype=np.float64),
+        "bounds": grid.bounds,
         "particle_mass": mass,
         "first_id": first,
         "position": points.rows if with_particles else None,
@@ -363,7 +437,8 @@ def _sensor(scene: Scene, placed: PlacedSensor, bodies: list[dict[str, Any]]) ->
         place[[a for a in range(scene.dimension) if a != axis]] = sensor.position
         result |= {"position": relative(scene, place.tolist()), "axis": axis}
     elif isinstance(sensor, ParticleTracker):
-        first, n = bodies[result["body"]]["first_id"], bodies[result["body"]]["count"]
+        of = bodies[result["body"]]
+        first, n = of["first_id"], of.get("id_count", of["count"])
         every = sensor.ids == "all"
         ids = range(first, first + n) if every else sensor.ids
         result["ids"] = np.array(ids, dtype=np.uint64)

@@ -11,7 +11,7 @@ from libmpm._src.field import Field
 from libmpm._src.method import FBar
 from libmpm._src.parameters import Material
 from libmpm._src.sensors import Sensor
-from libmpm._src.shapes import FACES, Box, DomainWalls
+from libmpm._src.shapes import FACES, Box, DomainWalls, OrientedBox
 from libmpm._src.timetable import TimeTable
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
 from libmpm._src.values import Checker, Value, sequence, value
@@ -24,7 +24,7 @@ class Body(Value):
     """A body of the scene; see `Scene.add_body` for the fields."""
 
     name: str
-    shape: Box | Cells | Points
+    shape: Box | OrientedBox | Cells | Points
     material: Material
     particles_per_cell: int
     velocity: Sequence[float] | Field
@@ -39,9 +39,8 @@ class Body(Value):
         return f"body '{self.name}'"
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        check.instance(
-            "shape", self.shape, (Box, Cells, Points), "shapes.Box(lower=..., upper=...)"
-        )
+        kinds = (Box, OrientedBox, Cells, Points)
+        check.instance("shape", self.shape, kinds, "shapes.Box(lower=..., upper=...)")
         check.instance("material", self.material, (Material,), "a value of libmpm.materials")
         if self.fbar not in ("default", None) and not isinstance(self.fbar, FBar):
             check.fail(f'fbar is {self.fbar!r}; expected "default", None or FBar(...)')
@@ -84,10 +83,10 @@ class Body(Value):
         if self.lattice is None:
             return None
         counts = sequence(self.lattice)
-        if not counts or not isinstance(self.shape, Box):
+        if not counts or not isinstance(self.shape, Box | OrientedBox):
             check.fail(
                 f"lattice is {self.lattice!r}; expected the number of particles on each axis of "
-                "a shapes.Box"
+                "a shapes.Box or an OrientedBox"
             )
             return None
         return tuple(check.integer(f"lattice[{a}]", n, lower=1) for a, n in enumerate(counts))
@@ -108,7 +107,13 @@ class Boundary(Value):
 
     def _check(self, check: Checker) -> dict[str, Any]:
         kinds = (Box, DomainWalls, Outline)
-        check.instance("shape", self.shape, kinds, "shapes.DomainWalls() or a Box")
+        if isinstance(self.shape, OrientedBox):
+            check.fail(
+                f"shape is {self.shape!r}; a boundary follows the cells of the grid and cannot be "
+                "turned; use a shapes.Box, or a stair of them along the slanted face"
+            )
+        else:
+            check.instance("shape", self.shape, kinds, "shapes.DomainWalls() or a Box")
         response = self.response
         example = "a value of libmpm.boundaries"
         if isinstance(response, Mapping):

@@ -11,13 +11,18 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Lattice", "Points", "lattice", "points"]
+from libmpm._src.turned import Extent, TurnedBox
+
+__all__ = ["Carved", "Lattice", "Points", "Rows", "Turned", "lattice", "points"]
+__all__ += ["turned_lattice"]
 
 Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
 
 #: Part of a cell by which rounding may misplace a lattice point or a face.
 _TOLERANCE = 1e-9
@@ -25,11 +30,16 @@ _TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Lattice:
-    """Points at the centres of equal slices of a box; lengths in m."""
+    """Points at the centres of equal slices of a box; lengths in m.
+
+    Of a turned box, `lower`, `upper` and the points are those of its own frame, whose zero is the
+    centre; `frame` says where that is.
+    """
 
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     shape: tuple[int, ...]
+    frame: TurnedBox | None = None
 
     @property
     def count(self) -> int:
@@ -41,11 +51,28 @@ class Lattice:
         """Volume of the box (area in 2D)."""
         return math.prod(b - a for a, b in zip(self.lower, self.upper, strict=True))
 
+    @property
+    def bounds(self) -> Array:
+        """Lower and upper corner of the smallest straight box around it, (2, d), m."""
+        found = (self.lower, self.upper) if self.frame is None else self.frame.bounds()
+        return np.array(found, dtype=np.float64)
+
     def axis(self, a: int) -> Array:
         """Return the coordinates of the points on axis `a`, shape (shape[a],)."""
         n = self.shape[a]
         centres = np.arange(n, dtype=np.float64) + 0.5
         return np.asarray(self.lower[a] + centres * ((self.upper[a] - self.lower[a]) / n))
+
+
+class Rows(Protocol):
+    """Points that are made in pieces."""
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+
+    def rows(self, first: int, last: int) -> Array:
+        """Return points first ≤ i < last, shape (last - first, d), m; IndexError beyond `count`."""
 
 
 def lattice(
@@ -69,6 +96,15 @@ def lattice(
         for a, b in zip(lower, upper, strict=True)
     )
     return Lattice(tuple(lower), tuple(upper), shape)
+
+
+def turned_lattice(
+    box: TurnedBox, cell_size: float, particles_per_cell: int, counts: Sequence[int] | None = None
+) -> Lattice:
+    """Return the lattice along the own axes of a turned box; see `lattice`."""
+    low, high = [-0.5 * s for s in box.size], [0.5 * s for s in box.size]
+    own = lattice(low, high, cell_size, particles_per_cell, counts)
+    return Lattice(own.lower, own.upper, own.shape, box)
 
 
 class Points:
@@ -97,14 +133,18 @@ class Points:
         self._start += accumulate(len(x) * section.count for x, section in self._runs)
 
     @property
+    def dimension(self) -> int:
+        """Number of coordinates of a point."""
+        return self._dimension
+
+    @property
     def count(self) -> int:
         """Number of points."""
         return self._start[-1]
 
     def rows(self, first: int, last: int) -> Array:
         """Return points first ≤ i < last, shape (last - first, d), m; IndexError beyond `count`."""
-        if not 0 <= first <= last <= self.count:
-            raise IndexError(f"rows {first} to {last} of {self.count} points")
+        _check_rows(first, last, self.count)
         result = np.empty((last - first, self._dimension), dtype=np.float64)
         self._fill(first, last, result)
         return result
@@ -133,21 +173,146 @@ class Points:
             run += 1
 
 
-def points(
-    grid: Lattice, holes: Sequence[tuple[Sequence[float], Sequence[float]]], cell_size: float
-) -> Points:
+class Carved:
+    """The points of a lattice that lie in no hole, where some holes are turned against it.
+
+    axes       m, float64   coordinates on each axis
+    holes      m            corners of a straight hole, or a box at any angle
+    allowance  m            by which lower faces reach down and upper faces stay below
+
+    A hole is convex, so it takes one interval out of every line along the last axis. What is held
+    is those intervals in the numbering of the whole lattice, joined where they meet: some numbers
+    for each line that a hole cuts, whatever the number of points.
+    """
+
+    def __init__(self, axes: Sequence[Array], holes: Sequence[Extent], allowance: float) -> None:
+        self._whole = Points(axes, [])
+        found = [_intervals(axes, hole, allowance) for hole in holes]
+        begin, end = (np.concatenate(ends) for ends in zip(*found, strict=True))
+        order = np.argsort(begin, kind="stable")
+        begin, end = begin[order], np.maximum.accumulate(end[order])
+        # One interval begins afresh where it lies beyond the ends of all before it.
+        fresh = np.flatnonzero(begin[1:] > end[:-1]) + 1
+        if len(begin):
+            begin = begin[np.append(0, fresh)]
+            end = end[np.append(fresh - 1, len(end) - 1)]
+        self._begin, self._end = begin, end
+        self._removed = np.append(0, np.cumsum(end - begin))
+        # Of the points that remain, the number of the first one beyond each interval.
+        self._beyond = begin - self._removed[:-1]
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self._whole.count - int(self._removed[-1])
+
+    def rows(self, first: int, last: int) -> Array:
+        """Return points first ≤ i < last, shape (last - first, d), m; IndexError beyond `count`."""
+        _check_rows(first, last, self.count)
+        result = np.empty((last - first, self._whole.dimension), dtype=np.float64)
+        if first < last:
+            self._fill(first, last, result)
+        return result
+
+    def _fill(self, first: int, last: int, out: Array) -> None:
+        """Write points first ≤ i < last, at least one, to the rows of `out`."""
+        low, high = np.searchsorted(self._beyond, [first, last - 1], side="right").tolist()
+        start = first + int(self._removed[low])
+        stop = last + int(self._removed[high])
+        if stop - start > 2 * (last - first):
+            # Mostly holes: in halves, so that no more than twice the rows are made.
+            middle = (first + last) // 2
+            self._fill(first, middle, out[: middle - first])
+            self._fill(middle, last, out[middle - first :])
+            return
+        if low == high:
+            out[:] = self._whole.rows(start, stop)
+            return
+        inside = np.zeros(stop - start + 1, dtype=np.int8)
+        inside[self._begin[low:high] - start] = 1
+        inside[self._end[low:high] - start] = -1
+        kept = np.cumsum(inside[:-1], dtype=np.int8) == 0
+        np.compress(kept, self._whole.rows(start, stop), axis=0, out=out)
+
+
+def _intervals(axes: Sequence[Array], hole: Extent, allowance: float) -> tuple[Numbers, Numbers]:
+    """Return begin and end (n,) of what a hole takes out, in the numbering of the lattice."""
+    low, high = hole.bounds() if isinstance(hole, TurnedBox) else hole
+    if isinstance(hole, TurnedBox):
+        # Wider than the hole by rounding; which points are inside is for the lines to say.
+        low, high = [x - allowance for x in low], [x + 2 * allowance for x in high]
+    ranges = [_inside(x, a, b, allowance) for x, a, b in zip(axes, low, high, strict=True)]
+    lines = np.indices([b - a for a, b in ranges[:-1]]).reshape(len(axes) - 1, -1)
+    lines += np.array([[a] for a, _ in ranges[:-1]])
+    if isinstance(hole, TurnedBox):
+        ends = hole.span([x[i] for x, i in zip(axes, lines, strict=False)], allowance)
+        begin, end = (np.searchsorted(axes[-1], x) for x in ends)
+    else:
+        begin, end = (np.full(lines.shape[1], k) for k in ranges[-1])
+    cut = end > begin
+    lines, begin, end = lines[:, cut], begin[cut], end[cut]
+    number = np.ravel_multi_index(tuple(lines), tuple(len(x) for x in axes[:-1])) * len(axes[-1])
+    return number + begin, number + end
+
+
+def _inside(x: Array, low: float, high: float, allowance: float) -> tuple[int, int]:
+    """Return the half-open interval of the coordinates between two faces."""
+    begin, end = np.searchsorted(x, [low - allowance, high - allowance])
+    return int(begin), int(end)
+
+
+def _check_rows(first: int, last: int, count: int) -> None:
+    if not 0 <= first <= last <= count:
+        raise IndexError(f"rows {first} to {last} of {count} points")
+
+
+class Turned:
+    """Points of the own frame of a turned box, brought to where the box is."""
+
+    def __init__(self, own: Rows, box: TurnedBox) -> None:
+        self._own = own
+        self._box = box
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self._own.count
+
+    def rows(self, first: int, last: int) -> Array:
+        """Return points first ≤ i < last, shape (last - first, d), m; IndexError beyond `count`."""
+        own = self._own.rows(first, last)
+        result = np.empty_like(own)
+        # Not a product of matrices: how that rounds a row may depend on the rows around it.
+        for b, (centre, row) in enumerate(zip(self._box.centre, self._box.axes, strict=True)):
+            result[:, b] = sum(x * r for x, r in zip(own.T, row, strict=True)) + centre
+        return result
+
+
+def points(grid: Lattice, holes: Sequence[Extent], cell_size: float) -> Rows:
     """Return the points of a lattice that remain when those inside the holes are removed.
 
-    A hole is (lower, upper), m; a point on its lower faces is inside, one on its upper faces not.
+    A point on the lower faces of a hole is inside, one on its upper faces not; of a turned hole,
+    its own faces.
     """
     axes = [grid.axis(a) for a in range(len(grid.shape))]
     allowance = _TOLERANCE * cell_size
+    holes = [_seen_from(grid.frame, hole) for hole in holes]
+    straight = [hole for hole in holes if not isinstance(hole, TurnedBox)]
+    own: Rows
+    if len(straight) < len(holes):
+        own = Carved(axes, holes, allowance)
+    else:
+        taken = [
+            [_inside(x, a, b, allowance) for x, a, b in zip(axes, low, high, strict=True)]
+            for low, high in straight
+        ]
+        own = Points(axes, taken)
+    return own if grid.frame is None else Turned(own, grid.frame)
 
-    def inside(x: Array, low: float, high: float) -> tuple[int, int]:
-        begin, end = np.searchsorted(x, [low - allowance, high - allowance])
-        return int(begin), int(end)
 
-    taken = [
-        [inside(x, a, b) for x, a, b in zip(axes, low, high, strict=True)] for low, high in holes
-    ]
-    return Points(axes, taken)
+def _seen_from(frame: TurnedBox | None, hole: Extent) -> Extent:
+    """Return a hole in the frame of a lattice, as corners wherever it is straight there."""
+    if frame is not None:
+        box = hole if isinstance(hole, TurnedBox) else TurnedBox.straight(*hole)
+        hole = box.seen_from(frame)
+    return (hole.if_straight() or hole) if isinstance(hole, TurnedBox) else hole

@@ -14,7 +14,8 @@ from libmpm._src.method import FBar, Method
 from libmpm._src.parameters import Material
 from libmpm._src.parts import Body, Boundary, PlacedSensor
 from libmpm._src.sensors import Sensor
-from libmpm._src.shapes import Box, DomainWalls
+from libmpm._src.shapes import Box, DomainWalls, OrientedBox
+from libmpm._src.start import Start
 from libmpm._src.timetable import TimeTable, check_vector_table
 from libmpm._src.triangular.choices import SplineGrid, TriangularGrid
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
@@ -52,6 +53,7 @@ class Scene:
     gravity    m/s²    (d,)        vector or `TimeTable` of vectors; None = no gravity
     method     -       `Method`    numerical choices
     name       -       text        for titles and files
+    start      -       -           what the scene goes on from; set by `from_checkpoint` alone
     =========  ======  ==========  =======================================================
 
     Scenes compare equal when all their values do, can be pickled, and round-trip through
@@ -71,6 +73,7 @@ class Scene:
         gravity: Sequence[float] | TimeTable | None = None,
         method: Method | None = None,
         name: str = "",
+        start: Start | None = None,
     ) -> None:
         """See the class."""
         check = Checker(f"Scene '{name}'" if isinstance(name, str) and name else "Scene")
@@ -105,6 +108,9 @@ class Scene:
             self._gravity = check.vector("gravity", gravity, lengths=(d,), unit="m/s²")
         self._method = Method() if method is None else method
         check.instance("method", self._method, (Method,), "Method(...)")
+        self._start = start
+        if start is not None:
+            check.instance("start", start, (Start,), "what Scene.from_checkpoint gives")
         self._name = check.text("name", name, empty=True)
         self._cells = (grid.cells,) if grid is not None else self._count_cells(check)
         self._bodies: dict[str, Body] = {}
@@ -194,6 +200,11 @@ class Scene:
         return self._name
 
     @property
+    def start(self) -> Start | None:
+        """The checkpoint that the scene goes on from; None of a scene of its own."""
+        return self._start
+
+    @property
     def cells(self) -> tuple[int, ...]:
         """Number of cells on each axis; of a `grid` its one number of cells."""
         return self._cells
@@ -218,7 +229,7 @@ class Scene:
         self,
         *,
         name: str,
-        shape: Box | Cells | Points,
+        shape: Box | OrientedBox | Cells | Points,
         material: Material,
         particles_per_cell: int | None = None,
         velocity: Sequence[float] | Field | None = None,
@@ -235,8 +246,8 @@ class Scene:
         parameter           unit  range     meaning
         ==================  ====  ========  ==================================================
         name                -     unique    name among the bodies
-        shape               -     a shape   Box, filled by a lattice of its own, exact total mass;
-                                            on a `grid` also Cells or Points
+        shape               -     a shape   Box or OrientedBox, filled by a lattice of its own,
+                                            exact total mass; on a `grid` Box, Cells or Points
         material            -     material  a value of `libmpm.materials`
         particles_per_cell  1     ≥ 1       None = 2 per axis
         velocity            m/s   (d,)      at the start, or a `Field`; None = at rest
@@ -244,7 +255,7 @@ class Scene:
         hydrostatic         m     level     surface level against gravity, for instance z of the
                                             surface: the body starts with ρ g depth below it
         subtract_from       -     names     bodies that lose their particles inside this one
-        lattice             1     (d,)      particles of a Box on each axis, in place of
+        lattice             1     (d,)      particles of a box on each of its axes, in place of
                                             particles_per_cell
         stress              Pa    (4,)      xx, yy, xy, zz at the start, or a `Field`; on a `grid`,
                                             of materials that store their stress
@@ -359,11 +370,40 @@ class Scene:
 
     def _head(self) -> tuple[str, ...]:
         """Return the arguments that make this scene."""
-        left_out = ("grid",) if self._grid is None else ("cell_size", "lower", "upper")
+        left_out = {"grid"} if self._grid is None else {"cell_size", "lower", "upper"}
+        if self._start is None:
+            left_out.add("start")
         return tuple(key for key in HEAD if key not in left_out)
 
     def _parts(self) -> dict[str, Sequence[Value]]:
         return {"bodies": self.bodies, "boundaries": self.boundaries, "sensors": self.sensors}
+
+    @classmethod
+    def from_checkpoint(cls, path: str | Path, *, tiles: int = 1, axis: str | None = None) -> Scene:
+        """Return a scene that goes on from a checkpoint: water once, debris many times.
+
+        Bodies, boundaries and sensors may be added to it. New bodies take the place of the
+        particles of the bodies in their `subtract_from`, which are counted
+        (`Simulation.displaced`); all others keep place, state and motion. With nothing but
+        boundaries and sensors added, the run is bit for bit the one that wrote the checkpoint,
+        gone on with, on the same backend, pipeline and precision.
+
+        =========  ====  ==========  ======================================================
+        parameter  unit  range       meaning
+        =========  ====  ==========  ======================================================
+        path       -     a file      of `Simulation.save_checkpoint`, or of a run's folder
+        tiles      1     ≥ 1         copies of the run side by side, with ids of their own: a
+                                     slice one cell thick becomes a flume
+        axis       -     "x"|"y"|    across which they lie; needed with tiles > 1
+                         "z"
+        =========  ====  ==========  ======================================================
+
+        The scene refers to the file by its path and SHA-256; it must stay where it is until the
+        run has begun. Raises `CheckpointError` and `SceneError`.
+        """
+        from libmpm._src.start import scene_from_checkpoint
+
+        return scene_from_checkpoint(Path(path), tiles, axis)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
@@ -413,7 +453,10 @@ class Scene:
 
 
 #: Arguments of `Scene`, in the order of its files.
-HEAD = ("name", "dimension", "cell_size", "lower", "upper", "grid", "origin", "gravity", "method")
+HEAD: tuple[str, ...] = (
+    "name", "dimension", "cell_size", "lower", "upper", "grid", "origin", "gravity", "method",
+    "start",
+)  # fmt: skip
 
 
 def _insert(placed: dict[str, T], kind: str, name: str, item: T) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.turned import AXES, TurnedBox, rotation
 from libmpm._src.values import Checker, Value, sequence, value
 
-__all__ = ["FACES", "Box", "DomainWalls", "Shape", "check_faces", "faces_of"]
+__all__ = ["FACES", "Box", "DomainWalls", "OrientedBox", "Shape", "check_faces", "faces_of"]
 
 #: Face names by axis: "x-" is the face at the lower end of the first axis.
 FACES = ("x-", "x+", "y-", "y+", "z-", "z+")
@@ -84,6 +85,83 @@ class Box(Shape):
     def size(self) -> tuple[float, ...]:
         """Edge lengths in m."""
         return tuple(b - a for a, b in zip(self.lower, self.upper, strict=True))
+
+    def turned(self) -> TurnedBox:
+        """Return its geometry in the form that boxes at any angle have."""
+        return TurnedBox.straight(self.lower, self.upper)
+
+
+@value
+class OrientedBox(Shape):
+    """A box turned by an angle, a turned rectangle in 2D, for bodies.
+
+    =========  =======  ========  ===========================================================
+    parameter  unit     shape     meaning
+    =========  =======  ========  ===========================================================
+    centre     m        (2|3,)    middle of the box, relative to the scene's `origin`
+    size       m        (2|3,)    edge lengths along its own axes, > 0
+    angle      degrees  finite    by which its own axes are turned, by the right-hand rule;
+                                  from x to y in 2D and about "z"
+    axis       -        a name    "x", "y" or "z"; None = "z". Left out in 2D
+    =========  =======  ========  ===========================================================
+
+    A body is filled by a lattice along the box's own axes, with as many particles as an equal `Box`
+    and the exact total mass; the lattice is turned in double precision, exactly at multiples of 90
+    degrees. Boundaries follow the cells of the grid and cannot be turned. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "shapes.OrientedBox"
+
+    centre: Sequence[float]
+    size: Sequence[float]
+    angle: float
+    axis: str | None = None
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        centre = check.vector("centre", self.centre, unit="m")
+        size = check.vector("size", self.size, unit="m")
+        if centre and size and len(centre) != len(size):
+            check.fail(
+                f"centre has {len(centre)} and size {len(size)} numbers; expected as many as the "
+                "scene has dimensions in both"
+            )
+        for a, length in enumerate(size):
+            if length <= 0:
+                check.fail(f"size[{a}] is {length:g}; expected > 0 m; give the box a width")
+        axis = self.axis
+        if axis is not None and len(size) == 2:
+            check.fail(f"axis is {axis!r} in 2D, where the angle is in the plane; leave it out")
+        elif axis is not None:
+            axis = check.choice("axis", axis, AXES)
+        elif len(size) == 3:
+            axis = "z"
+        angle = check.number("angle", self.angle, unit="degrees")
+        return {"centre": centre, "size": size, "angle": angle, "axis": axis}
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes, 2 or 3."""
+        return len(self.size)
+
+    @property
+    def lower(self) -> tuple[float, ...]:
+        """Lower corner of the smallest `Box` around it, m."""
+        return self.turned().bounds()[0]
+
+    @property
+    def upper(self) -> tuple[float, ...]:
+        """Upper corner of the smallest `Box` around it, m."""
+        return self.turned().bounds()[1]
+
+    @property
+    def corners(self) -> tuple[tuple[float, ...], ...]:
+        """Its 4 or 8 corners, m; the last of its own axes fastest."""
+        return tuple(self.turned().corners())
+
+    def turned(self) -> TurnedBox:
+        """Return its geometry in the form that boxes at any angle have."""
+        axes = rotation(self.dimension, self.angle, self.axis)
+        return TurnedBox(tuple(self.centre), tuple(self.size), axes)
 
 
 @value

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +35,8 @@ from libmpm._src.output.writer import Output, Writer
 from libmpm._src.plan import Plan, build_plan
 from libmpm._src.progress import Progress, State, reporter
 from libmpm._src.scene import Scene
+from libmpm._src.start import Start
+from libmpm._src.values import warned_already
 from libmpm._src.views import GridView, ParticlesView, SensorsView, world_shift
 
 __all__ = ["Simulation"]
@@ -62,6 +63,10 @@ class Simulation:
         A folder (sensors only) or an `Output` with intervals for frames and checkpoints.
     threads
         CPU threads; 0 takes the default.
+    shared_device
+        True where other simulations run on the same CUDA device at the same time: together they
+        are faster, one alone is slower. Results differ from those without it by rounding, and are
+        the same bits in whatever company.
     time_step
         A fixed step, s, instead of the scene's; refused if above the stable one.
 
@@ -78,6 +83,7 @@ class Simulation:
         pipeline: str = "auto",
         output: Output | str | Path | None = None,
         threads: int = 0,
+        shared_device: bool = False,
         time_step: float | None = None,
     ) -> None:
         """Check the request; nothing is allocated yet."""
@@ -87,6 +93,7 @@ class Simulation:
             "precision": precision,
             "pipeline": pipeline,
             "threads": threads,
+            "shared_device": shared_device,
             "time_step": time_step,
         }
         lower(self._scene, with_particles=False, **self._requested)
@@ -100,6 +107,9 @@ class Simulation:
         self._series: list[Series] | None = None
         self._shifts: list[NDArray[np.float64]] = []
         self._restored: checkpoints.Checkpoint | None = None
+        self._loads_state = True
+        #: Particles of restored bodies whose place new bodies have taken, by body.
+        self.displaced: dict[str, int] = {}
         self._until = math.inf
         self._wall = 0.0
         self._particle_steps = 0
@@ -161,7 +171,7 @@ class Simulation:
     def plan(self) -> Plan:
         """What the simulation stores, runs and costs."""
         if self._plan is None:
-            with _warned_already():
+            with warned_already():
                 self._plan = build_plan(self._scene, device=self.device, **self._requested)
         return self._plan
 
@@ -176,7 +186,9 @@ class Simulation:
         return int(self._engine.step) if self._engine is not None else int(self._start("step"))
 
     def _start(self, key: str) -> float:
-        return 0.0 if self._restored is None else float(self._restored.header[key])
+        if self._restored is not None:
+            return float(self._restored.header[key])
+        return 0.0 if self._scene.start is None else float(getattr(self._scene.start, key))
 
     @property
     def dt(self) -> float:
@@ -220,15 +232,21 @@ class Simulation:
         """The compiled engine; made when first asked for."""
         if self._engine is None:
             self._require_memory()
-            with _warned_already():
+            start = self._scene.start
+            resumed = self._restored is not None
+            if start is not None and not resumed:
+                self._go_on(start)
+            with warned_already():
                 specification = lower(
-                    self._scene, device_index=self._backend.index, **self._requested
-                )
+                    self._scene, device_index=self._backend.index,
+                    # Of a scene that goes on, the state to load has all that its file had.
+                    shell=start is not None and self._loads_state, **self._requested,
+                )  # fmt: skip
             try:
                 engine = self._backend.module.Engine(specification)
             except CapacityError as error:
                 raise CapacityError(f"{error}. {self._memory_planned()}") from error
-            if self._restored is not None:
+            if self._loads_state and self._restored is not None:
                 try:
                     engine.load(self._restored.state)
                 except (Error, KeyError, TypeError, ValueError) as error:
@@ -240,6 +258,35 @@ class Simulation:
             self._engine = engine
             self._restored = None
         return self._engine
+
+    def _go_on(self, start: Start) -> None:
+        """Take up the state of the scene's checkpoint: whole, or what new bodies leave of it."""
+        from libmpm._src import snapshot as snapshots
+
+        if snapshots.digest_of(Path(start.checkpoint)) != start.digest:
+            snapshots.snapshot(self._scene)  # says what is wrong
+        if len(self._scene.boundaries) > start.boundaries:
+            snapshots.check_new_boundaries(self._scene)
+        source = checkpoints.load_checkpoint(Path(start.checkpoint))
+        self._loads_state = start.as_it_was(self._scene)
+        if start.tiles > 1:
+            source.sensors.clear()
+        self._restored = source
+        if self._loads_state:
+            return
+        state = snapshots.snapshot(self._scene)
+        for body in start.bodies:
+            placed = next(b for b in self._scene.bodies if b.name == body.name)
+            count = int(np.count_nonzero(snapshots.displaced(self._scene, placed)))
+            if count:
+                self.displaced[body.name] = count
+        left = {name: n for name, n in state.frozen.items() if n}
+        if left:
+            warnings.warn(
+                f"the run before had set aside {left} particles that left its domain; they are "
+                "not part of this one",
+                ModelWarning, stacklevel=5,
+            )  # fmt: skip
 
     def _require_memory(self) -> None:
         """Refuse what cannot fit before anything is allocated."""
@@ -280,7 +327,8 @@ class Simulation:
         resumed = self._restored is not None
         _ = self.engine
         if self._output is not None and self._writer is None:
-            self._writer = Writer(self._output, self, resumed=resumed or self.steps > 0)
+            begun = 0 if self._scene.start is None else self._scene.start.step
+            self._writer = Writer(self._output, self, resumed=resumed or self.steps > begun)
 
     # Stepping ---------------------------------------------------------------------------------
 
@@ -404,9 +452,11 @@ class Simulation:
             "precision": self.precision,
             "pipeline": self.pipeline,
             "threads": self._requested["threads"],
+            "shared_device": self._requested["shared_device"],
             "time_step": self._requested["time_step"],
             "time": self.time,
             "step": self.steps,
+            "displaced": self.displaced,
             "until": self._until if math.isfinite(self._until) else None,
             "output": None if self._output is None else self._output.to_dict(),
         }
@@ -443,11 +493,13 @@ class Simulation:
             pipeline=header["pipeline"] if same and scene.grid is None else "auto",
             output=output,
             threads=header["threads"],
+            shared_device=header.get("shared_device", False),
             time_step=header["time_step"],
         )
         simulation._restored = source
         simulation.run_settings = header.get("run") or {}
         simulation._recorded = header
+        simulation.displaced = dict(header.get("displaced", {}))
         return simulation
 
     def recorded_output(self) -> Output | None:
@@ -479,11 +531,3 @@ class Simulation:
     def __exit__(self, *exception: object) -> None:
         """Close the output files."""
         self.close()
-
-
-@contextmanager
-def _warned_already() -> Iterator[None]:
-    """Silence the scene's warnings: the constructor has given them."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ModelWarning)
-        yield

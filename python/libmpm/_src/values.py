@@ -14,7 +14,9 @@ import math
 import numbers
 import operator
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, ClassVar, ParamSpec, TypeVar, dataclass_transform, overload
 
 from libmpm._src.errors import ModelWarning, SceneError
@@ -289,7 +291,23 @@ def _from_plain(item: Any, problems: list[str]) -> Any:
     return item
 
 
+_quiet: ContextVar[bool] = ContextVar("libmpm_quiet", default=False)
+
+
+@contextmanager
+def warned_already() -> Iterator[None]:
+    """Let `warn` pass over a scene's doubts, which its user has been told.
+
+    Filters of `warnings` belong to the process; several simulations may be made at a time.
+    """
+    token = _quiet.set(True)
+    try:
+        yield
+    finally:
+        _quiet.reset(token)
+
+
 def warn(messages: Iterable[str], stacklevel: int = 3) -> None:
     """Issue each message as a `ModelWarning`."""
-    for message in messages:
+    for message in () if _quiet.get() else messages:
         warnings.warn(message, ModelWarning, stacklevel=stacklevel + 1)

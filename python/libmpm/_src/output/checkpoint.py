@@ -11,6 +11,8 @@ import os
 import re
 import warnings
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,11 +26,13 @@ from libmpm._src.output.atomic import replacing, sync_folder
 __all__ = [
     "FORMAT",
     "Checkpoint",
+    "checkpoint_files",
     "checkpoint_path",
     "find_checkpoints",
     "find_newest",
     "keep_newest",
     "load_checkpoint",
+    "load_header",
     "save_checkpoint",
 ]
 
@@ -100,6 +104,12 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         os.fsync(file.fileno())
 
 
+def load_header(path: Path) -> dict[str, Any]:
+    """Read the header of a checkpoint alone; raises as `load_checkpoint`."""
+    with _opened(path) as archive:
+        return _header(path, archive)
+
+
 def load_checkpoint(path: Path) -> Checkpoint:
     """Read a checkpoint written by `save_checkpoint`.
 
@@ -108,24 +118,36 @@ def load_checkpoint(path: Path) -> Checkpoint:
     CheckpointError
         If the file is missing, truncated, damaged or of another version; the message says which.
     """
+    with _opened(path) as archive:
+        header = _header(path, archive)
+        state: dict[str, Any] = dict(header.pop("numbers"))
+        for key in archive.files:
+            if key.startswith("state/"):
+                state[key.removeprefix("state/")] = archive[key]
+        sensors = [
+            (archive[f"sensor/{i}/time"], archive[f"sensor/{i}/values"], components, units)
+            for i, (components, units) in enumerate(header.pop("columns"))
+        ]
+        return Checkpoint(header, state, sensors)
+
+
+def _header(path: Path, archive: Any) -> dict[str, Any]:
+    header: dict[str, Any] = json.loads(archive["header"].tobytes().decode())
+    if header.get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path} has checkpoint format {header.get('format')}, written by libmpm "
+            f"{header.get('version')}; this libmpm reads format {FORMAT}: resume with the "
+            "version that wrote it"
+        )
+    return header
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open the archive; whatever is wrong with the file becomes a `CheckpointError`."""
     try:
         with np.load(path, allow_pickle=False) as archive:
-            header = json.loads(archive["header"].tobytes().decode())
-            if header.get("format") != FORMAT:
-                raise CheckpointError(
-                    f"{path} has checkpoint format {header.get('format')}, written by libmpm "
-                    f"{header.get('version')}; this libmpm reads format {FORMAT}: resume with the "
-                    "version that wrote it"
-                )
-            state: dict[str, Any] = dict(header.pop("numbers"))
-            for key in archive.files:
-                if key.startswith("state/"):
-                    state[key.removeprefix("state/")] = archive[key]
-            sensors = [
-                (archive[f"sensor/{i}/time"], archive[f"sensor/{i}/values"], components, units)
-                for i, (components, units) in enumerate(header.pop("columns"))
-            ]
-            return Checkpoint(header, state, sensors)
+            yield archive
     except FileNotFoundError as error:
         raise CheckpointError(f"{path} does not exist; give a checkpoint or its folder") from error
     except (zipfile.BadZipFile, EOFError, KeyError, ValueError, OSError) as error:
@@ -138,10 +160,8 @@ def load_checkpoint(path: Path) -> Checkpoint:
         ) from error
 
 
-def find_newest(path: Path) -> Checkpoint:
-    """Read the checkpoint `path`, or the newest whole one of a folder."""
-    if not path.is_dir():
-        return load_checkpoint(path)
+def checkpoint_files(path: Path) -> list[Path]:
+    """Return the checkpoints in the folder of a run, newest first; at least one."""
     folder = path / "checkpoints" if (path / "checkpoints").is_dir() else path
     found = find_checkpoints(folder)
     if not found:
@@ -149,6 +169,14 @@ def find_newest(path: Path) -> Checkpoint:
             f"{folder} holds no checkpoint; give a checkpoint file, or the folder of a run with "
             "a checkpoint interval"
         )
+    return found
+
+
+def find_newest(path: Path) -> Checkpoint:
+    """Read the checkpoint `path`, or the newest whole one of a folder."""
+    if not path.is_dir():
+        return load_checkpoint(path)
+    found = checkpoint_files(path)
     for i, candidate in enumerate(found):
         try:
             return load_checkpoint(candidate)

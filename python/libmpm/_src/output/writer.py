@@ -397,6 +397,7 @@ class Writer:
             "time": simulation.time,
             "steps": simulation.steps,
             "particles": {b: len(v) for b, v in simulation.particles.items()},
+            "displaced": simulation.displaced,
             "particle_steps_per_s": simulation.particle_steps_per_s,
             "output": self.output.to_dict(),
         }

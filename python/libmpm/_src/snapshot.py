@@ -1,0 +1,255 @@
+"""The state of a checkpoint, taken apart: what a run with other bodies goes on from."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from libmpm._src import backends
+from libmpm._src.checks import new_bodies, place_of, snap
+from libmpm._src.errors import CheckpointError, SceneError
+from libmpm._src.lowering import lower
+from libmpm._src.output.checkpoint import Checkpoint, load_checkpoint
+from libmpm._src.parts import Body
+from libmpm._src.scene import Scene
+from libmpm._src.shapes import Box
+from libmpm._src.start import Start, digest_of
+from libmpm._src.turned import Extent, TurnedBox
+from libmpm._src.values import warned_already
+
+__all__ = ["Snapshot", "check_new_boundaries", "displaced", "forget", "id_ranges", "inside"]
+__all__ += ["remaining", "snapshot", "take_apart"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The state of a checkpoint in terms that do not depend on how it was stored.
+
+    bodies     name -> ids above the body's first (n,), positions in m from the lower corner (n, d),
+               what its particles store (n, k)
+    cell       cells (m, d) that the nodes with mass are centres of; `sums` (m,) by channel
+    time_step  s, for which the sums hold the stress
+    frozen     particles that have left the domain and are not taken along, by body
+    sensors    where the run's sensors were, as in a saved state
+    """
+
+    time: float
+    step: int
+    time_step: float
+    bodies: Mapping[str, tuple[npt.NDArray[np.int64], Array, Array]]
+    cell: npt.NDArray[np.int64]
+    sums: Mapping[str, Array]
+    frozen: Mapping[str, int]
+    sensors: Mapping[str, npt.NDArray[Any]]
+
+    def velocity(self) -> Array:
+        """Return the nodal velocities before gravity and boundaries, (m, d), m/s."""
+        axes = "xyz"[: self.cell.shape[1]]
+        return np.stack([self.sums[f"momentum_{a}"] / self.sums["mass"] for a in axes], axis=1)
+
+    def averages(self) -> dict[str, Array]:
+        """Return F-bar's nodal averages (m,) by the channel of their sum."""
+        found = {}
+        for name, total in self.sums.items():
+            if not name.startswith("mass*"):
+                continue
+            weight = self.sums.get(f"mass:{name.partition(':')[2]}", self.sums["mass"])
+            found[name] = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0)
+        return found
+
+    def tiled(self, start: Start, axis: int, cells: int, cell_size: float) -> Snapshot:
+        """Return the copies of `start` side by side, each `cells` further along an axis.
+
+        What particles deposit moves with them, so the sums of the whole are those of the copies,
+        added where they share nodes. Copy k has the ids k n ≤ id < (k + 1) n of a body of n ids.
+        """
+        tiles = start.tiles
+        bodies = {}
+        for body in start.bodies:
+            ids, position, state = self.bodies[body.name]
+            copy = np.repeat(np.arange(tiles, dtype=np.int64), len(ids))
+            moved = np.tile(position, (tiles, 1))
+            moved[:, axis] += copy * (cells * cell_size)
+            number = np.tile(ids, tiles) + copy * (body.ids // tiles)
+            bodies[body.name] = (number, moved, np.tile(state, (tiles, 1)))
+        every = np.tile(self.cell, (tiles, 1))
+        every[:, axis] += np.repeat(np.arange(tiles), len(self.cell)) * cells
+        cell, owner = np.unique(every, axis=0, return_inverse=True)
+        owner = owner.reshape(-1)
+        sums: dict[str, Array] = {
+            name: np.bincount(owner, np.tile(total, tiles), len(cell)).astype(np.float64)
+            for name, total in self.sums.items()
+        }
+        return Snapshot(
+            self.time, self.step, self.time_step, bodies, cell, sums, self.frozen, {},
+        )  # fmt: skip
+
+
+def id_ranges(scene: Scene) -> Iterator[tuple[str, int, int, float]]:
+    """Yield name, first id, number of ids and particle mass (kg) of every body of a scene."""
+    for body in _shell(scene, None)["bodies"]:
+        yield body["name"], body["first_id"], body["id_count"], body["particle_mass"]
+
+
+def _shell(scene: Scene, time_step: float | None) -> dict[str, Any]:
+    """Return the specification of an engine that is made to load a state."""
+    precision = "double" if scene.grid is None else "auto"
+    with warned_already():
+        return lower(scene, precision=precision, time_step=time_step, shell=True)
+
+
+def take_apart(checkpoint: Checkpoint) -> Snapshot:
+    """Return the state of a checkpoint of any backend and precision.
+
+    An engine in double precision on the CPU loads it: no bit of a narrower number is lost.
+    """
+    scene = Scene.from_dict(checkpoint.header["scene"])
+    specification = _shell(scene, checkpoint.header["time_step"])
+    engine = backends.core().Engine(specification)
+    engine.load(checkpoint.state)
+    bodies, frozen = {}, {}
+    for i, body in enumerate(specification["bodies"]):
+        read = engine.attributes(i, ["id", "position", "state", "frozen"])
+        left = read["frozen"] != 0
+        if scene.method.leaving != "stop":
+            # Those that have left since the last sort are taken out at the next one.
+            cell = np.floor(read["position"] / scene.cell_size)
+            left |= np.any((cell < 0) | (cell >= np.asarray(scene.cells)), axis=1)
+        order = np.argsort(read["id"], kind="stable")
+        order = order[~left[order]]
+        ids = read["id"][order].astype(np.int64) - body["first_id"]
+        bodies[body["name"]] = (ids, read["position"][order], read["state"][order])
+        frozen[body["name"]] = int(np.count_nonzero(left))
+    sums = engine.sums()
+    cell = sums.pop("cell")
+    kept = ("sensor_next", "sensor_last", "sensor_first", "load_impulse")
+    sensors = {name: checkpoint.state[name] for name in kept}
+    return Snapshot(engine.time, engine.step, engine.time_step, bodies, cell, sums, frozen, sensors)
+
+
+@functools.lru_cache(maxsize=1)
+def _read(path: str, digest: str, _version: tuple[int, int] | None) -> Snapshot:
+    found = digest_of(Path(path))
+    if found != digest:
+        raise CheckpointError(
+            f"{path} is not the checkpoint that the scene goes on from: its SHA-256 begins with "
+            f"{found[:12]}, that of the scene with {digest[:12]}; make the scene again with "
+            "Scene.from_checkpoint"
+        )
+    return take_apart(load_checkpoint(Path(path)))
+
+
+def _version_of(path: str) -> tuple[int, int] | None:
+    """Return what tells a file from one written over it later; None of a missing one."""
+    try:
+        status = Path(path).stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size
+
+
+def snapshot(scene: Scene) -> Snapshot:
+    """Return the state that a scene goes on from, tiled where it is."""
+    start = scene.start
+    assert start is not None
+    found = _read(start.checkpoint, start.digest, _version_of(start.checkpoint))
+    if start.tiles == 1:
+        return found
+    axis = "xyz".index(str(start.axis))
+    return found.tiled(start, axis, scene.cells[axis] // start.tiles, scene.cell_size)
+
+
+def forget() -> None:
+    """Let go of the state read last."""
+    _read.cache_clear()
+
+
+def displaced(scene: Scene, body: Body) -> npt.NDArray[np.bool_]:
+    """Return which particles of a restored body, in order of ids, new bodies take the place of.
+
+    Raises `SceneError` where a new body lies in particles that it does not displace.
+    """
+    position = snapshot(scene).bodies[body.name][1]
+    if len(position) == 0:
+        raise SceneError(
+            f"body '{body.name}': none of its particles is left at {snapshot(scene).time:g} s; "
+            "expected some where bodies are added or the run is tiled; branch from an earlier "
+            "checkpoint"
+        )
+    gone = np.zeros(len(position), dtype=bool)
+    slack = 1e-9 * scene.cell_size
+    # Bodies of the run itself have taken their place at its start and may have moved since.
+    added = new_bodies(scene)
+    for other in added:
+        if body.name in other.subtract_from:
+            gone |= inside(place_of(scene, other), position, slack)
+    problems = []
+    for other in added:
+        if body.name in other.subtract_from:
+            continue
+        caught = int(np.count_nonzero(inside(place_of(scene, other), position, -slack) & ~gone))
+        if caught:
+            problems.append(
+                f"body '{other.name}': {caught} particles of body '{body.name}' lie inside it at "
+                f"{snapshot(scene).time:g} s; expected none; subtract_from=('{body.name}',) takes "
+                "them out, or move it"
+            )
+    if problems:
+        raise SceneError(problems)
+    if gone.all():
+        raise SceneError(
+            f"body '{body.name}': the new bodies displace all of its {len(gone)} particles; "
+            "expected some to remain"
+        )
+    return gone
+
+
+def remaining(scene: Scene, body: Body) -> tuple[npt.NDArray[np.int64], Array, Array]:
+    """Return ids above the body's first, positions and state of what is not displaced."""
+    ids, position, state = snapshot(scene).bodies[body.name]
+    if scene.start is not None and len(scene.bodies) > len(scene.start.bodies):
+        kept = ~displaced(scene, body)
+        ids, position, state = ids[kept], position[kept], state[kept]
+    return ids, position, state
+
+
+def check_new_boundaries(scene: Scene) -> None:
+    """Refuse boxes added to a scene that goes on where its particles are; raises `SceneError`."""
+    start = scene.start
+    assert start is not None
+    problems = []
+    for boundary in scene.boundaries[start.boundaries :]:
+        if not isinstance(boundary.shape, Box):
+            continue
+        corners = [[i * scene.cell_size for i in corner] for corner in snap(scene, boundary.shape)]
+        for body in start.bodies:
+            position = snapshot(scene).bodies[body.name][1]
+            caught = int(np.count_nonzero(inside((corners[0], corners[1]), position, 0.0)))
+            if caught and boundary.window[0] <= start.time < boundary.window[1]:
+                problems.append(
+                    f"boundary '{boundary.name}': {caught} particles of body '{body.name}' lie "
+                    f"inside it at {start.time:g} s; expected none; run the trunk with it, or "
+                    "move it"
+                )
+    if problems:
+        raise SceneError(problems)
+
+
+def inside(hole: Extent, position: Array, allowance: float) -> npt.NDArray[np.bool_]:
+    """Return which positions (n, d), m, lie in a box at any angle; faces count by `allowance`."""
+    box = hole if isinstance(hole, TurnedBox) else TurnedBox.straight(*hole)
+    result = np.ones(len(position), dtype=bool)
+    for a, edge in enumerate(box.size):
+        own = sum(
+            (position[:, b] - box.centre[b]) * box.axes[b][a] for b in range(position.shape[1])
+        )
+        result &= np.abs(own) <= 0.5 * edge + allowance
+    return result

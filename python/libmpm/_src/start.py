@@ -1,0 +1,217 @@
+"""Scenes that go on from a checkpoint of another run: water once, debris many times.
+
+Restored bodies keep their particles, their material's numbers and the velocities and averages that
+the grid had. What is added deposits as at any start; design/branches.md says why this is exact.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from libmpm._src.errors import CheckpointError, SceneError
+from libmpm._src.sensors import Energy, ParticleTracker, WaveGauge
+from libmpm._src.shapes import Box
+from libmpm._src.values import Checker, Value, value, warn
+
+if TYPE_CHECKING:
+    from libmpm._src.scene import Scene
+
+__all__ = ["RestoredBody", "Start", "digest_of", "scene_from_checkpoint"]
+
+#: Part of a cell by which a box may miss the side of a slice and still go through it.
+_THROUGH = 1e-6
+
+
+@value
+class RestoredBody(Value):
+    """A body of the run before: its ids are first_id ≤ id < first_id + ids."""
+
+    name: str
+    first_id: int
+    ids: int
+    particle_mass: float
+
+    def follows(self, other: RestoredBody) -> bool:
+        """Return whether the mass of a particle allows one pass for both, as `merge_alike`."""
+        return abs(self.particle_mass - other.particle_mass) <= 1e-12 * other.particle_mass
+
+
+@value
+class Start(Value):
+    """Where a scene goes on from; made by `Scene.from_checkpoint`.
+
+    `checkpoint` is the file and `digest` the SHA-256 of its content, `time` (s) and `step` the
+    moment it was written. Of the scene's bodies, boundaries and sensors the first ones are the
+    run's own: `bodies` in order, so many `boundaries` and so many `sensors`. With `tiles` > 1 that
+    many copies of the run's domain lie side by side along `axis`.
+    """
+
+    label: ClassVar[str] = "Start"
+
+    checkpoint: str
+    digest: str
+    time: float
+    step: int
+    bodies: Sequence[RestoredBody]
+    boundaries: int
+    sensors: int
+    tiles: int = 1
+    axis: str | None = None
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        tiles = check.integer("tiles", self.tiles, lower=1)
+        if tiles > 1 or self.axis is not None:
+            check.choice("axis", self.axis, ("x", "y", "z"))
+        return {"tiles": tiles, "bodies": tuple(self.bodies)}
+
+    def restored(self, name: str) -> RestoredBody | None:
+        """Return what the run before knew of a body; None of a new one."""
+        return next((b for b in self.bodies if b.name == name), None)
+
+    def as_it_was(self, scene: Scene) -> bool:
+        """Return whether the scene has the checkpoint's particles, stored as it stored them."""
+        return (
+            self.tiles == 1
+            and len(scene.bodies) == len(self.bodies)
+            and not self._kept_apart(scene)
+        )
+
+    def _kept_apart(self, scene: Scene) -> bool:
+        """Return whether a new sensor asks for one of several bodies that were stored as one.
+
+        Alike neighbours are stepped and saved together until a sensor wants one of them alone;
+        the run then takes up its particles body by body.
+        """
+        asked = {
+            s.sensor.body
+            for s in scene.sensors[self.sensors :]
+            if isinstance(s.sensor, Energy | WaveGauge)
+        }
+        laws = [(b.material.table.name, b.material.parameters()) for b in scene.bodies]
+        pairs = enumerate(itertools.pairwise(self.bodies))
+        return any(
+            {one.name, two.name} & asked and laws[k] == laws[k + 1] and two.follows(one)
+            for k, (one, two) in pairs
+        )
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file; raises `CheckpointError` if it cannot be read."""
+    try:
+        found = path.stat()
+        return _digest(str(path), found.st_size, found.st_mtime_ns)
+    except OSError as error:
+        raise CheckpointError(
+            f"{path} cannot be read: {error.strerror}; give a checkpoint that a run has written"
+        ) from error
+
+
+@functools.lru_cache(maxsize=64)
+def _digest(path: str, size: int, changed: int) -> str:
+    """Read the file once for each size and time of change: a study asks for every row."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def scene_from_checkpoint(path: Path, tiles: int, axis: str | None) -> Scene:
+    """Return the scene of a checkpoint, which goes on from there; see `Scene.from_checkpoint`."""
+    from libmpm._src.scene import Scene
+    from libmpm._src.snapshot import id_ranges
+
+    path, header = _newest(path)
+    before = Scene.from_dict(header["scene"])
+    check = Checker(f"Scene.from_checkpoint('{path}')")
+    tiles = check.integer("tiles", tiles, lower=1, remedy="1 takes the run as it is")
+    names = "xyz"[: before.dimension]
+    if tiles > 1 or axis is not None:
+        check.choice("axis", axis, tuple(names))
+    if before.grid is not None:
+        check.fail(
+            "the run has a grid of functions; expected square or cubic cells; go on with "
+            "Simulation.resume, or begin a scene of its own"
+        )
+    check.finish()
+    bodies = [
+        RestoredBody(name=name, first_id=tiles * first, ids=tiles * ids, particle_mass=mass)
+        for name, first, ids, mass in id_ranges(before)
+    ]
+    start = Start(
+        checkpoint=str(path.absolute()), digest=digest_of(path), time=float(header["time"]),
+        step=int(header["step"]), bodies=bodies, boundaries=len(before.boundaries),
+        sensors=len(before.sensors), tiles=tiles, axis=axis if tiles > 1 else None,
+    )  # fmt: skip
+    data = before.to_dict()
+    data.pop("start", None)
+    if tiles > 1:
+        data = _side_by_side(before, data, start, names.index(str(axis)))
+    return Scene.from_dict(data | {"start": start.to_dict()})
+
+
+def _newest(path: Path) -> tuple[Path, dict[str, Any]]:
+    """Return a checkpoint file, the newest whole one of a folder, and its header."""
+    from libmpm._src.output.checkpoint import checkpoint_files, load_header
+
+    if not path.is_dir():
+        return path, load_header(path)
+    files = checkpoint_files(path)
+    for older in files[:-1]:
+        try:
+            return older, load_header(older)
+        except CheckpointError as error:
+            warn([f"{error}; an older one is used"])
+    return files[-1], load_header(files[-1])
+
+
+def _side_by_side(before: Scene, data: dict[str, Any], start: Start, axis: int) -> dict[str, Any]:
+    """Return the scene whose domain is `start.tiles` times as wide along an axis."""
+    low, high = before.lower[axis], before.upper[axis]
+    slack = _THROUGH * before.cell_size
+    # The number that the scene itself would have, whole cells above the lower side.
+    wide = low + start.tiles * before.cells[axis] * before.cell_size
+    problems = []
+
+    def widened(what: str, shape: dict[str, Any]) -> dict[str, Any]:
+        ends = shape["lower"][axis], shape["upper"][axis]
+        if ends[0] > low + slack or ends[1] < high - slack:
+            problems.append(
+                f"{what}: its box spans {ends[0]:g} to {ends[1]:g} m on axis {axis}; expected "
+                f"all of the slice, {low:g} to {high:g} m, where the run is tiled; run the trunk "
+                "without it and add it to the tiled scene"
+            )
+        upper = list(shape["upper"])
+        upper[axis] = max(wide, ends[1])
+        return shape | {"upper": upper}
+
+    parts: dict[str, Any] = {}
+    for kind, singular in (("bodies", "body"), ("boundaries", "boundary")):
+        parts[kind] = [
+            part | {"shape": widened(f"{singular} '{part['name']}'", part["shape"])}
+            if part["shape"]["type"] == Box.__name__ else part
+            for part in data[kind]
+        ]  # fmt: skip
+    if problems:
+        raise SceneError(problems)
+    upper = list(before.upper)
+    upper[axis] = wide
+    return data | parts | {"upper": upper, "sensors": _renumbered(before, start)}
+
+
+def _renumbered(before: Scene, start: Start) -> list[dict[str, Any]]:
+    """Return the sensors of a tiled scene: ids of the run's own are those of the first copy."""
+    result = []
+    for placed in before.sensors:
+        sensor = placed.sensor
+        if isinstance(sensor, ParticleTracker) and sensor.ids != "all":
+            body = start.restored(sensor.body)
+            assert body is not None
+            was = body.first_id // start.tiles
+            ids = [body.first_id + int(i) - was for i in sensor.ids]
+            sensor = dataclasses.replace(sensor, ids=ids)
+        result.append({"name": placed.name, "sensor": sensor.to_dict()})
+    return result
