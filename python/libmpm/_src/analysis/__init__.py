@@ -1,0 +1,1 @@
+"""From results to responses, and statistics of responses; see `libmpm.analysis`."""

@@ -1,0 +1,1 @@
+"""Design formulas and their register; see `libmpm.design`."""

@@ -1,0 +1,35 @@
+"""Demand of debris fields on structures: from laws of a field to curves of exceedance.
+
+The load of a field is that of an ordered one, C(c), times what disorder leaves of it, R(θ) and R(n)
+(Bonus 2023, chapter 11). `expected_load` averages it, `exceedance` gives the probability or rate
+of each load with a confidence band, `from_study` does so for results of a study. Needs the optional
+packages of ``pip install libmpm[studies]``.
+"""
+
+from libmpm._src.analysis.curves import Exceedance, LoadAt, combine
+from libmpm._src.analysis.exceedance import exceedance, from_study
+from libmpm._src.analysis.laws import Density, Discrete, Histogram, Law
+from libmpm._src.analysis.ordered import (
+    OrderedLoad,
+    Reduction,
+    expected_load,
+    ordered_load,
+    rate_weighted_load,
+)
+
+__all__ = [
+    "Density",
+    "Discrete",
+    "Exceedance",
+    "Histogram",
+    "Law",
+    "LoadAt",
+    "OrderedLoad",
+    "Reduction",
+    "combine",
+    "exceedance",
+    "expected_load",
+    "from_study",
+    "ordered_load",
+    "rate_weighted_load",
+]

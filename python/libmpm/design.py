@@ -1,0 +1,82 @@
+"""Design formulas for impacts, drag, similitude and spreading of debris, with their sources.
+
+Functions take keyword arguments in SI units (angles in radians), numbers or arrays that broadcast,
+and return a float or an array. Impossible values raise `SceneError`; values outside the range that
+a source speaks of issue a `ModelWarning`. `formulas` lists all of them.
+"""
+
+from libmpm._src.design.contact import Impact, kelvin_voigt, kelvin_voigt_peak
+from libmpm._src.design.flow import (
+    cauchy_number,
+    drag_force,
+    froude_number,
+    mach_number,
+    sound_speed,
+    surf_similarity,
+)
+from libmpm._src.design.formula import Example, Formula, Symbol, formula_table, formulas
+from libmpm._src.design.impact import (
+    bar_duration,
+    bar_force,
+    bar_force_of_material,
+    bar_impulse,
+    bar_mass,
+    bar_stiffness,
+    impact_amplification,
+    impact_amplification_series,
+    reflection_coefficient,
+    transmission_coefficient,
+)
+from libmpm._src.design.similitude import (
+    Froude,
+    elastic_impact_ratio,
+    mach_ratio,
+    prototype_time,
+)
+from libmpm._src.design.spreading import (
+    DEBRIS_FRICTION,
+    NAITO_ANGLE,
+    Friction,
+    naito_half_width,
+    nistor_displacement,
+    nistor_spreading,
+    spreading_angle,
+)
+
+__all__ = [
+    "DEBRIS_FRICTION",
+    "NAITO_ANGLE",
+    "Example",
+    "Formula",
+    "Friction",
+    "Froude",
+    "Impact",
+    "Symbol",
+    "bar_duration",
+    "bar_force",
+    "bar_force_of_material",
+    "bar_impulse",
+    "bar_mass",
+    "bar_stiffness",
+    "cauchy_number",
+    "drag_force",
+    "elastic_impact_ratio",
+    "formula_table",
+    "formulas",
+    "froude_number",
+    "impact_amplification",
+    "impact_amplification_series",
+    "kelvin_voigt",
+    "kelvin_voigt_peak",
+    "mach_number",
+    "mach_ratio",
+    "naito_half_width",
+    "nistor_displacement",
+    "nistor_spreading",
+    "prototype_time",
+    "reflection_coefficient",
+    "sound_speed",
+    "spreading_angle",
+    "surf_similarity",
+    "transmission_coefficient",
+]
