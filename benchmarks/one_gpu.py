@@ -222,6 +222,8 @@ class Runner:
                 "sorts": statistics.get("sorts"),
                 "grid_blocks": statistics.get("blocks"),
                 "held_bytes": statistics.get("bytes"),
+                "most_bytes_used": statistics.get("most_bytes_used"),
+                "most_bytes_held": statistics.get("most_bytes_held"),
             }
             return line | ({} if read is None else read(simulation))
         finally:
@@ -476,7 +478,7 @@ def table(lines: list[Line]) -> str:
     for line in lines:
         shown = [k for k in SHOWN if line.get(k) is not None]
         if line["case"] in ("first-step", "memory", "huge"):
-            shown += ["first_step_s", "held_bytes"]
+            shown += ["first_step_s", "held_bytes", "most_bytes_used", "most_bytes_held"]
         row = [line["case"], f"{line['particles']:,}", str(line["particles_per_cell"] or "")]
         row += [f"{line['steps']:,}", f"{line['particle_steps_per_s']:.3e}"]
         also = ", ".join(f"{k} {line[k]:.5g}" for k in shown)

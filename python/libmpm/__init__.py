@@ -10,7 +10,17 @@ import importlib
 import os
 from typing import TYPE_CHECKING, Any
 
-from libmpm import boundaries, grids, materials, sensors, shapes
+from libmpm import (
+    analysis,
+    boundaries,
+    debris,
+    demand,
+    design,
+    grids,
+    materials,
+    sensors,
+    shapes,
+)
 from libmpm._src.errors import (
     CapacityError,
     CheckpointError,
@@ -29,8 +39,11 @@ from libmpm._src.timetable import TimeTable
 from libmpm._src.triangular.shapes import Traction
 
 if TYPE_CHECKING:
+    from libmpm import studies
     from libmpm._src.output.writer import Output
     from libmpm._src.simulation import Simulation
+    from libmpm._src.study.plan import Trunk
+    from libmpm._src.study.study import Study
 
 __all__ = [
     "CapacityError",
@@ -48,15 +61,22 @@ __all__ = [
     "Scene",
     "SceneError",
     "Simulation",
+    "Study",
     "TimeTable",
     "Traction",
+    "Trunk",
     "__version__",
+    "analysis",
     "boundaries",
     "build_info",
+    "debris",
+    "demand",
+    "design",
     "grids",
     "materials",
     "sensors",
     "shapes",
+    "studies",
 ]
 
 # A thread that waits at the end of a loop spins for some microseconds and then sleeps. libgomp
@@ -67,7 +87,12 @@ if "OMP_WAIT_POLICY" not in os.environ:
     os.environ.setdefault("GOMP_SPINCOUNT", "4000")
 
 #: Names that need the compiled core, or packages that descriptions do not: loaded on first use.
-_LAZY = {"Simulation": "libmpm._src.simulation", "Output": "libmpm._src.output.writer"}
+_LAZY = {
+    "Output": "libmpm._src.output.writer",
+    "Simulation": "libmpm._src.simulation",
+    "Study": "libmpm._src.study.study",
+    "Trunk": "libmpm._src.study.plan",
+}
 
 
 def build_info() -> dict[str, Any]:
@@ -76,9 +101,11 @@ def build_info() -> dict[str, Any]:
 
 
 def __getattr__(name: str) -> Any:
-    """Load `Simulation`, `Output` and `__version__` on first use."""
+    """Load `Simulation`, `Output`, `Study` and the like, and `__version__`, on first use."""
     if name in _LAZY:
         return getattr(importlib.import_module(_LAZY[name]), name)
+    if name == "studies":
+        return importlib.import_module("libmpm.studies")
     if name == "__version__":
         from importlib.metadata import PackageNotFoundError, version
 

@@ -1,4 +1,4 @@
-"""The command line: ``libmpm demo | run | plan | check | resume | bench | info``."""
+"""The command line: ``libmpm demo | run | plan | check | resume | study | bench | info``."""
 
 from __future__ import annotations
 
@@ -85,7 +85,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_writing(resume)
 
     from libmpm._src.bench import add_arguments
+    from libmpm._src.study.command import add_arguments as add_study_arguments
 
+    add_study_arguments(commands.add_parser("study", help="many scenes from one table"))
     add_arguments(commands.add_parser("bench", help="speed of a collapsing cube of water"))
     commands.add_parser("info", help="version, backends, devices, threads")
     return parser
@@ -173,6 +175,12 @@ def _resume(arguments: argparse.Namespace) -> int:
     return _finish(simulation, _until(arguments.until, simulation.recorded_until()), arguments)
 
 
+def _study(arguments: argparse.Namespace) -> int:
+    from libmpm._src.study.command import run_command
+
+    return run_command(arguments)
+
+
 def _bench(arguments: argparse.Namespace) -> int:
     from libmpm._src.bench import run_command
 
@@ -192,6 +200,7 @@ _COMMANDS = {
     "plan": _plan,
     "check": _check,
     "resume": _resume,
+    "study": _study,
     "bench": _bench,
     "info": _info,
 }

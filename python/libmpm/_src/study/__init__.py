@@ -1,0 +1,1 @@
+"""Studies: one scene a row of a table, run on whatever takes work, and one table at the end."""

@@ -1,0 +1,144 @@
+"""One case of a study as its files show it."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from libmpm._src.output.sensor_file import Series, read_sensors
+from libmpm._src.scene import Scene
+from libmpm._src.study.files import LOCK, RESPONSE, STATUS, read_object, write_shared
+from libmpm._src.study.locks import is_held
+from libmpm._src.study.rows import canonical
+from libmpm._src.study.table import COLUMNS
+from libmpm._src.values import plain
+
+__all__ = [
+    "Case",
+    "Response",
+    "compute_response",
+    "recorded_response",
+    "status_of",
+    "store_response",
+]
+
+Response = Callable[["Case"], Mapping[str, Any]]
+
+
+class Case:
+    """One row of a study and what its simulation has left in its folder.
+
+    Made by `Study.cases`, and handed to a study's `response`. Rows that describe the same
+    simulation share a folder; each has its own `parameters`.
+    """
+
+    def __init__(
+        self, parameters: dict[str, Any], hash: str, folder: Path | None, error: str = ""
+    ) -> None:
+        """Take what the plan says; files are read when asked for."""
+        #: The row: name -> value.
+        self.parameters = parameters
+        #: The name of its folder: 16 digits; empty while its trunk has not run.
+        self.hash = hash
+        #: The folder with ``status.json``, ``scene.json``, ``sensors.h5`` and the like, or None.
+        self.folder = folder
+        self._error = error
+
+    @cached_property
+    def record(self) -> dict[str, Any]:
+        """The content of ``status.json``; empty while the case has not begun. Read once."""
+        return {} if self.folder is None else read_object(self.folder / STATUS)
+
+    @property
+    def status(self) -> str:
+        """One of planned, running, interrupted, finished, failed; as of the first look."""
+        if self._error:
+            return "failed"
+        return "planned" if self.folder is None else status_of(self.folder, self.record)
+
+    @property
+    def error(self) -> str:
+        """Why it failed; empty if it did not."""
+        return self._error or str(self.record.get("error") or "")
+
+    @cached_property
+    def sensors(self) -> dict[str, Series]:
+        """Sensor name -> series with `time` (n,) in s, `values` (n, k), components and units."""
+        return {} if self.folder is None else read_sensors(self.folder / "sensors.h5")
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene that ran."""
+        if self.folder is None:
+            raise FileNotFoundError("the case has no folder: its scene is not known yet")
+        return Scene.load(self.folder / "scene.json")
+
+    def __repr__(self) -> str:
+        """Return the row and how it stands."""
+        inside = ", ".join(f"{k}={v!r}" for k, v in self.parameters.items())
+        return f"<Case {self.hash or '?'} {self.status}: {inside}>"
+
+
+def status_of(folder: Path, record: Mapping[str, Any]) -> str:
+    """Return the status of a folder whose ``status.json`` holds `record`."""
+    status = str(record.get("status", "planned"))
+    if status == "running" and not is_held(folder / LOCK):
+        return "interrupted"
+    return status
+
+
+def compute_response(case: Case, response: Response) -> tuple[dict[str, Any], str]:
+    """Return the numbers of a finished case, and what went wrong if anything did."""
+    label = "response"
+    taken = {*case.parameters, *COLUMNS}
+    try:
+        found = response(case)
+    except Exception as error:
+        return {}, f"{label}: {type(error).__name__}: {error}"
+    if not isinstance(found, Mapping):
+        return {}, f"{label}: returned {found!r:.60}; expected a mapping of names to numbers"
+    numbers_, problems = {}, []
+    for name, item in found.items():
+        item = item.item() if hasattr(item, "item") and getattr(item, "size", 1) == 1 else item
+        if not isinstance(name, str) or not isinstance(item, numbers.Real):
+            problems.append(f"{label}: {name!r} is {item!r:.60}; expected a name and a number")
+        elif name in taken:
+            what = "a parameter" if name in case.parameters else "another column of the table"
+            problems.append(
+                f"{label}: '{name}' is the name of {what} too; give the result another name, for "
+                f"instance '{name}_found'"
+            )
+        else:
+            numbers_[name] = item if isinstance(item, bool | int) else float(item)
+    return numbers_, "; ".join(problems)
+
+
+def store_response(case: Case, found: tuple[dict[str, Any], str]) -> None:
+    """Keep the response of one row in ``response.json``, beside those of rows that share it."""
+    assert case.folder is not None
+    entries = _entries(case.folder)
+    # JSON has no word for what is not finite.
+    values = {k: v if math.isfinite(v) else str(v) for k, v in found[0].items()}
+    made = {"parameters": plain(case.parameters), "response": values, "error": found[1]}
+    if entries.get(canonical(case.parameters)) != made:
+        entries[canonical(case.parameters)] = made
+        write_shared(case.folder / RESPONSE, {"rows": list(entries.values())})
+
+
+def recorded_response(case: Case) -> tuple[dict[str, Any], str]:
+    """Return the response that an earlier run computed for this row, and its error."""
+    if case.folder is None:
+        return {}, ""
+    found = _entries(case.folder).get(canonical(case.parameters), {})
+    values = found.get("response", {}).items()
+    return {k: float(v) if isinstance(v, str) else v for k, v in values}, found.get("error", "")
+
+
+def _entries(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the responses kept in a folder, by row."""
+    rows = read_object(folder / RESPONSE).get("rows", [])
+    return {canonical(row["parameters"]): row for row in rows}

@@ -1,0 +1,49 @@
+"""Files of a study's folder that several processes read, and some write."""
+
+from __future__ import annotations
+
+import json
+import os
+import uuid
+from pathlib import Path
+from typing import Any
+
+from libmpm._src.output.atomic import write_json, writing
+
+__all__ = [
+    "CASES",
+    "CHECKPOINT",
+    "LOCK",
+    "PARAMETERS",
+    "RESPONSE",
+    "STATUS",
+    "STUDY",
+    "TRACEBACK",
+    "TRUNKS",
+    "read_object",
+    "write_shared",
+]
+
+#: In the folder of a study.
+STUDY, CASES, TRUNKS = "study.json", "cases", "trunks"
+#: In the folder of a case or trunk, beside what the run writes.
+STATUS, PARAMETERS, RESPONSE = "status.json", "parameters.json", "response.json"
+TRACEBACK, LOCK, CHECKPOINT = "traceback.txt", "lock", "trunk.npz"
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file; an empty one if there is no whole one."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def write_shared(path: Path, content: Any) -> None:
+    """Write JSON atomically to a file that others may be writing at the same moment."""
+    # The temporary names of two writers differ, so neither renames the other's half file.
+    own = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    write_json(own, content)
+    with writing(path):
+        os.replace(own, path)

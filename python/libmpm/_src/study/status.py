@@ -1,0 +1,49 @@
+"""How a study stands, for terminals."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from libmpm._src.study.case import Case
+
+__all__ = ["StudyStatus"]
+
+_STATUSES = ("planned", "running", "interrupted", "finished", "failed")
+
+
+@dataclass(frozen=True, repr=False)
+class StudyStatus:
+    """How the rows of a study stand; prints as text. Made by `Study.status`."""
+
+    folder: Path
+    """The study's folder."""
+    cases: tuple[Case, ...]
+    """One case a row."""
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of rows that are planned, running, interrupted, finished and failed."""
+        found = Counter(case.status for case in self.cases)
+        return {status: found[status] for status in _STATUSES}
+
+    def __repr__(self) -> str:
+        """Return the counts, what runs, and why what failed did."""
+        counted = ", ".join(f"{n} {status}" for status, n in self.counts.items() if n)
+        lines = [f"{self.folder}: {len(self.cases)} rows" + (f": {counted}" if counted else "")]
+        shown: set[str] = set()
+        for case in self.cases:
+            if case.hash and case.hash in shown:
+                continue
+            shown.add(case.hash)
+            record = case.record
+            if case.status == "running":
+                lines.append(
+                    f"running {case.hash}: {record.get('time', 0.0):.4g} of {record['until']:.4g} "
+                    f"s on {record['device']} of {record['host']}, process {record['pid']}, last "
+                    f"heard of {record['heartbeat']}"
+                )
+            elif case.status == "failed":
+                lines.append(f"failed {case.hash or 'without a folder'}: {case.error}")
+        return "\n".join(lines)

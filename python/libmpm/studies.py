@@ -1,0 +1,22 @@
+"""Many simulations from one table of parameters, and tables to make them from."""
+
+from libmpm._src.study.case import Case
+from libmpm._src.study.plan import Trunk
+from libmpm._src.study.progress import StudyState
+from libmpm._src.study.samplers import grid, latin_hypercube, sobol
+from libmpm._src.study.status import StudyStatus
+from libmpm._src.study.study import Study
+from libmpm._src.study.table import StudyResult, TrunkCost
+
+__all__ = [
+    "Case",
+    "Study",
+    "StudyResult",
+    "StudyState",
+    "StudyStatus",
+    "Trunk",
+    "TrunkCost",
+    "grid",
+    "latin_hypercube",
+    "sobol",
+]
