@@ -139,6 +139,7 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
             throw SceneError("body '" + b.name + "': " + m.name +
                              " stores no volume ratio to set a pressure by");
     }
+    if (d.contains("generation")) b.generation = d["generation"].cast<int>();
     if (d.contains("id_count")) b.id_count = d["id_count"].cast<std::uint64_t>();
     if (d.contains("state")) {
         const auto width = d["state_width"].cast<int>();

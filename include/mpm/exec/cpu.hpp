@@ -51,7 +51,6 @@ public:
     void zero(void* p, std::size_t bytes) { std::memset(p, 0, bytes); }
     void wait() {}
     void trim() {}
-    void trim_beyond(std::size_t) {}
     void check(const char*) {}
 
     template <class F>

@@ -322,9 +322,6 @@ template <class X, class T, int D>
 bool Domain<X, T, D>::sort() {
     const double began = now();
     const std::int64_t slots = table_.slots;
-    std::uint64_t most = 0;
-    for (const Body& body : bodies_) most = std::max<std::uint64_t>(most, body.count);
-    exec_.trim_beyond(most * 3 * sizeof(std::uint32_t));
     // Per body: particles that have left, homes; then whether the table lacks a block.
     const std::size_t bodies = bodies_.size();
     Buffer<X, std::uint32_t> occupied(exec_), counts(exec_);

@@ -55,6 +55,7 @@ struct BodySpec {
     Rows pressure;                 // (count,) or empty
     // Of a body that goes on from another run (StartSpec):
     bool restored = false;
+    int generation = 0;              // runs before the one that it was added to
     std::vector<std::uint32_t> ids;  // (count,) above first_id, below id_count; empty: the rows
     std::uint64_t id_count = 0;      // ids kept for the body; 0: as many as particles
     Rows state;                      // (count, state_width): what its particles store

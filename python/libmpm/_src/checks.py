@@ -423,8 +423,10 @@ def _check_blocked(
     scene: Scene, bodies: list[Body], boundaries: list[Boundary], problems: list[str]
 ) -> None:
     base = np.asarray(scene.lower)
+    now = 0.0 if scene.start is None else scene.start.time
     for boundary in boundaries:
-        if not isinstance(boundary.shape, Box) or boundary.window[0] > 0:
+        first, last = boundary.window
+        if not isinstance(boundary.shape, Box) or not first <= now < last:
             continue
         corners = snap(scene, boundary.shape)
         low, high = ((base + np.array(c) * scene.cell_size).tolist() for c in corners)

@@ -160,15 +160,15 @@ def lower(
         "bodies": bodies,
         "boundaries": [_boundary(scene, b) for b in scene.boundaries],
         "sensors": [_sensor(scene, s, bodies) for s in scene.sensors],
-    } | _added(scene, with_particles and not shell)
+    } | _added(scene, time_step, with_particles and not shell)
 
 
-def _added(scene: Scene, with_particles: bool) -> dict[str, Any]:
+def _added(scene: Scene, time_step: float | None, with_particles: bool) -> dict[str, Any]:
     """Return what only some scenes have: a grid of functions, or another run to go on from."""
     if scene.grid is not None:
         return {"grid": scene.grid.specification()}
     start = scene.start
-    if start is None or start.as_it_was(scene) or not with_particles:
+    if start is None or start.as_it_was(scene, time_step) or not with_particles:
         return {}
     from libmpm._src.snapshot import snapshot
 
@@ -210,6 +210,7 @@ def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dic
         "velocity": np.zeros(scene.dimension),
         "pressure": None,
         "fbar": _fbar(scene, body),
+        "generation": before.generation,
     }
     if not fill:
         return result
@@ -282,6 +283,7 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
         "pressure": pressure,
         "fbar": _fbar(scene, body),
+        "generation": 0 if scene.start is None else scene.start.generation,
     }
 
 

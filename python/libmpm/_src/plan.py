@@ -44,6 +44,7 @@ def build_plan(
     until: float | None = None,
     time_step: float | None = None,
     threads: int = 0,
+    shared_device: bool = False,
 ) -> Plan:
     """Return the plan of a scene; the device need not exist on this machine.
 
@@ -58,6 +59,7 @@ def build_plan(
         pipeline=pipeline,
         device_index=index,
         threads=threads,
+        shared_device=shared_device,
         time_step=time_step,
         with_particles=False,
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src import backends
+from libmpm._src import snapshot as snapshots
 from libmpm._src.errors import (
     CapacityError,
     CheckpointError,
@@ -108,8 +109,7 @@ class Simulation:
         self._shifts: list[NDArray[np.float64]] = []
         self._restored: checkpoints.Checkpoint | None = None
         self._loads_state = True
-        #: Particles of restored bodies whose place new bodies have taken, by body.
-        self.displaced: dict[str, int] = {}
+        self._displaced: dict[str, int] = {}
         self._until = math.inf
         self._wall = 0.0
         self._particle_steps = 0
@@ -210,6 +210,13 @@ class Simulation:
         """Counters of the engine, such as the number of sorts."""
         return dict(self.engine.statistics())
 
+    @property
+    def displaced(self) -> dict[str, int]:
+        """Particles of restored bodies whose place new bodies have taken, by body."""
+        if self._scene.start is not None and self._restored is None:
+            _ = self.engine
+        return dict(self._displaced)
+
     def particle_count(self, body: int) -> int:
         """Return the number of particles of body number `body` now in the run."""
         return int(self.engine.particle_count(body))
@@ -257,18 +264,18 @@ class Simulation:
             self._make_series(engine, specification)
             self._engine = engine
             self._restored = None
+            if start is not None:
+                snapshots.forget()
         return self._engine
 
     def _go_on(self, start: Start) -> None:
         """Take up the state of the scene's checkpoint: whole, or what new bodies leave of it."""
-        from libmpm._src import snapshot as snapshots
-
         if snapshots.digest_of(Path(start.checkpoint)) != start.digest:
             snapshots.snapshot(self._scene)  # says what is wrong
         if len(self._scene.boundaries) > start.boundaries:
             snapshots.check_new_boundaries(self._scene)
         source = checkpoints.load_checkpoint(Path(start.checkpoint))
-        self._loads_state = start.as_it_was(self._scene)
+        self._loads_state = start.as_it_was(self._scene, self._requested["time_step"])
         if start.tiles > 1:
             source.sensors.clear()
         self._restored = source
@@ -279,7 +286,7 @@ class Simulation:
             placed = next(b for b in self._scene.bodies if b.name == body.name)
             count = int(np.count_nonzero(snapshots.displaced(self._scene, placed)))
             if count:
-                self.displaced[body.name] = count
+                self._displaced[body.name] = count
         left = {name: n for name, n in state.frozen.items() if n}
         if left:
             warnings.warn(
@@ -499,7 +506,7 @@ class Simulation:
         simulation._restored = source
         simulation.run_settings = header.get("run") or {}
         simulation._recorded = header
-        simulation.displaced = dict(header.get("displaced", {}))
+        simulation._displaced = dict(header.get("displaced", {}))
         return simulation
 
     def recorded_output(self) -> Output | None:

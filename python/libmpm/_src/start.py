@@ -30,16 +30,24 @@ _THROUGH = 1e-6
 
 @value
 class RestoredBody(Value):
-    """A body of the run before: its ids are first_id ≤ id < first_id + ids."""
+    """A body of the run before: its ids are first_id ≤ id < first_id + ids.
+
+    `generation` is the number of runs before the one that it was added to. Bodies of one are stored
+    together where they are alike, in every run that goes on with them.
+    """
 
     name: str
     first_id: int
     ids: int
     particle_mass: float
+    generation: int = 0
 
     def follows(self, other: RestoredBody) -> bool:
-        """Return whether the mass of a particle allows one pass for both, as `merge_alike`."""
-        return abs(self.particle_mass - other.particle_mass) <= 1e-12 * other.particle_mass
+        """Return whether both may be stored as one for all that is known here, as `merge_alike`."""
+        return (
+            self.generation == other.generation
+            and abs(self.particle_mass - other.particle_mass) <= 1e-12 * other.particle_mass
+        )
 
 
 @value
@@ -48,8 +56,9 @@ class Start(Value):
 
     `checkpoint` is the file and `digest` the SHA-256 of its content, `time` (s) and `step` the
     moment it was written. Of the scene's bodies, boundaries and sensors the first ones are the
-    run's own: `bodies` in order, so many `boundaries` and so many `sensors`. With `tiles` > 1 that
-    many copies of the run's domain lie side by side along `axis`.
+    run's own: `bodies` in order, so many `boundaries` and so many `sensors`. `time_step` (s) is
+    what that run was asked for, None the stable one. With `tiles` > 1 that many copies of its
+    domain lie side by side along `axis`.
     """
 
     label: ClassVar[str] = "Start"
@@ -61,6 +70,7 @@ class Start(Value):
     bodies: Sequence[RestoredBody]
     boundaries: int
     sensors: int
+    time_step: float | None = None
     tiles: int = 1
     axis: str | None = None
 
@@ -74,10 +84,16 @@ class Start(Value):
         """Return what the run before knew of a body; None of a new one."""
         return next((b for b in self.bodies if b.name == name), None)
 
-    def as_it_was(self, scene: Scene) -> bool:
-        """Return whether the scene has the checkpoint's particles, stored as it stored them."""
+    @property
+    def generation(self) -> int:
+        """That of the bodies which are added to the scene."""
+        return 1 + max(b.generation for b in self.bodies)
+
+    def as_it_was(self, scene: Scene, time_step: float | None) -> bool:
+        """Return whether a run with this time step (s) can load the checkpoint's state as it is."""
         return (
             self.tiles == 1
+            and time_step == self.time_step
             and len(scene.bodies) == len(self.bodies)
             and not self._kept_apart(scene)
         )
@@ -138,19 +154,30 @@ def scene_from_checkpoint(path: Path, tiles: int, axis: str | None) -> Scene:
         )
     check.finish()
     bodies = [
-        RestoredBody(name=name, first_id=tiles * first, ids=tiles * ids, particle_mass=mass)
+        RestoredBody(
+            name=name, first_id=tiles * first, ids=tiles * ids, particle_mass=mass,
+            generation=_generation(before, name),
+        )
         for name, first, ids, mass in id_ranges(before)
-    ]
+    ]  # fmt: skip
     start = Start(
         checkpoint=str(path.absolute()), digest=digest_of(path), time=float(header["time"]),
         step=int(header["step"]), bodies=bodies, boundaries=len(before.boundaries),
-        sensors=len(before.sensors), tiles=tiles, axis=axis if tiles > 1 else None,
+        sensors=len(before.sensors), time_step=header["time_step"], tiles=tiles,
+        axis=axis if tiles > 1 else None,
     )  # fmt: skip
     data = before.to_dict()
     data.pop("start", None)
     if tiles > 1:
         data = _side_by_side(before, data, start, names.index(str(axis)))
     return Scene.from_dict(data | {"start": start.to_dict()})
+
+
+def _generation(scene: Scene, name: str) -> int:
+    if scene.start is None:
+        return 0
+    before = scene.start.restored(name)
+    return scene.start.generation if before is None else before.generation
 
 
 def _newest(path: Path) -> tuple[Path, dict[str, Any]]:

@@ -82,12 +82,10 @@ Cuda::Context::Context(int device, bool shared) : device(device), shared(shared)
         properties.allocType = cudaMemAllocationTypePinned;
         properties.location.type = cudaMemLocationTypeDevice;
         properties.location.id = device;
-        for (auto& p : pool) {
-            MPM_CUDA(cudaMemPoolCreate(&p, &properties));
-            // What a sort has used stays for the next one.
-            std::uint64_t keep = ~std::uint64_t(0);
-            MPM_CUDA(cudaMemPoolSetAttribute(p, cudaMemPoolAttrReleaseThreshold, &keep));
-        }
+        MPM_CUDA(cudaMemPoolCreate(&pool, &properties));
+        // What a sort has used stays for the next one.
+        std::uint64_t keep = ~std::uint64_t(0);
+        MPM_CUDA(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep));
         MPM_CUDA(cudaMallocHost(&staging, staging_bytes));
         MPM_CUDA(cudaMalloc(&maxima, max_maxima * sizeof(double)));
         MPM_CUDA(cudaMalloc(&arrivals, sizeof(std::uint32_t)));
@@ -108,8 +106,9 @@ void Cuda::Context::close() noexcept {
     if (staging) cudaFreeHost(staging);
     if (maxima) cudaFree(maxima);
     if (arrivals) cudaFree(arrivals);
-    for (auto p : pool)
-        if (p) cudaMemPoolDestroy(p);
+    if (pool) cudaMemPoolDestroy(pool);
+    for (const auto& [p, bytes] : kept) cudaFree(p);
+    for (const auto& [p, bytes] : taken) cudaFree(p);
     if (event) cudaEventDestroy(event);
     if (side) cudaStreamDestroy(side);
     if (stream) cudaStreamDestroy(stream);
@@ -137,29 +136,68 @@ void Cuda::join() {
 
 void* Cuda::allocate(std::size_t bytes) {
     const cuda::DeviceGuard guard(device());
+    if (bytes >= large) return allocate_large(bytes);
     void* p = nullptr;
-    const cudaMemPool_t pool = context_->pool[bytes >= large];
-    cudaError_t code = cudaMallocFromPoolAsync(&p, bytes, pool, stream());
+    cudaError_t code = cudaMallocFromPoolAsync(&p, bytes, context_->pool, stream());
     if (code == cudaErrorMemoryAllocation) {
         // Freed pieces may be too small each: give them back and try once more.
         cudaGetLastError();
         trim();
-        code = cudaMallocFromPoolAsync(&p, bytes, pool, stream());
+        code = cudaMallocFromPoolAsync(&p, bytes, context_->pool, stream());
     }
-    if (code == cudaErrorMemoryAllocation) {
-        cudaGetLastError();
-        std::size_t free = 0, total = 0;
-        MPM_CUDA(cudaMemGetInfo(&free, &total));
-        throw CapacityError("out of memory on CUDA device " + std::to_string(device()) + ": " +
-                            std::to_string(bytes) + " bytes asked for in one piece, " +
-                            std::to_string(free) + " of " + std::to_string(total) +
-                            " free. Use fewer particles or another device");
-    }
+    if (code == cudaErrorMemoryAllocation) out_of_memory(bytes);
     MPM_CUDA(code);
     return p;
 }
 
+/// A kept piece of about this size, or a new one. Whoever had it has queued all work on it before.
+void* Cuda::allocate_large(std::size_t bytes) {
+    Context& c = *context_;
+    auto best = c.kept.end();
+    for (auto it = c.kept.begin(); it != c.kept.end(); ++it) {
+        const bool fits = it->second >= bytes && it->second <= bytes + bytes / 32;
+        if (fits && (best == c.kept.end() || it->second < best->second)) best = it;
+    }
+    std::pair<void*, std::size_t> piece{nullptr, bytes};
+    if (best != c.kept.end()) {
+        piece = *best;
+        c.kept.erase(best);
+    } else {
+        cudaError_t code = cudaMalloc(&piece.first, bytes);
+        if (code == cudaErrorMemoryAllocation) {
+            cudaGetLastError();
+            trim();
+            code = cudaMalloc(&piece.first, bytes);
+        }
+        if (code == cudaErrorMemoryAllocation) out_of_memory(bytes);
+        MPM_CUDA(code);
+        c.now.held += bytes;
+    }
+    c.taken.insert(piece);
+    c.now.used += piece.second;
+    c.most.used = std::max(c.most.used, c.now.used);
+    c.most.held = std::max(c.most.held, c.now.held);
+    return piece.first;
+}
+
+void Cuda::out_of_memory(std::size_t bytes) {
+    cudaGetLastError();
+    std::size_t free = 0, total = 0;
+    MPM_CUDA(cudaMemGetInfo(&free, &total));
+    throw CapacityError("out of memory on CUDA device " + std::to_string(device()) + ": " +
+                        std::to_string(bytes) + " bytes asked for in one piece, " +
+                        std::to_string(free) + " of " + std::to_string(total) +
+                        " free. Use fewer particles or another device");
+}
+
 void Cuda::release(void* p) noexcept {
+    Context& c = *context_;
+    if (const auto found = c.taken.find(p); found != c.taken.end()) {
+        c.now.used -= found->second;
+        c.kept.push_back(*found);
+        c.taken.erase(found);
+        return;
+    }
     int before = -1;
     cudaGetDevice(&before);
     if (before != device()) cudaSetDevice(device());
@@ -201,31 +239,21 @@ void Cuda::wait() {
 void Cuda::trim() {
     wait();
     const cuda::DeviceGuard guard(device());
-    for (auto pool : context_->pool) MPM_CUDA(cudaMemPoolTrimTo(pool, 0));
-}
-
-void Cuda::trim_beyond(std::size_t bytes) {
-    const cuda::DeviceGuard guard(device());
-    std::uint64_t free = 0;
-    for (auto pool : context_->pool) {
-        std::uint64_t used = 0, held = 0;
-        MPM_CUDA(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrUsedMemCurrent, &used));
-        MPM_CUDA(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &held));
-        free += held - used;
+    Context& c = *context_;
+    for (; !c.kept.empty(); c.kept.pop_back()) {
+        MPM_CUDA(cudaFree(c.kept.back().first));
+        c.now.held -= c.kept.back().second;
     }
-    if (free > bytes + bytes / 16 + large) trim();
+    MPM_CUDA(cudaMemPoolTrimTo(c.pool, 0));
 }
 
 Cuda::Peak Cuda::peak() const {
     const cuda::DeviceGuard guard(device());
     Peak sum;
-    for (auto pool : context_->pool) {
-        std::uint64_t used = 0, held = 0;
-        MPM_CUDA(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrUsedMemHigh, &used));
-        MPM_CUDA(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemHigh, &held));
-        sum.used += used;
-        sum.held += held;
-    }
+    MPM_CUDA(cudaMemPoolGetAttribute(context_->pool, cudaMemPoolAttrUsedMemHigh, &sum.used));
+    MPM_CUDA(cudaMemPoolGetAttribute(context_->pool, cudaMemPoolAttrReservedMemHigh, &sum.held));
+    sum.used += context_->most.used;
+    sum.held += context_->most.held;
     return sum;
 }
 

@@ -14,8 +14,8 @@ constexpr std::uint64_t most_with_velocities = 1u << 24;
 bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
     // Nothing has been checked yet: what does not fit is left for the plan to refuse.
     const std::size_t corners = 2 * std::size_t(dimension);
-    return a.restored == b.restored && a.bounds.size() == corners && b.bounds.size() == corners &&
-           a.material == b.material && a.parameters == b.parameters &&
+    return a.restored == b.restored && a.generation == b.generation && a.bounds.size() == corners &&
+           b.bounds.size() == corners && a.material == b.material && a.parameters == b.parameters &&
            // Equal boxes elsewhere differ by the rounding of their edges.
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
            a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
