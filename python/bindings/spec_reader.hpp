@@ -139,7 +139,6 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
             throw SceneError("body '" + b.name + "': " + m.name +
                              " stores no volume ratio to set a pressure by");
     }
-    if (d.contains("generation")) b.generation = d["generation"].cast<int>();
     if (d.contains("id_count")) b.id_count = d["id_count"].cast<std::uint64_t>();
     if (d.contains("state")) {
         const auto width = d["state_width"].cast<int>();
@@ -358,6 +357,7 @@ inline Spec read_spec(const py::dict& d) {
     for (const auto& b : d["boundaries"])
         s.boundaries.push_back(read_boundary(b.cast<py::dict>(), s.dimension));
     for (const auto& x : d["sensors"]) s.sensors.push_back(read_sensor(x.cast<py::dict>(), s));
+    if (d.contains("stored_as")) s.stored_as = d["stored_as"].cast<std::vector<int>>();
     if (d.contains("start")) s.start = read_start(d["start"], s.dimension);
     return s;
 }

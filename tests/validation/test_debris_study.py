@@ -60,7 +60,7 @@ def test_front_rows(in_air, device, tmp_path):
 
 
 def test_random_fields_turn_back(in_air, device, tmp_path):
-    """All blocks have been stopped at the end, none gains energy, and the table knows the fields."""
+    """At the end all blocks have been stopped, none gained energy; the table knows the fields."""
     made = in_air.InAir(cell_size=0.025, blocks=8)
     result = finished(made.random(tmp_path, 3), device)
     assert (result["turned_back"] > 1).all() and (result["turned_back"] < 2).all()

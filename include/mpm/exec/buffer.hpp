@@ -26,7 +26,7 @@ public:
         return *this;
     }
     ~Buffer() {
-        if (data_) exec_->release(data_);
+        if (data_) exec_->release(data_, bytes());
     }
 
     T* data() const { return data_; }
@@ -37,7 +37,7 @@ public:
     /// what is asked; large pieces, whose room would be missed, by a sixty-fourth.
     void reserve_discard(std::size_t n) {
         if (n > capacity_) {
-            if (data_) exec_->release(data_);
+            if (data_) exec_->release(data_, bytes());
             data_ = nullptr;
             capacity_ = 0;
             const bool large = n * sizeof(T) >= std::size_t(64) << 20;

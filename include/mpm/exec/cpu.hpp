@@ -16,6 +16,7 @@
 
 #include "mpm/core/config.hpp"
 #include "mpm/core/error.hpp"
+#include "mpm/exec/sums.hpp"
 
 namespace mpm {
 
@@ -44,7 +45,7 @@ public:
                                 " bytes asked for in one piece");
         return p;
     }
-    void release(void* p) noexcept { std::free(p); }
+    void release(void* p, std::size_t /*bytes*/) noexcept { std::free(p); }
     void copy(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
     void upload(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
     void download(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
@@ -93,31 +94,32 @@ public:
         then(static_cast<const double*>(out));
     }
 
-    /// Parts in which `sum_each` adds up n iterations: they depend on n alone, so that no number of
+    /// Parts in which `sum_each` adds up n items: they depend on n alone, so that no number of
     /// threads changes a bit.
     static std::int64_t sum_parts(std::int64_t n) {
         return std::max<std::int64_t>(1, (n + 63) / 64);
     }
 
-    /// then(s, sums) for each set s < sets, with sums[w] = sum over i of what f(i, s, local) adds
-    /// to local[w]. `parts` has room for sum_parts(n) * sets * W numbers. Beside it beside(k) runs
-    /// for k < more, which are few and slow.
+    /// then(s, sums) for each set s, with sums[w] = sum over its items i of what f(i, s, local)
+    /// adds to local[w]. `parts` has room for W numbers a place. Beside it beside(k) runs for k <
+    /// more, which are few and slow.
     template <int W, class F, class G, class H>
-    void sum_each(std::int64_t n, int sets, const F& f, const G& then, double* parts,
-                  std::int64_t more, const H& beside) {
+    void sum_each(const SumSets& sets, const F& f, const G& then, double* parts, std::int64_t more,
+                  const H& beside) {
         for_each_large(more, beside);
-        const std::int64_t chunks = sum_parts(n);
-        for_each_large(chunks * sets, [&](std::int64_t k) {
-            const std::int64_t chunk = k / sets;
-            double* local = parts + k * W;
+        for_each_large(sets.places, [&](std::int64_t place) {
+            const int s = sets.owner(std::int32_t(place));
+            const SumSet& set = sets.set[s];
+            const std::int64_t begin = 64 * (place - set.place);
+            double* local = parts + place * W;
             std::fill_n(local, W, 0.0);
-            for (std::int64_t i = 64 * chunk; i < std::min(n, 64 * (chunk + 1)); ++i)
-                f(i, int(k % sets), local);
+            for (std::int64_t i = begin; i < std::min(set.count, begin + 64); ++i)
+                f(set.first + i, s, local);
         });
-        for (int s = 0; s < sets; ++s) {
+        for (int s = 0; s < sets.count; ++s) {
             double sums[W] = {};
-            for (std::int64_t c = 0; c < chunks; ++c)
-                for (int w = 0; w < W; ++w) sums[w] += parts[(c * sets + s) * W + w];
+            for (std::int32_t k = 0; k < sets.set[s].parts; ++k)
+                for (int w = 0; w < W; ++w) sums[w] += parts[(sets.set[s].place + k) * W + w];
             then(s, static_cast<const double*>(sums));
         }
     }

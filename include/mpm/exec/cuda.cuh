@@ -5,15 +5,16 @@
 
 #include <cuda_runtime.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
 #include "mpm/core/config.hpp"
 #include "mpm/core/error.hpp"
+#include "mpm/exec/sums.hpp"
 
 namespace mpm {
 
@@ -131,45 +132,57 @@ __device__ __forceinline__ void add_up(double (&local)[W]) {
     __syncthreads();
 }
 
-/// Blocks leave their parts; the last of them adds the parts. Which block that is changes nothing.
-/// Blocks behind the first `summing` take what runs beside, a warp each.
+/// A block a place; the last of them adds the places of each set, small sets a thread each. Which
+/// block that is changes nothing. Blocks behind the places take what runs beside, a warp each.
 template <int W, class F, class G, class H>
 __global__ void __launch_bounds__(max_threads)
-    sum_kernel(std::int64_t n, int sets, const __grid_constant__ F f, double* parts,
-               const __grid_constant__ G then, std::uint32_t* arrivals, unsigned summing,
-               std::int64_t more, const __grid_constant__ H beside) {
+    sum_kernel(const __grid_constant__ SumSets sets, const __grid_constant__ F f, double* parts,
+               const __grid_constant__ G then, std::uint32_t* arrivals, std::int64_t more,
+               const __grid_constant__ H beside) {
     after_previous();
-    if (blockIdx.x >= summing) {
+    const std::int32_t place = std::int32_t(blockIdx.x);
+    if (place >= sets.places) {
         const std::int64_t k =
-            std::int64_t(blockIdx.x - summing) * (max_threads / 32) + threadIdx.x / 32;
+            std::int64_t(place - sets.places) * (max_threads / 32) + threadIdx.x / 32;
         if (threadIdx.x % 32 == 0 && k < more) beside(k);
         return;
     }
-    const std::int64_t stride = std::int64_t(summing) * blockDim.x;
-    for (int s = 0; s < sets; ++s) {
+    {
+        const int s = sets.owner(place);
+        const SumSet set = sets.set[s];
+        const std::int64_t stride = std::int64_t(set.parts) * max_threads;
         double local[W] = {};
-        for (std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x; i < n;
-             i += stride) {
-            f(i, s, local);
+        for (std::int64_t i = std::int64_t(place - set.place) * max_threads + threadIdx.x;
+             i < set.count; i += stride) {
+            f(set.first + i, s, local);
         }
         add_up<W>(local);
-        if (threadIdx.x == 0) {
-            double* out = parts + (std::int64_t(s) * summing + blockIdx.x) * W;
-            for (int w = 0; w < W; ++w) out[w] = local[w];
-        }
+        for (int w = 0; w < W && threadIdx.x == 0; ++w)
+            parts[std::int64_t(place) * W + w] = local[w];
     }
     __shared__ bool last;
     if (threadIdx.x == 0) {
         __threadfence();
-        last = atomicAdd(arrivals, 1u) + 1 == summing;
+        last = atomicAdd(arrivals, 1u) + 1 == unsigned(sets.places);
         __threadfence();
     }
     __syncthreads();
     if (!last) return;
-    for (int s = 0; s < sets; ++s) {
+    constexpr int few = 32;  // parts that one thread adds up
+    for (int s = threadIdx.x; s < sets.count; s += max_threads) {
+        const SumSet set = sets.set[s];
+        if (set.parts > few) continue;
         double local[W] = {};
-        for (unsigned b = threadIdx.x; b < summing; b += blockDim.x)
-            for (int w = 0; w < W; ++w) local[w] += parts[(std::int64_t(s) * summing + b) * W + w];
+        for (std::int32_t k = 0; k < set.parts; ++k)
+            for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
+        then(s, static_cast<const double*>(local));
+    }
+    for (int s = 0; s < sets.count; ++s) {
+        const SumSet set = sets.set[s];
+        if (set.parts <= few) continue;
+        double local[W] = {};
+        for (std::int32_t k = threadIdx.x; k < set.parts; k += max_threads)
+            for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
         add_up<W>(local);
         if (threadIdx.x == 0) then(s, static_cast<const double*>(local));
     }
@@ -218,7 +231,7 @@ public:
     Cuda& operator=(Cuda&&) noexcept = default;
 
     void* allocate(std::size_t bytes);
-    void release(void* p) noexcept;
+    void release(void* p, std::size_t bytes) noexcept;
     void copy(void* to, const void* from, std::size_t bytes);
     void upload(void* to, const void* from, std::size_t bytes);
     void download(void* to, const void* from, std::size_t bytes);
@@ -304,23 +317,21 @@ public:
         launch_next(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
                     cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
     }
-    /// Parts in which `sum_each` adds up n iterations: they depend on n and the device alone.
+    /// Parts in which `sum_each` adds up n items: they depend on n and the device alone.
     std::int64_t sum_parts(std::int64_t n) const {
         const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
         return std::clamp<std::int64_t>(blocks, 1, 2 * multiprocessors());
     }
 
-    /// then(s, sums) for each set s < sets, with sums[w] = sum over i of what f(i, s, local) adds
-    /// to local[w]. `parts` has room for sum_parts(n) * sets * W numbers. Beside it beside(k) runs
-    /// for k < more, which are few and slow.
+    /// then(s, sums) for each set s, with sums[w] = sum over its items i of what f(i, s, local)
+    /// adds to local[w]; sets in any order. `parts` has room for W numbers a place. Beside it
+    /// beside(k) runs for k < more, which are few and slow.
     template <int W, class F, class G, class H>
-    void sum_each(std::int64_t n, int sets, const F& f, const G& then, double* parts,
-                  std::int64_t more, const H& beside) {
+    void sum_each(const SumSets& sets, const F& f, const G& then, double* parts, std::int64_t more,
+                  const H& beside) {
         constexpr int warps = cuda::max_threads / 32;
-        const std::int64_t summing = sum_parts(n);
-        launch_next(&cuda::sum_kernel<W, F, G, H>, summing + (more + warps - 1) / warps, 1,
-                    cuda::max_threads, n, sets, f, parts, then, context_->arrivals,
-                    unsigned(summing), more, beside);
+        launch_next(&cuda::sum_kernel<W, F, G, H>, sets.places + (more + warps - 1) / warps, 1,
+                    cuda::max_threads, sets, f, parts, then, context_->arrivals, more, beside);
     }
 
     /// For kernels that end with something done once (`cuda::last_of`).
@@ -386,8 +397,12 @@ private:
         cudaMemPool_t pool = nullptr;
         // Large pieces bypass the pool, which rounds up what it takes: 3.05e9 bytes held for 2.78e9
         // in use at 64 M particles. Those freed are kept for the next of their size.
-        std::unordered_map<void*, std::size_t> taken;
-        std::vector<std::pair<void*, std::size_t>> kept;
+        struct Kept {
+            void* p;
+            std::size_t bytes;
+            int missed;  // times that it did not fit what was asked for
+        };
+        std::vector<Kept> kept;
         Peak now, most;           // of large pieces
         void* staging = nullptr;  // pinned, for small downloads
         double* maxima = nullptr;
@@ -395,7 +410,9 @@ private:
     };
     static constexpr std::size_t staging_bytes = 1 << 16, large = std::size_t(64) << 20;
     static constexpr int max_maxima = 8;
+    static constexpr int most_missed = 4;
     void* allocate_large(std::size_t bytes);
+    void free_kept(int missed);
     [[noreturn]] void out_of_memory(std::size_t bytes);
     std::unique_ptr<Context> context_;
 };

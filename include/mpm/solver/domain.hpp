@@ -67,9 +67,12 @@ private:
         Buffer<X, double> times, values, first;
         Buffer<X, std::uint32_t> ids;
         Buffer<X, std::int32_t> columns;
-        Buffer<X, double> partial;  // energy
+        Buffer<X, double> partial;  // energy: of each home, then of the parts of their sum
+        Buffer<X, SumSet> set;
+        std::int64_t homes = -1;  // that `set` and `partial` are for
         Samples drained;
-        explicit Sensor(X& x) : times(x), values(x), first(x), ids(x), columns(x), partial(x) {}
+        explicit Sensor(X& x)
+            : times(x), values(x), first(x), ids(x), columns(x), partial(x), set(x) {}
     };
 
     // domain_setup.hpp
@@ -127,6 +130,7 @@ private:
     void adopt_table(Buffer<X, std::uint64_t>& keys);
     void permute(Body& body, const std::uint32_t* order);
     void link_table();
+    void list_measured();
     Homes find_homes();
     template <class Flag>
     void add_homes(Homes& homes, std::uint32_t* count, const Flag& flag);
@@ -205,11 +209,10 @@ private:
     int load_count_ = 0, point_count_ = 0;
     Buffer<X, double> load_impulse_{exec_};
     Buffer<X, double> load_partial_{exec_};
-    Buffer<X, std::uint32_t> measured_{exec_};
+    Buffer<X, SumSet> measured_{exec_};  // of load cells: nodes of the blocks in measured_slots_
     Buffer<X, std::int32_t> measured_slots_{exec_};
-    std::int32_t measured_count_ = 0;
-    Buffer<X, BoundaryRecord<D>> measured_boundaries_{exec_};
-    int measured_boundary_count_ = 0;
+    std::int32_t measured_places_ = 0;
+    Buffer<X, BoundaryRecord<D>> measured_boundaries_{exec_};  // of each load cell, its faces alone
 
     std::vector<Removed> removed_;
     std::map<std::string, double> timings_;

@@ -21,9 +21,9 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     std::vector<BodyConstants> constants;
     for (std::size_t b = 0; b < spec_.bodies.size(); ++b) {
         BodySpec& s = spec_.bodies[b];
-        if (s.count >= (std::uint64_t(1) << 32) - 256) {
+        if (std::max(s.count, ids_of(s)) >= (std::uint64_t(1) << 32) - 256) {
             throw CapacityError(
-                "body '" + s.name + "' has " + std::to_string(s.count) +
+                "body '" + s.name + "' has " + std::to_string(std::max(s.count, ids_of(s))) +
                 " particles; one body holds at most 4294967039. Split it into several bodies");
         }
         bodies_.emplace_back(exec_);
@@ -94,9 +94,6 @@ TimeTableView Domain<X, T, D>::upload_table(const TableSpec& table, int componen
 template <class X, class T, int D>
 void Domain<X, T, D>::set_boundaries() {
     std::vector<BoundaryRecord<D>> records, measured;
-    std::vector<int> measured_faces(spec_.boundaries.size(), 0);
-    for (const auto& s : spec_.sensors)
-        if (s.kind == SensorKind::load_cell) measured_faces.at(std::size_t(s.boundary)) |= s.faces;
     for (std::size_t k = 0; k < spec_.boundaries.size(); ++k) {
         const BoundarySpec& s = spec_.boundaries[k];
         BoundaryRecord<D> r{};
@@ -113,13 +110,14 @@ void Domain<X, T, D>::set_boundaries() {
         r.end = s.end;
         if (s.moves) r.motion = upload_table(s.motion, D);
         records.push_back(r);
-        if (measured_faces[k] == 0) continue;
-        for (int f = 0; f < 2 * D; ++f) r.present[f] = r.present[f] && measured_faces[k] >> f & 1;
-        measured.push_back(r);
     }
     boundary_records_.assign(records);
+    for (const auto& s : spec_.sensors) {
+        if (s.kind != SensorKind::load_cell) continue;
+        BoundaryRecord<D>& r = measured.emplace_back(records.at(std::size_t(s.boundary)));
+        for (int f = 0; f < 2 * D; ++f) r.present[f] = r.present[f] && (s.faces >> f & 1);
+    }
     measured_boundaries_.assign(measured);
-    measured_boundary_count_ = int(measured.size());
 }
 
 template <class X, class T, int D>

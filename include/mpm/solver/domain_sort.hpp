@@ -20,22 +20,40 @@ void Domain<X, T, D>::link_table() {
                                              int(spec_.boundaries.size()), touched_.data()});
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
-    if (load_count_ > 0) {
-        measured_.reserve_discard(slots);
-        exec_.for_each(slots, TouchBoundaries<D>{table_, measured_boundaries_.data(),
-                                                 measured_boundary_count_, measured_.data()});
-        Buffer<X, std::uint32_t> position(exec_);
-        position.reserve_discard(slots + 1);
-        exec_.exclusive_scan(measured_.data(), position.data(), slots);
-        std::uint32_t n = 0;
-        exec_.download(&n, position.data() + slots, sizeof n);
-        measured_count_ = std::int32_t(n);
-        measured_slots_.reserve_discard(n);
-        exec_.for_each(slots, ListHomes{measured_.data(), position.data(), measured_slots_.data()});
-        load_partial_.reserve_discard(std::size_t(exec_.sum_parts(std::int64_t(n) * block_cells)) *
-                                      load_count_ * load_columns<D>);
-        exec_.wait();
+    if (load_count_ > 0) list_measured();
+}
+
+/// The blocks that the boundary of each load cell touches, cell after cell.
+template <class X, class T, int D>
+void Domain<X, T, D>::list_measured() {
+    const std::int64_t slots = table_.slots;
+    Buffer<X, std::uint32_t> counts(exec_);
+    counts.reserve_discard(load_count_);
+    Homes touched;  // of load cells in place of bodies
+    for (int c = 0; c < load_count_; ++c) {
+        add_homes(touched, counts.data() + c, [&](Buffer<X, std::uint32_t>& flag) {
+            exec_.for_each(
+                slots, TouchBoundaries<D>{table_, measured_boundaries_.data() + c, 1, flag.data()});
+        });
     }
+    std::vector<SumSet> sets;
+    std::int64_t found = 0;
+    std::int32_t places = 0;
+    for (const std::uint32_t n : counts.host()) {
+        const std::int64_t nodes = std::int64_t(n) * block_cells;
+        sets.push_back({found * block_cells, nodes, places, std::int32_t(exec_.sum_parts(nodes))});
+        found += n;
+        places += sets.back().parts;
+    }
+    measured_slots_.reserve_discard(found);
+    for (int c = 0; c < load_count_; ++c) {
+        exec_.for_each(slots, ListHomes{touched.flag[c].data(), touched.position[c].data(),
+                                        measured_slots_.data() + sets[c].first / block_cells});
+    }
+    measured_.assign(sets);
+    measured_places_ = places;
+    load_partial_.reserve_discard(std::size_t(places) * load_columns<D>);
+    exec_.wait();
 }
 
 /// The homes of one more body: `flag(to)` queues what marks them, `count` gets their number.

@@ -2,6 +2,8 @@
 // part of it, so that a resumed run continues bit for bit on the same backend.
 #pragma once
 
+#include <numeric>
+
 #include "mpm/solver/blob.hpp"
 #include "mpm/solver/domain.hpp"
 
@@ -39,6 +41,10 @@ State Domain<X, T, D>::save() {
     s["keys"] = detail::to_blob(keys_.host());
     s["sums"] = detail::to_blob(sums_[parity()].host());
     s["sum_channels"] = detail::to_blob(std::vector<std::int32_t>{plan_.sum_channels});
+    std::vector<std::int32_t> body_of(bodies_.size());
+    std::iota(body_of.begin(), body_of.end(), 0);
+    s["body_of"] = detail::to_blob(body_of);
+    s["sorts_of_table"] = detail::to_blob(std::vector<std::int32_t>{sorts_of_table_});
     s["load_impulse"] = detail::to_blob(load_impulse_.host());
     auto records = sensor_records_.host();
     std::vector<std::int64_t> next;
@@ -86,7 +92,14 @@ void Domain<X, T, D>::load(const State& state) {
     if (channels.size() != 1 || channels[0] != plan_.sum_channels) {
         throw SceneError("the saved state has other grid channels than this scene");
     }
+    if (state.contains("body" + std::to_string(bodies_.size()) + "_id"))
+        throw SceneError("the saved state has more bodies than this scene");
     clock_ = clock[0];
+    // The table's age decides when blocks that emptied go, and with them the order of a load cell's
+    // additions on a device.
+    sorts_of_table_ = state.contains("sorts_of_table")
+                          ? detail::from_blob<std::int32_t>(state, "sorts_of_table").at(0)
+                          : 0;
     clock_.drift_limit = X::drift_limit;
     clock_.numbers_dt = -1;
     const auto keys = detail::from_blob<std::uint64_t>(state, "keys");
@@ -112,9 +125,14 @@ void Domain<X, T, D>::load(const State& state) {
         };
         body.id.assign(stored(id, std::uint32_t(0)));
         if constexpr (X::is_device) body.cell.assign(cell);
-        for (int a = 0; a < D; ++a) body.offset[a].assign(column("offset" + std::to_string(a)));
+        // Anew, so that a column takes no more room than it needs.
+        const auto renew = [&](Buffer<X, T>& column_of, const std::string& name) {
+            column_of = Buffer<X, T>(exec_);
+            column_of.assign(column(name));
+        };
+        for (int a = 0; a < D; ++a) renew(body.offset[a], "offset" + std::to_string(a));
         for (std::size_t r = 0; r < body.state.size(); ++r)
-            body.state[r].assign(column("state" + std::to_string(r)));
+            renew(body.state[r], "state" + std::to_string(r));
         body.frozen_id = detail::from_blob<std::uint32_t>(state, p + "frozen_id");
         body.frozen_position = detail::from_blob<double>(state, p + "frozen_position");
         body.frozen_state = detail::from_blob<double>(state, p + "frozen_state");
@@ -158,7 +176,10 @@ void Domain<X, T, D>::restore_sensors(const std::vector<std::int64_t>& next,
         throw SceneError("the saved state has other sensors than this scene");
     for (std::size_t k = 0; k < records.size(); ++k) {
         const bool known = k < next.size();
-        records[k].next = known ? next[k] : 0;
+        const double interval = records[k].interval;
+        records[k].next = known          ? next[k]
+                          : interval > 0 ? std::int64_t(clock_.time / interval)
+                                         : clock_.step;
         records[k].last_time = known ? last[k] : clock_.time;
         records[k].count = 0;
         if (known) sensors_[k].first.assign({first[k]});

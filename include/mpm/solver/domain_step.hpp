@@ -51,7 +51,7 @@ void Domain<X, T, D>::run_sensors() {
     for (int a = 0; a < D; ++a) points.cells[a] = spec_.cells[a];
     if (load_count_ > 0) {
         exec_.template sum_each<load_columns<D>>(
-            std::int64_t(measured_count_) * block_cells, load_count_,
+            SumSets{measured_.data(), load_count_, measured_places_},
             MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
                                        spec_.cell_size},
             TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(), load_impulse_.data()},
@@ -83,8 +83,12 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
     std::int64_t homes = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b)
         if (chosen(b)) homes += bodies_[b].homes;
-    const std::size_t room = std::size_t(homes + exec_.sum_parts(homes)) * 3;
-    if (s.partial.size() < room) s.partial.reserve_discard(room);
+    const std::int64_t parts = exec_.sum_parts(homes);
+    if (s.homes != homes) {
+        s.homes = homes;
+        s.set.assign({SumSet{0, homes, 0, std::int32_t(parts)}});
+        s.partial.reserve_discard(std::size_t(homes + parts) * 3);
+    }
     std::int64_t at = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (!chosen(b)) continue;
@@ -94,7 +98,8 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
         }
         at += bodies_[b].homes;
     }
-    exec_.template sum_each<3>(homes, 1, AddEnergies{record, s.partial.data()},
+    exec_.template sum_each<3>(SumSets{s.set.data(), 1, std::int32_t(parts)},
+                               AddEnergies{record, s.partial.data()},
                                TakeEnergy{clock_buffer_.data(), record, s.first.data()},
                                s.partial.data() + 3 * homes, 0, Nothing{});
 }

@@ -55,7 +55,6 @@ struct BodySpec {
     Rows pressure;                 // (count,) or empty
     // Of a body that goes on from another run (StartSpec):
     bool restored = false;
-    int generation = 0;              // runs before the one that it was added to
     std::vector<std::uint32_t> ids;  // (count,) above first_id, below id_count; empty: the rows
     std::uint64_t id_count = 0;      // ids kept for the body; 0: as many as particles
     Rows state;                      // (count, state_width): what its particles store
@@ -153,6 +152,8 @@ struct Spec {
     std::vector<BoundarySpec> boundaries;
     std::vector<SensorSpec> sensors;
     StartSpec start;
+    std::vector<int>
+        stored_as;  // per body, of a state to load: which of its bodies; empty: by rule
 };
 
 }  // namespace mpm

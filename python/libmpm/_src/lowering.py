@@ -210,7 +210,6 @@ def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dic
         "velocity": np.zeros(scene.dimension),
         "pressure": None,
         "fbar": _fbar(scene, body),
-        "generation": before.generation,
     }
     if not fill:
         return result
@@ -283,7 +282,6 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
         "pressure": pressure,
         "fbar": _fbar(scene, body),
-        "generation": 0 if scene.start is None else scene.start.generation,
     }
 
 

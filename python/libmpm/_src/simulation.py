@@ -249,6 +249,10 @@ class Simulation:
                     # Of a scene that goes on, the state to load has all that its file had.
                     shell=start is not None and self._loads_state, **self._requested,
                 )  # fmt: skip
+            if self._loads_state and self._restored is not None:
+                stored = self._restored.state.get("body_of")
+                if stored is not None:
+                    specification["stored_as"] = np.asarray(stored).tolist()
             try:
                 engine = self._backend.module.Engine(specification)
             except CapacityError as error:
@@ -264,8 +268,6 @@ class Simulation:
             self._make_series(engine, specification)
             self._engine = engine
             self._restored = None
-            if start is not None:
-                snapshots.forget()
         return self._engine
 
     def _go_on(self, start: Start) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,8 @@ class Snapshot:
     sums: Mapping[str, Array]
     frozen: Mapping[str, int]
     sensors: Mapping[str, npt.NDArray[Any]]
+    #: What `displaced` has found for some new bodies.
+    gone: dict[Any, npt.NDArray[np.bool_]] = field(default_factory=dict)
 
     def velocity(self) -> Array:
         """Return the nodal velocities before gravity and boundaries, (m, d), m/s."""
@@ -113,6 +115,8 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
     """
     scene = Scene.from_dict(checkpoint.header["scene"])
     specification = _shell(scene, checkpoint.header["time_step"])
+    if "body_of" in checkpoint.state:
+        specification["stored_as"] = checkpoint.state["body_of"].tolist()
     engine = backends.core().Engine(specification)
     engine.load(checkpoint.state)
     bodies, frozen = {}, {}
@@ -136,15 +140,18 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
 
 
 @functools.lru_cache(maxsize=1)
-def _read(path: str, digest: str, _version: tuple[int, int] | None) -> Snapshot:
-    found = digest_of(Path(path))
-    if found != digest:
+def _read(start: Start, cells: int, cell_size: float, _version: tuple[int, int] | None) -> Snapshot:
+    found = digest_of(Path(start.checkpoint))
+    if found != start.digest:
         raise CheckpointError(
-            f"{path} is not the checkpoint that the scene goes on from: its SHA-256 begins with "
-            f"{found[:12]}, that of the scene with {digest[:12]}; make the scene again with "
-            "Scene.from_checkpoint"
+            f"{start.checkpoint} is not the checkpoint that the scene goes on from: its SHA-256 "
+            f"begins with {found[:12]}, that of the scene with {start.digest[:12]}; make the scene "
+            "again with Scene.from_checkpoint"
         )
-    return take_apart(load_checkpoint(Path(path)))
+    whole = take_apart(load_checkpoint(Path(start.checkpoint)))
+    if start.tiles == 1:
+        return whole
+    return whole.tiled(start, "xyz".index(str(start.axis)), cells, cell_size)
 
 
 def _version_of(path: str) -> tuple[int, int] | None:
@@ -157,14 +164,11 @@ def _version_of(path: str) -> tuple[int, int] | None:
 
 
 def snapshot(scene: Scene) -> Snapshot:
-    """Return the state that a scene goes on from, tiled where it is."""
+    """Return the state that a scene goes on from, tiled where it is; the last one is kept."""
     start = scene.start
     assert start is not None
-    found = _read(start.checkpoint, start.digest, _version_of(start.checkpoint))
-    if start.tiles == 1:
-        return found
-    axis = "xyz".index(str(start.axis))
-    return found.tiled(start, axis, scene.cells[axis] // start.tiles, scene.cell_size)
+    cells = 0 if start.axis is None else scene.cells["xyz".index(start.axis)] // start.tiles
+    return _read(start, cells, scene.cell_size, _version_of(start.checkpoint))
 
 
 def forget() -> None:
@@ -177,29 +181,50 @@ def displaced(scene: Scene, body: Body) -> npt.NDArray[np.bool_]:
 
     Raises `SceneError` where a new body lies in particles that it does not displace.
     """
-    position = snapshot(scene).bodies[body.name][1]
+    state = snapshot(scene)
+    # Bodies of the run itself have taken their place at its start and may have moved since.
+    added = new_bodies(scene)
+    key = body.name, tuple((repr(b.shape), b.subtract_from) for b in added)
+    if key not in state.gone:
+        state.gone[key] = _displaced(scene, state, body, added)
+    return state.gone[key]
+
+
+def _displaced(
+    scene: Scene, state: Snapshot, body: Body, added: list[Body]
+) -> npt.NDArray[np.bool_]:
+    position = state.bodies[body.name][1]
     if len(position) == 0:
         raise SceneError(
-            f"body '{body.name}': none of its particles is left at {snapshot(scene).time:g} s; "
+            f"body '{body.name}': none of its particles is left at {state.time:g} s; "
             "expected some where bodies are added or the run is tiled; branch from an earlier "
             "checkpoint"
         )
     gone = np.zeros(len(position), dtype=bool)
     slack = 1e-9 * scene.cell_size
-    # Bodies of the run itself have taken their place at its start and may have moved since.
-    added = new_bodies(scene)
+    # Each new body looks at its own slice of the first axis.
+    order = np.argsort(position[:, 0], kind="stable")
+    along = position[order, 0]
+
+    def caught_by(other: Body, allowance: float) -> npt.NDArray[np.int64]:
+        place = place_of(scene, other)
+        low, high = place.bounds() if isinstance(place, TurnedBox) else place
+        first, last = np.searchsorted(along, [low[0] - slack, high[0] + slack])
+        near = order[first:last]
+        return near[inside(place, position[near], allowance)]
+
     for other in added:
         if body.name in other.subtract_from:
-            gone |= inside(place_of(scene, other), position, slack)
+            gone[caught_by(other, slack)] = True
     problems = []
     for other in added:
         if body.name in other.subtract_from:
             continue
-        caught = int(np.count_nonzero(inside(place_of(scene, other), position, -slack) & ~gone))
+        caught = int(np.count_nonzero(~gone[caught_by(other, -slack)]))
         if caught:
             problems.append(
                 f"body '{other.name}': {caught} particles of body '{body.name}' lie inside it at "
-                f"{snapshot(scene).time:g} s; expected none; subtract_from=('{body.name}',) takes "
+                f"{state.time:g} s; expected none; subtract_from=('{body.name}',) takes "
                 "them out, or move it"
             )
     if problems:

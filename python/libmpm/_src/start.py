@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from libmpm._src.errors import CheckpointError, SceneError
 from libmpm._src.sensors import Energy, ParticleTracker, WaveGauge
-from libmpm._src.shapes import Box
+from libmpm._src.shapes import Box, OrientedBox
 from libmpm._src.values import Checker, Value, value, warn
 
 if TYPE_CHECKING:
@@ -32,22 +32,14 @@ _THROUGH = 1e-6
 class RestoredBody(Value):
     """A body of the run before: its ids are first_id ≤ id < first_id + ids.
 
-    `generation` is the number of runs before the one that it was added to. Bodies of one are stored
-    together where they are alike, in every run that goes on with them.
+    Bodies of one number `stored_as` are stored as one in the checkpoint.
     """
 
     name: str
     first_id: int
     ids: int
     particle_mass: float
-    generation: int = 0
-
-    def follows(self, other: RestoredBody) -> bool:
-        """Return whether both may be stored as one for all that is known here, as `merge_alike`."""
-        return (
-            self.generation == other.generation
-            and abs(self.particle_mass - other.particle_mass) <= 1e-12 * other.particle_mass
-        )
+    stored_as: int
 
 
 @value
@@ -84,11 +76,6 @@ class Start(Value):
         """Return what the run before knew of a body; None of a new one."""
         return next((b for b in self.bodies if b.name == name), None)
 
-    @property
-    def generation(self) -> int:
-        """That of the bodies which are added to the scene."""
-        return 1 + max(b.generation for b in self.bodies)
-
     def as_it_was(self, scene: Scene, time_step: float | None) -> bool:
         """Return whether a run with this time step (s) can load the checkpoint's state as it is."""
         return (
@@ -109,11 +96,9 @@ class Start(Value):
             for s in scene.sensors[self.sensors :]
             if isinstance(s.sensor, Energy | WaveGauge)
         }
-        laws = [(b.material.table.name, b.material.parameters()) for b in scene.bodies]
-        pairs = enumerate(itertools.pairwise(self.bodies))
         return any(
-            {one.name, two.name} & asked and laws[k] == laws[k + 1] and two.follows(one)
-            for k, (one, two) in pairs
+            one.stored_as == two.stored_as and {one.name, two.name} & asked
+            for one, two in itertools.pairwise(self.bodies)
         )
 
 
@@ -140,7 +125,7 @@ def scene_from_checkpoint(path: Path, tiles: int, axis: str | None) -> Scene:
     from libmpm._src.scene import Scene
     from libmpm._src.snapshot import id_ranges
 
-    path, header = _newest(path)
+    path, header, stored_as = _newest(path)
     before = Scene.from_dict(header["scene"])
     check = Checker(f"Scene.from_checkpoint('{path}')")
     tiles = check.integer("tiles", tiles, lower=1, remedy="1 takes the run as it is")
@@ -156,9 +141,9 @@ def scene_from_checkpoint(path: Path, tiles: int, axis: str | None) -> Scene:
     bodies = [
         RestoredBody(
             name=name, first_id=tiles * first, ids=tiles * ids, particle_mass=mass,
-            generation=_generation(before, name),
+            stored_as=stored,
         )
-        for name, first, ids, mass in id_ranges(before)
+        for (name, first, ids, mass), stored in zip(id_ranges(before), stored_as, strict=True)
     ]  # fmt: skip
     start = Start(
         checkpoint=str(path.absolute()), digest=digest_of(path), time=float(header["time"]),
@@ -173,26 +158,19 @@ def scene_from_checkpoint(path: Path, tiles: int, axis: str | None) -> Scene:
     return Scene.from_dict(data | {"start": start.to_dict()})
 
 
-def _generation(scene: Scene, name: str) -> int:
-    if scene.start is None:
-        return 0
-    before = scene.start.restored(name)
-    return scene.start.generation if before is None else before.generation
-
-
-def _newest(path: Path) -> tuple[Path, dict[str, Any]]:
-    """Return a checkpoint file, the newest whole one of a folder, and its header."""
+def _newest(path: Path) -> tuple[Path, dict[str, Any], list[int]]:
+    """Return a checkpoint file, the newest whole one of a folder, its header and `body_of`."""
     from libmpm._src.output.checkpoint import checkpoint_files, load_header
 
     if not path.is_dir():
-        return path, load_header(path)
+        return path, *load_header(path)
     files = checkpoint_files(path)
     for older in files[:-1]:
         try:
-            return older, load_header(older)
+            return older, *load_header(older)
         except CheckpointError as error:
             warn([f"{error}; an older one is used"])
-    return files[-1], load_header(files[-1])
+    return files[-1], *load_header(files[-1])
 
 
 def _side_by_side(before: Scene, data: dict[str, Any], start: Start, axis: int) -> dict[str, Any]:
@@ -214,6 +192,18 @@ def _side_by_side(before: Scene, data: dict[str, Any], start: Start, axis: int) 
         upper = list(shape["upper"])
         upper[axis] = max(wide, ends[1])
         return shape | {"upper": upper}
+
+    for body in before.bodies:
+        shape = body.shape
+        if not isinstance(shape, OrientedBox):
+            continue
+        through = shape.lower[axis] <= low + slack and shape.upper[axis] >= high - slack
+        if shape.axis != "xyz"[axis] or not through:
+            problems.append(
+                f"body '{body.name}': its turned box does not go straight through the slice on "
+                f"axis {axis}; expected all of it, {low:g} to {high:g} m, where the run is tiled; "
+                "run the trunk without it and add it to the tiled scene"
+            )
 
     parts: dict[str, Any] = {}
     for kind, singular in (("bodies", "body"), ("boundaries", "boundary")):

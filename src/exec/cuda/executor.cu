@@ -107,8 +107,7 @@ void Cuda::Context::close() noexcept {
     if (maxima) cudaFree(maxima);
     if (arrivals) cudaFree(arrivals);
     if (pool) cudaMemPoolDestroy(pool);
-    for (const auto& [p, bytes] : kept) cudaFree(p);
-    for (const auto& [p, bytes] : taken) cudaFree(p);
+    for (const Kept& k : kept) cudaFree(k.p);
     if (event) cudaEventDestroy(event);
     if (side) cudaStreamDestroy(side);
     if (stream) cudaStreamDestroy(stream);
@@ -150,34 +149,43 @@ void* Cuda::allocate(std::size_t bytes) {
     return p;
 }
 
-/// A kept piece of about this size, or a new one. Whoever had it has queued all work on it before.
+/// A kept piece of this size, or a new one. Whoever had it has queued all work on it before.
 void* Cuda::allocate_large(std::size_t bytes) {
     Context& c = *context_;
-    auto best = c.kept.end();
-    for (auto it = c.kept.begin(); it != c.kept.end(); ++it) {
-        const bool fits = it->second >= bytes && it->second <= bytes + bytes / 32;
-        if (fits && (best == c.kept.end() || it->second < best->second)) best = it;
-    }
-    std::pair<void*, std::size_t> piece{nullptr, bytes};
-    if (best != c.kept.end()) {
-        piece = *best;
-        c.kept.erase(best);
+    const auto same = std::ranges::find(c.kept, bytes, &Context::Kept::bytes);
+    void* p = nullptr;
+    if (same != c.kept.end()) {
+        p = same->p;
+        c.kept.erase(same);
     } else {
-        cudaError_t code = cudaMalloc(&piece.first, bytes);
+        // Sizes change slowly while particles leave: what fits nothing any more goes back.
+        for (Context::Kept& k : c.kept) ++k.missed;
+        free_kept(most_missed);
+        cudaError_t code = cudaMalloc(&p, bytes);
         if (code == cudaErrorMemoryAllocation) {
             cudaGetLastError();
             trim();
-            code = cudaMalloc(&piece.first, bytes);
+            code = cudaMalloc(&p, bytes);
         }
         if (code == cudaErrorMemoryAllocation) out_of_memory(bytes);
         MPM_CUDA(code);
         c.now.held += bytes;
     }
-    c.taken.insert(piece);
-    c.now.used += piece.second;
+    c.now.used += bytes;
     c.most.used = std::max(c.most.used, c.now.used);
     c.most.held = std::max(c.most.held, c.now.held);
-    return piece.first;
+    return p;
+}
+
+/// Gives back what has been missed so often.
+void Cuda::free_kept(int missed) {
+    Context& c = *context_;
+    std::erase_if(c.kept, [&](const Context::Kept& k) {
+        if (k.missed < missed) return false;
+        MPM_CUDA(cudaFree(k.p));
+        c.now.held -= k.bytes;
+        return true;
+    });
 }
 
 void Cuda::out_of_memory(std::size_t bytes) {
@@ -190,12 +198,10 @@ void Cuda::out_of_memory(std::size_t bytes) {
                         " free. Use fewer particles or another device");
 }
 
-void Cuda::release(void* p) noexcept {
-    Context& c = *context_;
-    if (const auto found = c.taken.find(p); found != c.taken.end()) {
-        c.now.used -= found->second;
-        c.kept.push_back(*found);
-        c.taken.erase(found);
+void Cuda::release(void* p, std::size_t bytes) noexcept {
+    if (bytes >= large) {
+        context_->now.used -= bytes;
+        context_->kept.push_back({p, bytes, 0});
         return;
     }
     int before = -1;
@@ -239,12 +245,8 @@ void Cuda::wait() {
 void Cuda::trim() {
     wait();
     const cuda::DeviceGuard guard(device());
-    Context& c = *context_;
-    for (; !c.kept.empty(); c.kept.pop_back()) {
-        MPM_CUDA(cudaFree(c.kept.back().first));
-        c.now.held -= c.kept.back().second;
-    }
-    MPM_CUDA(cudaMemPoolTrimTo(c.pool, 0));
+    free_kept(0);
+    MPM_CUDA(cudaMemPoolTrimTo(context_->pool, 0));
 }
 
 Cuda::Peak Cuda::peak() const {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mpm/solver/blob.hpp"
+
 namespace mpm {
 
 namespace {
@@ -14,14 +16,14 @@ constexpr std::uint64_t most_with_velocities = 1u << 24;
 bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
     // Nothing has been checked yet: what does not fit is left for the plan to refuse.
     const std::size_t corners = 2 * std::size_t(dimension);
-    return a.restored == b.restored && a.generation == b.generation && a.bounds.size() == corners &&
-           b.bounds.size() == corners && a.material == b.material && a.parameters == b.parameters &&
+    return a.restored == b.restored && a.bounds.size() == corners && b.bounds.size() == corners &&
+           a.material == b.material && a.parameters == b.parameters &&
            // Equal boxes elsewhere differ by the rounding of their edges.
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
            a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
            a.smoothing_ratio == b.smoothing_ratio && bool(a.pressure) == bool(b.pressure) &&
            a.first_id + ids_of(a) == b.first_id && a.count > 0 && b.count > 0 &&
-           (a.velocity == b.velocity || a.count + b.count <= most_with_velocities);
+           (a.velocity == b.velocity || ids_of(a) + ids_of(b) <= most_with_velocities);
 }
 
 /// One vector a particle.
@@ -88,9 +90,8 @@ public:
     double time_step() const override { return inner_->time_step(); }
     std::uint64_t particle_count(int body) const override {
         const int m = body_of_.at(std::size_t(body));
-        if (alone(body)) return inner_->particle_count(m);
-        if (inner_->particle_count(m) == together_[m].count) return bodies_[body].count;
-        return rows_of_body(inner_->attributes(m, {}).id, body).size();
+        if (inner_->particle_count(m) != together_[m].count) count_again(m);
+        return bodies_[body].count;
     }
     std::vector<Samples> drain() override { return inner_->drain(); }
     std::vector<Removed> removed() override {
@@ -140,7 +141,11 @@ public:
     }
     Array grid(const std::string& name) override { return inner_->grid(name); }
     NodalSums sums() override { return inner_->sums(); }
-    State save() override { return inner_->save(); }
+    State save() override {
+        State s = inner_->save();
+        s["body_of"] = detail::to_blob(std::vector<std::int32_t>(body_of_.begin(), body_of_.end()));
+        return s;
+    }
     void load(const State& state) override { inner_->load(state); }
     std::map<std::string, double> timings() const override { return inner_->timings(); }
     std::map<std::string, double> statistics() const override { return inner_->statistics(); }
@@ -154,6 +159,14 @@ private:
     struct Together {
         std::uint64_t count, ids;
     };
+
+    /// After particles have gone, or a state has come: who has how many is for their ids to say.
+    void count_again(int merged) const {
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            if (body_of_[b] == merged) bodies_[b].count = 0;
+        for (std::uint64_t id : inner_->attributes(merged, {}).id) ++bodies_[owner(id)].count;
+        together_[merged].count = inner_->particle_count(merged);
+    }
 
     bool alone(int body) const {
         return bodies_[body].ids == together_[body_of_.at(std::size_t(body))].ids;
@@ -170,9 +183,9 @@ private:
         return rows;
     }
 
-    std::vector<Body> bodies_;
+    mutable std::vector<Body> bodies_;  // their counts when together_ last changed
     std::vector<int> body_of_;
-    std::vector<Together> together_;  // each merged body at the start
+    mutable std::vector<Together> together_;  // each merged body
     std::unique_ptr<Engine> inner_;
 };
 
@@ -187,9 +200,17 @@ MergedSpec merge_alike(const Spec& spec) {
         const bool one = s.kind == SensorKind::energy || s.kind == SensorKind::wave_gauge;
         if (one && s.body >= 0) asked_for.at(std::size_t(s.body)) = true;
     }
+    if (!spec.stored_as.empty() && spec.stored_as.size() != spec.bodies.size())
+        throw SceneError("the saved state is of " + std::to_string(spec.stored_as.size()) +
+                         " bodies; this scene has " + std::to_string(spec.bodies.size()));
     for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
-        const bool joins = b > 0 && !asked_for[b] && !asked_for[b - 1] &&
-                           alike(out.spec.bodies.back(), spec.bodies[b], spec.dimension);
+        const bool joins = spec.stored_as.empty()
+                               ? b > 0 && !asked_for[b] && !asked_for[b - 1] &&
+                                     alike(out.spec.bodies.back(), spec.bodies[b], spec.dimension)
+                               : b > 0 && spec.stored_as[b] == spec.stored_as[b - 1];
+        if (joins && (asked_for[b] || asked_for[b - 1]))
+            throw SceneError("a sensor asks for body '" + spec.bodies[b].name +
+                             "' or the one before it, which the saved state holds as one");
         if (joins)
             append(out.spec.bodies.back(), spec.bodies[b], spec.dimension);
         else

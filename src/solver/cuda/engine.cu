@@ -9,7 +9,8 @@ std::unique_ptr<Engine> make_cuda_engine(const Spec& spec) {
         const Plan plan = make_plan(s, cuda_traits(s.precision));
         const auto executor = [&] { return Cuda(s.device, s.shared_device); };
         if (s.precision == Precision::mixed) {
-            return make_domain<CudaMixed, double>(s, plan, [&] { return CudaMixed(s.device, s.shared_device); });
+            return make_domain<CudaMixed, double>(
+                s, plan, [&] { return CudaMixed(s.device, s.shared_device); });
         }
         return s.precision == Precision::single ? make_domain<Cuda, float>(s, plan, executor)
                                                 : make_domain<Cuda, double>(s, plan, executor);

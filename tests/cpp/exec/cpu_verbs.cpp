@@ -161,7 +161,7 @@ TEST(CpuVerbs, atomics_under_contention) {
 TEST(CpuVerbs, out_of_memory_is_an_error_with_the_size) {
     Cpu exec(1);
     try {
-        exec.release(exec.allocate(std::size_t(1) << 60));
+        exec.release(exec.allocate(std::size_t(1) << 60), std::size_t(1) << 60);
         FAIL() << "no machine has that much";
     } catch (const CapacityError& e) {
         EXPECT_NE(std::string(e.what()).find("1152921504606846976"), std::string::npos) << e.what();
@@ -194,13 +194,22 @@ TEST(Buffer, keeps_moves_and_grows) {
 }  // namespace
 
 TEST(CpuVerbs, sum_each_adds_every_set_and_no_thread_changes_a_bit) {
-    for (std::int64_t n : {0, 1, 63, 64, 65, 1000}) {
+    for (const std::vector<std::int64_t>& counts :
+         {std::vector<std::int64_t>{0, 1, 63}, {64, 0, 65}, {1000, 3, 0}, {0, 0, 0}}) {
+        std::vector<SumSet> sets;
+        std::int64_t items = 0;
+        std::int32_t places = 0;
+        for (std::int64_t n : counts) {
+            sets.push_back({items, n, places, std::int32_t(Cpu::sum_parts(n))});
+            items += n;
+            places += sets.back().parts;
+        }
         const auto sums = [&](int threads) {
             Cpu exec(threads);
-            std::vector<double> parts(std::size_t(exec.sum_parts(n)) * 3 * 2, -1.0), out(6, -1.0);
+            std::vector<double> parts(std::size_t(places) * 2, -1.0), out(6, -1.0);
             std::vector<int> beside(5, 0);
             exec.sum_each<2>(
-                n, 3,
+                SumSets{sets.data(), 3, places},
                 [](std::int64_t i, int set, double* sum) {
                     sum[0] += 1;
                     sum[1] += (set + 1) / (double(i) + 3);
@@ -217,8 +226,9 @@ TEST(CpuVerbs, sum_each_adds_every_set_and_no_thread_changes_a_bit) {
         EXPECT_EQ(one, sums(3));
         for (int set = 0; set < 3; ++set) {
             double expected = 0;
-            for (std::int64_t i = 0; i < n; ++i) expected += (set + 1) / (double(i) + 3);
-            EXPECT_EQ(one[2 * set], double(n));
+            for (std::int64_t i = 0; i < counts[set]; ++i)
+                expected += (set + 1) / (double(sets[set].first + i) + 3);
+            EXPECT_EQ(one[2 * set], double(counts[set]));
             EXPECT_NEAR(one[2 * set + 1], expected, 1e-13);
         }
     }

@@ -104,10 +104,16 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         os.fsync(file.fileno())
 
 
-def load_header(path: Path) -> dict[str, Any]:
-    """Read the header of a checkpoint alone; raises as `load_checkpoint`."""
+def load_header(path: Path) -> tuple[dict[str, Any], list[int]]:
+    """Read the header of a checkpoint, and as which of its bodies the scene's are stored.
+
+    Raises as `load_checkpoint`.
+    """
     with _opened(path) as archive:
-        return _header(path, archive)
+        header = _header(path, archive)
+        bodies = range(len(header["scene"]["bodies"]))
+        stored = archive["state/body_of"] if "state/body_of" in archive.files else bodies
+        return header, [int(i) for i in stored]
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
