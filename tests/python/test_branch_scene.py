@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm import grids, materials, shapes
+from libmpm import boundaries, grids, materials, sensors, shapes
 from libmpm._src import snapshot as snapshots
 from libmpm._src.output.checkpoint import load_header
 from support.branches import (
@@ -68,7 +68,7 @@ def test_the_newest_of_a_run(tmp_path):
     files = sorted((tmp_path / "checkpoints").iterdir())
     scene = libmpm.Scene.from_checkpoint(tmp_path)
     assert scene.start.checkpoint == str(files[-1].absolute())
-    assert scene.start.step == load_header(files[-1])["step"]
+    assert scene.start.step == load_header(files[-1])[0]["step"]
     files[-1].write_bytes(files[-1].read_bytes()[:-100])
     with pytest.warns(libmpm.ModelWarning, match="an older one is used"):
         scene = libmpm.Scene.from_checkpoint(tmp_path)
@@ -230,3 +230,57 @@ def test_grids_of_functions_are_refused(tmp_path):
     run.step(1)
     with pytest.raises(libmpm.SceneError, match=r"has a grid of functions.*Simulation\.resume"):
         libmpm.Scene.from_checkpoint(saved(run, tmp_path))
+
+
+def test_bodies_that_the_trunk_stores_apart_stay_apart(tmp_path):
+    """Alike but for their first pressure: a branch stores them as one, and its state says so."""
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0, 0), upper=(2.0, 1.0), gravity=(0, -9.81)
+    )
+    for name, left, level in (("a", 0.0, 0.4), ("b", 1.0, None)):
+        scene.add_body(
+            name=name, shape=shapes.Box(lower=(left, 0), upper=(left + 0.6, 0.4)),
+            material=materials.TaitFluid(density=1000, bulk_modulus=1e5), hydrostatic=level,
+        )  # fmt: skip
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    trunk = simulate(scene)
+    trunk.step(20)
+    added = libmpm.Scene.from_checkpoint(saved(trunk, tmp_path))
+    added.add_body(
+        name="log", shape=shapes.Box(lower=(0.7, 0.7), upper=(0.9, 0.9)),
+        material=materials.FixedCorotated(density=500, youngs_modulus=1e5, poissons_ratio=0.2),
+    )  # fmt: skip
+    branch = simulate(added)
+    branch.step(10)
+    path = saved(branch, tmp_path, "branch.npz")
+    for again in (libmpm.Simulation.resume(path), simulate(libmpm.Scene.from_checkpoint(path))):
+        again.step(10)
+        assert [len(body) for body in again.particles.values()] == [96, 96, 16]
+    branch.step(10)
+    assert_same(branch, again)
+
+
+def test_a_state_with_more_bodies_is_refused(tmp_path):
+    trunk, _ = trunk_and_scene(tmp_path)
+    state = dict(trunk.engine.save())
+    count = len(trunk.particles)
+    state[f"body{count}_id"] = np.zeros(1, dtype=np.uint32)
+    with pytest.raises(libmpm.SceneError, match="more bodies than this scene"):
+        trunk.engine.load(state)
+
+
+def test_load_cells_do_not_depend_on_each_other(tmp_path):
+    """A load cell on another boundary leaves the bits of the first one alone."""
+    _, scene = trunk_and_scene(tmp_path)
+    alone = simulate(scene)
+    pier = shapes.Box(lower=(1.5, 0.0), upper=(1.6, 0.1))
+    scene.add_boundary(name="pier", shape=pier, response=boundaries.Slip(), time=(1e3, 2e3))
+    scene.add_sensor(name="second", sensor=sensors.LoadCell(boundary="pier", interval=0.0))
+    both = simulate(scene)
+    for sim in (alone, both):
+        sim.step(40)
+    first = [s.name for s in alone.series() if s.attributes["kind"] == "load-cell"][0]
+    assert len(alone.sensors[first].time) > 0
+    np.testing.assert_array_equal(alone.sensors[first].values, both.sensors[first].values)
+    assert len(both.sensors["second"].time) == 40
+    assert not both.sensors["second"].values.any()

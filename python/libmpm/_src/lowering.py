@@ -141,7 +141,7 @@ def lower(
     for body in scene.bodies:
         bodies.append(_body(scene, body, first, with_particles and not shell))
         if shell:
-            _hollow(bodies[-1], scene, body)
+            _hollow(bodies[-1])
         first += bodies[-1].get("id_count", bodies[-1]["count"])
     gravity = scene.gravity
     return {
@@ -185,13 +185,11 @@ def _added(scene: Scene, time_step: float | None, with_particles: bool) -> dict[
     }  # fmt: skip
 
 
-def _hollow(specification: dict[str, Any], scene: Scene, body: Body) -> None:
+def _hollow(specification: dict[str, Any]) -> None:
     """Leave one particle of a body, in the middle of its bounds, and the ids of all."""
     middle = specification["bounds"].mean(axis=0, keepdims=True)
     specification.setdefault("id_count", specification["count"])
     specification |= {"count": 1, "position": middle}
-    if scene.grid is None and body.hydrostatic is not None:
-        specification["pressure"] = np.zeros(1)
 
 
 def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:
