@@ -79,7 +79,7 @@ def test_fields_round_trip(tmp_path: Path) -> None:
 
 def test_pieces_of_your_own() -> None:
     pieces = [debris.Piece(x=0, y=0, angle=30), debris.Piece(x=0.3, y=0.4), debris.Piece(x=2, y=2)]
-    field = debris.Field(prototypes=BAR, pieces=pieces, footprint=(3, 3), corner=(-1, -1))
+    field = debris.Field(prototypes=BAR, pieces=pieces, footprint=(4, 4), corner=(-1, -1))
     assert len(field) == 3
     assert field.placement.kind == "given"
     found = refused(
@@ -95,7 +95,54 @@ def test_pieces_of_your_own() -> None:
     assert "pieces[0].prototype is 1; expected 0 to 0" in found[1]
     # One above the other is no overlap.
     stack = [debris.Piece(x=0, y=0), debris.Piece(x=0.1, y=0, elevation=0.05)]
-    debris.Field(prototypes=BAR, pieces=stack, footprint=(1, 1))
+    debris.Field(prototypes=BAR, pieces=stack, footprint=(1, 1), corner=(-0.5, -0.5), clearance=0.1)
+
+
+def test_pieces_of_your_own_lie_in_the_footprint() -> None:
+    frame: dict[str, Any] = {"prototypes": BAR, "footprint": (0.5, 0.3)}
+    touching = [debris.Piece(x=0.25, y=0.05), debris.Piece(x=0.25, y=0.25)]
+    field = debris.Field(pieces=touching, clearance=0.1, **frame)
+    assert field.metadata()["n"] == pytest.approx(1 - 0.1 / 0.15)
+    # Its footprint goes with it.
+    assert len(field.moved((3, -4)).turned(37.3).moved((1e3, 0))) == 2
+    out = [debris.Piece(x=0.25, y=0.03), debris.Piece(x=0.25, y=0.25, angle=0.0)]
+    found = refused(debris.Field, pieces=out, **frame)
+    assert found == [
+        "debris.Field: pieces[0] reaches 0.02 m out of the footprint; expected all of it inside, "
+        "or the porosity is wrong; move it, or give another corner or a larger footprint"
+    ]
+    found = refused(debris.Field, pieces=touching, rotation=90, **frame)
+    assert [p.partition(" out of")[0] for p in found] == [
+        f"debris.Field: pieces[{i}] reaches 0.1 m" for i in (0, 1)
+    ]
+    found = refused(debris.Field, pieces=touching, clearance=0.11, **frame)
+    assert found == [
+        "debris.Field: pieces 0 and 1 are 0.1 m apart; expected ≥ 0.11 m, the clearance; move one "
+        "of them, or give a smaller clearance"
+    ]
+
+
+def test_seeds_of_numpy_can_be_saved(tmp_path: Path) -> None:
+    for seed in np.arange(2):
+        for field in (
+            debris.random(BAR, count=3, footprint=(2, 2), clearance=0.1, seed=seed),
+            debris.ordered(BOXES, rows=2, columns=2, clearance=0.1, seed=seed, shares=(1, 1)),
+        ):
+            field.save(tmp_path / "field.json")
+            assert debris.Field.load(tmp_path / "field.json") == field
+            assert type(field.placement.seed) is int
+    assert type(debris.Placement(seed=np.int64(3)).seed) is int
+
+
+def test_24_bars_of_the_flume_at_random() -> None:
+    """D = 0.3: with half the clearance of the ordered field they fit, with all of it they jam."""
+    flume: dict[str, Any] = {"count": 24, "footprint": (2, 2), "seed": 1}
+    field = debris.random(BAR, clearance=0.05, **flume)
+    assert field.metadata()["D"] == pytest.approx(0.3)
+    assert distances(field).min() >= 0.05
+    with pytest.raises(debris.PlacementError) as caught:
+        debris.random(BAR, clearance=0.1, restarts=2, **flume)
+    assert 15 <= len(caught.value.densest) < 24
 
 
 # Ordered fields ----------------------------------------------------------------------------
@@ -212,7 +259,9 @@ def test_unequal_layers_cover_their_union() -> None:
         debris.Piece(x=0, y=0),
         debris.Piece(prototype=1, x=0.25, y=0, angle=30, elevation=0.05),
     ]
-    field = debris.Field(prototypes=(BAR, small), pieces=pieces, footprint=(1, 1))
+    field = debris.Field(
+        prototypes=(BAR, small), pieces=pieces, footprint=(1, 1), corner=(-0.3, -0.3)
+    )
     expected = shapely.union_all(polygons(field)).area
     assert 0.05 < expected < 0.07
     assert field.metadata()["covered_area"] == pytest.approx(expected)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,88 @@ def test_measures_against_direct_recomputation(seed: int) -> None:
     assert measured["D_theta_45"] == pytest.approx(np.mean(theta >= 45))
     assert measured["mass"] == pytest.approx(15 * BAR.mass)
     json.dumps(measured, allow_nan=False)
+
+
+def test_the_debris_set_is_among_the_measures(tmp_path: Path) -> None:
+    small = debris.Prototype(length=0.2, width=0.1, height=0.05, material=WOOD, name="wood")
+    law = debris.UniformAngles(low=-20, high=10)
+    field = debris.random((BAR, small), count=4, shares=(3, 1), footprint=(2, 2), clearance=0.1,
+                          seed=2, angles=law)  # fmt: skip
+    found = field.metadata()
+    assert [(k["name"], k["count"]) for k in found["prototypes"]] == [("bar", 3), ("wood", 1)]
+    assert found["prototypes"][1]["youngs_modulus"] == 2e9
+    assert found["mean_density"] == pytest.approx((3 * 981 + 648) / 4)
+    assert found["mean_youngs_modulus"] == pytest.approx((3 * 8e8 + 2e9) / 4)
+    assert found["mean_length"] == pytest.approx((3 * 0.5 + 0.2) / 4)
+    assert found["mean_plan_area"] == pytest.approx(found["covered_area"] / 4)
+    assert found["mean_cross_section"] == pytest.approx(0.1 * 0.05)
+    assert (found["kind"], found["interval"]) == ("random", [-20, 10])
+    assert found["angles"] == law.to_dict()
+    field.save(tmp_path / "field.json")
+    assert json.loads((tmp_path / "field.json").read_text())["metadata"] == found
+    assert debris.Field.load(tmp_path / "field.json") == field
+    debris.save_metadata([field], tmp_path / "fields.csv")
+    with (tmp_path / "fields.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert json.loads(row["prototypes"]) == found["prototypes"]
+    ice = materials.TaitFluid()
+    fluid = debris.Prototype(length=0.2, width=0.1, height=0.05, material=ice)
+    assert (
+        debris.ordered(fluid, rows=1, columns=1, clearance=0).metadata()["mean_youngs_modulus"]
+        is None
+    )
+
+
+def test_report(tmp_path: Path) -> None:
+    field = debris.random(BOXES, count=6, footprint=(1, 1), clearance=0.05, seed=1)
+    paths = field.report(tmp_path / "new" / "field", width=0.4, flow=10, bins=9)
+    assert sorted(p.name for p in (tmp_path / "new" / "field").iterdir()) == sorted(
+        p.name for p in paths.values()
+    )
+    assert debris.Field.load(paths["field"]) == field
+    read = json.loads(paths["metadata"].read_text())
+    assert read == field.metadata(width=0.4, flow=10)
+    assert json.loads(paths["angles"].read_text()) == field.angle_data(bins=9, flow=10)
+    assert len(paths["pieces"].read_text().splitlines()) == 7
+    assert plt.imread(paths["figure"]).ndim == 3
+    assert not plt.get_fignums()
+
+
+def test_wrong_arguments_of_measures(tmp_path: Path) -> None:
+    field = debris.ordered(BAR, rows=1, columns=2, clearance=0.1)
+    assert refused(field.share_below, "15") == [
+        "debris.Field.share_below: theta is '15'; expected a number in degrees"
+    ]
+    assert "theta is nan" in refused(field.share_above, math.nan)[0]
+    assert "thetas is 15; expected several angles" in refused(field.metadata, thetas=15)[0]
+    pytest.importorskip("meshio")
+    found = refused(field.save_mesh, tmp_path / "a.foo")
+    assert "meshio knows no files of the kind '.foo' of a.foo" in found[0]
+    assert not list(tmp_path.iterdir())
+    arguments: dict[str, Any] = {"footprint": (1, 1), "clearance": 0, "seed": 1}
+    assert len(refused(debris.random, BAR, count=0, **arguments)) == 1
+
+
+def test_the_page_runs(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "debris-fields.md"
+    first, second = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    scene = Scene(cell_size=0.1, lower=(38, 0, 0), upper=(44, 4, 3), gravity=(0, 0, -9.81))
+    scene.add_body(name="water", shape=shapes.Box(lower=(38, 0, 0), upper=(44, 4, 2)),
+                   material=materials.TaitFluid(), hydrostatic=2.0)  # fmt: skip
+    names: dict[str, Any] = {"scene": scene}
+    exec(first, names)
+    assert names["field"].metadata()["n"] == pytest.approx(0.8)
+    assert len(scene.bodies) == 17
+    exec(second, names)
+    assert [len(names[key]) for key in ("packed", "in_order")] == [24, 24]
+    assert names["in_order"].footprint == pytest.approx((2.0, 1.5))
+
+
+def test_the_mean_gap_of_layers_is_one_in_space() -> None:
+    layers: dict[str, Any] = {"rows": 2, "columns": 1, "layers": 2}
+    for up, expected in ((0, 0), (0.04, 0.04), (0.5, 0.2)):
+        field = debris.ordered(BAR, clearance=(0.2, 0.2, up), **layers)
+        assert field.metadata()["s"] == pytest.approx(expected, abs=1e-9)
 
 
 def test_shares_of_angles_are_complementary() -> None:

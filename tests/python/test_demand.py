@@ -353,17 +353,30 @@ def test_examples_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     pyplot = pytest.importorskip("matplotlib.pyplot")
     monkeypatch.chdir(tmp_path)
     page = Path(__file__).parents[2] / "docs" / "demand.md"
-    first, second = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    first, second, third = blocks
     names: dict[str, Any] = {}
     exec(first, names)
     pyplot.close("all")
     assert (tmp_path / "demand.csv").is_file()
     found = names["curve"].at(rate=1 / 475)
     assert 0 < found.lower < found.load < found.upper < names["ordered"](24) * 1.6
-    count = np.array([1, 2, 3, 5, 8, 13])
-    table = {"c": count, "f_max": 20 + 7.0 * count + [1, -1, 2, -2, 1, -1]}
-    fit = analysis.regression(table, "f_max", ["c"])
-    exec(second, names | {"table": table, "fields": {"c": np.arange(1, 30)}, "fit": fit})
+    exec(second, names)
+    assert names["fit"].coefficients["c"] == pytest.approx(300, abs=15)
+    exec(third, names)
+    # Of each field C(c) R(θ) R(n), with θ in radians.
+    measured = names["measured"]
+    angle = np.radians([row["theta_mean"] for row in measured])
+    assert (angle > 0.1).all() and (angle < np.pi / 2).all()
+    reductions = (
+        demand.Reduction.three_point(0.5)(angle),
+        [demand.Reduction.linear(0.2)(row["n"]) for row in measured],
+    )
+    whole = names["ordered"](np.array([row["c"] for row in measured]))
+    largest = (whole * reductions[0] * reductions[1]).max()
+    curve = names["curve"]
+    assert curve.probability[curve.load < largest * (1 - 1e-9)].min() > 0
+    assert (curve.probability[curve.load >= largest * (1 + 1e-9)] == 0).all()
 
 
 # What is refused ---------------------------------------------------------------------------

@@ -363,6 +363,62 @@ def test_summary() -> None:
     assert found.statsmodels.rsquared == found.r_squared
 
 
+@pytest.mark.parametrize("unit", [1e-12, 1e-3, 1e9, 1e40])
+def test_units_of_terms_do_not_matter(unit: float) -> None:
+    """A modulus in Pa, squared, is 1e18 times the constant beside it."""
+    random = np.random.default_rng(8)
+    c, modulus = random.integers(4, 25, 24).astype(float), np.linspace(0.5, 3, 24)
+    load = 100 + 12 * c + 30 * modulus**2 + random.standard_normal(24)
+    one, other = (
+        analysis.regression({"c": c, "E": modulus * by, "y": load}, "y", ["c", "square E"])
+        for by in (1.0, unit)
+    )
+    assert one.r_squared > 0.999
+    for key in ("r_squared", "adjusted_r_squared", "f", "f_p", "residual_error"):
+        assert getattr(other, key) == pytest.approx(getattr(one, key), rel=1e-9)
+    scale = {"constant": 1.0, "c": 1.0, "square E": unit**2}
+    for name, by in scale.items():
+        for key in ("coefficients", "standard_errors"):
+            expected = getattr(one, key)[name]
+            assert getattr(other, key)[name] * by == pytest.approx(expected, rel=1e-9)
+        assert other.t[name] == pytest.approx(one.t[name], rel=1e-9)
+        assert np.multiply(other.confidence()[name], by) == pytest.approx(one.confidence()[name])
+    rows = [fit.predict({"c": 10, "E": 2.0 * by}) for fit, by in ((one, 1.0), (other, unit))]
+    for mine, theirs in zip(*rows, strict=True):
+        np.testing.assert_allclose(theirs, mine, rtol=1e-9)
+    tests, again = one.residual_tests(), other.residual_tests()
+    assert again.breusch_pagan.p == pytest.approx(tests.breusch_pagan.p, rel=1e-6)
+    assert again.white["square E"].lm == pytest.approx(tests.white["square E"].lm, rel=1e-6)
+    # What statsmodels goes on to compute from its own result is that of a plain fit.
+    plain = pytest.importorskip("statsmodels.api").OLS(load, np.array(one.design)).fit()
+    hats = (fit.get_influence().hat_matrix_diag for fit in (plain, other.statsmodels))
+    np.testing.assert_allclose(*hats, rtol=1e-9)
+    assert other.statsmodels.aic == pytest.approx(plain.aic)
+    assert other.statsmodels.HC3_se[1] == pytest.approx(plain.HC3_se[1])
+
+
+def test_terms_far_from_zero() -> None:
+    steps = np.tile([0.0, 1.0, 2.0, 3.0], 6)
+    load = 5 + 2 * steps + 0.1 * np.random.default_rng(9).standard_normal(24)
+    slope = np.polyfit(steps, load, 1)[0]
+    found = analysis.regression({"x": 1e6 + steps, "y": load}, "y", ["x"])
+    assert found.coefficients["x"] == pytest.approx(slope, rel=1e-7)
+    far = {"x": 1e12 + steps, "y": load}
+    (problem,) = refused(lambda: analysis.regression(far, "y", ["x"]))
+    assert "too little from a constant, for double precision (condition number" in problem
+    assert problem.endswith("expected < 1e+10; give columns less their mean, or leave terms out")
+
+
+def test_two_valued_terms_leave_the_other_tests() -> None:
+    table = fields() | {"wood": np.arange(34) % 2}
+    fit = analysis.regression(table, model=["c", "wood"])
+    tests = fit.residual_tests()
+    assert list(tests.white) == ["c"]
+    assert 0 < tests.shapiro.p < 1
+    (problem,) = refused(lambda: fit.residual_tests(["wood"]))
+    assert problem.startswith("analysis.Regression.residual_tests: 'wood' has 2 different value")
+
+
 # Tests of residuals ------------------------------------------------------------------------
 
 
@@ -484,6 +540,13 @@ def test_correlation() -> None:
             lambda: analysis.correlation(table, ["c", "n"], method="kendall")  # type: ignore[arg-type]
         )[0]
     )
+
+
+def test_deviations_from_nothing_do_not_warn() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = analysis.parity([0.0, 0.0, 2.0, 4.0], [0.0, 1.0, 3.0, 4.0]).deviations
+    np.testing.assert_array_equal(found, [np.nan, np.inf, 0.5, 0.0])
 
 
 def test_parity() -> None:

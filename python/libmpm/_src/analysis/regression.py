@@ -11,7 +11,7 @@ import numpy as np
 from libmpm._src.analysis import plots
 from libmpm._src.analysis.layout import number
 from libmpm._src.analysis.record import Floats
-from libmpm._src.analysis.residuals import ResidualTests, residual_tests
+from libmpm._src.analysis.residuals import LEAST_VALUES, ResidualTests, residual_tests
 from libmpm._src.analysis.tables import Missing, Table, columns, sample
 from libmpm._src.optional import need
 from libmpm._src.tables import html_table, text_table
@@ -28,6 +28,8 @@ MODELS: dict[str, tuple[str, ...]] = {
     "multi": ("c", "sqrt theta15", "log n"),
 }
 CONSTANT = "constant"
+#: Condition number of terms brought to the same size from which a fit keeps few digits.
+_CONDITION = 1e10
 
 
 class Prediction(NamedTuple):
@@ -63,7 +65,7 @@ class Regression:
         self._design, self._observed = design, observed
         for array in (design, observed):
             array.flags.writeable = False
-        self._fit = model.OLS(observed, design).fit()
+        self._fit = _fitted(model, observed, design)
 
     @property
     def response(self) -> str:
@@ -187,7 +189,7 @@ class Regression:
         argument   range    meaning
         =========  =======  =================================================================
         variables  terms    what White's test looks at, also terms that the model lacks; by
-                            default the model's own
+                            default the model's own that have three or more different values
         threshold  [0, 1]   a test is significant below this p; Bonus (2023) 10.4 calls a
                             variance uneven below about 0.2
         =========  =======  =================================================================
@@ -196,7 +198,8 @@ class Regression:
         """
         label = f"{self.label}.residual_tests"
         if variables is None:
-            found = dict(zip(self._terms[1:], self._design.T[1:], strict=True))
+            own = zip(self._terms[1:], self._design.T[1:], strict=True)
+            found = {name: x for name, x in own if len(np.unique(x)) >= LEAST_VALUES}
         else:
             check = Checker(label)
             names = _texts(check, "variables", variables)
@@ -345,6 +348,34 @@ def _check_design(check: Checker, names: Sequence[str], design: Floats) -> None:
                 "terms that differ; leave one out, or vary it in the study"
             )
             return
+    condition = float(np.linalg.cond(have))
+    if condition > _CONDITION:
+        check.fail(
+            "the terms differ too little from each other, or too little from a constant, for "
+            f"double precision (condition number {condition:.2g} at the same size); expected < "
+            f"{_CONDITION:g}; give columns less their mean, or leave terms out"
+        )
+
+
+def _fitted(models: Any, observed: Floats, design: Floats) -> Any:
+    """Return statsmodels' ordinary least squares, whatever the units of the terms.
+
+    statsmodels drops singular values below 1e-15 of the largest without a word, which a constant
+    beside squares in Pa² is, so the fit is made with columns of length 1 and scaled back.
+    """
+    size = np.linalg.norm(design, axis=0)
+    scaled = models.OLS(observed, design / size).fit()
+    model = models.OLS(observed, design)
+    # What model.fit() would have set, and the diagnostics of statsmodels read.
+    model.rank = scaled.model.rank
+    model.df_model, model.df_resid = scaled.model.df_model, scaled.model.df_resid
+    model.pinv_wexog = scaled.model.pinv_wexog / size[:, None]
+    model.normalized_cov_params = scaled.normalized_cov_params / np.outer(size, size)
+    model.wexog_singular_values = np.linalg.svd(design, compute_uv=False)
+    results = models.OLSResults(
+        model, scaled.params / size, model.normalized_cov_params, scaled.scale
+    )
+    return models.RegressionResultsWrapper(results)
 
 
 def _level(label: str, level: Any) -> float:

@@ -20,7 +20,14 @@ from libmpm._src.values import Checker
 if TYPE_CHECKING:
     from libmpm._src.analysis.regression import Regression
 
-__all__ = ["HypothesisTest", "ResidualTests", "WhiteTest", "residual_tests", "white_test"]
+__all__ = [
+    "LEAST_VALUES",
+    "HypothesisTest",
+    "ResidualTests",
+    "WhiteTest",
+    "residual_tests",
+    "white_test",
+]
 
 #: Residuals whose squares are this part of those of the response are rounding.
 _EXACT = 1e-20
@@ -28,6 +35,8 @@ _EXACT = 1e-20
 _OMNIBUS = 8
 #: Durbin-Watson statistics from neighbours that are no more like each other than others.
 _INDEPENDENT = (1.5, 2.5)
+#: Fewest different values of a variable for White's test: of two, x² says no more than x.
+LEAST_VALUES = 3
 #: Condition number from which statsmodels warns that terms are nearly combinations of others.
 _CONDITION = 1000.0
 
@@ -99,21 +108,27 @@ def white_test(
     `variable` has at least three different values; the test does not depend on its unit or zero.
     Needs statsmodels. Raises `SceneError`. Source: Bonus (2023) 10.4, `WhiteTest`.
     """
-    check = Checker("analysis.white_test")
+    return _white(Checker("analysis.white_test"), residuals, variable, threshold, "the variable")
+
+
+def _white(
+    check: Checker, residuals: npt.ArrayLike, variable: npt.ArrayLike, threshold: float, name: str
+) -> WhiteTest:
+    """Carry out `white_test`; messages call the variable `name`."""
     e, x = numbers(check, "residuals", residuals), numbers(check, "variable", variable)
     threshold = check.number("threshold", threshold, lower=0, upper=1)
     check.finish()
     if len(e) != len(x) or len(e) < 4:
         check.fail(
-            f"there are {len(e)} residuals and {len(x)} values of the variable; expected as many, "
-            "4 or more"
+            f"there are {len(e)} residuals and {len(x)} values of {name}; expected as many, 4 or "
+            "more"
         )
     elif not (np.isfinite(e).all() and np.isfinite(x).all()):
         wrong = ~(np.isfinite(e) & np.isfinite(x))
         check.fail(f"rows {listed(wrong)} are not finite; expected numbers")
-    elif len(np.unique(x)) < 3:
+    elif len(np.unique(x)) < LEAST_VALUES:
         check.fail(
-            f"the variable has {len(np.unique(x))} different value(s); expected three or more, "
+            f"{name} has {len(np.unique(x))} different value(s); expected three or more, "
             "or its square says nothing that it does not"
         )
     elif np.ptp(e**2) == 0:
@@ -177,7 +192,11 @@ class ResidualTests:
         found.append(("Durbin-Watson", number(self.durbin_watson), "", f"{told} ({low}-{high})"))
         found.append(("skew", number(self.skew), "", ""))
         found.append(("kurtosis", number(self.kurtosis), "", ""))
-        told = "distinct terms" if self.condition_number < _CONDITION else "terms nearly combine"
+        told = (
+            "distinct terms"
+            if self.condition_number < _CONDITION
+            else "terms combine, or differ in size"
+        )
         rule = f"{told} (< {_CONDITION:g})"
         found.append(("condition number", number(self.condition_number), "", rule))
         return found
@@ -212,6 +231,11 @@ def residual_tests(
     def test(found: Any) -> HypothesisTest:
         return HypothesisTest(float(found[0]), float(found[1]), threshold)
 
+    white = {
+        name: _white(Checker(label), e, x, threshold, f"'{name}'") for name, x in variables.items()
+    }
+    # Not in its own units, of which statsmodels would drop the small; see `regression._fitted`.
+    design = regression.design / np.linalg.norm(regression.design, axis=0)
     moments = tools.jarque_bera(e)
     few = len(e) < _OMNIBUS
     return ResidualTests(
@@ -219,8 +243,8 @@ def residual_tests(
         shapiro=test(stats.shapiro(e)),
         omnibus=test((math.nan, math.nan) if few else stats.normaltest(e)),
         jarque_bera=test(moments),
-        breusch_pagan=test(diagnostic.het_breuschpagan(e, regression.design)),
-        white={name: white_test(e, x, threshold=threshold) for name, x in variables.items()},
+        breusch_pagan=test(diagnostic.het_breuschpagan(e, design)),
+        white=white,
         durbin_watson=float(tools.durbin_watson(e)),
         skew=float(moments[2]),
         kurtosis=float(moments[3]),

@@ -247,8 +247,9 @@ class Parity:
 
     @property
     def deviations(self) -> Floats:
-        """Simulated over measured minus 1, (n,)."""
-        return self.simulated / self.measured - 1
+        """Simulated over measured minus 1, (n,); infinite or not a number where measured is 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.simulated / self.measured - 1)
 
     def _rows(self) -> list[tuple[str, ...]]:
         return [

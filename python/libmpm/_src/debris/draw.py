@@ -38,8 +38,10 @@ def draw(field: DebrisField, ax: Any = None) -> Any:
     first: dict[int, Any] = {}
     for piece, corners in zip(field.pieces, field.rectangles().corners(), strict=True):
         k = piece.prototype
-        style = {"facecolor": f"C{k % 10}", "edgecolor": "k", "linewidth": 0.6, "alpha": 0.8}
-        first.setdefault(k, ax.add_patch(Polygon(corners, gid="piece", **style)))
+        patch = Polygon(
+            corners, gid="piece", facecolor=f"C{k % 10}", edgecolor="k", linewidth=0.6, alpha=0.8
+        )
+        first.setdefault(k, ax.add_patch(patch))
     low, high = outline.min(axis=0), outline.max(axis=0)
     longer = float(max(high - low))
     start = low[0], low[1] - _ASIDE * longer

@@ -12,11 +12,12 @@ import numpy.typing as npt
 
 from libmpm._src.debris.files import write_csv
 from libmpm._src.debris.laws import Angles
+from libmpm._src.debris.places import above, check_apart, check_clear, check_inside, seen
 from libmpm._src.debris.prototype import Piece, Prototype, check_prototypes
 from libmpm._src.debris.rectangles import Rectangles, gaps, obliquity, rounded
 from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic import write_json
-from libmpm._src.turned import TurnedBox, close_pairs, cosine_sine, depth, rotation
+from libmpm._src.turned import cosine_sine
 from libmpm._src.values import Checker, Value, sequence, value
 
 if TYPE_CHECKING:
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
     from libmpm._src.scene import Scene
 
 __all__ = ["DebrisField", "Placement"]
-
-#: Depth in m up to which pieces touch rather than overlap: positions are kept to 1e-9.
-_TOUCH = 1e-8
 
 
 @value
@@ -71,7 +69,7 @@ class Placement(Value):
         }
         check.choice("kind", self.kind, ("ordered", "random", "given"))
         if self.seed is not None:
-            check.integer("seed", self.seed)
+            found["seed"] = check.integer("seed", self.seed)
         if self.angles is not None:
             check.instance("angles", self.angles, (Angles,), "a law such as debris.UniformAngles()")
         if self.interval is not None:
@@ -97,7 +95,8 @@ class DebrisField(Value):
     ==========  =======  =======  ==============================================================
 
     Made by `ordered` and `random`, or from pieces of your own, such as those of a photograph.
-    Raises `SceneError`. Source: Bonus (2023) 10.
+    Those of your own lie in the footprint, or its porosity would be wrong, and keep the clearance:
+    side by side in the plan, above each other not. Raises `SceneError`. Source: Bonus (2023) 10.
     """
 
     label: ClassVar[str] = "debris.Field"
@@ -128,14 +127,22 @@ class DebrisField(Value):
                 )
         check.instance("placement", self.placement, (Placement,), "debris.Placement()")
         if not check.problems:
-            _check_apart(check, [_solid(prototypes[p.prototype], p) for p in pieces])
+            check_apart(check, prototypes, pieces)
+        corner = check.vector("corner", self.corner, lengths=(2,), unit="m")
+        turn = check.number("rotation", self.rotation, unit="degrees")
+        clearance = check.number("clearance", self.clearance, lower=0, unit="m")
+        # The other kinds are made so that both hold.
+        if not check.problems and pieces and self.placement.kind == "given":
+            rectangles = seen(prototypes, pieces)
+            check_inside(check, rectangles, corner, footprint, turn)
+            check_clear(check, rectangles, above(prototypes, pieces), clearance)
         return {
             "prototypes": prototypes,
             "pieces": tuple(pieces),
-            "corner": check.vector("corner", self.corner, lengths=(2,), unit="m"),
+            "corner": corner,
             "footprint": footprint,
-            "rotation": check.number("rotation", self.rotation, unit="degrees"),
-            "clearance": check.number("clearance", self.clearance, lower=0, unit="m"),
+            "rotation": turn,
+            "clearance": clearance,
         }
 
     def __len__(self) -> int:
@@ -163,20 +170,14 @@ class DebrisField(Value):
 
     def rectangles(self) -> Rectangles:
         """Return the pieces as seen in the plan."""
-        kinds = [self.prototypes[p.prototype] for p in self.pieces]
-        rows = [
-            (p.x, p.y, p.angle, k.length, k.width) for p, k in zip(self.pieces, kinds, strict=True)
-        ]
-        return Rectangles(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
+        return seen(self.prototypes, self.pieces)
 
     def gaps(self) -> npt.NDArray[np.float64]:
         """Return the clear gap between every two pieces, (n, n) m; infinite on the diagonal."""
         rectangles = self.rectangles()
         plan = gaps(rectangles, rectangles)
-        low = np.array([p.elevation for p in self.pieces])
-        high = low + [self.prototypes[p.prototype].height for p in self.pieces]
-        above = np.maximum(low[:, None] - high, low - high[:, None]).clip(0.0)
-        found = np.sqrt(plan**2 + above**2)
+        up = above(self.prototypes, self.pieces).clip(0.0)
+        found = np.sqrt(plan**2 + up**2)
         np.fill_diagonal(found, np.inf)
         return found
 
@@ -249,16 +250,26 @@ class DebrisField(Value):
         return obliquity([p.angle - flow for p in self.pieces])
 
     def share_below(self, theta: float, *, flow: float = 0.0) -> float:
-        """Return the share of pieces with an obliquity < theta degrees; θ15 is that of 15."""
-        return float(np.mean(self._some_angles(flow) < theta))
+        """Return the share of pieces with an obliquity < theta degrees; θ15 is that of 15.
+
+        Raises `SceneError`.
+        """
+        return float(np.mean(self._some_angles("share_below", theta, flow) < theta))
 
     def share_above(self, theta: float, *, flow: float = 0.0) -> float:
-        """Return the share D_θ of pieces with an obliquity ≥ theta degrees."""
-        return float(np.mean(self._some_angles(flow) >= theta))
+        """Return the share D_θ of pieces with an obliquity ≥ theta degrees.
 
-    def _some_angles(self, flow: float) -> npt.NDArray[np.float64]:
+        Raises `SceneError`.
+        """
+        return float(np.mean(self._some_angles("share_above", theta, flow) >= theta))
+
+    def _some_angles(self, method: str, theta: float, flow: float) -> npt.NDArray[np.float64]:
+        check = Checker(f"{self.label}.{method}")
+        check.number("theta", theta, unit="degrees")
+        check.number("flow", flow, unit="degrees")
         if not self.pieces:
-            raise SceneError(f"{self.label}: there are no pieces; expected some to measure")
+            check.fail("there are no pieces; expected some to measure")
+        check.finish()
         return self.obliquity(flow)
 
     def metadata(
@@ -268,8 +279,11 @@ class DebrisField(Value):
         flow: float = 0.0,
         footprint: Literal["square"] | float | Sequence[float] | None = None,
         thetas: Sequence[float] = (15, 30, 45, 60, 75),
-    ) -> dict[str, float | int | None]:
-        """Return every variable of the field as plain numbers, for JSON and for tables.
+    ) -> dict[str, Any]:
+        """Return every variable of the field, for JSON and for tables.
+
+        Plain numbers, but for how the field was made ("kind", "angles", "interval") and the list
+        "prototypes" of its kinds of debris. The distribution of the angles is in `angle_data`.
 
         =========  =======  ===============================================================
         parameter  unit     meaning
@@ -363,8 +377,12 @@ class DebrisField(Value):
     # Files ---------------------------------------------------------------------------------
 
     def save(self, path: str | Path) -> None:
-        """Write the field to a JSON file; raises `OutputError`."""
-        write_json(Path(path), self.to_dict())
+        """Write the field to a JSON file, with its `metadata` to be read by others.
+
+        `load` takes the field itself and measures it anew. Raises `OutputError`.
+        """
+        measured = self.metadata() if self.pieces else None
+        write_json(Path(path), self.to_dict() | {"metadata": measured})
 
     @classmethod
     def load(cls, path: str | Path) -> DebrisField:
@@ -375,13 +393,44 @@ class DebrisField(Value):
             raise SceneError(
                 f"{path}: not JSON: {error}; write it with debris.Field.save"
             ) from error
-        found: DebrisField = cls.from_dict(data if isinstance(data, Mapping) else {})
+        kept = data if isinstance(data, Mapping) else {}
+        found: DebrisField = cls.from_dict({k: v for k, v in kept.items() if k != "metadata"})
         return found
 
     def save_table(self, path: str | Path) -> None:
         """Write `table` to a CSV file with a line of column names; raises `OutputError`."""
         rows = self.table()
         write_csv(Path(path), rows.dtype.names or (), rows.tolist())
+
+    def report(
+        self,
+        folder: str | Path,
+        *,
+        width: float | None = None,
+        flow: float = 0.0,
+        footprint: Literal["square"] | float | Sequence[float] | None = None,
+        thetas: Sequence[float] = (15, 30, 45, 60, 75),
+        bins: int = 6,
+    ) -> dict[str, Path]:
+        """Write all that is known of the field to a folder and return the files by name.
+
+        ==========  =============  ============================================
+        name        file           holds
+        ==========  =============  ============================================
+        "field"     field.json     `save`
+        "pieces"    pieces.csv     `save_table`
+        "metadata"  metadata.json  `metadata`, with the arguments given here
+        "angles"    angles.json    `angle_data`
+        "figure"    field.png      `figure`
+        ==========  =============  ============================================
+
+        The folder is made if it is not there; files of these names are replaced. Raises
+        `SceneError`, `OutputError`. Source: Bonus (2023) 10.4.
+        """
+        from libmpm._src.debris.files import report
+
+        measured = self.metadata(width=width, flow=flow, footprint=footprint, thetas=thetas)
+        return report(self, Path(folder), measured, bins=bins, flow=flow)
 
     # Pictures ------------------------------------------------------------------------------
 
@@ -414,17 +463,3 @@ class DebrisField(Value):
         from libmpm._src.debris.draw import figure
 
         return figure(self, bins=bins, flow=flow)
-
-
-def _solid(kind: Prototype, piece: Piece) -> TurnedBox:
-    centre = (piece.x, piece.y, piece.elevation + 0.5 * kind.height)
-    return TurnedBox(centre, (kind.length, kind.width, kind.height), rotation(3, piece.angle))
-
-
-def _check_apart(check: Checker, solids: list[TurnedBox]) -> None:
-    for i, j in close_pairs([solid.bounds() for solid in solids]):
-        deep = depth(solids[i], solids[j])
-        if deep > _TOUCH:
-            check.fail(
-                f"pieces {i} and {j} overlap by {deep:.3g} m; expected apart; move one of them"
-            )

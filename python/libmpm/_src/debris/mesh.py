@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.errors import SceneError
 from libmpm._src.optional import need
 from libmpm._src.output.atomic import writing
 from libmpm._src.turned import cosine_sine
-from libmpm._src.values import Checker
+from libmpm._src.values import Checker, nearest
 
 if TYPE_CHECKING:
     from libmpm._src.debris.field import DebrisField
@@ -87,6 +88,12 @@ def save_mesh(field: DebrisField, path: Path, *, edge: float | None, elevation: 
     """Write the tetrahedra to a file; see `DebrisField.save_mesh`."""
     meshio = need("meshio", "debris.Field.save_mesh", "studies")
     found = mesh(field, edge=edge, elevation=elevation)
+    known = meshio.extension_to_filetypes
+    if not any(path.name.lower().endswith(suffix) for suffix in known):
+        raise SceneError(
+            f"{field.label}.save_mesh: meshio knows no files of the kind '{path.suffix}' of "
+            f"{path.name}; {nearest(path.suffix, known)}"
+        )
     prototype = np.array([p.prototype for p in field.pieces])[found.piece]
     data = {"piece": [found.piece], "prototype": [prototype]}
     with writing(path):

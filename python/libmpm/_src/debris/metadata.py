@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -24,8 +25,10 @@ if TYPE_CHECKING:
 __all__ = ["angle_data", "metadata", "percentile", "save_metadata"]
 
 Floats = npt.NDArray[np.float64]
-Row = dict[str, float | int | None]
+Row = dict[str, Any]
 
+#: Sizes of a prototype among the variables.
+_SIZES = ("length", "width", "height", "plan_area", "cross_section")
 #: Depth in m up to which rectangles touch rather than overlap.
 _TOUCH = 1e-8
 
@@ -45,7 +48,13 @@ def metadata(
     flow = check.number("flow", flow, unit="degrees")
     if width is not None:
         width = check.number("width", width, lower=0, lower_open=True, unit="m")
-    angles_of = [check.number(f"thetas[{i}]", t, lower=0, upper=90) for i, t in enumerate(thetas)]
+    listed = sequence(thetas)
+    if listed is None:
+        check.fail(f"thetas is {thetas!r}; expected several angles in degrees, such as (15, 30)")
+    angles_of = [
+        check.number(f"thetas[{i}]", t, lower=0, upper=90, unit="degrees")
+        for i, t in enumerate(listed or [])
+    ]
     check.finish()
     rectangles = field.rectangles()
     long, wide = _extents(rectangles, flow)
@@ -66,6 +75,7 @@ def metadata(
     theta15 = float(np.mean(angle < 15))
     mass = float(rows["mass"].sum())
     nearest = rows["gap"]
+    kinds = _kinds(field)
     made = field.placement
     found: Row = {
         "c": len(field),
@@ -98,9 +108,14 @@ def metadata(
         "x": float((rows["mass"] * rows["x"]).sum()) / mass,
         "y": float((rows["mass"] * rows["y"]).sum()) / mass,
         "mass": mass,
+        **{f"mean_{key}": _mean(kinds, key) for key in ("density", "youngs_modulus", *_SIZES)},
+        "prototypes": kinds,
         "rotation": field.rotation,
         "flow": flow,
         "clearance": field.clearance,
+        "kind": made.kind,
+        "angles": None if made.angles is None else made.angles.to_dict(),
+        "interval": None if made.interval is None else list(made.interval),
         "seed": made.seed,
         "attempts": made.attempts,
         "restarts": made.restarts,
@@ -108,6 +123,25 @@ def metadata(
         "rejected": made.rejected,
         "acceptance": len(field) / made.attempts if made.attempts else None,
     }
+
+
+def _kinds(field: DebrisField) -> list[Row]:
+    """Return the debris set {ρ, E, A, L} and the number of pieces of each prototype."""
+    found: list[Row] = []
+    for k, kind in enumerate(field.prototypes):
+        have = kind.material.parameters()
+        row = {"name": kind.name, "count": sum(p.prototype == k for p in field.pieces)}
+        row |= {key: have.get(key) for key in ("density", "youngs_modulus")}
+        found.append(row | {key: getattr(kind, key) for key in _SIZES})
+    return found
+
+
+def _mean(kinds: list[Row], key: str) -> float | None:
+    """Return the mean over the pieces; None if a kind among them has no such number."""
+    have = [(row[key], row["count"]) for row in kinds if row["count"]]
+    if any(item is None for item, _ in have):
+        return None
+    return sum(item * n for item, n in have) / sum(n for _, n in have)
 
 
 def _extents(rectangles: Rectangles, flow: float) -> tuple[float, float]:
@@ -172,8 +206,8 @@ def save_metadata(fields: Iterable[DebrisField], path: str | Path, **options: An
     """Write the metadata of fields to a file, one row a field.
 
     A path that ends in .json gets a list of dictionaries, any other a CSV file in which what is
-    undefined stays empty. `options` go to `debris.Field.metadata`. Raises `SceneError`,
-    `OutputError`.
+    undefined stays empty and lists are texts in JSON. `options` go to `debris.Field.metadata`.
+    Raises `SceneError`, `OutputError`.
     """
     rows = [field.metadata(**options) for field in fields]
     if not rows:
@@ -182,4 +216,8 @@ def save_metadata(fields: Iterable[DebrisField], path: str | Path, **options: An
     if path.suffix == ".json":
         write_json(path, rows)
         return
-    write_csv(path, list(rows[0]), [list(row.values()) for row in rows])
+    write_csv(path, list(rows[0]), [[_cell(item) for item in row.values()] for row in rows])
+
+
+def _cell(item: Any) -> Any:
+    return json.dumps(item, ensure_ascii=False) if isinstance(item, list | dict) else item

@@ -71,7 +71,7 @@ def ordered(
     middle = check.vector("centre", centre, lengths=(2,), unit="m")
     rotation = check.number("rotation", rotation, unit="degrees")
     if seed is not None:
-        check.integer("seed", seed)
+        seed = check.integer("seed", seed)
     if shares is not None and seed is None:
         check.fail("shares are given without a seed; expected one, which says where each lies")
     check.finish()

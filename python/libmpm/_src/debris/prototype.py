@@ -56,6 +56,11 @@ class Prototype(Value):
         return self.length * self.width
 
     @property
+    def cross_section(self) -> float:
+        """Width × height, m²: the A of the debris set, which a bar hits head-on with."""
+        return self.width * self.height
+
+    @property
     def mass(self) -> float:
         """Mass of one piece, kg."""
         return float(self.material.parameters()["density"] * self.plan_area * self.height)

@@ -101,7 +101,7 @@ def random(
     check = Checker(_LABEL)
     law = UniformAngles() if angles is None else angles
     check.instance("angles", law, (Angles,), "debris.UniformAngles or debris.SpreadAngles")
-    check.integer("seed", seed)
+    seed = check.integer("seed", seed)
     search = _Search(
         kinds=kinds,
         corner=check.vector("corner", corner, lengths=(2,), unit="m"),
@@ -180,6 +180,8 @@ class _Sizes:
             if len(ends) != 2:
                 check.fail(f"count is {count!r}; expected a whole number or (low, high)")
                 ends = [1, 1]
+            if ends[0] is ends[1]:
+                ends = [check.integer("count", ends[0], lower=1)] * 2
             low, high = (check.integer("count", n, lower=1) for n in ends)
             counts = low, high
             if low > high:

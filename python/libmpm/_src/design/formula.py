@@ -126,7 +126,12 @@ def formula(
 
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> T:
-            given = signature.bind(*args, **kwargs)
+            try:
+                given = signature.bind(*args, **kwargs)
+            except TypeError as error:
+                raise SceneError(
+                    f"design.{name}: {error}; expected the keywords {', '.join(symbols)}"
+                ) from error
             given.apply_defaults()
             arrays = _checked(name, given.arguments, symbols)
             result = plain(**arrays)
