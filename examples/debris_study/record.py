@@ -29,6 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser, output: str) -> None:
     parser.add_argument("--json", type=Path, help="append the line of costs to this file")
 
 
+def sharing(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of cases that have their device for themselves, or share it."""
+    return {"shared_device": arguments.threads_pool > 1}
+
+
 def run(study: libmpm.Study, arguments: argparse.Namespace) -> tuple[studies.StudyResult, float]:
     """Run a study as the arguments say; return its result and the seconds that it took."""
     began = time.perf_counter()

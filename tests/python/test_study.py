@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -112,6 +113,16 @@ def test_end_and_options_may_depend_on_the_row(tmp_path):
         ({"options": {"thread": 1}}, "options has 'thread'; did you mean 'threads'"),
         ({"checkpoint_interval": -1.0}, "checkpoint_interval is -1.0"),
         ({"untill": 3}, "unknown argument 'untill'"),
+        (
+            {"factory": lambda gravity, side: block(), "rows": [{"gravity": 1, "side": 2}, *ROWS]},
+            "the factory has no default for 'side', which row 1 lacks",
+        ),
+        ({"until": lambda end: end}, "until has no default for 'end', which row 0 lacks"),
+        ({"trunk": libmpm.Trunk(block, 1.0)}, "the factory takes no argument 'checkpoint'"),
+        (
+            {"factory": lambda **row: 0, "trunk": libmpm.Trunk(lambda depth: 0, lambda end: 0)},
+            "trunk's factory has no default for 'depth'(.|\n)*trunk's until has no.*'end'",
+        ),
     ],
 )
 def test_bad_requests_are_refused_before_anything_starts(tmp_path, arguments, message):
@@ -222,10 +233,13 @@ def test_a_failed_case_is_recorded_and_does_not_stop_the_rest(tmp_path, counted)
     assert np.isnan(result["kinetic"][1:3]).all()
     first, second = result.failed
     assert "time_step" in first["error"]
-    assert second["error"] == "ValueError: no such planet"
+    assert re.fullmatch(
+        r"ValueError: no such planet \(test_study.py:\d+ in factory\)", second["error"]
+    )
     folder = tmp_path / "cases" / first["case"]
     assert "SceneError" in (folder / "traceback.txt").read_text()
     assert "2 finished, 2 failed" in repr(result)
+    assert "run again with run(retry_failed=True)" in repr(result)
     assert "no such planet" in repr(result)
     assert len(counted) == 3
     # It is not tried again unless asked for.
@@ -239,7 +253,8 @@ def test_a_failed_case_is_recorded_and_does_not_stop_the_rest(tmp_path, counted)
 def test_a_retry_may_go_well(tmp_path, monkeypatch):
     monkeypatch.setattr(libmpm.Simulation, "run", lambda *a, **k: 1 / 0)
     rows = [{"gravity": 5.0}]
-    assert run(make(tmp_path, rows)).failed[0]["error"] == "ZeroDivisionError: division by zero"
+    (failed,) = run(make(tmp_path, rows)).failed
+    assert failed["error"].startswith("ZeroDivisionError: division by zero (test_study.py:")
     monkeypatch.undo()
     assert run(make(tmp_path, rows)).failed
     result = run(make(tmp_path, rows), retry_failed=True)
@@ -423,6 +438,7 @@ def test_a_wrong_response_is_an_error_of_its_row_and_costs_no_run(
     assert result["status"].tolist() == ["finished", "finished"]
     assert len(result.failed) == 2
     assert all(message in row["error"] for row in result.failed)
+    assert "2 finished; 2 responses failed" in repr(result)
     assert message in studies.Study.open(tmp_path).collect().rows[0]["error"]
     assert not run(make(tmp_path)).failed
     assert len(counted) == 2

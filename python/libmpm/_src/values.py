@@ -64,7 +64,8 @@ def keywords_only(
                 if key not in names:
                     problems.append(f"{label}: unknown argument '{key}'; {nearest(key, names)}")
             if extra <= 0:
-                missing = [key for key in required[len(args) - 1 :] if key not in kwargs]
+                unnamed = names[: len(args) - 1]
+                missing = [key for key in required if key not in kwargs and key not in unnamed]
                 for other, names_of in (instead or {}).items():
                     if kwargs.get(other) is None:
                         missing += [key for key in names_of if kwargs.get(key) is None]

@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from libmpm._src.output.sensor_file import Series, read_sensors
 from libmpm._src.scene import Scene
-from libmpm._src.study.files import LOCK, RESPONSE, STATUS, read_object, write_shared
+from libmpm._src.study.files import LOCK, RESPONSE, STATUS, glance, read_object, write_shared
 from libmpm._src.study.locks import is_held
-from libmpm._src.study.rows import canonical
+from libmpm._src.study.rows import canonical, describe
 from libmpm._src.study.table import COLUMNS
 from libmpm._src.values import plain
 
 __all__ = [
     "Case",
+    "Found",
     "Response",
     "compute_response",
-    "recorded_response",
+    "recorded_responses",
     "status_of",
-    "store_response",
+    "store_responses",
 ]
 
 Response = Callable[["Case"], Mapping[str, Any]]
+#: Name -> number or None, and what went wrong.
+Found = tuple[dict[str, Any], str]
 
 
 class Case:
@@ -51,7 +54,7 @@ class Case:
     @cached_property
     def record(self) -> dict[str, Any]:
         """The content of ``status.json``; empty while the case has not begun. Read once."""
-        return {} if self.folder is None else read_object(self.folder / STATUS)
+        return {} if self.folder is None else glance(self.folder / STATUS)
 
     @property
     def status(self) -> str:
@@ -91,21 +94,24 @@ def status_of(folder: Path, record: Mapping[str, Any]) -> str:
     return status
 
 
-def compute_response(case: Case, response: Response) -> tuple[dict[str, Any], str]:
+def compute_response(case: Case, response: Response) -> Found:
     """Return the numbers of a finished case, and what went wrong if anything did."""
     label = "response"
     taken = {*case.parameters, *COLUMNS}
     try:
         found = response(case)
     except Exception as error:
-        return {}, f"{label}: {type(error).__name__}: {error}"
+        return {}, f"{label}: {describe(error)}"
     if not isinstance(found, Mapping):
         return {}, f"{label}: returned {found!r:.60}; expected a mapping of names to numbers"
     numbers_, problems = {}, []
     for name, item in found.items():
         item = item.item() if hasattr(item, "item") and getattr(item, "size", 1) == 1 else item
-        if not isinstance(name, str) or not isinstance(item, numbers.Real):
-            problems.append(f"{label}: {name!r} is {item!r:.60}; expected a name and a number")
+        if not isinstance(name, str) or not isinstance(item, numbers.Real | None):
+            problems.append(
+                f"{label}: {name!r} is {item!r:.60}; expected a name and a number, or None where "
+                "there is none"
+            )
         elif name in taken:
             what = "a parameter" if name in case.parameters else "another column of the table"
             problems.append(
@@ -113,32 +119,33 @@ def compute_response(case: Case, response: Response) -> tuple[dict[str, Any], st
                 f"instance '{name}_found'"
             )
         else:
-            numbers_[name] = item if isinstance(item, bool | int) else float(item)
+            numbers_[name] = item if isinstance(item, bool | int | None) else float(item)
     return numbers_, "; ".join(problems)
 
 
-def store_response(case: Case, found: tuple[dict[str, Any], str]) -> None:
-    """Keep the response of one row in ``response.json``, beside those of rows that share it."""
-    assert case.folder is not None
-    entries = _entries(case.folder)
-    # JSON has no word for what is not finite.
-    values = {k: v if math.isfinite(v) else str(v) for k, v in found[0].items()}
-    made = {"parameters": plain(case.parameters), "response": values, "error": found[1]}
-    if entries.get(canonical(case.parameters)) != made:
-        entries[canonical(case.parameters)] = made
-        write_shared(case.folder / RESPONSE, {"rows": list(entries.values())})
+def store_responses(folder: Path, found: Sequence[tuple[Case, Found]]) -> None:
+    """Keep the responses of rows in ``response.json``, beside those of others that share it."""
+    before = _entries(read_object(folder / RESPONSE))
+    after = dict(before)
+    for case, (numbers_, error) in found:
+        # JSON has no word for what is not finite.
+        values = {k: v if v is None or math.isfinite(v) else str(v) for k, v in numbers_.items()}
+        made = {"parameters": plain(case.parameters), "response": values, "error": error}
+        after[canonical(case.parameters)] = made
+    if after != before:
+        write_shared(folder / RESPONSE, {"rows": list(after.values())})
 
 
-def recorded_response(case: Case) -> tuple[dict[str, Any], str]:
-    """Return the response that an earlier run computed for this row, and its error."""
-    if case.folder is None:
-        return {}, ""
-    found = _entries(case.folder).get(canonical(case.parameters), {})
-    values = found.get("response", {}).items()
-    return {k: float(v) if isinstance(v, str) else v for k, v in values}, found.get("error", "")
+def recorded_responses(folder: Path) -> dict[str, Found]:
+    """Return the responses that an earlier run computed in a folder, by canonical row."""
+    found = {}
+    for row, entry in _entries(glance(folder / RESPONSE)).items():
+        values = entry.get("response", {}).items()
+        numbers_ = {k: float(v) if isinstance(v, str) else v for k, v in values}
+        found[row] = numbers_, str(entry.get("error", ""))
+    return found
 
 
-def _entries(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the responses kept in a folder, by row."""
-    rows = read_object(folder / RESPONSE).get("rows", [])
-    return {canonical(row["parameters"]): row for row in rows}
+def _entries(content: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the responses of a ``response.json`` by row."""
+    return {canonical(row["parameters"]): row for row in content.get("rows", [])}

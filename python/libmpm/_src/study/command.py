@@ -25,7 +25,10 @@ _HOOK = "study"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the sub-commands."""
-    parser.epilog = "Exit codes: 0 success, 2 bad input, 3 some cases failed, 130 interrupted."
+    parser.epilog = (
+        "Exit codes: 0 success, 2 bad input, 3 some cases or responses failed, 4 output failure, "
+        "5 device or memory, 130 interrupted."
+    )
     actions = parser.add_subparsers(dest="action", required=True)
 
     run = actions.add_parser("run", help="run what has not finished yet")

@@ -8,6 +8,7 @@ import uuid
 from pathlib import Path
 from typing import Any
 
+from libmpm._src.errors import OutputError
 from libmpm._src.output.atomic import write_json, writing
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "STUDY",
     "TRACEBACK",
     "TRUNKS",
+    "glance",
     "read_object",
     "write_shared",
 ]
@@ -32,12 +34,28 @@ TRACEBACK, LOCK, CHECKPOINT = "traceback.txt", "lock", "trunk.npz"
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """Return the JSON object in a file; an empty one if there is no whole one."""
+    """Return the JSON object in a file; an empty one if there is no whole one.
+
+    Raises `OutputError` if there is a file that cannot be read: what is in it must not be replaced.
+    """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (FileNotFoundError, NotADirectoryError, ValueError):
         return {}
+    except OSError as error:
+        raise OutputError(
+            f"cannot read {path}: {error.strerror or error}; make it readable, or choose another "
+            "folder"
+        ) from error
     return content if isinstance(content, dict) else {}
+
+
+def glance(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file, for what only looks; an empty one if there is none."""
+    try:
+        return read_object(path)
+    except OutputError:
+        return {}
 
 
 def write_shared(path: Path, content: Any) -> None:

@@ -13,13 +13,14 @@ import time as clock
 import uuid
 from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from libmpm._src.errors import Error, OutputError
 from libmpm._src.output.atomic import writing
-from libmpm._src.study.files import CASES, LOCK, STATUS, TRUNKS, read_object
+from libmpm._src.study.files import CASES, LOCK, STATUS, TRUNKS, glance
 from libmpm._src.study.locks import Observer
 from libmpm._src.study.plan import Resolved
 from libmpm._src.study.pool import Inline, SpawnPool
@@ -31,6 +32,8 @@ __all__ = ["Item", "Runner"]
 
 #: Seconds between looks at futures, at first and at most, where they do not call back.
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.01, 0.5
+#: Seconds between two reports of where the cases of somebody else's executor stand.
+_TELL = 0.1
 #: Seconds between looks at cases that others run.
 _WATCH = 0.5
 #: Seconds that an interrupted study waits for cases in an executor that cannot take them back.
@@ -55,6 +58,10 @@ class Item:
     def key(self) -> str:
         """What tells it from every other item."""
         return f"{TRUNKS if self.trunk else CASES}/{self.what.hash}"
+
+    def is_over(self, found: Mapping[str, Any]) -> bool:
+        """Tell whether nothing is left to run, by the content of its ``status.json``."""
+        return is_over(self.folder, found, trunk=self.trunk, retry=self.retry)
 
 
 class Runner:
@@ -96,6 +103,7 @@ class Runner:
         self._watched: dict[Item, Observer] = {}
         self._wake = threading.Event()
         self._looked = 0.0
+        self._told = 0.0
         self._pause = _FIRST_PAUSE
         self._known: set[str] = set()
         self._over = {"finished": 0, "failed": 0}
@@ -111,10 +119,10 @@ class Runner:
             if item.key in self._known:
                 continue
             self._known.add(item.key)
-            found = read_object(item.folder / STATUS)
+            found = glance(item.folder / STATUS)
             if self._retry_failed and found.get("status") == "failed":
                 item.retry = str(found.get("token"))
-            if is_over(found, item.retry):
+            if item.is_over(found):
                 item.record = found
                 todo.extend(self._end(item))
             else:
@@ -141,8 +149,12 @@ class Runner:
                 self._submit()
                 moved = self._collect()
                 moved |= self._look()
-                report.update(self.state)
+                # Other executors may hold all cases at once, and their states are asked one by one.
+                if self._capacity is not None or clock.monotonic() - self._told >= _TELL:
+                    report.update(self.state)
+                    self._told = clock.monotonic()
                 self._rest(moved)
+            report.update(self.state)
         except BaseException:
             self._halt()
             raise
@@ -203,6 +215,9 @@ class Runner:
         for pair in self._flying:
             (back if pair[0].done() else flying).append(pair)
         self._flying = flying
+        if not isinstance(self._executor, Inline):
+            # Workers go on while the responses of this round are computed.
+            self._submit()
         for future, item in back:
             try:
                 error = future.exception()
@@ -230,12 +245,14 @@ class Runner:
 
     def _died(self, item: Item, error: BaseException) -> None:
         """Note that a worker did not come back with an answer."""
-        began = read_object(item.folder / STATUS).get("study_run") == self._name
-        if not (began or self._alive) and isinstance(self._executor, SpawnPool):
+        began = glance(item.folder / STATUS).get("study_run") == self._name
+        unborn = isinstance(error, BrokenExecutor) and isinstance(self._executor, SpawnPool)
+        if unborn and not (began or self._alive):
             raise Error(
                 f"the workers end before they begin ({type(error).__name__}: {error}); what they "
                 "say is printed above. A script that runs a study must do so under "
-                "`if __name__ == '__main__':`, because every worker imports it"
+                "`if __name__ == '__main__':`, because every worker imports it, and it must be a "
+                "file, not text from a pipe; workers=0 needs no workers"
             ) from error
         item.deaths += 1
         item.error = (
@@ -252,8 +269,8 @@ class Runner:
         self._looked = clock.monotonic()
         moved = False
         for item, observer in list(self._watched.items()):
-            found = read_object(item.folder / STATUS)
-            if is_over(found, item.retry):
+            found = glance(item.folder / STATUS)
+            if item.is_over(found):
                 item.record = found
             elif not observer.is_free():
                 continue

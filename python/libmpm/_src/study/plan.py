@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,8 +12,8 @@ from typing import Any
 from libmpm._src.errors import SceneError
 from libmpm._src.lowering import check_options, choose_precision
 from libmpm._src.scene import Scene
-from libmpm._src.study.files import CHECKPOINT, STATUS, TRUNKS, read_object
-from libmpm._src.study.rows import accepts, call_with, digest
+from libmpm._src.study.files import CHECKPOINT, STATUS, TRUNKS, glance
+from libmpm._src.study.rows import accepts, call_with, describe, digest, lacking
 from libmpm._src.values import Checker, nearest
 
 __all__ = ["OPTIONS", "Plan", "Planner", "Resolved", "Trunk"]
@@ -106,8 +107,23 @@ class Planner:
     def check_rows(self, rows: Sequence[Mapping[str, Any]], taken: Sequence[str]) -> None:
         """Refuse rows with names that the factory does not take, or that the table uses."""
         problems: dict[str, None] = {}
-        for row in rows:
+        handed = [] if self.trunk is None else ["checkpoint"]
+        if accepts(self.factory, handed, ""):
+            problems[
+                f"{self.label}: the factory takes no argument 'checkpoint', the file that its "
+                "trunk hands to it; write factory(checkpoint, ...)"
+            ] = None
+        callables = {"the factory": self.factory, "until": self.until, "options": self.options}
+        if self.trunk is not None:
+            callables["the trunk's factory"] = self.trunk.factory
+            callables["the trunk's until"] = self.trunk.until
+        lacked: dict[tuple[str, str], int] = {}
+        for number, row in enumerate(rows):
             names = [name for name in row if name not in self.run_axes]
+            for what, function in callables.items():
+                known = {*names, *handed} if what == "the factory" else {*names}
+                for name in lacking(function, known) if callable(function) else ():
+                    lacked.setdefault((what, name), number)
             problems |= dict.fromkeys(accepts(self.factory, names, f"{self.label}: the factory"))
             for name in names:
                 if name in taken:
@@ -120,6 +136,11 @@ class Planner:
                         f"{self.label}: the parameter 'checkpoint' is what the trunk hands to the "
                         "factory; give it another name"
                     ] = None
+        for (what, name), number in lacked.items():
+            problems[
+                f"{self.label}: {what} has no default for '{name}', which row {number} lacks; give "
+                "every row a value, or the argument a default"
+            ] = None
         if problems:
             raise SceneError(list(problems))
 
@@ -137,8 +158,9 @@ class Planner:
 
     def go_on(self, plan: Plan) -> None:
         """Resolve the case of a row, if its trunk has finished by now."""
-        record = read_object(self.folder / TRUNKS / plan.trunk / STATUS)
-        if plan.case is None and record.get("status") == "finished":
+        folder = self.folder / TRUNKS / plan.trunk
+        there = (folder / CHECKPOINT).is_file()
+        if plan.case is None and there and glance(folder / STATUS).get("status") == "finished":
             with _noting(plan):
                 self._settle(plan)
 
@@ -147,7 +169,8 @@ class Planner:
         plan.hash = plan.case.hash
 
     def _parameters(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        return {k: v for k, v in row.items() if k not in self.run_axes}
+        # A factory that changes a list it was given must not change the row.
+        return {k: copy.deepcopy(v) for k, v in row.items() if k not in self.run_axes}
 
     def _resolve(self, row: Mapping[str, Any], trunk: str = "") -> Resolved:
         parameters = self._parameters(row)
@@ -158,10 +181,16 @@ class Planner:
         options = self._options(row, scene)
         axes = {k: row[k] for k in self.run_axes if k in row and k not in _PHYSICAL}
         until = _seconds(self.until, parameters)
+        _check_end(scene, until, "trunk" if trunk else "checkpoint")
         content = _content(scene, until, options) | {"axes": axes, "trunk": trunk}
         if trunk:
             # A study that is moved to another folder keeps its names.
-            content = _replaced(content, handed["checkpoint"], f"trunk {trunk}")
+            word = f"trunk {trunk}"
+            content = _replaced(content, handed["checkpoint"], word)
+            start = content["scene"].get("start")
+            if start is not None and start["checkpoint"] == word:
+                # Folder, device and threads are in the file, and decide nothing.
+                start["digest"] = ""
         return Resolved(digest(content, "the case"), scene, until, options, trunk)
 
     def _resolve_trunk(self, row: Mapping[str, Any]) -> Resolved:
@@ -170,6 +199,7 @@ class Planner:
         scene = _scene(call_with(self.trunk.factory, parameters), "the trunk's factory")
         options = self._options(row, scene)
         until = _seconds(self.trunk.until, parameters)
+        _check_end(scene, until, "checkpoint")
         made = Resolved(digest(_content(scene, until, options), "the trunk"), scene, until, options)
         return self._trunks.setdefault(made.hash, made)
 
@@ -203,7 +233,7 @@ def _noting(plan: Plan) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        plan.error = f"{type(error).__name__}: {error}"
+        plan.error = describe(error)
 
 
 def _scene(found: Any, what: str) -> Scene:
@@ -218,6 +248,14 @@ def _seconds(until: Seconds, parameters: Mapping[str, Any]) -> float:
     seconds = check.number("until", found, lower=0, lower_open=True, unit="s")
     check.finish()
     return seconds
+
+
+def _check_end(scene: Scene, until: float, what: str) -> None:
+    """Refuse an end that is over before the scene begins."""
+    if scene.start is not None and until <= scene.start.time:
+        raise SceneError(
+            f"until is {until:g} s; the {what} ends at {scene.start.time:g} s; expected later"
+        )
 
 
 def _content(scene: Scene, until: float, options: Mapping[str, Any]) -> dict[str, Any]:

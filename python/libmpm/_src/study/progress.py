@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time as clock
 import warnings
 from collections.abc import Callable
@@ -12,6 +13,8 @@ __all__ = ["StudyProgress", "StudyState", "reporter"]
 
 #: Seconds between two looks at the bar.
 _PAUSE = 0.1
+#: The same where nothing has changed and every look adds a line to a file.
+_LONG_PAUSE = 10.0
 
 
 @dataclass(frozen=True)
@@ -69,20 +72,23 @@ class _Bar:
         self._bar: Any = tqdm(
             total=state.total, initial=state.done + state.failed, desc=title, unit="case"
         )
-        self._shown = 0.0
-        self._last = state
+        self._terminal = sys.stderr.isatty()
+        self._shown = clock.monotonic()
+        self._last = self._last_shown = state
 
     def update(self, state: StudyState) -> None:
         """Show the state."""
         now = clock.monotonic()
-        if now - self._shown < _PAUSE:
+        same = _counts(state) == _counts(self._last_shown)
+        pause = _LONG_PAUSE if same and not self._terminal else _PAUSE
+        if now - self._shown < pause:
             self._last = state
             return
         self._shown = now
         self._show(state)
 
     def _show(self, state: StudyState) -> None:
-        self._last = state
+        self._last = self._last_shown = state
         parts = [f"{state.failed} failed"] if state.failed else []
         parts += [] if state.running is None else [f"{state.running} running"]
         parts += [f"{state.rate:.2e} particle-steps/s"] if state.rate else []
@@ -94,6 +100,10 @@ class _Bar:
         """Leave the bar as it stands."""
         self._show(self._last)
         self._bar.close()
+
+
+def _counts(state: StudyState) -> tuple[int | None, ...]:
+    return state.total, state.done, state.failed, state.running
 
 
 def reporter(

@@ -6,16 +6,24 @@ import hashlib
 import inspect
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+import traceback
+from collections.abc import Callable, Collection, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from libmpm._src.errors import SceneError
 from libmpm._src.values import Value, nearest, plain
 
-__all__ = ["accepts", "call_with", "canonical", "digest", "take_rows"]
+__all__ = ["accepts", "call_with", "canonical", "describe", "digest", "lacking", "take_rows"]
 
 #: Hexadecimal digits of a digest: 64 bits, so that 10 million cases meet with a chance of 3e-6.
 _DIGITS = 16
+#: Kinds of arguments that can be given by name.
+_NAMED = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+#: The folder of libmpm.
+_PACKAGE = Path(__file__).parents[2]
+#: The folder of Python's own modules.
+_PYTHON = Path(inspect.__file__).parent
 
 
 def take_rows(label: str, rows: Any) -> list[dict[str, Any]]:
@@ -137,6 +145,38 @@ def accepts(function: Callable[..., Any], names: Iterable[str], label: str) -> l
     ]
 
 
+def lacking(function: Callable[..., Any], names: Collection[str]) -> list[str]:
+    """Return the arguments of `function` without default that are not among `names`."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return []
+    return [
+        p.name
+        for p in parameters
+        if p.kind in _NAMED and p.default is p.empty and p.name not in names
+    ]
+
+
+def describe(error: BaseException) -> str:
+    """Return kind, text and place of an error: the innermost line not of libmpm or Python."""
+    text = f"{type(error).__name__}: {error}"
+    places = [
+        f" ({Path(frame.filename).name}:{frame.lineno} in {frame.name})"
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not _is_library(Path(frame.filename))
+    ]
+    first, *others = text.split("\n")
+    return "\n".join([first + (places[-1] if places else ""), *others])
+
+
+def _is_library(path: Path) -> bool:
+    # Dataclasses make their methods of strings.
+    if path.is_relative_to(_PACKAGE) or path.name.startswith(("<frozen", "<string")):
+        return True
+    return path.is_relative_to(_PYTHON) and not {"site-packages", "dist-packages"} & {*path.parts}
+
+
 def call_with(function: Callable[..., Any], row: Mapping[str, Any]) -> Any:
     """Call `function` with those parameters of `row` that it names, or with all (``**row``)."""
     known = _keywords(function)
@@ -151,4 +191,4 @@ def _keywords(function: Callable[..., Any]) -> list[str] | None:
         return None
     if any(p.kind is p.VAR_KEYWORD for p in parameters):
         return None
-    return [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+    return [p.name for p in parameters if p.kind in _NAMED]

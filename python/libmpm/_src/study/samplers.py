@@ -62,7 +62,7 @@ def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
         check.finish()
     lists = {}
     for name, items in values.items():
-        found = sequence(items)
+        found = list(items) if isinstance(items, range) else sequence(items)
         if not found:
             check.fail(f"'{name}' is {items!r:.60}; expected a list of one or more values")
         lists[name] = found or []

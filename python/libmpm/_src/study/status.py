@@ -21,6 +21,8 @@ class StudyStatus:
     """The study's folder."""
     cases: tuple[Case, ...]
     """One case a row."""
+    trunks: tuple[Case, ...] = ()
+    """What the cases share, of the same form."""
 
     @property
     def counts(self) -> dict[str, int]:
@@ -32,18 +34,23 @@ class StudyStatus:
         """Return the counts, what runs, and why what failed did."""
         counted = ", ".join(f"{n} {status}" for status, n in self.counts.items() if n)
         lines = [f"{self.folder}: {len(self.cases)} rows" + (f": {counted}" if counted else "")]
+        lines += [f"trunk {_running(case)}" for case in self.trunks if case.status == "running"]
         shown: set[str] = set()
         for case in self.cases:
             if case.hash and case.hash in shown:
                 continue
             shown.add(case.hash)
-            record = case.record
             if case.status == "running":
-                lines.append(
-                    f"running {case.hash}: {record.get('time', 0.0):.4g} of {record['until']:.4g} "
-                    f"s on {record['device']} of {record['host']}, process {record['pid']}, last "
-                    f"heard of {record['heartbeat']}"
-                )
+                lines.append(_running(case))
             elif case.status == "failed":
                 lines.append(f"failed {case.hash or 'without a folder'}: {case.error}")
         return "\n".join(lines)
+
+
+def _running(case: Case) -> str:
+    record = case.record
+    return (
+        f"running {case.hash}: {record.get('time', 0.0):.4g} of {record['until']:.4g} s on "
+        f"{record['device']} of {record['host']}, process {record['pid']}, last heard of "
+        f"{record['heartbeat']}"
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import multiprocessing
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -16,18 +17,19 @@ from libmpm._src.scene import Scene
 from libmpm._src.study import pool
 from libmpm._src.study.case import (
     Case,
+    Found,
     Response,
     compute_response,
-    recorded_response,
-    store_response,
+    recorded_responses,
+    store_responses,
 )
-from libmpm._src.study.files import CASES, STATUS, STUDY, TRUNKS, read_object
+from libmpm._src.study.files import CASES, CHECKPOINT, STATUS, STUDY, TRUNKS, glance
 from libmpm._src.study.ledger import read_ledger, update_ledger
 from libmpm._src.study.locks import locked
 from libmpm._src.study.loop import Item, Runner
 from libmpm._src.study.plan import OPTIONS, Plan, Planner, Seconds, Trunk
 from libmpm._src.study.progress import StudyState, reporter
-from libmpm._src.study.rows import take_rows
+from libmpm._src.study.rows import canonical, take_rows
 from libmpm._src.study.status import StudyStatus
 from libmpm._src.study.table import COLUMNS, StudyResult, TrunkCost
 from libmpm._src.values import Checker, keywords_only, nearest
@@ -35,7 +37,6 @@ from libmpm._src.values import Checker, keywords_only, nearest
 __all__ = ["Study"]
 
 Options = Mapping[str, Any] | Callable[..., Mapping[str, Any]]
-Found = tuple[dict[str, Any], str]
 
 
 class Study:
@@ -50,7 +51,8 @@ class Study:
     until                s      end of every case, > 0, or a callable of those parameters of a
                                 row that it names
     response             -      ``response(case)`` returns a mapping of names to numbers, from
-                                the `Case` and its sensors; None = costs only
+                                the `Case` and its sensors, None where there is no number; None
+                                for `response` = costs only
     trunk                -      a `Trunk` that cases share; None = none
     options              -      options of `Simulation` (device, precision, pipeline, threads,
                                 shared_device, time_step) as a mapping, or a callable as for `until`
@@ -157,7 +159,7 @@ class Study:
     @property
     def rows(self) -> list[dict[str, Any]]:
         """The rows: name -> value."""
-        return [dict(row) for row in self._rows]
+        return copy.deepcopy(self._rows)
 
     def add(self, rows: Any) -> None:
         """Add rows, in any of the forms that the constructor takes; raises `SceneError`."""
@@ -194,11 +196,14 @@ class Study:
 
     def _case(self, plan: Plan) -> Case:
         folder = self._folder / CASES / plan.hash if plan.hash else None
-        return Case(dict(plan.row), plan.hash, folder, plan.error)
+        return Case(copy.deepcopy(plan.row), plan.hash, folder, plan.error)
 
     def status(self) -> StudyStatus:
         """Return how the rows stand, read from the folder now."""
-        return StudyStatus(self._folder, tuple(self.cases))
+        cases = tuple(self.cases)
+        names = dict.fromkeys(plan.trunk for plan in self._plans if plan.trunk)
+        trunks = tuple(Case({}, name, self._folder / TRUNKS / name) for name in names)
+        return StudyStatus(self._folder, cases, trunks)
 
     def __repr__(self) -> str:
         """Return name, folder and number of rows."""
@@ -268,7 +273,7 @@ class Study:
 
         def finished(item: Item) -> list[Item]:
             records[item.key] = item.record
-            return self._finished(item, planner, responses)
+            return self._finished(item, planner, index, responses)
 
         runner = Runner(
             executor,
@@ -285,6 +290,10 @@ class Study:
                 # What a factory could not do yesterday it may do today.
                 self._plans[number] = planner.start(plan.row)
         plans = self._planned()
+        index: dict[str, list[int]] = {}
+        for number, plan in enumerate(plans):
+            index.setdefault(f"{TRUNKS}/{plan.trunk}", []).append(number)
+            index.setdefault(f"{CASES}/{plan.hash}", []).append(number)
         self._keep()
         wait = False
         try:
@@ -299,6 +308,7 @@ class Study:
             with contextlib.nullcontext() if wait else contextlib.suppress(OutputError):
                 self._keep()
         _tell_warnings(records)
+        _tell_frames(records, self._output["frame_interval"])
         result = self._table(records, responses)
         self._save(result)
         return result
@@ -309,33 +319,56 @@ class Study:
         assert what is not None
         return Item(what, self._folder / kind / what.hash, kind == TRUNKS, plan.row)
 
-    def _finished(self, item: Item, planner: Planner, responses: dict[int, Found]) -> list[Item]:
-        """Note what has come out of a simulation; return what can run because of it."""
-        mine = [
-            (number, plan)
-            for number, plan in enumerate(self._plans)
-            if (plan.trunk if item.trunk else plan.hash) == item.what.hash
-        ]
+    def _finished(
+        self,
+        item: Item,
+        planner: Planner,
+        index: dict[str, list[int]],
+        responses: dict[int, Found],
+    ) -> list[Item]:
+        """Note what has come out of a simulation; return what can run because of it.
+
+        `index` holds the numbers of the rows of each item, and is extended.
+        """
+        numbers = index[item.key]
         good = item.record["status"] == "finished"
         if not item.trunk:
-            for number, plan in mine:
-                if good and self._response is not None:
-                    responses[number] = self._respond(self._case(plan))
+            if good and self._response is not None:
+                responses |= self._respond(numbers)
             return []
-        for _, plan in mine:
-            if good:
-                planner.go_on(plan)
-            else:
+        new = []
+        for number in numbers:
+            plan = self._plans[number]
+            if plan.case is not None:
+                new.append(plan)
+                continue
+            if not good:
                 plan.error = f"its trunk {plan.trunk} failed: {item.record['error']}"
-        return [self._item(plan) for _, plan in mine if plan.case is not None]
+                continue
+            planner.go_on(plan)
+            if plan.case is not None:
+                index.setdefault(f"{CASES}/{plan.hash}", []).append(number)
+                new.append(plan)
+            elif not plan.error:
+                plan.error = (
+                    f"its trunk {plan.trunk} has finished, but its {CHECKPOINT} is not seen here; "
+                    "all processes must see the folder under the same path"
+                )
+        # From a shell, the cases are known from now on; what cannot be written is told at the end.
+        with contextlib.suppress(OutputError):
+            self._keep()
+        return [self._item(plan) for plan in new]
 
-    def _respond(self, case: Case) -> Found:
+    def _respond(self, numbers: Sequence[int]) -> dict[int, Found]:
+        """Return the responses of rows that share a finished case, and keep them in its folder."""
         assert self._response is not None
-        found = compute_response(case, self._response)
+        cases = [self._case(self._plans[number]) for number in numbers]
+        found = [compute_response(case, self._response) for case in cases]
         # A table is worth having from a folder that cannot be written, too.
         with contextlib.suppress(OutputError):
-            store_response(case, found)
-        return found
+            folder = self._folder / CASES / cases[0].hash
+            store_responses(folder, list(zip(cases, found, strict=True)))
+        return dict(zip(numbers, found, strict=True))
 
     def _keep(self) -> None:
         update_ledger(self._folder, self._name, self._axes, self._plans)
@@ -358,41 +391,50 @@ class Study:
     def _table(
         self, records: Mapping[str, Mapping[str, Any]], responses: Mapping[int, Found]
     ) -> StudyResult:
-        rows = []
-        parameters: dict[str, None] = {}
-        answers: dict[str, None] = {}
-        sharing: dict[str, set[str]] = {}
+        cases = []
+        unanswered: dict[str, list[int]] = {}
         for number, plan in enumerate(self._planned()):
             case = self._case(plan)
             known = records.get(f"{CASES}/{plan.hash}")
             if known is not None:
                 # What could not be written to a full disk is known here all the same.
                 case.record = dict(known)
-            found: Found = ({}, "")
-            if case.status == "finished" and number in responses:
-                found = responses[number]
-            elif case.status == "finished" and self._response is not None:
-                found = self._respond(case)
-            elif case.status == "finished":
-                found = recorded_response(case)
+            cases.append(case)
+            if case.status == "finished" and number not in responses:
+                unanswered.setdefault(plan.hash, []).append(number)
+        responses = dict(responses)
+        for name, numbers in unanswered.items():
+            if self._response is not None:
+                responses |= self._respond(numbers)
+                continue
+            kept = recorded_responses(self._folder / CASES / name)
+            for number in numbers:
+                found = kept.get(canonical(cases[number].parameters))
+                responses |= {} if found is None else {number: found}
+        rows = []
+        parameters: dict[str, None] = {}
+        answers: dict[str, None] = {}
+        sharing: dict[str, set[str]] = {}
+        for number, (plan, case) in enumerate(zip(self._plans, cases, strict=True)):
+            answer = responses.get(number, ({}, "")) if case.status == "finished" else ({}, "")
             parameters |= dict.fromkeys(plan.row)
-            answers |= dict.fromkeys(found[0])
+            answers |= dict.fromkeys(answer[0])
             if plan.trunk:
                 sharing.setdefault(plan.trunk, set()).add(plan.hash)
             measured = {k: case.record.get(k) for k in COLUMNS if k in case.record}
             rows.append(
                 dict.fromkeys(COLUMNS)
                 | plan.row
-                | found[0]
+                | answer[0]
                 | {k: v for k, v in measured.items() if v is not None}
                 | {"status": case.status, "case": plan.hash, "trunk": plan.trunk}
-                | {"error": case.error or found[1]}
+                | {"error": case.error or answer[1]}
             )
         trunks = {}
-        for trunk, cases in sharing.items():
-            record = read_object(self._folder / TRUNKS / trunk / STATUS)
+        for trunk, sharers in sharing.items():
+            record = glance(self._folder / TRUNKS / trunk / STATUS)
             if record.get("status") == "finished":
-                trunks[trunk] = TrunkCost(record["wall_time"], len(cases - {""}))
+                trunks[trunk] = TrunkCost(record["wall_time"], len(sharers - {""}))
         return StudyResult(tuple(rows), tuple(parameters), tuple(answers), self._name, trunks)
 
 
@@ -431,6 +473,24 @@ def _tell_warnings(records: Mapping[str, Mapping[str, Any]]) -> None:
         warnings.warn(
             f"{number} of {len(records)} simulations gave warnings, which their status.json keeps; "
             f"the first: {texts[0]}",
+            ModelWarning,
+            stacklevel=4,
+        )
+
+
+def _tell_frames(records: Mapping[str, Mapping[str, Any]], interval: float | None) -> None:
+    """Say that cases which had finished before lack the frames that are asked for now."""
+    lacking = [
+        key
+        for key, record in records.items()
+        if key.startswith(CASES)
+        and record["status"] == "finished"
+        and record.get("frame_interval") != interval
+    ]
+    if interval is not None and lacking:
+        warnings.warn(
+            f"{len(lacking)} cases had finished without frames every {interval:g} s, and are not "
+            "run again for them; delete their folders, or choose another folder for the study",
             ModelWarning,
             stacklevel=4,
         )

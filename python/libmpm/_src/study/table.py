@@ -32,13 +32,14 @@ COLUMNS = (
     "steps",
     "particles",
     "particle_steps_per_s",
+    "displaced",
     "device",
     "precision",
     "version",
     "error",
 )
 #: What a printed table leaves out of them.
-_UNPRINTED = ("trunk", "precision", "version", "error")
+_UNPRINTED = ("trunk", "displaced", "precision", "version", "error")
 #: Rows of a printed table.
 _PRINTED = 20
 
@@ -71,6 +72,7 @@ class StudyResult:
     steps                 1           of the case alone, not of its trunk
     particles             1           at its end
     particle_steps_per_s  1/s         speed
+    displaced             1           particles of the trunk whose place new bodies took
     device, precision     -           what it ran on
     version               -           of the libmpm that ran it
     error                 -           why it failed, or its response did
@@ -196,12 +198,17 @@ class StudyResult:
         """Return how many cases ended how, and what sharing a trunk has saved."""
         statuses = Counter(row["status"] for row in self.rows)
         counted = ", ".join(f"{n} {status}" for status, n in statuses.items())
+        wrong = sum(bool(row["error"]) and row["status"] == "finished" for row in self.rows)
+        if wrong:
+            counted += f"; {wrong} responses failed"
         lines = [f"{len(self)} rows" + (f": {counted}" if counted else "")]
         for row in self.failed[:3]:
             first = str(row["error"]).splitlines()[0] if row["error"] else ""
             lines.append(f"failed: {row['case'] or 'without a folder'}: {first}")
         if len(self.failed) > 3:
             lines.append(f"failed: {len(self.failed) - 3} more")
+        if statuses["failed"]:
+            lines.append("failed cases run again with run(retry_failed=True)")
         for trunk, cost in self.trunks.items():
             lines.append(
                 f"trunk {trunk}: {cost.wall_time:.1f} s, shared by {cost.cases} cases, saved "

@@ -29,6 +29,7 @@ from libmpm._src.study.files import (
     read_object,
 )
 from libmpm._src.study.locks import Lock
+from libmpm._src.study.rows import describe
 
 __all__ = ["LEAVING", "record_death", "run_case"]
 
@@ -52,37 +53,56 @@ def run_case(task: Mapping[str, Any]) -> dict[str, Any]:
     if _asked_to_stop(task):
         return {"outcome": "stopped"}
     folder = Path(task["folder"])
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    lock = Lock.acquire(folder / LOCK, dead=task["dead"])
+    try:
+        lock = _lock(folder, task)
+    except OutputError as error:
+        return _unusable(error)
     if lock is None:
         return {"outcome": "busy"}
     try:
-        found = read_object(folder / STATUS)
-        if is_over(found, task["retry"]):
+        try:
+            found = read_object(folder / STATUS)
+        except OutputError as error:
+            return _unusable(error)
+        if is_over(folder, found, trunk=task["trunk"], retry=task["retry"]):
             return {"outcome": "done", "record": found}
         return _Attempt(task, folder, lock, found).run()
     finally:
         lock.release()
 
 
-def is_over(record: Mapping[str, Any], retry: str) -> bool:
-    """Tell whether nothing is left to run; `retry` is the token of a failure to try again."""
+def is_over(folder: Path, record: Mapping[str, Any], *, trunk: bool, retry: str) -> bool:
+    """Tell whether nothing is left to run; `retry` is the token of a failure to try again.
+
+    A trunk that has finished and whose checkpoint has been deleted since is run again.
+    """
     status = record.get("status")
-    return status == "finished" or (status == "failed" and record.get("token") != retry)
+    if status == "finished":
+        return not trunk or (folder / CHECKPOINT).is_file()
+    return status == "failed" and record.get("token") != retry
+
+
+def _unusable(error: OutputError) -> dict[str, Any]:
+    """Return the failure of a case whose folder cannot be used, and so keeps no record of it."""
+    record = {"status": "failed", "error": f"OutputError: {error}", "token": ""}
+    return {"outcome": "done", "record": record}
+
+
+def _lock(folder: Path, task: Mapping[str, Any]) -> Lock | None:
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    return Lock.acquire(folder / LOCK, dead=task["dead"])
 
 
 def record_death(task: Mapping[str, Any], error: str) -> dict[str, Any] | None:
     """Write that a case's workers died; returns the record, or None while somebody runs it."""
     folder = Path(task["folder"])
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    lock = Lock.acquire(folder / LOCK, dead=task["dead"])
+    lock = _lock(folder, task)
     if lock is None:
         return None
     try:
         record = read_object(folder / STATUS)
-        if not is_over(record, task["retry"]):
+        if not is_over(folder, record, trunk=task["trunk"], retry=task["retry"]):
             record |= {"status": "failed", "error": error, "token": lock.token, "ended": _now()}
             write_json(folder / STATUS, record)
         return record
@@ -128,6 +148,7 @@ class _Attempt:
             "resumed_at": 0.0,
             "first_step": 0,
             "until": task["until"],
+            "frame_interval": task["output"]["frame_interval"],
         } | {name: task["options"][name] for name in ("device", "precision")}
 
     def run(self) -> dict[str, Any]:
@@ -151,7 +172,7 @@ class _Attempt:
             outcome = "stopped"
         except Exception as error:
             self._record |= self._reached()
-            self._record |= {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+            self._record |= {"status": "failed", "error": describe(error)}
             # A full disk must not hide what went wrong before it.
             with contextlib.suppress(OSError):
                 (self._folder / TRACEBACK).write_text(traceback.format_exc(), encoding="utf-8")
@@ -212,6 +233,8 @@ class _Attempt:
                     "particles": sum(len(body) for body in simulation.particles.values()),
                     "particle_steps_per_s": simulation.particle_steps_per_s,
                 }
+                if self._task["parameters"]["trunk"]:
+                    self._record["displaced"] = sum(simulation.displaced.values())
         finally:
             del simulation
             if large:
