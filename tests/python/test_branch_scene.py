@@ -279,7 +279,7 @@ def test_load_cells_do_not_depend_on_each_other(tmp_path):
     both = simulate(scene)
     for sim in (alone, both):
         sim.step(40)
-    first = [s.name for s in alone.series() if s.attributes["kind"] == "load-cell"][0]
+    first = next(s.name for s in alone.series() if s.attributes["kind"] == "load-cell")
     assert len(alone.sensors[first].time) > 0
     np.testing.assert_array_equal(alone.sensors[first].values, both.sensors[first].values)
     assert len(both.sensors["second"].time) == 40

@@ -17,6 +17,7 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/exec/buffer.hpp"
+#include "mpm/exec/sums.hpp"
 #include "mpm/kernels/arrange.hpp"
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/order.hpp"
