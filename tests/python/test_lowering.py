@@ -41,8 +41,18 @@ def test_head(scene: Scene) -> None:
     np.testing.assert_array_equal(spec["gravity"]["value"], [[0, 0, -9.81]])
     assert spec["gravity"]["end"] == "hold"
     assert set(spec) == {
-        *("dimension", "precision", "device", "pipeline", "threads", "cell_size", "cells"),
-        *("gravity", "cfl", "time_step", "leaving", "bodies", "boundaries", "sensors"),
+        *("dimension", "precision", "device", "pipeline", "threads", "shared_device"),
+        *(
+            "cell_size",
+            "cells",
+            "gravity",
+            "cfl",
+            "time_step",
+            "leaving",
+            "bodies",
+            "boundaries",
+            "sensors",
+        ),
     }
 
 

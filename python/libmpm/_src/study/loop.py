@@ -180,10 +180,11 @@ class Runner:
             with contextlib.suppress(AttributeError):
                 future.add_done_callback(lambda _: self._wake.set())
 
-    def _task(self, item: Item) -> dict[str, Any]:
+    def _task(self, item: Item, *, to_run: bool = True) -> dict[str, Any]:
         what = item.what
         options = dict(what.options)
-        if options["device"] is None:
+        # Only who is about to run is dealt a device: there may be no idle worker to ask.
+        if options["device"] is None and to_run:
             options["device"] = self._device(item)
         if options["threads"] is None:
             options["threads"] = self._threads
@@ -290,7 +291,7 @@ class Runner:
 
     def _give_up(self, item: Item) -> dict[str, Any] | None:
         try:
-            return record_death(self._task(item), item.error)
+            return record_death(self._task(item, to_run=False), item.error)
         except OutputError as error:
             return {"status": "failed", "error": f"{item.error}; {error}"}
 
