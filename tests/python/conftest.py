@@ -96,3 +96,19 @@ def tank() -> Callable[..., libmpm.Scene]:
         return libmpm.Scene(**(arguments | changes))
 
     return make
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """The folders of the cases of studies that were really run, in order."""
+    from libmpm._src.study import worker
+
+    names = []
+    real = worker._Attempt.run
+
+    def counting(attempt):
+        names.append(attempt._folder.name)
+        return real(attempt)
+
+    monkeypatch.setattr(worker._Attempt, "run", counting)
+    return names

@@ -176,7 +176,7 @@ def test_a_branch_outlives_its_trunk_file(tmp_path):
     branch = simulate(scene, output=output)
     branch.run(until=branch.time + 0.05, progress=False)
     (tmp_path / "trunk.npz").unlink()
-    snapshots.forget()
+    snapshots._read.cache_clear()
     resumed = libmpm.Simulation.resume(tmp_path / "run")
     assert resumed.scene == branch.scene
     assert 60 < resumed.steps < branch.steps

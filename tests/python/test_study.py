@@ -32,20 +32,6 @@ def run(study, **arguments):
     return study.run(workers=0, device="cpu", progress=False, **arguments)
 
 
-@pytest.fixture
-def counted(monkeypatch):
-    """The folders of the cases that were really run, in order."""
-    names = []
-    real = worker._Attempt.run
-
-    def counting(attempt):
-        names.append(attempt._folder.name)
-        return real(attempt)
-
-    monkeypatch.setattr(worker._Attempt, "run", counting)
-    return names
-
-
 # Names and plans --------------------------------------------------------------------------------
 
 

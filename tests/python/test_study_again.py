@@ -50,20 +50,6 @@ def make_branches(folder, heights=(0.5, 0.8), **arguments):
     return make(folder, rows, debris, trunk=libmpm.Trunk(block, until=UNTIL), **arguments)
 
 
-@pytest.fixture
-def counted(monkeypatch):
-    """The folders of the cases that were really run, in order."""
-    names = []
-    real = worker._Attempt.run
-
-    def counting(attempt):
-        names.append(attempt._folder.name)
-        return real(attempt)
-
-    monkeypatch.setattr(worker._Attempt, "run", counting)
-    return names
-
-
 # Trunks -----------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-__all__ = ["Progress", "State", "reporter"]
+__all__ = ["HandedOn", "Progress", "Silent", "State", "bar_class", "reporter"]
 
 
 @dataclass(frozen=True)
@@ -32,19 +32,33 @@ class Progress(Protocol):
         """End the report."""
 
 
-class _Silent:
-    def update(self, state: State) -> None:
+def bar_class() -> Any:
+    """Return tqdm's bar for the terminal or notebook at hand."""
+    with warnings.catch_warnings():
+        # Without ipywidgets tqdm warns at import and falls back to text, which is fine.
+        warnings.simplefilter("ignore")
+        from tqdm.auto import tqdm
+    return tqdm
+
+
+class Silent:
+    """Reports nothing."""
+
+    def update(self, state: Any) -> None:
         """Ignore it."""
 
     def close(self) -> None:
         """Do nothing."""
 
 
-class _Callable:
-    def __init__(self, function: Callable[[State], object]) -> None:
+class HandedOn:
+    """Hands every state to a callable."""
+
+    def __init__(self, function: Callable[[Any], object]) -> None:
+        """Take the callable."""
         self._function = function
 
-    def update(self, state: State) -> None:
+    def update(self, state: Any) -> None:
         """Hand the state on."""
         self._function(state)
 
@@ -56,12 +70,8 @@ class _Bar:
     """Elapsed and remaining wall time, simulated time and speed."""
 
     def __init__(self, start: float, until: float, title: str) -> None:
-        with warnings.catch_warnings():
-            # Without ipywidgets tqdm warns at import and falls back to text, which is fine.
-            warnings.simplefilter("ignore")
-            from tqdm.auto import tqdm
         self._start = start
-        self._bar: Any = tqdm(
+        self._bar: Any = bar_class()(
             total=until - start,
             desc=title,
             bar_format=(
@@ -90,7 +100,7 @@ def reporter(
 ) -> Progress:
     """Return what `progress` asks for: True a bar, False nothing, a callable itself."""
     if callable(progress):
-        return _Callable(progress)
+        return HandedOn(progress)
     if progress and math.isfinite(until) and until > start:
         return _Bar(start, until, title)
-    return _Silent()
+    return Silent()

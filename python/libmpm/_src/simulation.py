@@ -249,17 +249,16 @@ class Simulation:
                     # Of a scene that goes on, the state to load has all that its file had.
                     shell=start is not None and self._loads_state, **self._requested,
                 )  # fmt: skip
-            if self._loads_state and self._restored is not None:
-                stored = self._restored.state.get("body_of")
-                if stored is not None:
-                    specification["stored_as"] = np.asarray(stored).tolist()
+            saved = self._restored if self._loads_state else None
+            if saved is not None:
+                specification |= saved.stored_as()
             try:
                 engine = self._backend.module.Engine(specification)
             except CapacityError as error:
                 raise CapacityError(f"{error}. {self._memory_planned()}") from error
-            if self._loads_state and self._restored is not None:
+            if saved is not None:
                 try:
-                    engine.load(self._restored.state)
+                    engine.load(saved.state)
                 except (Error, KeyError, TypeError, ValueError) as error:
                     raise CheckpointError(
                         f"the checkpoint does not fit {self.device} in {self.precision} "
@@ -272,8 +271,7 @@ class Simulation:
 
     def _go_on(self, start: Start) -> None:
         """Take up the state of the scene's checkpoint: whole, or what new bodies leave of it."""
-        if snapshots.digest_of(Path(start.checkpoint)) != start.digest:
-            snapshots.snapshot(self._scene)  # says what is wrong
+        start.check_file()
         if len(self._scene.boundaries) > start.boundaries:
             snapshots.check_new_boundaries(self._scene)
         source = checkpoints.load_checkpoint(Path(start.checkpoint))
@@ -284,9 +282,8 @@ class Simulation:
         if self._loads_state:
             return
         state = snapshots.snapshot(self._scene)
-        for body in start.bodies:
-            placed = next(b for b in self._scene.bodies if b.name == body.name)
-            count = int(np.count_nonzero(snapshots.displaced(self._scene, placed)))
+        for body in self._scene.bodies[: len(start.bodies)]:
+            count = int(np.count_nonzero(snapshots.displaced(self._scene, body)))
             if count:
                 self._displaced[body.name] = count
         left = {name: n for name, n in state.frozen.items() if n}
@@ -488,7 +485,7 @@ class Simulation:
         `output` folder that holds the same run is first cut to the checkpoint's time: samples,
         frames and checkpoints after it are removed.
         """
-        source = checkpoints.find_newest(Path(path))
+        _, source = checkpoints.find_newest(Path(path), checkpoints.load_checkpoint)
         header = source.header
         scene = Scene.from_dict(header["scene"])
         recorded = header["device"].partition(":")[0]

@@ -13,17 +13,17 @@ import numpy.typing as npt
 
 from libmpm._src import backends
 from libmpm._src.checks import new_bodies, place_of, snap
-from libmpm._src.errors import CheckpointError, SceneError
+from libmpm._src.errors import SceneError
 from libmpm._src.lowering import lower
 from libmpm._src.output.checkpoint import Checkpoint, load_checkpoint
 from libmpm._src.parts import Body
 from libmpm._src.scene import Scene
 from libmpm._src.shapes import Box
-from libmpm._src.start import Start, digest_of
+from libmpm._src.start import Start
 from libmpm._src.turned import Extent, TurnedBox
 from libmpm._src.values import warned_already
 
-__all__ = ["Snapshot", "check_new_boundaries", "displaced", "forget", "id_ranges", "inside"]
+__all__ = ["Snapshot", "check_new_boundaries", "displaced", "id_ranges", "inside"]
 __all__ += ["remaining", "snapshot", "take_apart"]
 
 Array = npt.NDArray[np.float64]
@@ -114,9 +114,7 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
     An engine in double precision on the CPU loads it: no bit of a narrower number is lost.
     """
     scene = Scene.from_dict(checkpoint.header["scene"])
-    specification = _shell(scene, checkpoint.header["time_step"])
-    if "body_of" in checkpoint.state:
-        specification["stored_as"] = checkpoint.state["body_of"].tolist()
+    specification = _shell(scene, checkpoint.header["time_step"]) | checkpoint.stored_as()
     engine = backends.core().Engine(specification)
     engine.load(checkpoint.state)
     bodies, frozen = {}, {}
@@ -141,13 +139,7 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
 
 @functools.lru_cache(maxsize=1)
 def _read(start: Start, cells: int, cell_size: float, _version: tuple[int, int] | None) -> Snapshot:
-    found = digest_of(Path(start.checkpoint))
-    if found != start.digest:
-        raise CheckpointError(
-            f"{start.checkpoint} is not the checkpoint that the scene goes on from: its SHA-256 "
-            f"begins with {found[:12]}, that of the scene with {start.digest[:12]}; make the scene "
-            "again with Scene.from_checkpoint"
-        )
+    start.check_file()
     whole = take_apart(load_checkpoint(Path(start.checkpoint)))
     if start.tiles == 1:
         return whole
@@ -169,11 +161,6 @@ def snapshot(scene: Scene) -> Snapshot:
     assert start is not None
     cells = 0 if start.axis is None else scene.cells["xyz".index(start.axis)] // start.tiles
     return _read(start, cells, scene.cell_size, _version_of(start.checkpoint))
-
-
-def forget() -> None:
-    """Let go of the state read last."""
-    _read.cache_clear()
 
 
 def displaced(scene: Scene, body: Body) -> npt.NDArray[np.bool_]:

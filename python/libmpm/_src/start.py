@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from libmpm._src.errors import CheckpointError, SceneError
 from libmpm._src.sensors import Energy, ParticleTracker, WaveGauge
 from libmpm._src.shapes import Box, OrientedBox
-from libmpm._src.values import Checker, Value, value, warn
+from libmpm._src.values import Checker, Value, value
 
 if TYPE_CHECKING:
     from libmpm._src.scene import Scene
@@ -76,6 +76,16 @@ class Start(Value):
         """Return what the run before knew of a body; None of a new one."""
         return next((b for b in self.bodies if b.name == name), None)
 
+    def check_file(self) -> None:
+        """Raise `CheckpointError` unless the file is still the one that the scene was made from."""
+        found = digest_of(Path(self.checkpoint))
+        if found != self.digest:
+            raise CheckpointError(
+                f"{self.checkpoint} is not the checkpoint that the scene goes on from: its SHA-256 "
+                f"begins with {found[:12]}, that of the scene with {self.digest[:12]}; make the "
+                "scene again with Scene.from_checkpoint"
+            )
+
     def as_it_was(self, scene: Scene, time_step: float | None) -> bool:
         """Return whether a run with this time step (s) can load the checkpoint's state as it is."""
         return (
@@ -122,10 +132,11 @@ def _digest(path: str, size: int, changed: int) -> str:
 
 def scene_from_checkpoint(path: Path, tiles: int, axis: str | None) -> Scene:
     """Return the scene of a checkpoint, which goes on from there; see `Scene.from_checkpoint`."""
+    from libmpm._src.output.checkpoint import find_newest, load_header
     from libmpm._src.scene import Scene
     from libmpm._src.snapshot import id_ranges
 
-    path, header, stored_as = _newest(path)
+    path, (header, stored_as) = find_newest(path, load_header)
     before = Scene.from_dict(header["scene"])
     check = Checker(f"Scene.from_checkpoint('{path}')")
     tiles = check.integer("tiles", tiles, lower=1, remedy="1 takes the run as it is")
@@ -156,21 +167,6 @@ def scene_from_checkpoint(path: Path, tiles: int, axis: str | None) -> Scene:
     if tiles > 1:
         data = _side_by_side(before, data, start, names.index(str(axis)))
     return Scene.from_dict(data | {"start": start.to_dict()})
-
-
-def _newest(path: Path) -> tuple[Path, dict[str, Any], list[int]]:
-    """Return a checkpoint file, the newest whole one of a folder, its header and `body_of`."""
-    from libmpm._src.output.checkpoint import checkpoint_files, load_header
-
-    if not path.is_dir():
-        return path, *load_header(path)
-    files = checkpoint_files(path)
-    for older in files[:-1]:
-        try:
-            return older, *load_header(older)
-        except CheckpointError as error:
-            warn([f"{error}; an older one is used"])
-    return files[-1], *load_header(files[-1])
 
 
 def _side_by_side(before: Scene, data: dict[str, Any], start: Start, axis: int) -> dict[str, Any]:

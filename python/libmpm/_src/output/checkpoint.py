@@ -11,11 +11,11 @@ import os
 import re
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ from libmpm._src.output.atomic import replacing, sync_folder
 __all__ = [
     "FORMAT",
     "Checkpoint",
-    "checkpoint_files",
     "checkpoint_path",
     "find_checkpoints",
     "find_newest",
@@ -35,6 +34,8 @@ __all__ = [
     "load_header",
     "save_checkpoint",
 ]
+
+T = TypeVar("T")
 
 #: Number of the checkpoint layout; a reader refuses every other.
 FORMAT = 1
@@ -56,6 +57,11 @@ class Checkpoint:
     sensors: list[tuple[NDArray[np.float64], NDArray[np.float64], list[str], list[str]]] = field(
         default_factory=list
     )
+
+    def stored_as(self) -> dict[str, list[int]]:
+        """Return the entry of a specification by which an engine takes bodies as the state does."""
+        found = self.state.get("body_of")
+        return {} if found is None else {"stored_as": np.asarray(found).tolist()}
 
 
 def checkpoint_path(folder: Path, step: int) -> Path:
@@ -166,7 +172,7 @@ def _opened(path: Path) -> Iterator[Any]:
         ) from error
 
 
-def checkpoint_files(path: Path) -> list[Path]:
+def _files_of(path: Path) -> list[Path]:
     """Return the checkpoints in the folder of a run, newest first; at least one."""
     folder = path / "checkpoints" if (path / "checkpoints").is_dir() else path
     found = find_checkpoints(folder)
@@ -178,16 +184,17 @@ def checkpoint_files(path: Path) -> list[Path]:
     return found
 
 
-def find_newest(path: Path) -> Checkpoint:
-    """Read the checkpoint `path`, or the newest whole one of a folder."""
+def find_newest(path: Path, read: Callable[[Path], T]) -> tuple[Path, T]:
+    """Return the file `path`, or the newest whole checkpoint of a folder, and what `read` gives.
+
+    A file that is not whole is passed over with a warning; the last one's error is raised.
+    """
     if not path.is_dir():
-        return load_checkpoint(path)
-    found = checkpoint_files(path)
-    for i, candidate in enumerate(found):
+        return path, read(path)
+    *newer, oldest = _files_of(path)
+    for candidate in newer:
         try:
-            return load_checkpoint(candidate)
+            return candidate, read(candidate)
         except CheckpointError as error:
-            if i + 1 == len(found):
-                raise
-            warnings.warn(f"{error}; the older one is used", ModelWarning, stacklevel=4)
-    raise AssertionError("unreachable")
+            warnings.warn(f"{error}; an older one is used", ModelWarning, stacklevel=4)
+    return oldest, read(oldest)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 import time as clock
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
+
+from libmpm._src.progress import HandedOn, Silent, bar_class
 
 __all__ = ["StudyProgress", "StudyState", "reporter"]
 
@@ -42,34 +43,10 @@ class StudyProgress(Protocol):
         """End the report."""
 
 
-class _Silent:
-    def update(self, state: StudyState) -> None:
-        """Ignore it."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-class _Callable:
-    def __init__(self, function: Callable[[StudyState], object]) -> None:
-        self._function = function
-
-    def update(self, state: StudyState) -> None:
-        """Hand the state on."""
-        self._function(state)
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
 class _Bar:
     def __init__(self, title: str, state: StudyState) -> None:
-        with warnings.catch_warnings():
-            # Without ipywidgets tqdm warns at import and falls back to text, which is fine.
-            warnings.simplefilter("ignore")
-            from tqdm.auto import tqdm
         # What an earlier run has finished counts as done, but not for the remaining time.
-        self._bar: Any = tqdm(
+        self._bar: Any = bar_class()(
             total=state.total, initial=state.done + state.failed, desc=title, unit="case"
         )
         self._terminal = sys.stderr.isatty()
@@ -111,5 +88,5 @@ def reporter(
 ) -> StudyProgress:
     """Return what `progress` asks for: True a bar, False nothing, a callable itself."""
     if callable(progress):
-        return _Callable(progress)
-    return _Bar(title, state) if progress else _Silent()
+        return HandedOn(progress)
+    return _Bar(title, state) if progress else Silent()

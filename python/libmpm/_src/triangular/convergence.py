@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.tables import html_table, text_table
 from libmpm._src.triangular.choices import SplineGrid, TriangularGrid
 from libmpm._src.triangular.functions import Field, Functions
 from libmpm._src.values import Checker
@@ -70,20 +70,11 @@ class Convergence:
 
     def __repr__(self) -> str:
         """Return the table as text for a terminal."""
-        rows = self._rows()
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        return "\n".join(
-            "  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows
-        )
+        return text_table(self._rows())
 
     def _repr_html_(self) -> str:
         """Return the table for Jupyter."""
-
-        def line(row: Sequence[str], tag: str) -> str:
-            return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in row) + "</tr>"
-
-        head, *rows = self._rows()
-        return f"<table>{line(head, 'th')}{''.join(line(row, 'td') for row in rows)}</table>"
+        return html_table(self._rows())
 
 
 def convergence(
