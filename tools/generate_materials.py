@@ -31,6 +31,7 @@ HEADER = '''"""Materials, generated from the compiled core; do not edit.
 
 Change the C++ header of the material, build, and run ``python tools/generate_materials.py``.
 """
+# ruff: noqa: E501  the texts are those of the headers
 
 from __future__ import annotations
 
@@ -77,7 +78,6 @@ def documentation(material: dict[str, Any]) -> list[str]:
     rule = "  ".join("=" * w for w in widths)
     lines = ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in rows]
     stored = ", ".join(f"{c['name']} ({c['meaning']})" for c in material["columns"])
-    fbar = "Volume smoothing (`FBar`) is on" if material["fbar"] else "No volume smoothing"
     return [
         f"{material['summary']}.",
         "",
@@ -88,11 +88,18 @@ def documentation(material: dict[str, Any]) -> list[str]:
         rule,
         "",
         *textwrap.wrap(f"Particles store: {stored}.", LINE - 4),
-        f"{fbar} by default." if material["fbar"] else f"{fbar} (`FBar`).",
+        f"Volume smoothing (`FBar`) {smoothing(material)}.",
         f"Source: {material['source']}.",
         "",
         "Raises `SceneError` with every parameter out of range.",
     ]
+
+
+def smoothing(material: dict[str, Any]) -> str:
+    """Say whether F-bar applies, after its name."""
+    if not material["fbar"]:
+        return "does not apply"
+    return "is on by default" if material["needs"] == "volume" else "is off unless given"
 
 
 def render_class(material: dict[str, Any]) -> str:
@@ -171,8 +178,10 @@ def render_section(material: dict[str, Any]) -> str:
         numbers = str(c["components"])
         row = (f"`{c['name']}`", numbers, c["unit"], c["meaning"])
         out.append(f"| {' | '.join(map(cell, row))} |")
-    smoothing = "is on by default" if material["fbar"] else "does not apply"
-    out += ["", f"Volume smoothing (`libmpm.FBar`) {smoothing}. Source: {material['source']}."]
+    out += [
+        "",
+        f"Volume smoothing (`libmpm.FBar`) {smoothing(material)}. Source: {material['source']}.",
+    ]
     return "\n".join(out) + "\n"
 
 

@@ -47,7 +47,7 @@ inline py::dict plan_dict(const Plan& p) {
     grid["channels"] = p.channels;
     grid["bytes_per_node"] = p.bytes_per_node;
     out["grid"] = grid;
-    out["pipeline"] = p.on_functions ? "modified update" : p.fused ? "fused" : "two-pass";
+    out["pipeline"] = p.on_functions ? "modified update" : p.pipeline();
     out["pipeline_reason"] = p.pipeline_reason;
     out["kernels"] = p.kernels;
     out["time_step"] = p.time_step;
@@ -308,7 +308,7 @@ inline py::list material_table() {
         d["summary"] = m.summary;
         d["source"] = m.source;
         d["needs"] = m.needs;
-        d["fbar"] = m.volumetric;
+        d["fbar"] = m.smoothable;
         py::list columns, parameters;
         for (int k = 0; k < m.column_count; ++k) {
             py::dict c;

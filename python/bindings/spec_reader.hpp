@@ -95,6 +95,24 @@ inline int face_number(const std::string& face, int dimension) {
     return int(axis) * 2 + (face[1] == '+');
 }
 
+/// What a body keeps of a stored velocity, and by which rule it moves with it.
+inline void read_share(const py::dict& d, BodySpec& b) {
+    b.keep = d["flip"].cast<double>();
+    SchemeNumbers& s = b.shift;
+    const auto rule = d["rule"].cast<std::string>();
+    if (rule != "binary" && rule != "smooth")
+        throw SceneError("body '" + b.name + "': shift rule is '" + rule +
+                         "'; expected binary or smooth");
+    s.rule = rule == "binary" ? ShiftRule::binary : ShiftRule::smooth;
+    s.shift_max = d["shift_max"].cast<double>();
+    s.shift_min = d["shift_min"].cast<double>();
+    s.critical_loss = 1 - d["critical_ratio"].cast<double>();
+    s.width = d["width"].cast<double>();
+    s.power = d["power"].cast<double>();
+    s.zero_below = d["below"].cast<std::string>() == "zero";
+    b.guard = d["guard"].cast<bool>();
+}
+
 inline BodySpec read_body(const py::dict& d, int dimension) {
     BodySpec b;
     b.name = d["name"].cast<std::string>();
@@ -180,14 +198,37 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
         {"one-volume", SmoothingForm::one_volume},
         {"one-volume-gradient", SmoothingForm::one_volume_gradient},
         {"two-volume", SmoothingForm::two_volume},
-        {"stress-only", SmoothingForm::stress_only}};
+        {"stress-only", SmoothingForm::stress_only},
+        {"split", SmoothingForm::split},
+        {"literal", SmoothingForm::literal}};
     const auto it = forms.find(form);
     if (it == forms.end())
         throw SceneError("body '" + b.name + "': F-bar form '" + form + "' is not built");
     b.smoothing = it->second;
     b.smoothing_time = f["time"].cast<double>();
     b.smoothing_ratio = f["ratio"].cast<double>();
+    if (d.contains("transfer")) read_share(d["transfer"], b);
     return b;
+}
+
+inline TransferSpec read_transfer(const py::dict& d) {
+    return {d["scheme"].cast<std::string>(), d["order"].cast<int>(),
+            d["every"].cast<std::int64_t>()};
+}
+
+inline KernelSpec read_kernel(const py::dict& d) {
+    const auto name = d["name"].cast<std::string>(), gradient = d["gradient"].cast<std::string>();
+    const std::map<std::string, Kernel> kernels = {{"linear", Kernel::linear},
+                                                   {"quadratic", Kernel::quadratic},
+                                                   {"cubic", Kernel::cubic},
+                                                   {"ugimp", Kernel::ugimp},
+                                                   {"cpgimp", Kernel::cpgimp}};
+    const auto it = kernels.find(name);
+    if (it == kernels.end()) throw SceneError("kernel '" + name + "' is not built");
+    if (gradient != "mls" && gradient != "kernel")
+        throw SceneError("gradient is '" + gradient + "'; expected mls or kernel");
+    return {it->second, gradient == "mls" ? GradientForm::moments : GradientForm::shapes,
+            d["boundary"].cast<bool>()};
 }
 
 inline StartSpec read_start(const py::dict& d, int dimension) {
@@ -345,6 +386,8 @@ inline Spec read_spec(const py::dict& d) {
     s.cell_size = d["cell_size"].cast<double>();
     s.cells = d["cells"].cast<std::vector<std::int64_t>>();
     if (d.contains("grid")) s.functions = read_functions(d["grid"]);
+    if (d.contains("transfer")) s.transfer = read_transfer(d["transfer"]);
+    if (d.contains("kernel")) s.kernel = read_kernel(d["kernel"]);
     s.gravity = read_table(d["gravity"], s.dimension, "gravity");
     s.cfl = d["cfl"].cast<double>();
     s.time_step = d["time_step"].is_none() ? 0 : d["time_step"].cast<double>();

@@ -36,6 +36,7 @@ from libmpm._src.method import FBar, Method
 from libmpm._src.plan import Plan
 from libmpm._src.scene import Scene
 from libmpm._src.timetable import TimeTable
+from libmpm._src.transfer import Kernel, Transfer
 from libmpm._src.triangular.shapes import Traction
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ __all__ = [
     "Error",
     "FBar",
     "Field",
+    "Kernel",
     "Method",
     "ModelWarning",
     "NumericalError",
@@ -64,6 +66,7 @@ __all__ = [
     "Study",
     "TimeTable",
     "Traction",
+    "Transfer",
     "Trunk",
     "__version__",
     "analysis",

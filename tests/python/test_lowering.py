@@ -49,6 +49,8 @@ def test_head(scene: Scene) -> None:
             "cfl",
             "time_step",
             "leaving",
+            "transfer",
+            "kernel",
             "bodies",
             "boundaries",
             "sensors",

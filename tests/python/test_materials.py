@@ -19,12 +19,16 @@ from libmpm._src.parameters import wave_speed
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "generate_materials.py"
 ALL = [
     materials.TaitFluid(),
+    materials.HerschelBulkleyFluid(
+        density=1600.0, yield_stress=40.0, consistency=8.0, largest_viscosity=1e3
+    ),
     materials.FixedCorotated(density=7.0, youngs_modulus=2e5),
     materials.NeoHookean(density=7.0, youngs_modulus=2e5),
     materials.StVenantKirchhoffHencky(density=7.0, youngs_modulus=2e5),
     materials.LinearElastic(density=7.0, youngs_modulus=2e5),
     materials.VonMises(density=7.0, youngs_modulus=2e5, yield_stress=1e3),
     materials.DruckerPrager(density=7.0, youngs_modulus=2e5, cohesion=10.0),
+    materials.CamClay(density=7.0, youngs_modulus=2e5, log_plastic_volume=-0.02),
     materials.Hypoelastic(density=7.0, youngs_modulus=2e5),
 ]
 

@@ -50,6 +50,18 @@ def test_a_fluid_stores_no_deformation_gradient(dimension: int) -> None:
     assert plan.bytes_per_particle("block") == 4 * (dimension + dimension**2 + 1)
 
 
+def test_a_viscous_body_limits_the_time_step_and_is_named() -> None:
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0.0, 0.0), upper=(1.0, 1.0))
+    scene.add_body(
+        name="mud",
+        shape=libmpm.shapes.Box(lower=(0.2, 0.2), upper=(0.6, 0.6)),
+        material=libmpm.materials.TaitFluid(bulk_modulus=1e5, viscosity=1e3),
+    )
+    plan = scene.plan(device="cpu")
+    assert plan.time_step == pytest.approx(0.1**2 / 8)
+    assert plan.limited_by == "body 'mud': viscosity 1000 Pa·s"
+
+
 def test_without_fbar_there_are_no_volume_channels() -> None:
     plain, smoothed = build(fbar=None).plan(device="cpu"), build().plan(device="cpu")
     assert plain.channels == ["mass", "momentum_x", "momentum_y", "momentum_z"]

@@ -9,7 +9,7 @@ import itertools
 
 import numpy as np
 
-PAD = 2  # nodes kept outside the domain on each side
+PAD = 4  # nodes kept outside the domain on each side
 FACES = ("x-", "x+", "y-", "y+", "z-", "z+")
 
 
@@ -71,13 +71,17 @@ def respond(v, wall_velocity, normal, response):
     return np.where(active[:, None], wall_velocity + tangential, v)
 
 
-def constrained_nodes(boundary, cells):
-    """Masks over the padded grid for each face of a boundary, in the order of application."""
+def constrained_nodes(boundary, cells, outside=0):
+    """Masks over the padded grid for each face of a boundary, in the order of application.
+
+    Domain walls hold the nodes from `outside` nodes beyond the outermost cell on.
+    """
     index = np.meshgrid(*(np.arange(-PAD, n + PAD) for n in cells), indexing="ij")
     if boundary["kind"] == "domain":
         masks = {}
         for a, name in enumerate("xyz"[: len(cells)]):
-            masks |= {name + "-": index[a] <= 0, name + "+": index[a] >= cells[a] - 1}
+            masks[name + "-"] = index[a] <= -outside
+            masks[name + "+"] = index[a] >= cells[a] - 1 + outside
         return {face: mask for face, mask in masks.items() if face in boundary["faces"]}
     # Depth below each face, 0 in the cells next to it, -1 in the layer of cells around the box.
     lower, upper = boundary["lower"], boundary["upper"]
@@ -91,6 +95,8 @@ def constrained_nodes(boundary, cells):
 class Reference:
     """State and step of the naive method. Bodies are indexed in the order of the scene."""
 
+    outside = 0  # see `constrained_nodes`
+
     def __init__(self, spec):
         self.spec, self.d, self.dx = spec, spec["dimension"], float(spec["cell_size"])
         self.cells = list(spec["cells"])
@@ -101,7 +107,7 @@ class Reference:
         self.fixed = spec.get("time_step")
         self.dt_limit = self.fixed or stable
         self.offsets = list(itertools.product((-1, 0, 1), repeat=self.d))
-        self.masks = [constrained_nodes(b, self.cells) for b in spec["boundaries"]]
+        self.masks = [constrained_nodes(b, self.cells, self.outside) for b in spec["boundaries"]]
         self.impulse = [{face: np.zeros(self.d) for face in m} for m in self.masks]
         keys = [repr([b["material"], *(sorted(b[k].items()) for k in ("parameters", "fbar"))])
                 for b in self.bodies]  # fmt: skip
@@ -122,6 +128,10 @@ class Reference:
             self.h.append(np.zeros((n, self.d, self.d)))
             moving.append(np.broadcast_to(np.asarray(b["velocity"], float), (n, self.d)))
         self.dt = self._limited(max(np.abs(v).max() for v in moving))
+        self._start(moving)
+
+    def _start(self, moving):
+        """Deposit the given velocities, without an affine part."""
         self._clear()
         for k, v in enumerate(moving):
             still = np.zeros((*v.shape, self.d))
@@ -177,6 +187,11 @@ class Reference:
         v = np.zeros_like(self.momentum)
         v[filled] = self.momentum[filled] / self.m[filled][:, None]
         v[filled] += self.dt * table_value(self.spec["gravity"], self.time)
+        return v, self._apply_boundaries(v)
+
+    def _apply_boundaries(self, v):
+        """Let the boundaries act on node velocities, in place; returns the momentum they take."""
+        filled = self.m > 0
         taken = [{face: np.zeros(self.d) for face in m} for m in self.masks]
         for b, boundary in enumerate(self.spec["boundaries"]):
             if not boundary["start"] <= self.time < boundary["end"]:
@@ -192,7 +207,7 @@ class Reference:
                 before = v[at]
                 v[at] = respond(before, wall, normal, boundary["faces"][face])
                 taken[b][face] = np.sum(self.m[at][:, None] * (before - v[at]), axis=0)
-        return v, taken
+        return taken
 
     def _gather(self, x, field):
         """Value and gradient of a node field at the particles."""

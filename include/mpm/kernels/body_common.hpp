@@ -73,23 +73,16 @@ MPM_INLINE std::uint64_t fault_number(std::uint64_t body, std::uint32_t particle
 }
 
 /// Adds one particle's kinetic, elastic and potential energy in J (2D: J/m), the last relative to
-/// the lower corner. `cell` is its home cell in the block, whose first cell is `corner`.
-template <class Material, class T, int D, int C, class Lines, class P>
-MPM_INLINE void add_energies(const P& pass, const Lines& lines, const std::int64_t (&corner)[D],
-                             const int (&home)[D], Vec<T, D> xi, const T* state, double (&sum)[3]) {
+/// the lower corner. `home` is its home cell in the block, whose first cell is `corner`; `square`
+/// is that of its speed.
+template <class Material, class T, int D, class P>
+MPM_INLINE void add_energies_of(const P& pass, const std::int64_t (&corner)[D],
+                                const int (&home)[D], const Vec<T, D>& xi, double square,
+                                const T* state, double (&sum)[3]) {
     const double dx = 1 / pass.numbers->rate;
-    int cell[D];
-    double height = 0, square = 0;
-    for (int a = 0; a < D; ++a) {
+    double height = 0;
+    for (int a = 0; a < D; ++a)
         height += pass.clock->gravity[a] * (double(corner[a] + home[a]) + 0.5 + double(xi[a])) * dx;
-        const int shift = cell_shift(xi[a]);
-        cell[a] = home[a] + shift;
-        xi[a] -= T(shift);
-    }
-    using G = typename P::Grid;
-    const auto u =
-        gather<C, G, D>(lines, quadratic_weights<G, D>(as<G>(xi)), stencil_origin<Lines, D>(cell));
-    for (int a = 0; a < D; ++a) square += double(u.value[a]) * double(u.value[a]);
     double real[Material::template reals<D>];
     for (int r = 0; r < Material::template reals<D>; ++r) real[r] = double(state[r]);
     const double still[D][D] = {};
@@ -97,6 +90,25 @@ MPM_INLINE void add_energies(const P& pass, const Lines& lines, const std::int64
     sum[0] += 0.5 * pass.body.particle_mass * square;
     sum[1] += pass.body.particle_volume * o.elastic_energy;
     sum[2] -= pass.body.particle_mass * height;
+}
+/// The same, with the velocity that the grid gives it.
+template <class Material, class T, int D, int C, class Lines, class P>
+MPM_INLINE void add_energies(const P& pass, const Lines& lines, const std::int64_t (&corner)[D],
+                             const int (&home)[D], const Vec<T, D>& xi, const T* state,
+                             double (&sum)[3]) {
+    int cell[D];
+    Vec<T, D> local;
+    for (int a = 0; a < D; ++a) {
+        const int shift = cell_shift(xi[a]);
+        cell[a] = home[a] + shift;
+        local[a] = xi[a] - T(shift);
+    }
+    using G = typename P::Grid;
+    const auto u = gather<C, G, D>(lines, quadratic_weights<G, D>(as<G>(local)),
+                                   stencil_origin<Lines, D>(cell));
+    double square = 0;
+    for (int a = 0; a < D; ++a) square += double(u.value[a]) * double(u.value[a]);
+    add_energies_of<Material>(pass, corner, home, xi, square, state, sum);
 }
 
 /// A material that says nothing: the second half of the two-pass form knows none.

@@ -36,6 +36,7 @@ struct Clock {
     // those being filled; the largest deposits into the latter, and what they may be.
     double unit_read[quantities], scale_write[quantities];
     double deposited[quantities], deposit_limit[quantities];
+    double sweep_scale;                  // of what a sweep of XPIC or FMPM adds
     double numbers_dt, numbers_dt_next;  // steps that the bodies' numbers are for
     double until;
     std::int64_t steps_left;
@@ -139,6 +140,7 @@ struct Decide {
     int sum_bits;       // bits of a fixed-point sum that may be used; 0: sums are plain numbers
     double least_mass;  // of a particle, kg
     double wave_speed;
+    double beyond = 0;  // share of the largest deposit that particles may move with beside the grid
 
     /// What is read comes first and together: on a device one thread does this, and each read that
     /// had to wait for a write before it would cost more than all the rest.
@@ -201,7 +203,10 @@ struct Decide {
         if (speed * dt_next > 0.5 * cell_size) dt_next = 0.5 * cell_size / speed;
         clock->dt_next = dt_next;
         if (dt != numbers_dt || dt_next != numbers_dt_next) set_numbers(dt, dt_next);
-        if (sum_bits > 0) choose_scales(gravity, deposited, speed, mass, moved, dt_next);
+        if (sum_bits > 0) {
+            const double further = moved + beyond * deposited[momentum_sum] * dt / cell_size;
+            choose_scales(gravity, deposited, speed, mass, further < 1 ? further : 1.0, dt_next);
+        }
         remember_speed(step, speed);
     }
 

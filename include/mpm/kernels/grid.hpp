@@ -116,15 +116,40 @@ struct NodeUpdate {
     }
 };
 
+/// Where schemes that store velocities find more at a node (kernels/phase.hpp); -1: absent.
+struct KeptChannels {
+    int plain = -1;   // sums: D, momentum without stress
+    int before = -1;  // velocities: D, of that momentum alone
+    int guard = -1;   // 1: a boundary changed the velocity
+    // With forces from gradients of shapes the lightest nodes are fast without bound, while their
+    // weight in any particle's velocity is at most their mass over the particle's.
+    bool by_weight = false;
+    template <class T>
+    MPM_INLINE double counts(T speed, T mass, double least_mass) const {
+        const double share = by_weight ? double(mass) / least_mass : 1.0;
+        return absolute(double(speed)) * (share < 1 ? share : 1.0);
+    }
+};
+
+/// Hears whether any boundary has changed a velocity.
+template <class T, int D>
+struct Changed {
+    bool* changed;
+    MPM_INLINE void operator()(int, int, const Vec<T, D>& before, const Vec<T, D>& after) const {
+        for (int a = 0; a < D; ++a) *changed = *changed || before[a] != after[a];
+    }
+};
+
 /// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will
-/// fill, and gathers the maxima that the clock decides by.
-template <class T, class Sum, int D>
+/// fill, and gathers the maxima that the clock decides by. `keeps`: also what `KeptChannels` names.
+template <class T, class Sum, int D, bool keeps = false>
 struct UpdateGrid {
     NodeUpdate<T, Sum, D> node;
     Sum* next;  // sums to clear
     const GroupChannels* groups;
     int group_count;
     GroupChannels only;  // the group if there is one alone
+    KeptChannels kept = {};
 
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         const auto& g = node.grid;
@@ -147,9 +172,29 @@ struct UpdateGrid {
         const T m = node.mass(mass);
         Vec<T, D> v{};
         if (m > T(0)) {
-            v = node.velocity(slot, n, m, p, NothingSeen{});
-            for (int a = 0; a < D; ++a) larger_of(maxima[max_speed], absolute(double(v[a])));
+            if constexpr (keeps) {
+                bool changed = false;
+                v = node.velocity(slot, n, m, p, Changed<T, D>{&changed});
+                if (kept.guard >= 0) out[kept.guard] = T(changed ? 1 : 0);
+            } else {
+                v = node.velocity(slot, n, m, p, NothingSeen{});
+            }
+            for (int a = 0; a < D; ++a) {
+                if constexpr (keeps)
+                    larger_of(maxima[max_speed], kept.counts(v[a], m, node.least_mass));
+                else
+                    larger_of(maxima[max_speed], absolute(double(v[a])));
+            }
             if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
+        }
+        if constexpr (keeps) {
+            for (int a = 0; a < D && kept.before >= 0; ++a) {
+                out[kept.before + a] = m > T(0) ? from_sum<T>(s[(kept.plain + a) * block_cells],
+                                                              node.clock->unit_read[momentum_sum]) /
+                                                      m
+                                                : T(0);
+            }
+            if (!(m > T(0)) && kept.guard >= 0) out[kept.guard] = T(0);
         }
         if constexpr (D == 3) {
             if (in_one) {

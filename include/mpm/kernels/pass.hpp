@@ -38,7 +38,8 @@ struct Pass {
     bool stress_only;  // F-bar: only the pressure sees the blend
     Grid* scratch;     // two-pass: (channels * (1 + D), count), what a particle deposits
     const std::int32_t* coloured;  // CPU: home blocks by colour; blocks of one colour share no node
-    const std::int32_t* colour_start;  // (2^D + 1)
+    const std::int32_t* colour_start;  // (colours + 1)
+    int colours;
 };
 
 /// Host-side answers about one particle.
@@ -47,8 +48,12 @@ using Observe = Observation<D> (*)(const double* state, const double (&rate)[D][
                                    const double* parameters);
 
 template <class X, class T, int D>
+struct Phase;
+
+template <class X, class T, int D>
 struct BodyOps {
     using Run = void (*)(const Pass<X, T, D>&);
+    using RunPhase = void (*)(const Phase<X, T, D>&);
     Run fused;    // null where this backend and precision have no fused form
     Run lone;     // devices: the fused form for particles in nearly empty blocks
     Run gather;   // two-pass, first half
@@ -56,9 +61,15 @@ struct BodyOps {
     Run initial;  // deposit of resting particles; velocities in scratch (D, count)
     // Where *due is set, per home block: kinetic, elastic, potential energy.
     void (*energies)(const Pass<X, T, D>&, const std::int32_t* due, double* partial);
+    RunPhase respond;  // phased: the material's part of a step (kernels/respond.hpp)
+    RunPhase rest;     // phased: what resting particles deposit
+    RunPhase project;  // phased: F-bar in its split form
+    void (*phase_energies)(const Phase<X, T, D>&, const std::int32_t* due, double* partial);
     int state_columns;
     int channels;  // transfer channels
     Observe<D> observe;
+    // Gives a state, as readers see it, another volume loss; only where F-bar keeps two.
+    void (*adopt)(double* state, double loss);
 };
 
 /// What the solver may know of a material without instantiating anything.
@@ -69,13 +80,17 @@ struct MaterialInfo {
     const char* needs;
     const char* limits;
     bool volumetric;
-    bool plastic;  // stores a plastic strain
+    bool smoothable;  // F-bar may smooth its volume
+    bool fused;       // has the fused and two-pass forms
+    bool plastic;     // stores a plastic strain
+    bool yields;      // says whether it yields
     const Parameter* parameters;
     int parameter_count;
     const Column* columns;
     int column_count;
     double (*density)(const double*);
     double (*wave_speed)(const double*);
+    double (*viscosity)(const double*);  // the largest, Pa s; null where there is none
     double (*volume_from_pressure)(double pressure, const double*);  // null unless volumetric
     int (*reals)(int dimension);
 };
@@ -89,14 +104,18 @@ MaterialInfo describe_material() {
     m.needs = Material::needs;
     m.limits = Material::limits;
     m.volumetric = Material::volumetric;
+    m.smoothable = smoothable<Material, 3>;
+    m.fused = has_fused_form<Material>;
     for (const Column& c : Material::columns)
         m.plastic = m.plastic || std::string(c.name) == "plastic_strain";
+    m.yields = m.plastic || requires { Material::yields; };
     m.parameters = Material::parameters;
     m.parameter_count = int(sizeof(Material::parameters) / sizeof(Parameter));
     m.columns = Material::columns;
     m.column_count = int(sizeof(Material::columns) / sizeof(Column));
     m.density = &Material::density;
     m.wave_speed = &Material::wave_speed;
+    if constexpr (requires { &Material::viscosity; }) m.viscosity = &Material::viscosity;
     if constexpr (Material::volumetric) m.volume_from_pressure = &Material::volume_from_pressure;
     m.reals = [](int d) {
         return d == 2 ? Material::template reals<2> : Material::template reals<3>;

@@ -34,6 +34,7 @@ struct GroupChannels {
     int average = -1;
     int sum = -1;
     int weight = -1;
+    bool split = false;  // the average is made anew within the step
 };
 
 template <class T, int D>

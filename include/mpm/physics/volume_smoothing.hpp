@@ -14,6 +14,10 @@
 //                  (dx/2) sqrt(psi/(1-psi)) whatever dt.
 //   stress only    own is stored and deposited; only the pressure sees the blend. For
 //                  reproduction of published runs.
+//   split          as two volumes, but the grid averages the blended volume advanced by this step's
+//                  rate, with a transfer of its own (eqs. 5.54, 5.59).
+//   literal        as two volumes, but the grid averages what the step before advanced (eqs.
+//                  5.65-5.66): the pressure is a step late. For reproduction alone.
 #pragma once
 
 #include "mpm/core/linalg.hpp"
@@ -27,6 +31,9 @@ struct SmoothingNumbers {
     T ratio;           // psi
     T carry;           // 1: deposit the gradient, 0: do not
     bool stress_only;  // uniform over the body
+    // Of the forms that only the phased step has:
+    bool lags = false;   // the average comes already advanced, or is a step old
+    bool leads = false;  // what is deposited is advanced by this step's rate once more
 };
 
 template <class V, int D>

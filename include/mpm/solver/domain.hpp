@@ -22,7 +22,9 @@
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/order.hpp"
 #include "mpm/kernels/sampling.hpp"
+#include "mpm/kernels/phase_ops.hpp"
 #include "mpm/kernels/sorting.hpp"
+#include "mpm/kernels/sweep.hpp"
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/engine.hpp"
 
@@ -101,6 +103,13 @@ private:
     void run_sensors();
     void sample_energy(Sensor& sensor, SensorRecord* record);
     void run_bodies();
+    // domain_phases.hpp
+    Phase<X, T, D> phase(Body& body, int number, int parity_to);
+    void reserve_scratch(Body& body);
+    void run_phases();
+    void sweep_grid();
+    template <class Decided>
+    void make_velocities(const Decided& decided);
     Fault describe_fault();
     std::int64_t growth_start() const;
     std::int64_t steps_to_sort() const;
@@ -119,6 +128,11 @@ private:
     // domain_read.hpp
     void prepare_velocities();
     Array positions(Body& body);
+    template <int W>
+    void see_grid(const PhaseNumbers& n, const std::vector<Grid>& grid,
+                  const std::int32_t* neighbours, std::int32_t slot, const int (&base)[D],
+                  const Vec<double, D>& xi, const std::int64_t (&block)[D], const double* state,
+                  double (&v)[D], double (&rate)[D][D]) const;
     void collect_samples();
 
     // domain_sort.hpp
@@ -160,10 +174,14 @@ private:
                 boundary_records_.data(), int(spec_.boundaries.size()),
                 touched_.data(),          least_mass_};
     }
-    UpdateGrid<Grid, Sum, D> grid_update(int parity) {
-        return {node_update(parity), sums_[1 - parity].data(), groups_.data(),
+    template <bool keeps>
+    UpdateGrid<Grid, Sum, D, keeps> grid_update(int parity) {
+        return {node_update(parity),
+                sums_[1 - parity].data(),
+                groups_.data(),
                 int(plan_.groups.size()),
-                plan_.groups.size() == 1 ? plan_.groups[0] : GroupChannels{}};
+                plan_.groups.size() == 1 ? plan_.groups[0] : GroupChannels{},
+                plan_.kept};
     }
     BeginStep<D> begin_step() {
         return {clock_buffer_.data(), gravity_, boundary_records_.data(),
@@ -201,6 +219,7 @@ private:
     Buffer<X, Grid> velocity_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
+    PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();
     std::vector<Body> bodies_;
 
     std::vector<Sensor> sensors_;
@@ -222,6 +241,7 @@ private:
 
 }  // namespace mpm
 
+#include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_place.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_setup.hpp"

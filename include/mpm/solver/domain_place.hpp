@@ -133,8 +133,9 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
                 for (std::int64_t k = 0; k < n; ++k) {
                     j[k] = T(body.material->volume_from_pressure(pressure[k], s.parameters.data()));
                 }
-                for (auto& column : body.state)
-                    exec_.upload(column.data() + first, j.data(), n * sizeof(T));
+                const int volumes = body.plan.smoothing == Smoothing::two_volumes ? 2 : 1;
+                for (int r = 0; r < volumes; ++r)
+                    exec_.upload(body.state[r].data() + first, j.data(), n * sizeof(T));
             });
     }
     const std::int64_t range = std::int64_t(table_.slots) * block_cells;
@@ -180,8 +181,10 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
             const Body& body = bodies_[b];
             exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                        MostOfCell{body.cell_start.data()}, Keep{found.data()});
-            mass += body.particle_mass * std::max(found.host()[0], 1.0) * stencil_nodes<D> *
-                    std::pow(0.75, D);
+            const double widths =
+                plan_.phased ? std::pow(kernel_width(spec_.kernel.kernel), D)
+                             : stencil_nodes<D> * std::pow(0.75, D);
+            mass += body.particle_mass * std::max(found.host()[0], 1.0) * widths;
         }
         set_scales(std::max(mass, least_mass_), 1, 1);
         deposit_all(spec, chosen);
@@ -311,7 +314,10 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
         const auto& velocity = spec.bodies[b].velocity;
         const std::size_t n = body.count;
-        body.scratch.reserve_discard(n * D + column_padding);
+        if (plan_.phased)
+            reserve_scratch(body);
+        else
+            body.scratch.reserve_discard(n * D + column_padding);
         Buffer<X, Grid> given(exec_);
         std::vector<Grid> piece;
         for (int a = 0; a < D; ++a) {
@@ -325,7 +331,13 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
             given.assign(piece);
             exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
         }
-        body.ops.initial(pass(body, int(b), parity()));
+        if (plan_.phased) {
+            const Phase<X, T, D> p = phase(body, int(b), parity());
+            body.ops.rest(p);
+            phase_ops_.spread(p);
+        } else {
+            body.ops.initial(pass(body, int(b), parity()));
+        }
         exec_.wait();
         body.scratch = Buffer<X, Grid>(exec_);
     }

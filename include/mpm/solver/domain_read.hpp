@@ -2,14 +2,10 @@
 // so looking never changes a run.
 #pragma once
 
+#include "mpm/kernels/transfers.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
-
-/// The grid half of a step without its consequences.
-struct NothingDecided {
-    MPM_HD void operator()(const double*) const {}
-};
 
 /// Nodal velocities of the state as it stands: the grid half of the coming step without its
 /// consequences. They are already there when the last run ended at a halt of the clock; a sort or a
@@ -22,8 +18,7 @@ void Domain<X, T, D>::prepare_velocities() {
     clock_.halt = Halt::none;
     push_clock();
     exec_.single(begin_step());
-    exec_.template max_each<maxima_count>(std::int64_t(table_.slots) * block_cells,
-                                          grid_update(parity()), NothingDecided{});
+    make_velocities(NothingDecided{});
     exec_.wait();
     clock_ = kept;
     push_clock();
@@ -65,12 +60,42 @@ std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
     const Body& b = bodies_.at(std::size_t(body));
     if (std::string(b.material->needs) == "deformation_gradient")
         names.push_back("deformation_gradient");
-    if (b.material->plastic) {
-        names.push_back("plastic_strain");
-        names.push_back("yields");
-    }
+    if (b.material->plastic) names.push_back("plastic_strain");
+    if (b.material->yields) names.push_back("yields");
     if (b.plan.smoothing == Smoothing::two_volumes) names.push_back("volume_ratio_smoothed");
     return names;
+}
+
+/// Velocity and its gradient (1/s) at a particle whose stencil is around cell `base` of its home
+/// block.
+template <class X, class T, int D>
+template <int W>
+void Domain<X, T, D>::see_grid(const PhaseNumbers& n, const std::vector<Grid>& grid,
+                               const std::int32_t* neighbours, std::int32_t slot,
+                               const int (&base)[D], const Vec<double, D>& xi,
+                               const std::int64_t (&block)[D], const double* state, double (&v)[D],
+                               double (&rate)[D][D]) const {
+    std::int64_t cell[D];
+    Vec<double, D> half;
+    for (int a = 0; a < D; ++a) {
+        cell[a] = block[a] * Block<D>::edge + base[a];
+        half[a] = n.kernel.half_edge * (n.extent >= 0 ? 1 + state[n.extent + a] : 1.0);
+    }
+    const auto stencil = stencil_of<W>(n.kernel, xi, half, cell);
+    const bool shapes = n.kernel.gradient == GradientForm::shapes;
+    for_each_node(stencil, places_in_grid<W>(base), [&](const int(&k)[D], int place, double w) {
+        const std::int32_t to = neighbours[std::size_t(slot) * Block<D>::neighbours + (place >> 8)];
+        if (to < 0) return;
+        const Grid* u =
+            grid.data() + (std::size_t(to) * block_cells + (place & 255)) * plan_.velocity_channels;
+        for (int a = 0; a < D; ++a) {
+            v[a] += w * double(u[a]);
+            for (int b = 0; b < D; ++b) {
+                const double along = node_along(stencil, k, w, b, shapes);
+                rate[a][b] += along / spec_.cell_size * double(u[a]);
+            }
+        }
+    });
 }
 
 template <class X, class T, int D>
@@ -91,7 +116,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         }
     }
     const bool moving = asked("velocity") || asked("speed") || asked("kinetic_energy") ||
-                        asked("stress") || asked("pressure");
+                        asked("stress") || asked("pressure") || asked("yields");
     const bool constitutive = asked("volume") || asked("density") || asked("pressure") ||
                               asked("stress") || asked("elastic_energy") || asked("volume_ratio") ||
                               asked("deformation_gradient") || asked("plastic_strain") ||
@@ -156,15 +181,18 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         if (speed) speed[q] = std::sqrt(square);
         if (kinetic) kinetic[q] = 0.5 * m * square;
         for (std::size_t r = 0; raw && r < stored; ++r) raw[q * stored + r] = s[r];
-        if (smoothed) smoothed[q] = 1 - s[body.plan.state_columns - 1];
+        const double* blended = s + body.material->reals(D);  // with two volumes
+        if (smoothed) smoothed[q] = 1 - *blended;
         if (!constitutive) return;
         // The stress follows the volume that F-bar gives it.
         double stress_state[max_state_columns];
         for (int r = 0; r < body.plan.state_columns; ++r) stress_state[r] = s[r];
-        if (body.plan.smoothing == Smoothing::two_volumes)
-            stress_state[0] = s[body.plan.state_columns - 1];
+        if (body.plan.smoothing == Smoothing::two_volumes) body.ops.adopt(stress_state, *blended);
         const Observation<D> o = body.ops.observe(stress_state, rate, body.parameters.data());
-        const double J = body.material->volumetric ? 1 - s[0] : o.volume_ratio;
+        const double J = body.material->volumetric ? 1 - s[0]
+                         : body.plan.smoothing == Smoothing::two_volumes
+                             ? body.ops.observe(s, rate, body.parameters.data()).volume_ratio
+                             : o.volume_ratio;
         if (volume) volume[q] = V * J;
         if (density) density[q] = m / (V * J);
         if (ratio) ratio[q] = J;
@@ -200,32 +228,17 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
             }
             for (std::size_t r = 0; r < state.size(); ++r) s[r] = double(state[r][q]);
             if (moving) {
-                const Weights<double, D> w = quadratic_weights<double, D>(xi);
-                for (int node = 0; node < stencil_nodes<D>; ++node) {
-                    int rest = node, k[D], arena[D], side, number;
-                    double weight = 1;
-                    for (int a = D - 1; a >= 0; --a) {
-                        k[a] = rest % 3;
-                        rest /= 3;
-                    }
-                    for (int a = 0; a < D; ++a) {
-                        weight *= w.value[a][k[a]];
-                        arena[a] = base[a] + k[a] - 1 + Block<D>::margin;
-                    }
-                    arena_node<D>(arena, side, number);
-                    const std::int32_t to =
-                        neighbours[std::size_t(slot) * Block<D>::neighbours + side];
-                    if (to < 0) continue;
-                    for (int a = 0; a < D; ++a) {
-                        const double u = double(grid[(std::size_t(to) * block_cells + number) *
-                                                         plan_.velocity_channels +
-                                                     a]);
-                        v[a] += weight * u;
-                        for (int b = 0; b < D; ++b)
-                            rate[a][b] += 4 / dx * weight * u * (k[b] - 1 - xi[b]);
-                    }
-                }
+                const auto read = [&]<int W>() {
+                    see_grid<W>(body.plan.phase, grid, neighbours.data(), slot, base, xi, block, s,
+                                v, rate);
+                };
+                if (kernel_width(spec_.kernel.kernel) == 3)
+                    read.template operator()<3>();
+                else
+                    read.template operator()<5>();
             }
+            for (int a = 0; a < D && body.plan.phase.velocity >= 0; ++a)
+                v[a] = s[body.plan.phase.velocity + a];
             fill(q, x, v, rate, s);
         }
     });

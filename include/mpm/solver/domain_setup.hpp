@@ -98,9 +98,12 @@ void Domain<X, T, D>::set_boundaries() {
         const BoundarySpec& s = spec_.boundaries[k];
         BoundaryRecord<D> r{};
         r.is_box = s.is_box;
+        // Of splines that end with the domain only the outermost is not zero at the wall.
+        const int beyond =
+            !spec_.kernel.clamped ? 0 : (spec_.kernel.kernel == Kernel::cubic ? 2 : 1);
         for (int a = 0; a < D; ++a) {
-            r.lower[a] = s.is_box ? s.lower[a] : 0;
-            r.upper[a] = s.is_box ? s.upper[a] : int(spec_.cells[a]);
+            r.lower[a] = s.is_box ? s.lower[a] : -beyond;
+            r.upper[a] = s.is_box ? s.upper[a] : int(spec_.cells[a]) + beyond;
         }
         for (int f = 0; f < 2 * D; ++f) {
             r.present[f] = s.present[f];

@@ -165,12 +165,15 @@ void Domain<X, T, D>::heavy_first(Body& body) {
 /// CPU: blocks of one colour share no node.
 template <class X, class T, int D>
 void Domain<X, T, D>::sort_by_colour(Body& body) {
-    std::vector<std::vector<std::int32_t>> by_colour(1 << D);
+    // The phased step reaches a whole block further on each side.
+    const int apart = plan_.phased ? 3 : 2;
+    std::vector<std::vector<std::int32_t>> by_colour(plan_.phased ? Block<D>::neighbours : 1 << D);
     for (std::int32_t h = 0; h < body.homes; ++h) {
         std::int64_t b[D];
         table_.keys_of.block(table_.keys[body.home.data()[h]], b);
         int colour = 0;
-        for (int a = 0; a < D; ++a) colour = colour * 2 + int(b[a] & 1);
+        for (int a = 0; a < D; ++a)
+            colour = colour * apart + int((b[a] + BlockKeys<D>::rim) % apart);
         by_colour[colour].push_back(body.home.data()[h]);
     }
     std::vector<std::int32_t> all;

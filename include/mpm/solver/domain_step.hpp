@@ -26,6 +26,7 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     p.scratch = body.scratch.data();
     p.coloured = body.coloured.data();
     p.colour_start = body.colour_start.data();
+    p.colours = int(body.colour_start.size()) - 1;
     return p;
 }
 
@@ -34,11 +35,10 @@ void Domain<X, T, D>::update_grid() {
     if constexpr (!X::is_device) exec_.single(begin_step());  // a device did at the last turn
     int bits = 0;
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
-    exec_.template max_each<maxima_count>(
-        std::int64_t(table_.slots) * block_cells, grid_update(parity()),
-        Decide<D>{clock_buffer_.data(), spec_.cell_size, constants_.data(), numbers_.data(),
-                  int(bodies_.size()), sensor_records_.data(), int(sensors_.size()), bits,
-                  least_mass_, plan_.wave_speed});
+    make_velocities(Decide<D>{clock_buffer_.data(), spec_.cell_size, constants_.data(),
+                              numbers_.data(), int(bodies_.size()), sensor_records_.data(),
+                              int(sensors_.size()), bits, least_mass_, plan_.wave_speed,
+                              plan_.beyond});
 }
 
 template <class X, class T, int D>
@@ -92,9 +92,16 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
     std::int64_t at = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (!chosen(b)) continue;
-        if (bodies_[b].homes > 0) {
-            bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due,
-                                    s.partial.data() + 3 * at);
+        double* partial = s.partial.data() + 3 * at;
+        if (bodies_[b].homes > 0 && plan_.phased) {
+            reserve_scratch(bodies_[b]);
+            Phase<X, T, D> p = phase(bodies_[b], int(b), parity());
+            p.due = &record->due;
+            p.part = Part::speeds;
+            if (p.n.velocity < 0) phase_ops_.collect(p);
+            bodies_[b].ops.phase_energies(p, &record->due, partial);
+        } else if (bodies_[b].homes > 0) {
+            bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due, partial);
         }
         at += bodies_[b].homes;
     }
@@ -106,6 +113,7 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
 
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
+    if (plan_.phased) return run_phases();
     std::vector<std::size_t> moving;
     std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -310,13 +318,21 @@ Fault Domain<X, T, D>::describe_fault() {
         furthest = std::max(furthest, std::abs(double(x)));
     }
     std::vector<double> state;
+    double widest = 0;  // half-edge of cpGIMP
     for (auto& column : body.state) {
         T x;
         exec_.download(&x, column.data() + k, sizeof x);
         state.push_back(double(x));
         if (!std::isfinite(double(x))) f.code = "non-finite";
     }
-    if (f.code == "non-finite") {
+    for (int a = 0; a < D && body.plan.phase.extent >= 0; ++a)
+        widest = std::max(widest, body.plan.phase.kernel.half_edge *
+                                      (1 + state[std::size_t(body.plan.phase.extent + a)]));
+    if (widest > largest_half_edge && f.code != "non-finite") {
+        f.code = "stretched";
+        f.value = 2 * widest;
+        f.message = "its edges, which kernel 'cpgimp' follows, grew beyond three cells";
+    } else if (f.code == "non-finite") {
         f.message = "its position or state is not finite";
     } else if (furthest > 1.75) {
         f.code = "outran-cell";

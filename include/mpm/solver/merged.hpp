@@ -21,7 +21,7 @@ struct MergedSpec {
 /// other, unless a sensor asks for one of them alone.
 MergedSpec merge_alike(const Spec& spec);
 
-/// The plan of the scene as it was given; its kernels are those that run.
+/// The plan of the scene as it was given; its kernels and memory are those of what runs.
 Plan plan_scene(const Spec& spec, const BackendTraits& backend);
 
 /// An engine of the scene as it was given, run by `make` on the merged one.

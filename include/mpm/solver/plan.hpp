@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "mpm/kernels/pass.hpp"
+#include "mpm/kernels/grid.hpp"
+#include "mpm/kernels/phase.hpp"
+#include "mpm/kernels/sweep.hpp"
 #include "mpm/solver/spec.hpp"
 
 namespace mpm {
@@ -46,6 +48,7 @@ struct BodyPlan {
     bool carry = false, stress_only = false;
     GroupChannels group;
     int state_columns = 0;
+    PhaseNumbers phase;  // of the phased step
     double spacing = 0;
 };
 struct Plan {
@@ -55,9 +58,15 @@ struct Plan {
     int sum_channels = 0, velocity_channels = 0;
     int bytes_per_node = 0;
     bool fused = true;
+    bool phased = false;
+    KeptChannels kept;    // where the transfer stores velocities
+    SweepChannels sweep;  // of XPIC and FMPM
+    int sweeps = 0;       // per step
+    double beyond = 0;    // the largest share of a deposit that a particle moves with, beside the grid's
     bool on_functions = false;  // functions over cells in place of the regular grid
     std::string pipeline_reason;
     std::vector<std::string> kernels;
+    std::string pipeline() const { return phased ? "phased" : fused ? "fused" : "two-pass"; }
     double time_step = 0;
     double wave_speed = 0;
     std::string limited_by;
@@ -65,5 +74,10 @@ struct Plan {
 };
 
 Plan make_plan(const Spec& spec, const BackendTraits& backend);
+
+/// True where only the phased step has what a scene asks for.
+bool needs_phases(const Spec& spec);
+/// Adds to a plan whose bodies are there what the phased step stores.
+void plan_phases(const Spec& spec, Plan& plan);
 
 }  // namespace mpm

@@ -11,6 +11,8 @@
 
 #include "mpm/data/time_table.hpp"
 #include "mpm/physics/boundary/response.hpp"
+#include "mpm/physics/shape/kernel.hpp"
+#include "mpm/physics/transfer/scheme.hpp"
 
 namespace mpm {
 
@@ -20,7 +22,15 @@ struct TableSpec {
     TableEnd end = TableEnd::hold;
 };
 
-enum class SmoothingForm { none, one_volume, one_volume_gradient, two_volume, stress_only };
+enum class SmoothingForm {
+    none,
+    one_volume,
+    one_volume_gradient,
+    two_volume,
+    stress_only,
+    split,
+    literal
+};
 
 /// Writes rows [first, last) of what is given particle by particle to `out`. Asked for in pieces,
 /// so that a scene needs no memory of its particles' size on the host; may be asked twice.
@@ -66,6 +76,10 @@ struct BodySpec {
     SmoothingForm smoothing = SmoothingForm::none;
     double smoothing_time = 0;
     double smoothing_ratio = 0;
+    // What it keeps of the velocity that it stores, where the transfer makes it store one.
+    double keep = 1;        // alpha
+    SchemeNumbers shift{};  // the rule of beta alone
+    bool guard = true;      // beta is 0 where a boundary changed a node's velocity
 };
 
 inline std::uint64_t ids_of(const BodySpec& b) { return b.id_count ? b.id_count : b.count; }
@@ -134,6 +148,19 @@ struct FunctionsSpec {
     double deactivate_below = 0;
 };
 
+/// How numbers go between particles and grid (physics/transfer/scheme.hpp).
+struct TransferSpec {
+    std::string scheme = "APIC";
+    int order = 1;           // k of XPIC and FMPM
+    std::int64_t every = 1;  // of their steps one filters
+};
+
+struct KernelSpec {
+    Kernel kernel = Kernel::quadratic;
+    GradientForm gradient = GradientForm::moments;
+    bool clamped = false;  // modified splines where the domain ends
+};
+
 struct Spec {
     int dimension = 3;
     Precision precision = Precision::single;
@@ -144,6 +171,8 @@ struct Spec {
     double cell_size = 0;
     std::vector<std::int64_t> cells;
     FunctionsSpec functions;
+    TransferSpec transfer;
+    KernelSpec kernel;
     TableSpec gravity;
     double cfl = 0.4;
     double time_step = 0;  // 0: from the wave speeds

@@ -234,7 +234,7 @@ def timed(
 def _form(body: Body) -> str:
     """Return the F-bar form that ran, also where it was left to the default."""
     if body.fbar == "default":
-        return FBar().form if body.material.table.fbar else "none"
+        return FBar().form if body.material.table.stores_volume else "none"
     return "none" if body.fbar is None else body.fbar.form
 
 
@@ -265,7 +265,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
     parser.add_argument("--steps", type=int, default=10_000)
     parser.add_argument("--fbar", default="default", help=", ".join(FBAR_FORMS))
-    parser.add_argument("--pipeline", default="auto", help="auto, fused or two-pass")
+    parser.add_argument("--pipeline", default="auto", help="auto, fused, two-pass or phased")
     parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
     parser.add_argument("--json", type=Path, help="append the JSON line to this file")
 

@@ -293,19 +293,34 @@ def _check_material(check: Checker, scene: Scene, body: Body) -> None:
                 f"hydrostatic is {body.hydrostatic:g} for {table.name}, which stores no volume "
                 "ratio to start from; expected a fluid; remove hydrostatic"
             )
+    _check_transfer(scene, body, check)
     if isinstance(body.fbar, FBar) and not table.fbar:
         check.fail(
             f"fbar is {body.fbar!r} for {table.name}, which has no volume smoothing; expected "
             'None or "default"; remove fbar'
         )
         return
-    choice = FBar() if body.fbar == "default" and table.fbar else body.fbar
+    choice = FBar() if body.fbar == "default" and table.stores_volume else body.fbar
     if not isinstance(choice, FBar) or wave_speed(body.material) is not None:
         return
     if choice.time is None and choice.ratio is None and choice.length is None:
         check.fail(
             f"fbar needs a time, since the wave speed of {table.name} is not known; "
             "give FBar(time=...) in s"
+        )
+
+
+def _check_transfer(scene: Scene, body: Body, check: Checker) -> None:
+    """Refuse a scheme of a body's own: the scheme is the scene's, its numbers are not."""
+    of_scene, own = scene.method.transfer_choice, body.transfer
+    if own is not None and (own.scheme, own.order, own.every) != (
+        of_scene.scheme,
+        of_scene.order,
+        of_scene.every,
+    ):
+        check.fail(
+            f"transfer is '{own.scheme}' in a scene with '{of_scene.scheme}'; bodies share one "
+            "grid and with it the scheme; give it the scene's scheme, with its own flip and shift"
         )
 
 

@@ -36,7 +36,7 @@ EXIT_CODES: dict[type[Error], int] = {
 def _add_execution(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
     parser.add_argument("--precision", default="auto", help="auto, single, mixed or double")
-    parser.add_argument("--pipeline", default="auto", help="auto, fused or two-pass")
+    parser.add_argument("--pipeline", default="auto", help="auto, fused, two-pass or phased")
     parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
 
 

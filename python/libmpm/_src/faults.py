@@ -27,6 +27,10 @@ _CAUSES = {
         "the volume fell out of the range of the equation of state",
         "lower Method.cfl or the time step, or raise the bulk modulus",
     ),
+    "stretched": (
+        "a particle was stretched further than its kernel reaches",
+        "use kernel 'ugimp' or a B-spline, or more particles per cell",
+    ),
     "left-domain": (
         "particles left the domain",
         "enlarge the domain, add a wall, or choose Method(leaving='delete') or, on square cells, "

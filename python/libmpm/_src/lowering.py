@@ -42,7 +42,7 @@ __all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "choose_
 __all__ += ["choose_precision", "lower", "world_offset"]
 
 PRECISIONS = ("single", "mixed", "double")
-PIPELINES = ("auto", "fused", "two-pass")
+PIPELINES = ("auto", "fused", "two-pass", "phased")
 
 #: From (first, last) to what is given for the particles first ≤ i < last of a body.
 Rows = Callable[[int, int], npt.NDArray[np.float64]]
@@ -157,6 +157,8 @@ def lower(
         "cfl": scene.method.cfl,
         "time_step": fixed,
         "leaving": scene.method.leaving,
+        "transfer": scene.method.transfer_choice.scene_part(),
+        "kernel": scene.method.kernel_choice.specification(),
         "bodies": bodies,
         "boundaries": [_boundary(scene, b) for b in scene.boundaries],
         "sensors": [_sensor(scene, s, bodies) for s in scene.sensors],
@@ -208,6 +210,7 @@ def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dic
         "velocity": np.zeros(scene.dimension),
         "pressure": None,
         "fbar": _fbar(scene, body),
+        "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
     }
     if not fill:
         return result
@@ -280,6 +283,7 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
         "pressure": pressure,
         "fbar": _fbar(scene, body),
+        "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
     }
 
 
@@ -355,7 +359,7 @@ def _hydrostatic(scene: Scene, level: float, density: float, position: Rows) -> 
 def _fbar(scene: Scene, body: Body) -> dict[str, Any]:
     choice = body.fbar
     if choice == "default":
-        choice = FBar() if body.material.table.fbar else None
+        choice = FBar() if body.material.table.stores_volume else None
     if choice is None:
         return {"form": "none", "time": 0.0, "ratio": 0.0}
     time, ratio = choice.time or 0.0, choice.ratio or 0.0

@@ -2,6 +2,7 @@
 
 Change the C++ header of the material, build, and run ``python tools/generate_materials.py``.
 """
+# ruff: noqa: E501  the texts are those of the headers
 
 from __future__ import annotations
 
@@ -12,8 +13,10 @@ from libmpm._src.parameters import Column, Entry, Material, Parameter
 from libmpm._src.values import value
 
 __all__ = [
+    "CamClay",
     "DruckerPrager",
     "FixedCorotated",
+    "HerschelBulkleyFluid",
     "Hypoelastic",
     "LinearElastic",
     "NeoHookean",
@@ -114,6 +117,140 @@ class TaitFluid(Material):
 
 
 @value
+class HerschelBulkleyFluid(Material):
+    """Mud or lahar: Herschel-Bulkley shear law over TaitFluid's volume law.
+
+    =================  ======  =====  ==========  ========  ========================================
+    parameter          symbol  unit   range       default   meaning
+    =================  ======  =====  ==========  ========  ========================================
+    density            ρ       kg/m³  > 0         required  density at zero pressure
+    bulk_modulus       K       Pa     > 0         2.2e+09   bulk modulus at zero pressure; the sound
+                                                            speed is √(K/ρ)
+    exponent           γ       1      ≥ 1, ≤ 20   7.15      growth of the bulk modulus with pressure
+    yield_stress       τ_y     Pa     ≥ 0         required  shear stress below which it only creeps
+    consistency        k       Pa·sⁿ  ≥ 0         required  shear stress above the yield stress at
+                                                            1/s; the plastic viscosity where n = 1
+    index              n       1      ≥ 0.1, ≤ 2  1         flow index: 1 Bingham, less thins with
+                                                            the shear rate, more thickens
+    largest_viscosity  μ_max   Pa·s   > 0         required  bound of the viscosity at any rate, and
+                                                            that of creep below the yield stress (m
+                                                            = μ_max/τ_y after Papanastasiou); limits
+                                                            the time step
+    =================  ======  =====  ==========  ========  ========================================
+
+    Particles store: j (volume loss 1 - J, positive in compression).
+    Volume smoothing (`FBar`) is on by default.
+    Source: Herschel and Bulkley (1926); Papanastasiou (1987); volume: Bonus (2023), section 5.12.
+
+    Raises `SceneError` with every parameter out of range.
+    """
+
+    label: ClassVar[str] = "materials.HerschelBulkleyFluid"
+    table: ClassVar[Entry] = Entry(
+        name="HerschelBulkleyFluid",
+        summary="Mud or lahar: Herschel-Bulkley shear law over TaitFluid's volume law",
+        source="Herschel and Bulkley (1926); Papanastasiou (1987); volume: Bonus (2023), section 5.12",
+        needs="volume",
+        columns=(
+            Column(
+                name="j",
+                components=1,
+                meaning="volume loss 1 - J, positive in compression",
+                unit="1",
+            ),
+        ),
+        fbar=True,
+        parameters=(
+            Parameter(
+                name="density",
+                symbol="ρ",
+                unit="kg/m³",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="density at zero pressure",
+            ),
+            Parameter(
+                name="bulk_modulus",
+                symbol="K",
+                unit="Pa",
+                default=2200000000.0,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="bulk modulus at zero pressure; the sound speed is √(K/ρ)",
+            ),
+            Parameter(
+                name="exponent",
+                symbol="γ",
+                unit="1",
+                default=7.15,
+                lower=1.0,
+                upper=20.0,
+                lower_open=False,
+                upper_open=False,
+                meaning="growth of the bulk modulus with pressure",
+            ),
+            Parameter(
+                name="yield_stress",
+                symbol="τ_y",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=False,
+                upper_open=True,
+                meaning="shear stress below which it only creeps",
+            ),
+            Parameter(
+                name="consistency",
+                symbol="k",
+                unit="Pa·sⁿ",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=False,
+                upper_open=True,
+                meaning="shear stress above the yield stress at 1/s; the plastic viscosity where n = 1",
+            ),
+            Parameter(
+                name="index",
+                symbol="n",
+                unit="1",
+                default=1.0,
+                lower=0.1,
+                upper=2.0,
+                lower_open=False,
+                upper_open=False,
+                meaning="flow index: 1 Bingham, less thins with the shear rate, more thickens",
+            ),
+            Parameter(
+                name="largest_viscosity",
+                symbol="μ_max",
+                unit="Pa·s",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="bound of the viscosity at any rate, and that of creep below the yield stress (m = μ_max/τ_y after Papanastasiou); limits the time step",
+            ),
+        ),
+    )
+
+    density: float
+    bulk_modulus: float = 2200000000.0
+    exponent: float = 7.15
+    yield_stress: float
+    consistency: float
+    index: float = 1.0
+    largest_viscosity: float
+
+
+@value
 class FixedCorotated(Material):
     """Hyperelastic solid, fixed corotated energy.
 
@@ -126,7 +263,7 @@ class FixedCorotated(Material):
     ==============  ======  =====  ===========  ========  ======================
 
     Particles store: H (displacement gradient F - I).
-    No volume smoothing (`FBar`).
+    Volume smoothing (`FBar`) is off unless given.
     Source: Bonus (2023), section 5.7.
 
     Raises `SceneError` with every parameter out of range.
@@ -146,7 +283,7 @@ class FixedCorotated(Material):
                 unit="1",
             ),
         ),
-        fbar=False,
+        fbar=True,
         parameters=(
             Parameter(
                 name="density",
@@ -202,7 +339,7 @@ class NeoHookean(Material):
     ==============  ======  =====  ===========  ========  ======================
 
     Particles store: H (displacement gradient F - I).
-    No volume smoothing (`FBar`).
+    Volume smoothing (`FBar`) is off unless given.
     Source: Bonet and Wood (2008), section 6.4.3.
 
     Raises `SceneError` with every parameter out of range.
@@ -222,7 +359,7 @@ class NeoHookean(Material):
                 unit="1",
             ),
         ),
-        fbar=False,
+        fbar=True,
         parameters=(
             Parameter(
                 name="density",
@@ -278,7 +415,7 @@ class StVenantKirchhoffHencky(Material):
     ==============  ======  =====  ===========  ========  ======================
 
     Particles store: B (left Cauchy-Green tensor less the identity).
-    No volume smoothing (`FBar`).
+    Volume smoothing (`FBar`) is off unless given.
     Source: Bonus (2023), section 5.7; Hencky (1928).
 
     Raises `SceneError` with every parameter out of range.
@@ -298,7 +435,7 @@ class StVenantKirchhoffHencky(Material):
                 unit="1",
             ),
         ),
-        fbar=False,
+        fbar=True,
         parameters=(
             Parameter(
                 name="density",
@@ -354,7 +491,7 @@ class LinearElastic(Material):
     ==============  ======  =====  ===========  ========  ======================
 
     Particles store: strain (small strain).
-    No volume smoothing (`FBar`).
+    Volume smoothing (`FBar`) does not apply.
     Source: Hooke's law.
 
     Raises `SceneError` with every parameter out of range.
@@ -435,7 +572,7 @@ class VonMises(Material):
 
     Particles store: B (elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz),
     plastic_strain (accumulated equivalent plastic strain).
-    No volume smoothing (`FBar`).
+    Volume smoothing (`FBar`) is off unless given.
     Source: Simo (1992).
 
     Raises `SceneError` with every parameter out of range.
@@ -461,7 +598,7 @@ class VonMises(Material):
                 unit="1",
             ),
         ),
-        fbar=False,
+        fbar=True,
         parameters=(
             Parameter(
                 name="density",
@@ -552,7 +689,7 @@ class DruckerPrager(Material):
     Particles store: B (elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz),
     plastic_strain (accumulated equivalent plastic shear strain), gap (logarithmic volume opened in
     tension that is still to close), dilation (logarithmic volume gained for good).
-    No volume smoothing (`FBar`).
+    Volume smoothing (`FBar`) does not apply.
     Source: Klár et al. (2016); Tampubolon et al. (2017); Bonus (2023), section 5.7.
 
     Raises `SceneError` with every parameter out of range.
@@ -694,6 +831,173 @@ class DruckerPrager(Material):
 
 
 @value
+class CamClay(Material):
+    """Clay or snow: non-associative Cam-Clay with cohesion, hardening and softening.
+
+    ==================  ======  =====  ===========  ========  ======================================
+    parameter           symbol  unit   range        default   meaning
+    ==================  ======  =====  ===========  ========  ======================================
+    density             ρ       kg/m³  > 0          required  density at zero strain
+    youngs_modulus      E       Pa     > 0          required  Young's modulus
+    poissons_ratio      ν       1      > -1, < 0.5  0.3       Poisson's ratio
+    log_plastic_volume  α₀      1      < 0          required  initial consolidation α, the logarithm
+                                                              of the plastic volume ratio; the
+                                                              pressure of first crushing is p₀ = K
+                                                              (10⁻⁵ + sinh(-ξ α₀)), K = E / (3 (1 -
+                                                              2 ν))
+    friction_angle      φ       °      > 0, ≤ 89    30        friction angle in triaxial
+                                                              compression, degrees
+    cohesion_ratio      β       1      ≥ 0          0.5       largest mean tension in parts of p₀
+    hardening_factor    ξ       1      > 0          0.8       growth of p₀ with the consolidation
+    hardens             h       1      ≥ 0, ≤ 1     1         share of the flow that changes α: 1
+                                                              hardens and softens, 0 keeps p₀
+    ==================  ======  =====  ===========  ========  ======================================
+
+    Particles store: B (elastic left Cauchy-Green tensor less 1; 2D: with its zz entry last),
+    plastic_strain (accumulated equivalent plastic strain, volume included), consolidation (change
+    of α; negative: harder than at the start), dilation (logarithmic volume gained for good).
+    Volume smoothing (`FBar`) does not apply.
+    Source: Gaume et al. (2018); Wolper et al. (2019).
+
+    Raises `SceneError` with every parameter out of range.
+    """
+
+    label: ClassVar[str] = "materials.CamClay"
+    table: ClassVar[Entry] = Entry(
+        name="CamClay",
+        summary="Clay or snow: non-associative Cam-Clay with cohesion, hardening and softening",
+        source="Gaume et al. (2018); Wolper et al. (2019)",
+        needs="elastic_strain",
+        columns=(
+            Column(
+                name="B",
+                components=6,
+                meaning="elastic left Cauchy-Green tensor less 1; 2D: with its zz entry last",
+                unit="1",
+            ),
+            Column(
+                name="plastic_strain",
+                components=1,
+                meaning="accumulated equivalent plastic strain, volume included",
+                unit="1",
+            ),
+            Column(
+                name="consolidation",
+                components=1,
+                meaning="change of α; negative: harder than at the start",
+                unit="1",
+            ),
+            Column(
+                name="dilation",
+                components=1,
+                meaning="logarithmic volume gained for good",
+                unit="1",
+            ),
+        ),
+        fbar=False,
+        parameters=(
+            Parameter(
+                name="density",
+                symbol="ρ",
+                unit="kg/m³",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="density at zero strain",
+            ),
+            Parameter(
+                name="youngs_modulus",
+                symbol="E",
+                unit="Pa",
+                default=None,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="Young's modulus",
+            ),
+            Parameter(
+                name="poissons_ratio",
+                symbol="ν",
+                unit="1",
+                default=0.3,
+                lower=-1.0,
+                upper=0.5,
+                lower_open=True,
+                upper_open=True,
+                meaning="Poisson's ratio",
+            ),
+            Parameter(
+                name="log_plastic_volume",
+                symbol="α₀",
+                unit="1",
+                default=None,
+                lower=-math.inf,
+                upper=0.0,
+                lower_open=True,
+                upper_open=True,
+                meaning="initial consolidation α, the logarithm of the plastic volume ratio; the pressure of first crushing is p₀ = K (10⁻⁵ + sinh(-ξ α₀)), K = E / (3 (1 - 2 ν))",
+            ),
+            Parameter(
+                name="friction_angle",
+                symbol="φ",
+                unit="°",
+                default=30.0,
+                lower=0.0,
+                upper=89.0,
+                lower_open=True,
+                upper_open=False,
+                meaning="friction angle in triaxial compression, degrees",
+            ),
+            Parameter(
+                name="cohesion_ratio",
+                symbol="β",
+                unit="1",
+                default=0.5,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=False,
+                upper_open=True,
+                meaning="largest mean tension in parts of p₀",
+            ),
+            Parameter(
+                name="hardening_factor",
+                symbol="ξ",
+                unit="1",
+                default=0.8,
+                lower=0.0,
+                upper=math.inf,
+                lower_open=True,
+                upper_open=True,
+                meaning="growth of p₀ with the consolidation",
+            ),
+            Parameter(
+                name="hardens",
+                symbol="h",
+                unit="1",
+                default=1.0,
+                lower=0.0,
+                upper=1.0,
+                lower_open=False,
+                upper_open=False,
+                meaning="share of the flow that changes α: 1 hardens and softens, 0 keeps p₀",
+            ),
+        ),
+    )
+
+    density: float
+    youngs_modulus: float
+    poissons_ratio: float = 0.3
+    log_plastic_volume: float
+    friction_angle: float = 30.0
+    cohesion_ratio: float = 0.5
+    hardening_factor: float = 0.8
+    hardens: float = 1.0
+
+
+@value
 class Hypoelastic(Material):
     """Linear elastic law in rates, Jaumann and Hill terms; for small steps.
 
@@ -707,7 +1011,7 @@ class Hypoelastic(Material):
 
     Particles store: sigma (Cauchy stress; 2D: and the one out of the plane), dJ (volume change J -
     1).
-    No volume smoothing (`FBar`).
+    Volume smoothing (`FBar`) does not apply.
     Source: de Koster (2018), equations 2.4 and 2.40 to 2.45.
 
     Raises `SceneError` with every parameter out of range.

@@ -78,6 +78,11 @@ _REMEDIES = {
     "youngs_modulus": "give it in Pa, for instance 1e9 for wood",
     "bulk_modulus": "give it in Pa, 2.2e9 for water; less is softer and allows longer time steps",
     "exponent": "water has 7.15",
+    "consistency": "give it in Pa·sⁿ; with index=1 it is the plastic viscosity in Pa·s",
+    "index": "1 is a Bingham fluid; muds have 0.3 to 1",
+    "largest_viscosity": (
+        "ten to a hundred times the viscosity where it flows; more needs shorter steps"
+    ),
     "viscosity": "give it in Pa·s, 0.001 for water, 0 for none",
 }
 

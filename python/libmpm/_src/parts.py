@@ -13,6 +13,7 @@ from libmpm._src.parameters import Material
 from libmpm._src.sensors import Sensor
 from libmpm._src.shapes import FACES, Box, DomainWalls, OrientedBox
 from libmpm._src.timetable import TimeTable
+from libmpm._src.transfer import Transfer
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
 from libmpm._src.values import Checker, Value, sequence, value
 
@@ -34,6 +35,7 @@ class Body(Value):
     lattice: Sequence[int] | None = None
     stress: Sequence[float] | Field | None = None
     tractions: Sequence[Traction] = ()
+    transfer: Transfer | None = None
 
     def _label(self) -> str:
         return f"body '{self.name}'"
@@ -44,6 +46,8 @@ class Body(Value):
         check.instance("material", self.material, (Material,), "a value of libmpm.materials")
         if self.fbar not in ("default", None) and not isinstance(self.fbar, FBar):
             check.fail(f'fbar is {self.fbar!r}; expected "default", None or FBar(...)')
+        if self.transfer is not None:
+            check.instance("transfer", self.transfer, (Transfer,), "Transfer(...) or None")
         level = self.hydrostatic
         if level is not None:
             level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")

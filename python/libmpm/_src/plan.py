@@ -159,7 +159,7 @@ class Plan:
 
     @property
     def pipeline(self) -> str:
-        """Step pipeline, "fused" or "two-pass"."""
+        """Step pipeline, "fused", "two-pass" or "phased"."""
         return str(self._result["pipeline"])
 
     @property

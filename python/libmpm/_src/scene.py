@@ -17,6 +17,7 @@ from libmpm._src.sensors import Sensor
 from libmpm._src.shapes import Box, DomainWalls, OrientedBox
 from libmpm._src.start import Start
 from libmpm._src.timetable import TimeTable, check_vector_table
+from libmpm._src.transfer import Transfer
 from libmpm._src.triangular.choices import SplineGrid, TriangularGrid
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
 from libmpm._src.values import Checker, Value, keywords_only, plain
@@ -239,6 +240,7 @@ class Scene:
         lattice: Sequence[int] | None = None,
         stress: Sequence[float] | Field | None = None,
         tractions: Sequence[Traction] = (),
+        transfer: Transfer | None = None,
     ) -> str:
         """Add a body and return its name.
 
@@ -251,7 +253,7 @@ class Scene:
         material            -     material  a value of `libmpm.materials`
         particles_per_cell  1     ≥ 1       None = 2 per axis
         velocity            m/s   (d,)      at the start, or a `Field`; None = at rest
-        fbar                -     `FBar`    "default" is on where the material supports it
+        fbar                -     `FBar`    "default" is on for fluids, off for solids
         hydrostatic         m     level     surface level against gravity, for instance z of the
                                             surface: the body starts with ρ g depth below it
         subtract_from       -     names     bodies that lose their particles inside this one
@@ -260,6 +262,8 @@ class Scene:
         stress              Pa    (4,)      xx, yy, xy, zz at the start, or a `Field`; on a `grid`,
                                             of materials that store their stress
         tractions           -     -         `Traction` values on faces of a Box, on a `grid`
+        transfer            -     Transfer  of the scene's scheme, with a flip and shifts of its
+                                            own; None = that of the scene's `Method`
         ==================  ====  ========  ==================================================
 
         Raises `SceneError`; `validate` checks what concerns several objects.
@@ -278,6 +282,7 @@ class Scene:
             lattice=lattice,
             stress=stress,
             tractions=tractions,
+            transfer=transfer,
         )
         return _insert(self._bodies, "body", body.name, body)
 

@@ -59,7 +59,7 @@ class Simulation:
         "single", "double", or on CUDA devices "mixed": particles double, grid single. "auto" is
         single, and double on grids of functions, which have no other.
     pipeline
-        "auto", "fused" or "two-pass".
+        "auto", "fused", "two-pass" or "phased".
     output
         A folder (sensors only) or an `Output` with intervals for frames and checkpoints.
     threads
@@ -149,7 +149,7 @@ class Simulation:
 
     @property
     def pipeline(self) -> str:
-        """The pipeline in use: "fused" or "two-pass"."""
+        """The pipeline in use: "fused", "two-pass" or "phased"."""
         return self.plan.pipeline
 
     @property

@@ -21,7 +21,8 @@ bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
            // Equal boxes elsewhere differ by the rounding of their edges.
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
            a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
-           a.smoothing_ratio == b.smoothing_ratio && bool(a.pressure) == bool(b.pressure) &&
+           a.smoothing_ratio == b.smoothing_ratio && a.keep == b.keep && a.shift == b.shift &&
+           a.guard == b.guard && bool(a.pressure) == bool(b.pressure) &&
            a.first_id + ids_of(a) == b.first_id && a.count > 0 && b.count > 0 &&
            (a.velocity == b.velocity || ids_of(a) + ids_of(b) <= most_with_velocities);
 }
@@ -224,7 +225,11 @@ MergedSpec merge_alike(const Spec& spec) {
 
 Plan plan_scene(const Spec& spec, const BackendTraits& backend) {
     Plan plan = make_plan(spec, backend);
-    plan.kernels = make_plan(merge_alike(spec).spec, backend).kernels;
+    const Plan runs = make_plan(merge_alike(spec).spec, backend);
+    plan.kernels = runs.kernels;
+    plan.memory_sort = runs.memory_sort;
+    plan.memory_grid = runs.memory_grid;
+    plan.memory_tables = runs.memory_tables;
     return plan;
 }
 

@@ -47,6 +47,68 @@ double estimated_slots(const Spec& spec) {
     return slots;
 }
 
+/// What limits the time step of one body, s.
+struct StepLimit {
+    double wave;     // its fastest wave crosses the share `cfl` of a cell
+    double viscous;  // viscosity takes its share of the stable limit; infinite without any
+    double stable;   // beyond it a lone particle is unstable
+};
+
+/// A deposit with stress takes the slope C to C - 4 dt tau / (rho dx^2). With nu = mu / rho, the
+/// step is stable for any particles and held nodes while
+///     4 nu dt / dx^2 + d (c dt / dx)^2 <= 1,
+/// since |v|^2 + dx^2 / 4 |C|^2 of a particle never exceeds the mean of its nodes (Bessel); a lone
+/// particle attains the bound (digest, fact 5, without viscosity). Viscosity may take what the
+/// waves leave, at most half: then no strain rate changes its sign within a step, and J may
+/// reach 2.
+StepLimit step_limit(const Spec& spec, double c, double nu) {
+    const double dx = spec.cell_size, d = spec.dimension, cfl = spec.cfl;
+    const double lone = dx / (c * std::sqrt(d)), diffusion = dx * dx / (4 * nu);
+    const double part = std::min(0.5, std::max(1 - d * cfl * cfl, 0.1));
+    const double r = lone / (2 * diffusion);
+    return {cfl * dx / c, part * diffusion, lone / (r + std::sqrt(1 + r * r))};
+}
+
+std::string limit_text(const BodySpec& body, const char* what, double value, const char* unit) {
+    char text[64];
+    std::snprintf(text, sizeof text, "%s %.4g %s", what, value, unit);
+    return "body '" + body.name + "': " + text;
+}
+
+}  // namespace
+
+namespace {
+
+/// What a particle stores beside its material's numbers, and the memory that this takes.
+void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
+    const int real = backend.real();
+    const auto state = [&](const char* name, int& at) {
+        at = p.state_columns;
+        p.state_columns += D;
+        p.columns.push_back({name, D, D * real});
+    };
+    if (p.phase.scheme.memory != Memory::none) state("velocity", p.phase.velocity);
+    if (p.phase.kernel.kernel == Kernel::cpgimp) state("stretch", p.phase.extent);
+    if (p.state_columns > max_state_columns)
+        throw SceneError("body '" + p.name + "' would store " + std::to_string(p.state_columns) +
+                         " numbers a particle beside its position; at most " +
+                         std::to_string(max_state_columns) +
+                         " fit. Use a transfer that stores no velocity, or another kernel");
+    p.columns.push_back({"id", 1, 4});
+    if (backend.device) p.columns.push_back({"cell", 1, 1});
+    const int deposit = plan.fused    ? 0
+                        : plan.phased ? scratch_columns(D, p.phase)
+                                      : (D + (p.smoothing == Smoothing::none ? 0 : 1)) * (1 + D);
+    if (deposit > 0) p.columns.push_back({"deposit", deposit, deposit * backend.grid_real()});
+    for (const auto& c : p.columns) p.bytes_per_particle += c.bytes;
+    const double particles = double(p.particles);
+    plan.memory_particles += particles * p.bytes_per_particle;
+    // Cells and order, then the order and spare columns (Domain::sort).
+    const int spare = real * std::min(permuted_together(p.particles), D + p.state_columns);
+    plan.memory_sort = std::max(plan.memory_sort,
+                                particles * std::max(backend.device ? 12 : 8, 4 + spare));
+}
+
 }  // namespace
 
 Plan make_plan(const Spec& spec, const BackendTraits& backend) {
@@ -55,20 +117,32 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         throw SceneError("dimension is " + std::to_string(D) +
                          "; built are 2 (plane strain) and 3");
     }
-    if (spec.pipeline != "auto" && spec.pipeline != "fused" && spec.pipeline != "two-pass") {
-        throw SceneError("pipeline is '" + spec.pipeline + "'; expected auto, fused or two-pass");
+    if (spec.pipeline != "auto" && spec.pipeline != "fused" && spec.pipeline != "two-pass" &&
+        spec.pipeline != "phased") {
+        throw SceneError("pipeline is '" + spec.pipeline +
+                         "'; expected auto, fused, two-pass or phased");
     }
     Plan plan;
     const int real = backend.real();
     const std::string numbers = backend.numbers();
 
-    plan.fused = spec.pipeline == "auto" ? backend.fused : spec.pipeline == "fused";
+    const bool needed = needs_phases(spec);
+    plan.phased = needed || spec.pipeline == "phased";
+    if (needed && spec.pipeline != "auto" && spec.pipeline != "phased") {
+        throw SceneError("pipeline '" + spec.pipeline +
+                         "' has quadratic splines with transfer APIC, F-bar on fluids in its fused "
+                         "forms, and not every material; this scene asks for others. Use "
+                         "pipeline=\"auto\" or \"phased\"");
+    }
+    plan.fused =
+        !plan.phased && (spec.pipeline == "auto" ? backend.fused : spec.pipeline == "fused");
     if (plan.fused && !backend.fused) {
         throw SceneError("pipeline 'fused' is not built for " + numbers + " precision on " +
                          backend.name + "; use pipeline=\"auto\" or \"two-pass\"");
     }
     plan.pipeline_reason =
         spec.pipeline != "auto" ? "asked for"
+        : plan.phased           ? "its transfer, kernel, F-bar or a material has no fused form"
         : plan.fused ? "quadratic splines and affine transfer: one pass over the particles"
                      : numbers + " precision on " + backend.name +
                            " has no fused form: too many sums for the registers of one worker";
@@ -89,10 +163,11 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                              std::to_string(body.parameters.size()) + " were given");
         }
         if (body.smoothing == SmoothingForm::none) continue;
-        if (!m.volumetric) {
-            throw SceneError("body '" + body.name +
-                             "': F-bar needs a material that stores a volume ratio; " + m.name +
-                             " does not. Remove fbar from this body");
+        if (!m.smoothable) {
+            throw SceneError(
+                "body '" + body.name +
+                "': F-bar needs a material whose volume can be scaled alone; that of " + m.name +
+                " cannot. Remove fbar from this body");
         }
         for (std::size_t g = 0; g < groups.size(); ++g) {
             const BodySpec& o = *groups[g].first;
@@ -129,13 +204,14 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             c.weight = int(plan.channels.size());
             plan.channels.push_back("mass:" + g.first->name);
         }
+        c.split = g.first->smoothing == SmoothingForm::split;
         plan.groups.push_back(c);
     }
     plan.sum_channels = int(plan.channels.size());
-    // Sums are kept twice: those being read and those being filled.
-    plan.bytes_per_node = (2 * plan.sum_channels + plan.velocity_channels) * backend.grid_real();
 
     plan.wave_speed = 0;
+    double longest = unbounded, stable = unbounded;
+    std::string stable_by;
     for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
         const BodySpec& body = spec.bodies[b];
         const MaterialInfo& m = material(body.material);
@@ -150,8 +226,11 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         }
         if (group_of[b] >= 0) {
             p.group = plan.groups[group_of[b]];
-            p.smoothing = body.smoothing == SmoothingForm::two_volume ? Smoothing::two_volumes
-                                                                      : Smoothing::one_volume;
+            const SmoothingForm f = body.smoothing;
+            p.smoothing = f == SmoothingForm::two_volume || f == SmoothingForm::split ||
+                                  f == SmoothingForm::literal
+                              ? Smoothing::two_volumes
+                              : Smoothing::one_volume;
             p.carry = body.smoothing == SmoothingForm::one_volume_gradient;
             p.stress_only = body.smoothing == SmoothingForm::stress_only;
             if (p.smoothing == Smoothing::two_volumes) {
@@ -159,40 +238,38 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                 ++p.state_columns;
             }
         }
-        p.columns.push_back({"id", 1, 4});
-        if (backend.device) p.columns.push_back({"cell", 1, 1});
-        if (!plan.fused) {
-            const int channels = D + (p.smoothing == Smoothing::none ? 0 : 1);
-            p.columns.push_back(
-                {"deposit", channels * (1 + D), channels * (1 + D) * backend.grid_real()});
-        }
-        for (const auto& c : p.columns) p.bytes_per_particle += c.bytes;
         const double density = m.density(body.parameters.data());
         p.spacing = std::pow(body.particle_mass / density, 1.0 / D);
         const double c = m.wave_speed(body.parameters.data());
-        if (c > plan.wave_speed) {
-            plan.wave_speed = c;
-            char text[64];
-            std::snprintf(text, sizeof text, "%.4g", c);
-            plan.limited_by = "body '" + body.name + "': wave speed " + text + " m/s";
+        plan.wave_speed = std::max(plan.wave_speed, c);
+        const double mu = m.viscosity ? m.viscosity(body.parameters.data()) : 0;
+        const StepLimit limit = step_limit(spec, c, mu / density);
+        const std::string by_wave = limit_text(body, "wave speed", c, "m/s"),
+                          by_viscosity = limit_text(body, "viscosity", mu, "Pa·s");
+        const double own = std::min(limit.wave, limit.viscous);
+        if (own < longest) {
+            longest = own;
+            plan.limited_by = limit.viscous < limit.wave ? by_viscosity : by_wave;
         }
-        plan.memory_particles += double(body.count) * p.bytes_per_particle;
-        // Cells and order, then the order and spare columns (Domain::sort).
-        const int spare = real * std::min(permuted_together(body.count), D + p.state_columns);
-        plan.memory_sort = std::max(
-            plan.memory_sort, double(body.count) * std::max(backend.device ? 12 : 8, 4 + spare));
+        if (limit.stable < stable) {
+            stable = limit.stable;
+            // Which of the two terms of the bound is the larger at it.
+            const double viscous = 4 * mu / density * stable / (spec.cell_size * spec.cell_size);
+            stable_by = viscous > 0.5 ? by_viscosity : by_wave;
+        }
         plan.bodies.push_back(std::move(p));
     }
-    plan.time_step = plan.wave_speed > 0 ? spec.cfl * spec.cell_size / plan.wave_speed : 0;
+    if (plan.phased) plan_phases(spec, plan);
+    // Sums are kept twice: those being read and those being filled.
+    plan.bytes_per_node = (2 * plan.sum_channels + plan.velocity_channels) * backend.grid_real();
+    for (BodyPlan& p : plan.bodies) add_columns(plan, backend, D, p);
+    plan.time_step = longest < unbounded ? longest : 0;
     if (spec.time_step > 0) {
-        // A lone particle is unstable beyond dx / (c sqrt(d)) (digest, fact 5); one factor covers
-        // all materials.
-        const double stable = spec.cell_size / (plan.wave_speed * std::sqrt(double(D)));
         if (spec.time_step > stable) {
             char text[192];
             std::snprintf(text, sizeof text,
                           "time_step is %.6g s; the stable limit of this scene is %.6g s (%s). ",
-                          spec.time_step, stable, plan.limited_by.c_str());
+                          spec.time_step, stable, stable_by.c_str());
             throw SceneError(std::string(text) + "Lower it, or leave it out and set cfl");
         }
         plan.time_step = spec.time_step;
@@ -205,6 +282,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                          double(spec.bodies.size()) * slots * block_cells * 4;
 
     plan.kernels = {"update_grid", "decide"};
+    if (plan.sweeps > 0)
+        plan.kernels.insert(plan.kernels.begin() + 1,
+                            "sweep (" + std::to_string(plan.sweeps) + " times)");
     bool loads = false;
     for (const auto& s : spec.sensors) {
         loads = loads || s.kind == SensorKind::load_cell;
@@ -214,6 +294,10 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     for (const auto& b : spec.bodies) {
         if (plan.fused) {
             plan.kernels.push_back("fused:" + b.name);
+        } else if (plan.phased) {
+            plan.kernels.push_back("collect:" + b.name);
+            plan.kernels.push_back("respond:" + b.name);
+            plan.kernels.push_back("spread:" + b.name);
         } else {
             plan.kernels.push_back("gather:" + b.name);
             plan.kernels.push_back("scatter:" + b.name);

@@ -34,7 +34,9 @@ std::vector<double> usual_parameters() {
     for (const Parameter& p : M::parameters) {
         // No flow below this: what all materials share is elastic.
         const std::string name = p.name;
-        if (name == "yield_stress" || name == "cohesion" || name == "tension_cutoff")
+        if (name == "log_plastic_volume")
+            out.push_back(-20);  // p0 far above any pressure
+        else if (name == "yield_stress" || name == "cohesion" || name == "tension_cutoff")
             out.push_back(1e9);
         else if (!std::isnan(p.default_value))
             out.push_back(p.default_value);

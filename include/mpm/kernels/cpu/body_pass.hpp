@@ -11,7 +11,7 @@
 #include <memory>
 
 #include "mpm/exec/cpu.hpp"
-#include "mpm/kernels/body_common.hpp"
+#include "mpm/kernels/cpu/phases.hpp"
 
 // 32-byte packs widen with the clone they are inlined into; the loader picks the clone for the
 // processor.
@@ -386,10 +386,12 @@ MPM_CLONES void run_block(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Mate
     BlockPass<Material, S, T, D, stage>{pass, numbers, arena}.block(slot);
 }
 
-template <class Material, Smoothing S, class T, int D>
-void run_first_block(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>& numbers,
+/// Not worth clones: the first deposit runs once, and the two-pass form is there on the CPU to be
+/// compared with the fused one.
+template <class Material, Smoothing S, class T, int D, Stage stage>
+void run_block_plain(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>& numbers,
                      Arena<T, D, transfer_channels<D, S>>& arena, std::int32_t slot) {
-    BlockPass<Material, S, T, D, Stage::initial>{pass, numbers, arena}.block(slot);
+    BlockPass<Material, S, T, D, stage>{pass, numbers, arena}.block(slot);
 }
 
 template <class Material, Smoothing S, class T, int D, Stage stage>
@@ -404,12 +406,13 @@ void run_body(const Pass<Cpu, T, D>& pass) {
 #pragma omp parallel num_threads(threads)
     {
         const auto arena = std::make_unique<A>();
-        for (int colour = 0; colour < (1 << D); ++colour) {
+        for (int colour = 0; colour < pass.colours; ++colour) {
 #pragma omp for schedule(dynamic, 1)
             for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1];
                  ++k) {
-                if constexpr (stage == Stage::initial) {
-                    run_first_block<Material, S, T, D>(pass, numbers, *arena, pass.coloured[k]);
+                if constexpr (stage == Stage::initial || stage == Stage::gather) {
+                    run_block_plain<Material, S, T, D, stage>(pass, numbers, *arena,
+                                                              pass.coloured[k]);
                 } else {
                     run_block<Material, S, T, D, stage>(pass, numbers, *arena, pass.coloured[k]);
                 }
@@ -468,9 +471,7 @@ BodyOps<Cpu, T, D> instance() {
     S == Smoothing::none ? Smoothing::none : Smoothing::one_volume > ;
     ops.initial = &run_body<Material, S, T, D, Stage::initial>;
     ops.energies = &energies<Material, S, T, D>;
-    ops.state_columns = state_reals<Material, D, S>;
-    ops.channels = transfer_channels<D, S>;
-    ops.observe = &Material::template observe<D>;
+    add_phases<Material, S, T, D>(ops);
     return ops;
 }
 
@@ -480,13 +481,23 @@ namespace mpm {
 
 template <class T, int D, class Material>
 BodyOps<Cpu, T, D> cpu_body_ops(Smoothing s) {
-    if constexpr (Material::volumetric) {
-        if (s == Smoothing::one_volume)
-            return cpu::instance<Material, Smoothing::one_volume, T, D>();
-        if (s == Smoothing::two_volumes)
-            return cpu::instance<Material, Smoothing::two_volumes, T, D>();
+    const auto make = [&]<Smoothing S>() {
+        // F-bar on solids and rare materials: in the phased step alone.
+        constexpr bool all = has_fused_form<Material> &&
+                             (Material::volumetric || S == Smoothing::none);
+        if constexpr (all) {
+            return cpu::instance<Material, S, T, D>();
+        } else {
+            BodyOps<Cpu, T, D> ops{};
+            cpu::add_phases<Material, S, T, D>(ops);
+            return ops;
+        }
+    };
+    if constexpr (smoothable<Material, D>) {
+        if (s == Smoothing::one_volume) return make.template operator()<Smoothing::one_volume>();
+        if (s == Smoothing::two_volumes) return make.template operator()<Smoothing::two_volumes>();
     }
-    return cpu::instance<Material, Smoothing::none, T, D>();
+    return make.template operator()<Smoothing::none>();
 }
 
 }  // namespace mpm

@@ -394,4 +394,19 @@ __device__ __forceinline__ Affine<G, D, C> advance(const LineArena<G, D, C>& lin
     return u;
 }
 
+/// What the threads of a block hold, added in a fixed order through `parts`.
+template <int threads>
+__device__ __forceinline__ void add_in_order(double (&parts)[3][threads], const double (&sum)[3],
+                                             double* to) {
+    for (int e = 0; e < 3; ++e) parts[e][threadIdx.x] = sum[e];
+    for (int by = threads / 2; by > 0; by /= 2) {
+        __syncthreads();
+        if (threadIdx.x < by) {
+            for (int e = 0; e < 3; ++e) parts[e][threadIdx.x] += parts[e][threadIdx.x + by];
+        }
+    }
+    __syncthreads();
+    if (threadIdx.x < 3) to[threadIdx.x] = parts[threadIdx.x][0];
+}
+
 }  // namespace mpm::cuda

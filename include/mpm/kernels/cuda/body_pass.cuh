@@ -3,6 +3,7 @@
 
 #include "mpm/kernels/cuda/fused.cuh"
 #include "mpm/kernels/cuda/lone.cuh"
+#include "mpm/kernels/cuda/phases.cuh"
 #include "mpm/kernels/cuda/two_pass.cuh"
 
 namespace mpm::cuda {
@@ -20,9 +21,7 @@ BodyOps<X, T, D> instance() {
     ops.scatter = &run_scatter<X, T, D, C>;
     ops.initial = &run_initial<Material, S, X, T, D>;
     ops.energies = &run_energies<Material, S, X, T, D>;
-    ops.state_columns = state_reals<Material, D, S>;
-    ops.channels = C;
-    ops.observe = &Material::template observe<D>;
+    add_phases<Material, S, X, T, D>(ops);
     return ops;
 }
 
@@ -32,13 +31,23 @@ namespace mpm {
 
 template <class X, class T, int D, class Material>
 BodyOps<X, T, D> cuda_body_ops(Smoothing s) {
-    if constexpr (Material::volumetric) {
-        if (s == Smoothing::one_volume)
-            return cuda::instance<Material, Smoothing::one_volume, X, T, D>();
-        if (s == Smoothing::two_volumes)
-            return cuda::instance<Material, Smoothing::two_volumes, X, T, D>();
+    const auto make = [&]<Smoothing S>() {
+        // F-bar on solids and rare materials: in the phased step alone.
+        constexpr bool all = has_fused_form<Material> &&
+                             (Material::volumetric || S == Smoothing::none);
+        if constexpr (all) {
+            return cuda::instance<Material, S, X, T, D>();
+        } else {
+            BodyOps<X, T, D> ops{};
+            cuda::add_phases<Material, S, X, T, D>(ops);
+            return ops;
+        }
+    };
+    if constexpr (smoothable<Material, D>) {
+        if (s == Smoothing::one_volume) return make.template operator()<Smoothing::one_volume>();
+        if (s == Smoothing::two_volumes) return make.template operator()<Smoothing::two_volumes>();
     }
-    return cuda::instance<Material, Smoothing::none, X, T, D>();
+    return make.template operator()<Smoothing::none>();
 }
 
 }  // namespace mpm

@@ -194,17 +194,7 @@ __global__ void __launch_bounds__(pass_threads)
         load(pass.body, q, xi, state);
         add_energies<Material, T, D, C>(pass, lines, corner, home, xi, state, sum);
     }
-    for (int e = 0; e < 3; ++e) parts[e][threadIdx.x] = sum[e];
-    for (int by = pass_threads / 2; by > 0; by /= 2) {
-        __syncthreads();
-        if (threadIdx.x < by) {
-            for (int e = 0; e < 3; ++e) parts[e][threadIdx.x] += parts[e][threadIdx.x + by];
-        }
-    }
-    __syncthreads();
-    if (threadIdx.x < 3) {
-        partial[3 * std::int64_t(blockIdx.x) + threadIdx.x] = parts[threadIdx.x][0];
-    }
+    add_in_order(parts, sum, partial + 3 * std::int64_t(blockIdx.x));
 }
 
 template <class Material, Smoothing S, class X, class T, int D>

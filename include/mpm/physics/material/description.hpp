@@ -27,12 +27,33 @@ struct Column {
     const char* unit;
 };
 
+/// Whether a material is compiled into the fused and two-pass steps too. One that is in few scenes
+/// says `static constexpr bool fused = false`: the phased step has every material, at a part of the
+/// compile time.
+template <class Material>
+inline constexpr bool has_fused_form = [] {
+    if constexpr (requires { Material::fused; })
+        return Material::fused;
+    else
+        return true;
+}();
+
 /// A material whose stress falls out of its update says so by a `respond` that does both.
 template <class Material, class V, int D, class T>
 concept Responds = requires(V (&state)[Material::template reals<D>], const Mat<V, D>& strain,
                             const typename Material::template Constants<T>& k) {
     Material::respond(state, strain, k);
 };
+
+/// Materials whose volume F-bar may smooth: fluids that store it, and solids that can say and scale
+/// it.
+template <class Material, class V, int D>
+concept ScalesVolume = requires(V (&state)[Material::template reals<D>]) {
+    Material::template volume_loss<D>(state);
+    Material::template scale_volume<D>(state, state[0], state[0]);
+};
+template <class Material, int D>
+inline constexpr bool smoothable = Material::volumetric || ScalesVolume<Material, double, D>;
 
 inline constexpr double required = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double unbounded = std::numeric_limits<double>::infinity();

@@ -60,6 +60,21 @@ struct StoresDisplacement {
     }
     static constexpr const char* limits =
         "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
+
+    // For F-bar: 1 - J, and F scaled to another one, in plane strain within the plane.
+    template <int D, class V>
+    MPM_INLINE static V volume_loss(const V (&state)[D * D]) {
+        return -volume_change(displacement_gradient<D>(state));
+    }
+    template <int D, class V>
+    MPM_INLINE static void scale_volume(V (&state)[D * D], V from, V to) {
+        using T = ScalarOf<V>;
+        const V more = expm1_of(T(1.0 / D) * (log1p_of(-to) - log1p_of(-from)));
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
+            V& h = state[a * D + b];
+            h = h + more * (a == b ? T(1) + h : h);
+        }
+    }
 };
 
 /// What a reader sees, but for the energy; `out_of_plane` is tau_33 in two dimensions.

@@ -139,6 +139,24 @@ MPM_INLINE V norm(const Vec<V, 3>& v) {
     return square_root(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
+/// 1 - J from B and the elastic strain out of the plane.
+template <class V, int D>
+MPM_INLINE V volume_loss_of(const Mat<V, D>& b, V out_of_plane) {
+    using T = ScalarOf<V>;
+    return -expm1_of(T(0.5) * log1p_of(volume_change(b)) + out_of_plane);
+}
+/// Adds the same to all logarithmic strains that B holds.
+template <int D, class V, int R>
+MPM_INLINE void add_to_log_strains(V (&state)[R], V strain) {
+    using T = ScalarOf<V>;
+    const V more = expm1_of(T(2) * strain);
+    Mat<V, D> b = load_symmetric<D>(state);
+    MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j < D; ++j) {
+        b.e[i][j] = b.e[i][j] + more * (i == j ? T(1) + b.e[i][j] : b.e[i][j]);
+    }
+    store_symmetric<D>(state, b);
+}
+
 /// Volume ratio between 0.05 and 20, from B; false for what is not a number.
 template <class V, int D>
 MPM_INLINE MaskOf<V> admissible_left_cauchy_green(const Mat<V, D>& b, V out_of_plane) {

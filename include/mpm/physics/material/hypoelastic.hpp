@@ -19,6 +19,7 @@ struct Hypoelastic : IsotropicElastic {
     static constexpr const char* name = "Hypoelastic";
     static constexpr const char* summary =
         "Linear elastic law in rates, Jaumann and Hill terms; for small steps";
+    static constexpr bool fused = false;
     static constexpr const char* source = "de Koster (2018), equations 2.4 and 2.40 to 2.45";
     static constexpr const char* needs = "stress";
     static constexpr Column columns[] = {

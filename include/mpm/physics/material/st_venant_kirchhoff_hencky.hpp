@@ -38,6 +38,17 @@ struct StVenantKirchhoffHencky : IsotropicElastic {
     static constexpr const char* limits =
         "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn)";
 
+    // For F-bar: 1 - J, and F scaled to another one, in plane strain within the plane.
+    template <int D, class V>
+    MPM_INLINE static V volume_loss(const V (&state)[reals<D>]) {
+        return volume_loss_of(load_symmetric<D>(state), V(ScalarOf<V>(0)));
+    }
+    template <int D, class V>
+    MPM_INLINE static void scale_volume(V (&state)[reals<D>], V from, V to) {
+        add_to_log_strains<D>(state,
+                              ScalarOf<V>(1.0 / D) * (log1p_of(-to) - log1p_of(-from)));
+    }
+
     template <int D>
     MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],
                                          const double* q) {

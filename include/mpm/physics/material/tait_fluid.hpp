@@ -56,6 +56,8 @@ struct TaitFluid {
     static double density(const double* p) { return p[0]; }
     /// Sound speed at zero pressure, m/s.
     static double wave_speed(const double* p) { return std::sqrt(p[1] / p[0]); }
+    /// Largest dynamic viscosity, Pa s.
+    static double viscosity(const double* p) { return p[3]; }
 
     template <int D>
     static constexpr int reals = 1;

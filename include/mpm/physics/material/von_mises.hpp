@@ -78,6 +78,19 @@ struct VonMises : HenckyFlow<VonMises> {
     static constexpr const char* limits =
         "its volume ratio left the range 0.05 to 20, or its plastic strain 1e6";
 
+    // For F-bar: 1 - J, all of it elastic as flow keeps the volume, and the elastic strain made that
+    // of another volume, alike along all axes: then the deviator stays on the yield surface.
+    template <int D, class V>
+    MPM_INLINE static V volume_loss(const V (&state)[reals<D>]) {
+        return volume_loss_of(load_symmetric<D>(state), D == 2 ? state[3] : V(ScalarOf<V>(0)));
+    }
+    template <int D, class V>
+    MPM_INLINE static void scale_volume(V (&state)[reals<D>], V from, V to) {
+        const V each = ScalarOf<V>(1.0 / 3) * (log1p_of(-to) - log1p_of(-from));
+        add_to_log_strains<D>(state, each);
+        if constexpr (D == 2) state[3] = state[3] + each;
+    }
+
     template <int D>
     MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],
                                          const double* q) {

@@ -12,6 +12,7 @@ from libmpm._src.field import Field
 from libmpm._src.method import FBar
 from libmpm._src.sensors import VelocityProbe, WaveGauge
 from libmpm._src.shapes import Box
+from libmpm._src.transfer import Kernel, Transfer
 from libmpm._src.triangular.choices import TriangularGrid
 from libmpm._src.triangular.placing import chosen_triangles, place
 from libmpm._src.triangular.shapes import Cells, Outline, Points
@@ -31,6 +32,11 @@ def check_grid(scene: Scene, problems: list[str], doubts: list[str]) -> None:
         problems.append(
             "Method: leaving is 'freeze', which is not built for grids of functions; expected "
             "'stop' or 'delete'"
+        )
+    if scene.method.transfer_choice != Transfer() or scene.method.kernel_choice != Kernel():
+        problems.append(
+            "Method: transfer and kernel are choices of square cells; a grid of functions has its "
+            "own functions and update; leave both out"
         )
     for placed in scene.sensors:
         if isinstance(placed.sensor, WaveGauge):

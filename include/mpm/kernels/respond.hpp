@@ -1,0 +1,256 @@
+// The material's part of the phased step, one particle at a time and without a kernel: state,
+// velocity and position advance, and what is to be deposited is left in scratch. See phase.hpp.
+#pragma once
+
+#include "mpm/kernels/phase.hpp"
+
+namespace mpm {
+
+/// A particle that stands further than this from its home cell's centre makes the clock sort: what
+/// a scheme adds to its path is in no bound on the drift.
+inline constexpr double far_from_home = 1.0;
+
+/// What a deposit puts on a node is at most its share of the node's mass times
+///   |value| + reach sum |slope| + pull sum |stress|.
+/// With gradients of shapes a share of the largest mass around: these functions are dominated by
+/// three of their neighbours.
+struct DepositBound {
+    double reach, pull;
+    template <class G>
+    MPM_INLINE static DepositBound of(const KernelChoice& k, G least_half_edge) {
+        const bool shapes = k.gradient == GradientForm::shapes;
+        switch (k.kernel) {
+            case Kernel::linear:
+                return {1, 3};
+            case Kernel::quadratic:
+                return {1.5, shapes ? 3.0 : 6.0};
+            case Kernel::cubic:
+                return {2, shapes ? 3.0 : 6.0};
+            default: {
+                const double l = double(least_half_edge);
+                return {1 + largest_half_edge, shapes ? 3.0 : 2 * (1 + l) / l};
+            }
+        }
+    }
+};
+
+/// A particle's volume loss 1 - J after its update.
+template <class Material, Smoothing S, class T, int D, class P>
+MPM_INLINE T loss_of(const P& pass, const T (&state)[state_reals<Material, D, S>]) {
+    constexpr int reals = Material::template reals<D>;
+    if constexpr (S == Smoothing::two_volumes) {
+        return state[reals];
+    } else if constexpr (Material::volumetric) {
+        return state[0];
+    } else if constexpr (ScalesVolume<Material, T, D>) {
+        T own[reals];
+        for (int r = 0; r < reals; ++r) own[r] = state[r];
+        return Material::template volume_loss<D>(own);
+    } else {
+        double real[reals];
+        for (int r = 0; r < reals; ++r) real[r] = double(state[r]);
+        const double still[D][D] = {};
+        return T(1 - Material::template observe<D>(real, still, pass.parameters).volume_ratio);
+    }
+}
+
+/// What `respond_particle` found.
+template <class G>
+struct Responded {
+    bool sound;
+    bool far;
+    G momentum, average;  // largest deposits
+};
+
+template <class Material, Smoothing S, class X, class T, int D>
+MPM_INLINE Responded<typename Pass<X, T, D>::Grid> respond_particle(
+    const Phase<X, T, D>& phase, const StepNumbers<T, Material>& k, bool due, std::uint32_t q) {
+    using G = typename Pass<X, T, D>::Grid;
+    constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
+    const auto& pass = phase.pass;
+    const PhaseNumbers& n = phase.n;
+    const SchemeNumbers& scheme = n.scheme;
+    const Scratch<D> column{C};
+    const std::size_t count = pass.body.count;
+    const auto at = [&](int c) -> G& { return pass.scratch[std::size_t(c) * count + q]; };
+
+    Vec<T, D> xi;
+    T state[R];
+    MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = pass.body.offset[a][q];
+    MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = pass.body.state[r][q];
+    Affine<G, D, C> u, out;
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        u.value[c] = at(column.value(c));
+        MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] = at(column.slope(a, c));
+    }
+    if (n.separate_affine()) {
+        MPM_UNROLL for (int c = 0; c < D; ++c) MPM_UNROLL for (int a = 0; a < D; ++a)
+            at(column.slope(a, c)) = at(column.stress(a, c));
+    }
+    const Mat<T, D> tau = update_state<Material, S, true, T, D, G>(u, state, k, out);
+    MPM_UNROLL for (int r = 0; r < R; ++r) pass.body.state[r][q] = state[r];
+
+    // Velocities: what is kept, and what moves the particle.
+    Vec<T, D> kept, moves;
+    MPM_UNROLL for (int a = 0; a < D; ++a) kept[a] = moves[a] = T(u.value[a]);
+    if (scheme.memory == Memory::flip) {
+        const T alpha = n.sweeps && due ? T(0) : T(scheme.keep);
+        T share = T(0);
+        if (scheme.rule != ShiftRule::none && !(n.guard >= 0 && at(column.guard()) > G(0)))
+            share = shift_share(scheme, loss_of<Material, S, T, D>(pass, state));
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const T unseen = alpha * (pass.body.state[n.velocity + a][q] - T(at(column.before(a))));
+            kept[a] = kept[a] + unseen;
+            moves[a] = moves[a] + share * unseen;
+        }
+    } else if (scheme.memory == Memory::xpic) {
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const T own = pass.body.state[n.velocity + a][q], before = T(at(column.before(a)));
+            const T filtered = due ? T(at(column.filtered(a))) : own;
+            kept[a] = filtered + T(u.value[a]) - before;
+            moves[a] = moves[a] - T(0.5) * (T(u.value[a]) - before) - T(0.5) * (own - filtered);
+        }
+    }
+    bool fine = true, far = false;
+    T least_edge = T(n.kernel.half_edge);
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        if (n.velocity >= 0) pass.body.state[n.velocity + a][q] = kept[a];
+        if (n.extent >= 0) {
+            T& stretch = pass.body.state[n.extent + a][q];
+            stretch = stretch + k.move * T(u.slope[a][a]) * (T(1) + stretch);
+            const T edge = T(n.kernel.half_edge) * (T(1) + stretch);
+            fine = fine && edge <= T(largest_half_edge) && edge > T(0);
+            least_edge = smaller(least_edge, edge);
+        }
+        xi[a] = xi[a] + k.move * moves[a];
+        pass.body.offset[a][q] = xi[a];
+        far = far || absolute(xi[a]) > T(far_from_home);
+    }
+
+    const G force = G(T(0.25) * k.impulse);  // dt / (rho0 dx)
+    const DepositBound bound = DepositBound::of(n.kernel, least_edge);
+    Responded<G> found{fine && sound<Material>(xi, state), far, G(0), G(0)};
+    MPM_UNROLL for (int c = 0; c < D; ++c) {
+        at(column.value(c)) = G(kept[c]);
+        G tilt = G(0), pull = G(0);
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const G stress = force * G(tau.e[c][a]);
+            at(column.stress(a, c)) = stress;
+            pull = pull + absolute(stress);
+            if (scheme.affine) tilt = tilt + absolute(at(column.slope(a, c)));
+        }
+        found.momentum = larger(
+            found.momentum, absolute(G(kept[c])) + G(bound.reach) * tilt + G(bound.pull) * pull);
+        found.momentum = found.momentum + (tilt + pull) * G(0);  // keeps not-a-number
+    }
+    if constexpr (C > D) {
+        at(column.value(D)) = out.value[D];
+        found.average = absolute(out.value[D]);
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            at(column.slope(a, D)) = out.slope[a][D];
+            found.average = found.average + G(bound.reach) * absolute(out.slope[a][D]);
+        }
+    }
+    return found;
+}
+
+/// What a particle deposits before the first step, from its given velocity in the first D columns
+/// of scratch; the stored one where there is any.
+template <class Material, Smoothing S, class X, class T, int D>
+MPM_INLINE Responded<typename Pass<X, T, D>::Grid> rest_particle(const Phase<X, T, D>& phase,
+                                                                 const StepNumbers<T, Material>& k,
+                                                                 std::uint32_t q) {
+    using G = typename Pass<X, T, D>::Grid;
+    constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
+    const auto& pass = phase.pass;
+    const Scratch<D> column{C};
+    const std::size_t count = pass.body.count;
+    const auto at = [&](int c) -> G& { return pass.scratch[std::size_t(c) * count + q]; };
+    Vec<G, D> velocity;
+    T state[R];
+    MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = pass.body.state[r][q];
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        velocity[a] = at(a);
+        if (phase.n.velocity >= 0) pass.body.state[phase.n.velocity + a][q] = T(velocity[a]);
+    }
+    StepNumbers<T, Material> quarter = k;
+    quarter.impulse = T(0.25) * k.impulse;
+    const auto u = resting_particle<Material, S, T, D, G>(velocity, state, quarter);
+    const DepositBound bound = DepositBound::of(phase.n.kernel, phase.n.kernel.half_edge);
+    Responded<G> found{true, false, G(0), G(0)};
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        at(column.value(c)) = u.value[c];
+        G pull = G(0);
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            at(column.slope(a, c)) = G(0);
+            if (c < D) {
+                at(column.stress(a, c)) = -u.slope[a][c];
+                pull = pull + absolute(u.slope[a][c]);
+            }
+        }
+        if (c < D)
+            found.momentum = larger(found.momentum, absolute(u.value[c]) + G(bound.pull) * pull);
+        else
+            found.average = absolute(u.value[c]);
+    }
+    return found;
+}
+
+/// The blended volume advanced by this step's rate, for the grid to average: F-bar in its split
+/// form.
+template <class Material, Smoothing S, class X, class T, int D>
+MPM_INLINE typename Pass<X, T, D>::Grid project_particle(const Phase<X, T, D>& phase,
+                                                         const StepNumbers<T, Material>& k,
+                                                         std::uint32_t q) {
+    using G = typename Pass<X, T, D>::Grid;
+    static_assert(S == Smoothing::two_volumes);
+    const auto& pass = phase.pass;
+    const Scratch<D> column{D + 1};
+    const std::size_t count = pass.body.count;
+    Mat<T, D> strain;
+    MPM_UNROLL for (int c = 0; c < D; ++c) MPM_UNROLL for (int a = 0; a < D; ++a) strain.e[c][a] =
+        k.move * T(pass.scratch[std::size_t(column.slope(a, c)) * count + q]);
+    const T j = pass.body.state[Material::template reals<D>][q];
+    const G advanced = G(advance_loss<Material>(j, strain));
+    pass.scratch[std::size_t(column.value(D)) * count + q] = advanced;
+    return advanced;
+}
+
+/// A state in double with the volume that its stress follows.
+template <class Material, int D>
+void adopt_volume(double* state, double loss) {
+    if constexpr (Material::volumetric) {
+        state[0] = loss;
+    } else {
+        constexpr int reals = Material::template reals<D>;
+        double own[reals];
+        for (int r = 0; r < reals; ++r) own[r] = state[r];
+        Material::template scale_volume<D>(own, Material::template volume_loss<D>(own), loss);
+        for (int r = 0; r < reals; ++r) state[r] = own[r];
+    }
+}
+
+/// What all backends say alike of an instance.
+template <class Material, Smoothing S, class X, class T, int D>
+void describe_instance(BodyOps<X, T, D>& ops) {
+    ops.state_columns = state_reals<Material, D, S>;
+    ops.channels = transfer_channels<D, S>;
+    ops.observe = &Material::template observe<D>;
+    if constexpr (S == Smoothing::two_volumes) ops.adopt = &adopt_volume<Material, D>;
+}
+
+/// Square of a particle's speed: of the velocity that it stores, or that the grid gives it.
+template <class X, class T, int D>
+MPM_INLINE double speed_squared(const Phase<X, T, D>& phase, std::uint32_t q) {
+    double square = 0;
+    for (int a = 0; a < D; ++a) {
+        const double v =
+            phase.n.velocity >= 0
+                ? double(phase.pass.body.state[phase.n.velocity + a][q])
+                : double(phase.pass.scratch[std::size_t(a) * phase.pass.body.count + q]);
+        square += v * v;
+    }
+    return square;
+}
+
+}  // namespace mpm

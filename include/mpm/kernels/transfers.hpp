@@ -1,0 +1,290 @@
+// What the phased step does between particles and grid (phase.hpp), for one particle: collect and
+// spread. They reach nodes by places: small numbers that add up over the axes, of the grid around a
+// block or of an arena, whose holder turns them into numbers.
+#pragma once
+
+#include "mpm/kernels/phase.hpp"
+
+namespace mpm {
+
+/// A place is the sum of one part an axis.
+template <int D, int W>
+struct Places {
+    int part[D][W];
+};
+
+/// In the grid: 256 times the number of the block, among the 3^D around the home block, and the
+/// node in it. `cell` counts from the first of the home block, up to an edge of a block beside it.
+template <int W, int D>
+MPM_INLINE Places<D, W> places_in_grid(const int (&cell)[D]) {
+    Places<D, W> p;
+    int side_step = 256, node_step = 1;
+    MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+        MPM_UNROLL for (int k = 0; k < W; ++k) {
+            const int at = cell[a] + k - W / 2 + Block<D>::edge;
+            p.part[a][k] = at / Block<D>::edge * side_step + at % Block<D>::edge * node_step;
+        }
+        side_step *= 3;
+        node_step *= Block<D>::edge;
+    }
+    return p;
+}
+
+/// In an arena of a block and `Block::margin` nodes around it.
+template <class Arena, int W, int D>
+MPM_INLINE Places<D, W> places_in_arena(const int (&cell)[D]) {
+    Places<D, W> p;
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int k = 0; k < W; ++k) p.part[a][k] =
+        (cell[a] + k - W / 2 + Block<D>::margin) * Arena::stride(a);
+    return p;
+}
+/// Does an arena hold all nodes around this cell?
+template <int W, int D>
+MPM_INLINE bool fits_arena(const int (&cell)[D]) {
+    bool fits = true;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        fits = fits && cell[a] - W / 2 + Block<D>::margin >= 0 &&
+               cell[a] + W / 2 + Block<D>::margin < Block<D>::arena_edge;
+    }
+    return fits;
+}
+
+/// Calls f(k, place, weight) for the nodes of a stencil; k are their numbers along the axes. Planes
+/// of nodes that a particle does not reach are left out.
+template <class V, int D, int W, class F>
+MPM_INLINE void for_each_node(const Stencil<V, D, W>& s, const Places<D, W>& places, const F& f) {
+    int k[D];
+    MPM_NO_UNROLL for (k[0] = 0; k[0] < W; ++k[0]) {
+        if (s.weight[0][k[0]] == V(0) && s.slope[0][k[0]] == V(0)) continue;
+        MPM_NO_UNROLL for (k[1] = 0; k[1] < W; ++k[1]) {
+            const V plane = s.weight[0][k[0]] * s.weight[1][k[1]];
+            const int place = places.part[0][k[0]] + places.part[1][k[1]];
+            if constexpr (D == 2) {
+                f(k, place, plane);
+            } else {
+                MPM_UNROLL for (k[2] = 0; k[2] < W; ++k[2])
+                    f(k, place + places.part[2][k[2]], plane * s.weight[2][k[2]]);
+            }
+        }
+    }
+}
+
+/// d weight / d x_a of node k.
+template <class V, int D, int W>
+MPM_INLINE V node_slope(const Stencil<V, D, W>& s, const int (&k)[D], int axis) {
+    V out = V(1);
+    MPM_UNROLL for (int a = 0; a < D; ++a) out =
+        out * (a == axis ? s.slope[a][k[a]] : s.weight[a][k[a]]);
+    return out;
+}
+/// What node k adds to a gradient along an axis, and takes of a stress: gradients of the shapes, or
+/// first moments.
+template <class V, int D, int W>
+MPM_INLINE V node_lever(const Stencil<V, D, W>& s, const int (&k)[D], V weight, int axis) {
+    return weight * s.distance[axis][k[axis]] * s.inverse[axis];
+}
+template <class V, int D, int W>
+MPM_INLINE V node_along(const Stencil<V, D, W>& s, const int (&k)[D], V weight, int axis,
+                        bool shapes) {
+    return shapes ? node_slope(s, k, axis) : node_lever(s, k, weight, axis);
+}
+
+/// Where a particle stands: its cell counted from its home block's first, its offset there, and the
+/// cell in the domain.
+template <class G, int D>
+struct Standing {
+    int cell[D];
+    Vec<G, D> xi;
+    std::int64_t in_domain[D];
+
+    template <class T>
+    MPM_INLINE void find(const std::int32_t* corner, const int (&home)[D],
+                         const Vec<T, D>& offset) {
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const int shift = cell_shift(offset[a]);
+            cell[a] = home[a] + shift;
+            xi[a] = G(offset[a] - T(shift));
+            in_domain[a] = corner[a] + cell[a];
+        }
+    }
+};
+
+/// Half-edges of a particle, cells: what GIMP averages over.
+template <class G, class T, int D>
+MPM_INLINE Vec<G, D> half_edges(const PhaseNumbers& n, const BodyView<T, D>& body,
+                                std::uint32_t q) {
+    Vec<G, D> half;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        half[a] = G(n.kernel.half_edge);
+        if (n.extent >= 0) half[a] = half[a] * (G(1) + G(body.state[n.extent + a][q]));
+    }
+    return half;
+}
+
+/// Where particle q stands, whose home cell is `home` of the block in `slot`, and its functions
+/// there.
+template <int W, class X, class T, int D>
+struct Reached {
+    using G = typename Pass<X, T, D>::Grid;
+    Standing<G, D> at;
+    Stencil<G, D, W> stencil;
+
+    MPM_INLINE Reached(const Phase<X, T, D>& phase, std::int32_t slot, const int (&home)[D],
+                       std::uint32_t q) {
+        const auto& pass = phase.pass;
+        Vec<T, D> offset;
+        MPM_UNROLL for (int a = 0; a < D; ++a) offset[a] = pass.body.offset[a][q];
+        at.find(pass.grid.table.corners + std::int64_t(slot) * D, home, offset);
+        stencil = stencil_of<W>(phase.n.kernel, at.xi, half_edges<G>(phase.n, pass.body, q),
+                                at.in_domain);
+    }
+};
+
+/// Gathers for particle q into its scratch. `read(place)` gives a node's velocities by channel.
+template <int W, class X, class T, int D, class Read>
+MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D>& reached,
+                                 const Places<D, W>& places, std::uint32_t q, const Read& read) {
+    using G = typename Pass<X, T, D>::Grid;
+    constexpr int most = D + 1;
+    const auto& pass = phase.pass;
+    const PhaseNumbers& n = phase.n;
+    const auto& s = reached.stencil;
+    const std::size_t count = pass.body.count;
+    const auto put = [&](int c, G x) { pass.scratch[std::size_t(c) * count + q] = x; };
+    if (phase.part != Part::step) {
+        G value[D] = {};
+        const int source = phase.part == Part::vectors ? phase.source : 0;
+        if (phase.part != Part::averages) {
+            for_each_node(s, places, [&](const int(&)[D], int place, G w) {
+                const auto u = read(place);
+                MPM_UNROLL for (int a = 0; a < D; ++a) value[a] += w * u[source + a];
+            });
+            MPM_UNROLL for (int a = 0; a < D; ++a) put(a, value[a]);
+        }
+        return;
+    }
+    G value[most] = {}, slope[D][most] = {}, affine[D][D] = {}, before[D] = {}, filtered[D] = {};
+    bool guarded = false;
+    const bool shapes = n.kernel.gradient == GradientForm::shapes, separate = n.separate_affine();
+    const int average = n.channels > D ? pass.group.average : -1;
+    for_each_node(s, places, [&](const int(&k)[D], int place, G w) {
+        const auto u = read(place);
+        G along[D];
+        MPM_UNROLL for (int a = 0; a < D; ++a) along[a] = node_along(s, k, w, a, shapes);
+        MPM_UNROLL for (int c = 0; c < D; ++c) {
+            const G v = u[c];
+            value[c] += w * v;
+            MPM_UNROLL for (int a = 0; a < D; ++a) slope[a][c] += along[a] * v;
+        }
+        if (average >= 0) {
+            const G j = u[average];
+            value[D] += w * j;
+            MPM_UNROLL for (int a = 0; a < D; ++a) slope[a][D] += along[a] * j;
+        }
+        if (separate) {
+            MPM_UNROLL for (int a = 0; a < D; ++a) {
+                const G lever = node_lever(s, k, w, a);
+                MPM_UNROLL for (int c = 0; c < D; ++c) affine[a][c] += lever * u[c];
+            }
+        }
+        if (n.before >= 0) {
+            MPM_UNROLL for (int a = 0; a < D; ++a) before[a] += w * u[n.before + a];
+        }
+        if (n.filtered >= 0) {
+            MPM_UNROLL for (int a = 0; a < D; ++a) filtered[a] += w * u[n.filtered + a];
+        }
+        if (n.guard >= 0) guarded = guarded || (w > G(0) && u[n.guard] > G(0));
+    });
+    const Scratch<D> column{n.channels};
+    MPM_UNROLL for (int c = 0; c < most; ++c) {
+        if (c >= n.channels) continue;
+        put(column.value(c), value[c]);
+        MPM_UNROLL for (int a = 0; a < D; ++a) put(column.slope(a, c), slope[a][c]);
+    }
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        MPM_UNROLL for (int c = 0; c < D; ++c) {
+            if (separate) put(column.stress(a, c), affine[a][c]);
+        }
+        if (n.before >= 0) put(column.before(a), before[a]);
+        if (n.filtered >= 0) put(column.filtered(a), filtered[a]);
+    }
+    if (n.guard >= 0) put(column.guard(), G(guarded ? 1 : 0));
+}
+
+/// Spreads what particle q has in scratch: calls add(channel, place, amount) for a particle of unit
+/// mass, channels as `spread_channel` counts them.
+template <int W, class X, class T, int D, class Add>
+MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D>& reached,
+                                const Places<D, W>& places, std::uint32_t q, const Add& add) {
+    using G = typename Pass<X, T, D>::Grid;
+    const auto& pass = phase.pass;
+    const PhaseNumbers& n = phase.n;
+    const auto& s = reached.stencil;
+    const std::size_t count = pass.body.count;
+    const Scratch<D> column{n.channels};
+    const auto get = [&](int c) { return pass.scratch[std::size_t(c) * count + q]; };
+    if (phase.part == Part::averages) {
+        const G j = get(column.value(D));
+        for_each_node(s, places, [&](const int(&)[D], int place, G w) { add(0, place, w * j); });
+        return;
+    }
+    G value[D];
+    MPM_UNROLL for (int c = 0; c < D; ++c) value[c] = get(column.value(c));
+    if (phase.part == Part::vectors) {
+        for_each_node(s, places, [&](const int(&)[D], int place, G w) {
+            MPM_UNROLL for (int c = 0; c < D; ++c) add(c, place, w * value[c]);
+        });
+        return;
+    }
+    const bool shapes = n.kernel.gradient == GradientForm::shapes, smoothed = n.channels > D,
+               plain = n.plain >= 0;
+    const int mass = n.channels + (plain ? D : 0);
+    G slope[D][D] = {}, stress[D][D], average = G(0), tilt[D] = {};
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int c = 0; c < D; ++c) {
+        if (n.scheme.affine) slope[a][c] = get(column.slope(a, c));
+        stress[a][c] = get(column.stress(a, c));
+    }
+    if (smoothed) {
+        average = get(column.value(D));
+        MPM_UNROLL for (int a = 0; a < D; ++a) if (pass.carry) tilt[a] = get(column.slope(a, D));
+    }
+    for_each_node(s, places, [&](const int(&k)[D], int place, G w) {
+        G along[D];
+        MPM_UNROLL for (int a = 0; a < D; ++a) along[a] = node_along(s, k, w, a, shapes);
+        MPM_UNROLL for (int c = 0; c < D; ++c) {
+            G at = value[c], force = G(0);
+            MPM_UNROLL for (int a = 0; a < D; ++a) {
+                at = at + slope[a][c] * s.distance[a][k[a]];
+                force = force + stress[a][c] * along[a];
+            }
+            add(c, place, w * at - force);
+            if (plain) add(n.channels + c, place, w * at);
+        }
+        if (smoothed) {
+            G at = average;
+            MPM_UNROLL for (int a = 0; a < D; ++a) at = at + tilt[a] * s.distance[a][k[a]];
+            add(D, place, w * at);
+        }
+        add(mass, place, w);
+    });
+}
+
+/// Which nodal sum each channel of a spread goes to.
+template <int D>
+struct SpreadTargets {
+    static constexpr int most = 2 * D + 2;
+    int channels;
+    int sum[most];
+    MPM_INLINE SpreadTargets(const PhaseNumbers& n, Part part, const GroupChannels& group)
+        : channels(spread_channels<D>(n, part)) {
+        MPM_UNROLL for (int c = 0; c < most; ++c) {
+            const SpreadChannel s = spread_channel<D>(n, part, c);
+            sum[c] = s.kind == SpreadChannel::momentum  ? 1 + s.axis
+                     : s.kind == SpreadChannel::average ? group.sum
+                     : s.kind == SpreadChannel::plain   ? n.plain + s.axis
+                                                        : 0;
+        }
+    }
+};
+
+}  // namespace mpm

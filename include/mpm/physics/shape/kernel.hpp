@@ -1,0 +1,165 @@
+// Shape functions on a grid whose node i is the centre of cell i, for methods that take the
+// particle's nodes one by one (the fused step has quadratic ones of its own, quadratic.hpp).
+// r = (x_p - x_i) / dx, all lengths in cells.
+//
+//   linear      1 - |r|
+//   quadratic   3/4 - r^2, (3/2 - |r|)^2 / 2                  (Bonus 2023, eq. 2.28)
+//   cubic       2/3 - r^2 + |r|^3 / 2, (2 - |r|)^3 / 6
+//   GIMP        (H(r + l) - H(r - l)) / (2 l), H the integral of the linear one: the mean of the
+//               linear function over a particle of half-edge l (Bardenhagen and Kober 2004). l
+//               stays in uGIMP and follows the particle's stretch along each axis in cpGIMP.
+//
+// Clamped splines are those of the same degree on the knots that lie inside the domain and on its
+// ends as often as needed: nothing is left outside, and the outermost function is 1 at the wall
+// (modified boundary splines: Steffen, Kirby and Berzins 2008). Quadratic knots are cell faces,
+// linear and cubic ones cell centres.
+#pragma once
+
+#include "mpm/core/linalg.hpp"
+
+namespace mpm {
+
+enum class Kernel : int { linear, quadratic, cubic, ugimp, cpgimp };
+/// Where velocity gradients and internal forces come from: first moments (MLS-MPM) or gradients of
+/// the shape functions.
+enum class GradientForm : int { moments, shapes };
+
+/// Nodes along an axis that a particle may reach from the centre of its cell.
+inline int kernel_width(Kernel k) { return k == Kernel::cubic || k == Kernel::cpgimp ? 5 : 3; }
+
+/// Largest half-edge of a particle that five nodes along an axis can hold.
+inline constexpr double largest_half_edge = 1.5;
+
+template <class V>
+struct ShapeValue {
+    V value;
+    V slope;  // d/dr
+};
+
+namespace detail {
+
+template <class V>
+MPM_INLINE V hat(V r) {
+    const V d = V(1) - absolute(r);
+    return d > V(0) ? d : V(0);
+}
+/// Integral of the hat from minus infinity.
+template <class V>
+MPM_INLINE V hat_integral(V r) {
+    if (r <= V(-1)) return V(0);
+    if (r >= V(1)) return V(1);
+    return r < V(0) ? V(0.5) * (V(1) + r) * (V(1) + r) : V(1) - V(0.5) * (V(1) - r) * (V(1) - r);
+}
+
+/// B-spline of degree 1 to 3 on its degree + 2 knots, which may coincide (Cox and de Boor), at x.
+/// `last` is the end of the domain, which belongs to the last span.
+template <class V>
+MPM_INLINE ShapeValue<V> spline_on_knots(int degree, const V (&knot)[5], V x, V last) {
+    V n[4] = {}, below[4] = {};
+    for (int i = 0; i <= degree; ++i) {
+        const bool in =
+            x >= knot[i] &&
+            (x < knot[i + 1] || (x >= last && knot[i + 1] >= last && knot[i] < knot[i + 1]));
+        n[i] = V(in ? 1 : 0);
+    }
+    const auto part = [](V up, V down) { return down > V(0) ? up / down : V(0); };
+    for (int p = 1; p <= degree; ++p) {
+        for (int i = 0; i < 4; ++i) below[i] = n[i];
+        for (int i = 0; i + p <= degree; ++i) {
+            n[i] = part((x - knot[i]) * below[i], knot[i + p] - knot[i]) +
+                   part((knot[i + p + 1] - x) * below[i + 1], knot[i + p + 1] - knot[i + 1]);
+        }
+    }
+    return {n[0], V(degree) * (part(below[0], knot[degree] - knot[0]) -
+                               part(below[1], knot[degree + 1] - knot[1]))};
+}
+
+}  // namespace detail
+
+/// `half` is the particle's half-edge, for GIMP.
+template <class V>
+MPM_INLINE ShapeValue<V> shape_value(Kernel kernel, V r, V half) {
+    const V d = absolute(r), sign = r < V(0) ? V(-1) : V(1);
+    switch (kernel) {
+        case Kernel::linear:
+            return {detail::hat(r), d < V(1) ? -sign : V(0)};
+        case Kernel::quadratic: {
+            const V rest = V(1.5) - d;
+            if (d <= V(0.5)) return {V(0.75) - r * r, V(-2) * r};
+            return rest > V(0) ? ShapeValue<V>{V(0.5) * rest * rest, -sign * rest}
+                               : ShapeValue<V>{};
+        }
+        case Kernel::cubic: {
+            const V rest = V(2) - d;
+            if (d <= V(1))
+                return {V(2.0 / 3) - r * r + V(0.5) * d * d * d, r * (V(1.5) * d - V(2))};
+            return rest > V(0) ? ShapeValue<V>{rest * rest * rest * V(1.0 / 6),
+                                               -sign * V(0.5) * rest * rest}
+                               : ShapeValue<V>{};
+        }
+        default: {
+            const V inverse = V(0.5) / half;
+            return {inverse * (detail::hat_integral(r + half) - detail::hat_integral(r - half)),
+                    inverse * (detail::hat(r + half) - detail::hat(r - half))};
+        }
+    }
+}
+
+/// What a scene's kernel is, uniform over its particles.
+struct KernelChoice {
+    Kernel kernel = Kernel::quadratic;
+    GradientForm gradient = GradientForm::moments;
+    bool clamped = false;
+    double half_edge = 0;  // of a particle at rest, for GIMP
+    int cells[3] = {};     // of the domain
+};
+
+/// A particle's nodes along each axis: number W / 2 is the centre of its cell.
+template <class V, int D, int W>
+struct Stencil {
+    V weight[D][W];
+    V slope[D][W];     // d weight / d x_p
+    V distance[D][W];  // of the node from the particle
+    V inverse[D];      // 1 / sum of weight distance^2: what turns a first moment into a slope
+};
+
+/// `xi` is the offset from the centre of cell `cell` of the domain, in [-1/2, 1/2].
+template <int W, class V, int D>
+MPM_INLINE Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& xi,
+                                       const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
+    Stencil<V, D, W> s;
+    const int degree = k.kernel == Kernel::linear ? 1 : (k.kernel == Kernel::quadratic ? 2 : 3);
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        const bool at_end = k.clamped && (cell[a] < 3 || cell[a] >= k.cells[a] - 3);
+        V moment = V(0);
+        MPM_UNROLL for (int n = 0; n < W; ++n) {
+            V away = V(n - W / 2) - xi[a];
+            ShapeValue<V> f;
+            if (at_end) {
+                // In cells from the lower end of the domain.
+                const V last = V(k.cells[a]);
+                const V at = smaller(larger(V(double(cell[a]) + 0.5) + xi[a], V(0)), last);
+                V knot[5];
+                MPM_UNROLL for (int m = 0; m < 5; ++m) {
+                    const double uniform =
+                        double(cell[a]) + (n - W / 2) + 0.5 - 0.5 * (degree + 1) + m;
+                    knot[m] = smaller(larger(V(uniform), V(0)), last);
+                }
+                f = detail::spline_on_knots(degree, knot, at, last);
+                // Linear fields are reproduced from the means of a function's inner knots.
+                away = V(0) - at;
+                for (int m = 1; m <= degree; ++m) away = away + knot[m] / V(degree);
+            } else {
+                f = shape_value(k.kernel, -away, half[a]);
+            }
+            s.weight[a][n] = f.value;
+            s.slope[a][n] = f.slope;
+            s.distance[a][n] = away;
+            moment = moment + f.value * away * away;
+        }
+        s.inverse[a] = moment > V(0) ? V(1) / moment : V(0);
+    }
+    return s;
+}
+
+}  // namespace mpm

@@ -1,0 +1,123 @@
+// Domain: the phased step, and the sweeps over the grid of XPIC and FMPM.
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+/// The grid half of a step without its consequences.
+struct NothingDecided {
+    MPM_HD void operator()(const double*) const {}
+};
+
+template <class X, class T, int D>
+Phase<X, T, D> Domain<X, T, D>::phase(Body& body, int number, int parity_to) {
+    Phase<X, T, D> p{};
+    p.pass = pass(body, number, parity_to);
+    p.n = body.plan.phase;
+    return p;
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::reserve_scratch(Body& body) {
+    const std::size_t columns = std::size_t(scratch_columns(D, body.plan.phase));
+    body.scratch.reserve_discard(columns * body.count + column_padding);
+}
+
+/// Nodal velocities from the sums, swept where the transfer asks for it, then `decided`.
+template <class X, class T, int D>
+template <class Decided>
+void Domain<X, T, D>::make_velocities(const Decided& decided) {
+    const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
+    const bool sweeps = plan_.sweep.residual > 0;
+    if (!plan_.phased) {
+        exec_.template max_each<maxima_count>(nodes, grid_update<false>(parity()), decided);
+    } else if (!sweeps) {
+        exec_.template max_each<maxima_count>(nodes, grid_update<true>(parity()), decided);
+    } else {
+        exec_.template max_each<maxima_count>(nodes, grid_update<true>(parity()), NothingDecided{});
+        sweep_grid();
+        exec_.template max_each<maxima_count>(
+            nodes, FinishSweep<Grid, Sum, D>{node_update(parity()), plan_.sweep, plan_.kept},
+            decided);
+    }
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::sweep_grid() {
+    const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
+    const SweepChannels& channels = plan_.sweep;
+    Clock* clock = clock_buffer_.data();
+    if constexpr (!X::is_device) {
+        if (!channels.due(*clock)) return;
+    }
+    int bits = 0;
+    if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
+    const SetSweepScale set_scale{clock, bits};
+    exec_.template max_each<maxima_count>(
+        nodes, BeginSweep<Grid, Sum, D>{node_update(parity()), channels, plan_.kept}, set_scale);
+    for (int k = 0; k < plan_.sweeps; ++k) {
+        for (std::size_t b = 0; b < bodies_.size(); ++b) {
+            if (bodies_[b].homes == 0) continue;
+            reserve_scratch(bodies_[b]);
+            Phase<X, T, D> p = phase(bodies_[b], int(b), 1 - parity());
+            p.part = Part::vectors;
+            p.source = channels.residual;
+            phase_ops_.collect(p);
+            phase_ops_.spread(p);
+        }
+        exec_.template max_each<maxima_count>(
+            nodes,
+            AdvanceSweep<Grid, Sum, D>{node_update(parity()), sums_[1 - parity()].data(), channels,
+                                       plan_.kept},
+            set_scale);
+    }
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::run_phases() {
+    std::vector<std::size_t> moving;
+    std::uint64_t workers = 0;
+    bool split = false;
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        if (bodies_[b].homes == 0) continue;
+        moving.push_back(b);
+        reserve_scratch(bodies_[b]);
+        split = split || bodies_[b].plan.group.split;
+        workers += std::uint64_t(bodies_[b].homes);
+    }
+    if constexpr (X::is_device) {
+        if (moving.empty()) exec_.single(turn_step());
+        if (workers >= ~std::uint32_t(0))
+            throw CapacityError("more than 2^32 - 2 blocks of threads in one step");
+    }
+    const auto make = [&](std::size_t b) {
+        Phase<X, T, D> p = phase(bodies_[b], int(b), 1 - parity());
+        p.pass.workers = std::uint32_t(workers);
+        p.turns = true;
+        return p;
+    };
+    for (std::size_t b : moving) phase_ops_.collect(make(b));
+    if (split) {
+        for (std::size_t b : moving) {
+            if (!bodies_[b].plan.group.split) continue;
+            Phase<X, T, D> p = make(b);
+            p.part = Part::averages;
+            bodies_[b].ops.project(p);
+            phase_ops_.spread(p);
+        }
+        exec_.for_each(
+            std::int64_t(table_.slots) * block_cells,
+            AverageVolumes<Grid, Sum, D>{node_update(parity()), sums_[1 - parity()].data(),
+                                         groups_.data(), int(plan_.groups.size())});
+        for (std::size_t b : moving)
+            if (bodies_[b].plan.group.split) phase_ops_.collect(make(b));
+    }
+    for (std::size_t b : moving) {
+        const Phase<X, T, D> p = make(b);
+        bodies_[b].ops.respond(p);
+        phase_ops_.spread(p);
+    }
+}
+
+}  // namespace mpm

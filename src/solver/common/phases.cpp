@@ -1,0 +1,176 @@
+// What the phased step of a scene stores and where: from the transfer, the kernel and the forms of
+// F-bar.
+#include <algorithm>
+#include <cmath>
+
+#include "mpm/core/error.hpp"
+#include "mpm/solver/plan.hpp"
+
+namespace mpm {
+
+namespace {
+
+struct Scheme {
+    const char* name;
+    bool affine;
+    Memory memory;
+    ShiftRule shift;  // binary stands for the body's own
+    bool sweeps;      // of the grid
+};
+constexpr Scheme schemes[] = {{"PIC", false, Memory::none, ShiftRule::none, false},
+                              {"FLIP", false, Memory::flip, ShiftRule::none, false},
+                              {"PIC-FLIP", false, Memory::flip, ShiftRule::none, false},
+                              {"APIC", true, Memory::none, ShiftRule::none, false},
+                              {"AFLIP", true, Memory::flip, ShiftRule::none, false},
+                              {"NFLIP", false, Memory::flip, ShiftRule::full, false},
+                              {"SFLIP", false, Memory::flip, ShiftRule::binary, false},
+                              {"ASFLIP", true, Memory::flip, ShiftRule::binary, false},
+                              {"XPIC", false, Memory::xpic, ShiftRule::none, true},
+                              {"FMPM", false, Memory::none, ShiftRule::none, true}};
+
+const Scheme& scheme_of(const TransferSpec& t) {
+    std::string known;
+    for (const Scheme& s : schemes) {
+        if (t.scheme == s.name) return s;
+        known += (known.empty() ? "" : ", ") + std::string(s.name);
+    }
+    throw SceneError("transfer '" + t.scheme + "' is unknown; there are " + known);
+}
+
+const char* name_of(Kernel k) {
+    constexpr const char* names[] = {"linear", "quadratic", "cubic", "ugimp", "cpgimp"};
+    return names[int(k)];
+}
+
+/// First moments are singular where a particle stands on a node of linear or clamped functions.
+void refuse_undefined(const Spec& spec, const Scheme& scheme) {
+    const KernelSpec& k = spec.kernel;
+    const bool gimp = k.kernel == Kernel::ugimp || k.kernel == Kernel::cpgimp;
+    if (k.clamped && gimp)
+        throw SceneError("kernel '" + std::string(name_of(k.kernel)) +
+                         "' with boundary splines: these are defined for linear, quadratic and "
+                         "cubic ones. Leave boundary out");
+    if (k.kernel != Kernel::linear && !k.clamped) return;
+    const std::string what =
+        k.clamped ? std::string(name_of(k.kernel)) + " boundary splines" : "kernel 'linear'";
+    if (scheme.affine)
+        throw SceneError("transfer '" + spec.transfer.scheme + "' with " + what +
+                         ": its affine part divides by the second moment of the functions, which "
+                         "is zero at their nodes. Use PIC, FLIP, PIC-FLIP, NFLIP, SFLIP, XPIC or "
+                         "FMPM, or another kernel");
+    if (k.gradient == GradientForm::moments)
+        throw SceneError("gradient 'mls' with " + what +
+                         ": it divides by the second moment of the functions, which is zero at "
+                         "their nodes. Use gradient 'kernel'");
+}
+
+SchemeNumbers numbers_of(const Scheme& scheme, Memory memory, const BodySpec& body) {
+    SchemeNumbers n = body.shift;
+    n.memory = memory;
+    n.affine = scheme.affine;
+    n.keep = memory == Memory::none ? 0 : body.keep;
+    if (scheme.shift != ShiftRule::binary) n.rule = scheme.shift;
+    return n;
+}
+
+}  // namespace
+
+bool needs_phases(const Spec& spec) {
+    const KernelSpec& k = spec.kernel;
+    if (spec.transfer.scheme != "APIC" || k.kernel != Kernel::quadratic || k.clamped ||
+        k.gradient != GradientForm::moments)
+        return true;
+    return std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
+        return !material(b.material).fused || b.smoothing == SmoothingForm::split ||
+               b.smoothing == SmoothingForm::literal ||
+               (b.smoothing != SmoothingForm::none && !material(b.material).volumetric);
+    });
+}
+
+void plan_phases(const Spec& spec, Plan& plan) {
+    const int D = spec.dimension;
+    const Scheme& scheme = scheme_of(spec.transfer);
+    refuse_undefined(spec, scheme);
+    if (spec.transfer.order < 1 || spec.transfer.every < 1)
+        throw SceneError("transfer '" + spec.transfer.scheme + "' has order " +
+                         std::to_string(spec.transfer.order) + " and every " +
+                         std::to_string(spec.transfer.every) + "; expected at least 1");
+    // Steps of FMPM that do not filter are FLIP, which needs a velocity to keep.
+    const Memory memory = scheme.sweeps && spec.transfer.every > 1 && scheme.memory == Memory::none
+                              ? Memory::flip
+                              : scheme.memory;
+    const bool guards =
+        scheme.shift != ShiftRule::none && std::any_of(spec.bodies.begin(), spec.bodies.end(),
+                                                       [](const BodySpec& b) { return b.guard; });
+    const auto more = [&](int numbers) {
+        const int at = plan.velocity_channels;
+        plan.velocity_channels += numbers;
+        return at;
+    };
+    plan.kept.by_weight = spec.kernel.gradient == GradientForm::shapes;
+    PhaseNumbers common;
+    if (memory != Memory::none) {
+        const char* axes[] = {"x", "y", "z"};
+        plan.kept.plain = int(plan.channels.size());
+        for (int a = 0; a < D; ++a)
+            plan.channels.push_back(std::string("plain_momentum_") + axes[a]);
+        plan.kept.before = more(D);
+        if (guards) plan.kept.guard = more(1);
+        if (spec.start.given)
+            throw SceneError("a scene from a checkpoint cannot go on with transfer '" +
+                             spec.transfer.scheme +
+                             "', whose particles store velocities that the checkpoint's nodes do "
+                             "not hold; use APIC, PIC or FMPM with every = 1");
+    }
+    if (scheme.sweeps) {
+        plan.sweeps = spec.transfer.order - 1;
+        plan.sweep.every = spec.transfer.every;
+        if (memory == Memory::xpic) {
+            plan.sweep.source = plan.kept.before;
+            plan.sweep.result = common.filtered = more(D);
+        }
+        plan.sweep.residual = more(D);
+    }
+    // One group's average is stored with the velocity in one piece of four numbers.
+    if (D == 3) plan.velocity_channels = (plan.velocity_channels + 3) / 4 * 4;
+    plan.sum_channels = int(plan.channels.size());
+
+    common.kernel.kernel = spec.kernel.kernel;
+    common.kernel.gradient = spec.kernel.gradient;
+    common.kernel.clamped = spec.kernel.clamped;
+    for (int a = 0; a < D; ++a) common.kernel.cells[a] = int(spec.cells[a]);
+    common.before = plan.kept.before;
+    common.guard = plan.kept.guard;
+    common.plain = plan.kept.plain;
+    common.sweeps = scheme.sweeps;
+    common.every = spec.transfer.every;
+    for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
+        const BodySpec& body = spec.bodies[b];
+        BodyPlan& p = plan.bodies[b];
+        p.phase = common;
+        p.phase.scheme = numbers_of(scheme, memory, body);
+        if (!body.guard || p.phase.scheme.rule == ShiftRule::none) p.phase.guard = -1;
+        p.phase.channels = D + (p.smoothing == Smoothing::none ? 0 : 1);
+        p.phase.lags =
+            body.smoothing == SmoothingForm::split || body.smoothing == SmoothingForm::literal;
+        p.phase.leads = body.smoothing == SmoothingForm::literal;
+        const double density = material(body.material).density(body.parameters.data());
+        p.phase.kernel.half_edge =
+            0.5 * std::pow(body.particle_mass / density, 1.0 / D) / spec.cell_size;
+        const bool gimp =
+            spec.kernel.kernel == Kernel::ugimp || spec.kernel.kernel == Kernel::cpgimp;
+        const double most = spec.kernel.kernel == Kernel::ugimp ? 0.5 : largest_half_edge;
+        if (gimp && p.phase.kernel.half_edge > most * (1 + 1e-9))
+            throw SceneError("body '" + body.name + "' has particles of " +
+                             std::to_string(2 * p.phase.kernel.half_edge) + " cells; kernel '" +
+                             name_of(spec.kernel.kernel) + "' takes at most " +
+                             std::to_string(2 * most) + ". Use more particles per cell");
+        const double rule = p.phase.scheme.rule == ShiftRule::full ? 1 : p.phase.scheme.shift_max;
+        // A stored velocity and the grid's are both at most what was deposited.
+        plan.beyond = std::max(plan.beyond, p.phase.scheme.rule == ShiftRule::none
+                                                ? (memory == Memory::xpic ? 1.0 : 0.0)
+                                                : 2 * p.phase.scheme.keep * rule);
+    }
+}
+
+}  // namespace mpm
