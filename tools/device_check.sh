@@ -80,6 +80,26 @@ for precision in ("single", "mixed", "double"):
         position = sim.particles["water"]["position"]
         assert (position == position).all()
         print(precision, pipeline, sim.time, sim.sensors["load"].values[-1:])
+# The phased step: stencils of three and five nodes, stored velocities, sweeps, the split F-bar.
+methods = [
+    ({"scheme": "ASFLIP", "flip": 0.9, "shift_max": 0.1}, "quadratic", None),
+    ({"scheme": "XPIC", "order": 3, "every": 2}, "cpgimp", None),
+    ({"scheme": "FMPM", "order": 3}, "cubic", libmpm.FBar(form="split", ratio=0.9)),
+]
+for transfer, kernel, fbar in methods:
+    data = scene.to_dict()
+    data["method"] = libmpm.Method(
+        transfer=libmpm.Transfer(**transfer), kernel=kernel
+    ).to_dict()
+    other = libmpm.Scene.from_dict(data)
+    if fbar is not None:
+        bodies = [b | {"fbar": fbar.to_dict()} for b in data["bodies"]]
+        other = libmpm.Scene.from_dict(data | {"bodies": bodies})
+    for precision in ("single", "double"):
+        sim = libmpm.Simulation(other, device="cuda", precision=precision, pipeline="phased")
+        sim.step(int(sys.argv[1]) // 3)
+        assert (sim.particles["water"]["position"] == sim.particles["water"]["position"]).all()
+        print(transfer, kernel, precision, sim.time)
 SCENE
   for tool in ${LIBMPM_SANITIZE_TOOLS:-memcheck racecheck initcheck synccheck}; do
     echo "== $tool"

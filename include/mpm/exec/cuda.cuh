@@ -278,16 +278,21 @@ public:
         check_size(blocks);
         if (blocks <= 0) return;
         const cuda::DeviceGuard guard(device());
-        cudaLaunchAttribute early{};
-        early.id = cudaLaunchAttributeProgrammaticStreamSerialization;
-        early.val.programmaticStreamSerializationAllowed = 1;
-        cudaLaunchConfig_t config{};
-        config.gridDim = dim3(unsigned(blocks), unsigned(rows));
-        config.blockDim = dim3(unsigned(threads));
-        config.stream = stream();
-        config.attrs = &early;
-        config.numAttrs = 1;
-        MPM_CUDA(cudaLaunchKernelEx(&config, kernel, arguments...));
+        launch_with(0, kernel, blocks, rows, threads, arguments...);
+    }
+    /// As `launch_next`, with `bytes` of shared memory a block: more than a kernel has unasked.
+    template <class... P, class... A>
+    void launch_large(int bytes, void (*kernel)(P...), std::int64_t blocks, int threads,
+                      const A&... arguments) {
+        check_size(blocks);
+        if (blocks <= 0) return;
+        const cuda::DeviceGuard guard(device());
+        const auto allow = [&](cudaFuncAttribute what, int value) {
+            MPM_CUDA(cudaFuncSetAttribute(reinterpret_cast<const void*>(kernel), what, value));
+        };
+        allow(cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
+        allow(cudaFuncAttributePreferredSharedMemoryCarveout, cudaSharedmemCarveoutMaxShared);
+        launch_with(std::size_t(bytes), kernel, blocks, 1, threads, arguments...);
     }
 
     template <class F>
@@ -375,6 +380,21 @@ private:
     static void check_size(std::int64_t blocks) {
         if (blocks > 0x7fffffff)
             throw CapacityError("more than 2^31 - 1 blocks of threads in one launch");
+    }
+    template <class... P, class... A>
+    void launch_with(std::size_t bytes, void (*kernel)(P...), std::int64_t blocks, int rows,
+                     int threads, const A&... arguments) {
+        cudaLaunchAttribute early{};
+        early.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+        early.val.programmaticStreamSerializationAllowed = 1;
+        cudaLaunchConfig_t config{};
+        config.gridDim = dim3(unsigned(blocks), unsigned(rows));
+        config.blockDim = dim3(unsigned(threads));
+        config.dynamicSmemBytes = bytes;
+        config.stream = stream();
+        config.attrs = &early;
+        config.numAttrs = context_->one_after_another() ? 1 : 0;
+        MPM_CUDA(cudaLaunchKernelEx(&config, kernel, arguments...));
     }
     struct Context {
         Context(int device, bool shared);

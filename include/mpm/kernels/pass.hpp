@@ -54,11 +54,12 @@ template <class X, class T, int D>
 struct BodyOps {
     using Run = void (*)(const Pass<X, T, D>&);
     using RunPhase = void (*)(const Phase<X, T, D>&);
-    Run fused;    // null where this backend and precision have no fused form
-    Run lone;     // devices: the fused form for particles in nearly empty blocks
-    Run gather;   // two-pass, first half
-    Run scatter;  // two-pass, second half
-    Run initial;  // deposit of resting particles; velocities in scratch (D, count)
+    Run fused;      // null where this backend and precision have no fused form
+    Run lone;       // devices: the fused form for particles in nearly empty blocks
+    RunPhase keep;  // the fused form of schemes that store velocities (kernels/keep.hpp), or null
+    Run gather;     // two-pass, first half
+    Run scatter;    // two-pass, second half
+    Run initial;    // deposit of resting particles; velocities in scratch (D, count)
     // Where *due is set, per home block: kinetic, elastic, potential energy.
     void (*energies)(const Pass<X, T, D>&, const std::int32_t* due, double* partial);
     RunPhase respond;  // phased: the material's part of a step (kernels/respond.hpp)
@@ -80,10 +81,11 @@ struct MaterialInfo {
     const char* needs;
     const char* limits;
     bool volumetric;
-    bool smoothable;  // F-bar may smooth its volume
-    bool fused;       // has the fused and two-pass forms
-    bool plastic;     // stores a plastic strain
-    bool yields;      // says whether it yields
+    bool smoothable;    // F-bar may smooth its volume
+    bool fused;         // has the fused and two-pass forms
+    bool fuses_memory;  // has the fused form of schemes that store velocities
+    bool plastic;       // stores a plastic strain
+    bool yields;        // says whether it yields
     const Parameter* parameters;
     int parameter_count;
     const Column* columns;
@@ -106,6 +108,7 @@ MaterialInfo describe_material() {
     m.volumetric = Material::volumetric;
     m.smoothable = smoothable<Material, 3>;
     m.fused = has_fused_form<Material>;
+    m.fuses_memory = fuses_memory<Material>;
     for (const Column& c : Material::columns)
         m.plastic = m.plastic || std::string(c.name) == "plastic_strain";
     m.yields = m.plastic || requires { Material::yields; };

@@ -59,11 +59,13 @@ struct Phase {
     bool turns = false;                 // devices: the clock turns when the step's last is spread
 };
 
-/// True where a launch is to do nothing: the run has halted, or nobody is waiting for it.
+/// True where a launch is to do nothing: the run has halted, or nobody is waiting for it. A sample
+/// may be due at the very moment of a halt.
 template <class X, class T, int D>
 MPM_INLINE bool idle(const Phase<X, T, D>& phase) {
     const Clock& clock = *phase.pass.clock;
-    return clock.halt != Halt::none || (phase.due != nullptr && !*phase.due) ||
+    if (phase.due != nullptr) return !*phase.due;
+    return clock.halt != Halt::none ||
            (phase.part == Part::vectors && clock.step % phase.n.every != 0);
 }
 

@@ -21,8 +21,8 @@
 #include "mpm/kernels/arrange.hpp"
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/order.hpp"
-#include "mpm/kernels/sampling.hpp"
 #include "mpm/kernels/phase_ops.hpp"
+#include "mpm/kernels/sampling.hpp"
 #include "mpm/kernels/sorting.hpp"
 #include "mpm/kernels/sweep.hpp"
 #include "mpm/solver/body_store.hpp"
@@ -162,6 +162,8 @@ private:
         if (c <= D) return momentum_sum;
         for (const auto& g : plan_.groups)
             if (g.weight == c) return mass_sum;
+        if (plan_.kept.plain >= 0 && c >= plan_.kept.plain && c < plan_.kept.plain + D)
+            return momentum_sum;
         return group_sum;
     }
     int parity() const { return int(clock_.step & 1); }

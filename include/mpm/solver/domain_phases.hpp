@@ -30,7 +30,7 @@ template <class Decided>
 void Domain<X, T, D>::make_velocities(const Decided& decided) {
     const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
     const bool sweeps = plan_.sweep.residual > 0;
-    if (!plan_.phased) {
+    if (!plan_.phased && !plan_.keeps) {
         exec_.template max_each<maxima_count>(nodes, grid_update<false>(parity()), decided);
     } else if (!sweeps) {
         exec_.template max_each<maxima_count>(nodes, grid_update<true>(parity()), decided);

@@ -181,9 +181,9 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
             const Body& body = bodies_[b];
             exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                        MostOfCell{body.cell_start.data()}, Keep{found.data()});
-            const double widths =
-                plan_.phased ? std::pow(kernel_width(spec_.kernel.kernel), D)
-                             : stencil_nodes<D> * std::pow(0.75, D);
+            const double widths = plan_.phased || plan_.keeps
+                                      ? std::pow(kernel_width(spec_.kernel.kernel), D)
+                                      : stencil_nodes<D> * std::pow(0.75, D);
             mass += body.particle_mass * std::max(found.host()[0], 1.0) * widths;
         }
         set_scales(std::max(mass, least_mass_), 1, 1);
@@ -314,7 +314,8 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
         const auto& velocity = spec.bodies[b].velocity;
         const std::size_t n = body.count;
-        if (plan_.phased)
+        const bool by_phases = plan_.phased || plan_.keeps;
+        if (by_phases)
             reserve_scratch(body);
         else
             body.scratch.reserve_discard(n * D + column_padding);
@@ -331,7 +332,7 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
             given.assign(piece);
             exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
         }
-        if (plan_.phased) {
+        if (by_phases) {
             const Phase<X, T, D> p = phase(body, int(b), parity());
             body.ops.rest(p);
             phase_ops_.spread(p);

@@ -106,7 +106,8 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
         body.homes = body.full_homes = std::int32_t(count);
         body.lone_count = 0;
         body.home.reserve_discard(count);
-        const bool sparse = body.ops.lone && plan_.fused && count >= least_of_sparse &&
+        const bool sparse = body.ops.lone && plan_.fused && !plan_.keeps &&
+                            count >= least_of_sparse &&
                             body.count < 4 * least_of_block * std::uint64_t(count);
         if (X::is_device && sparse) {
             list_by_kind(body, homes.position[b]);

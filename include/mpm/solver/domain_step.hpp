@@ -93,8 +93,8 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (!chosen(b)) continue;
         double* partial = s.partial.data() + 3 * at;
-        if (bodies_[b].homes > 0 && plan_.phased) {
-            reserve_scratch(bodies_[b]);
+        if (bodies_[b].homes > 0 && (plan_.phased || plan_.keeps)) {
+            if (plan_.phased) reserve_scratch(bodies_[b]);
             Phase<X, T, D> p = phase(bodies_[b], int(b), parity());
             p.due = &record->due;
             p.part = Part::speeds;
@@ -145,7 +145,11 @@ void Domain<X, T, D>::run_bodies() {
         }
         Pass<X, T, D> p = pass(body, int(b), 1 - parity());
         p.workers = std::uint32_t(workers);
-        if (plan_.fused) {
+        if (plan_.keeps) {
+            Phase<X, T, D> kept = phase(body, int(b), 1 - parity());
+            kept.pass = p;
+            body.ops.keep(kept);
+        } else if (plan_.fused) {
             body.ops.fused(p);
             if (body.lone_count > 0) body.ops.lone(p);
         } else {

@@ -59,6 +59,7 @@ struct Plan {
     int bytes_per_node = 0;
     bool fused = true;
     bool phased = false;
+    bool keeps = false;   // fused, with a transfer that stores velocities
     KeptChannels kept;    // where the transfer stores velocities
     SweepChannels sweep;  // of XPIC and FMPM
     int sweeps = 0;       // per step
@@ -75,9 +76,11 @@ struct Plan {
 
 Plan make_plan(const Spec& spec, const BackendTraits& backend);
 
-/// True where only the phased step has what a scene asks for.
+/// True where a scene asks for more than the fused step of affine transfer has.
 bool needs_phases(const Spec& spec);
-/// Adds to a plan whose bodies are there what the phased step stores.
+/// True where the fused step of schemes that store velocities has all of it.
+bool can_keep(const Spec& spec);
+/// Adds to a plan whose bodies are there what the scene's transfer stores.
 void plan_phases(const Spec& spec, Plan& plan);
 
 }  // namespace mpm

@@ -24,7 +24,7 @@ from typing import Any
 from libmpm._src import boundaries, info, shapes
 from libmpm._src.errors import SceneError
 from libmpm._src.materials_generated import TaitFluid
-from libmpm._src.method import FBar
+from libmpm._src.method import FBar, Method
 from libmpm._src.parameters import Material
 from libmpm._src.scene import Body, Scene
 from libmpm._src.simulation import Simulation
@@ -83,11 +83,12 @@ def collapse(
     material: Material | None = None,
     particles_per_cell: int = PARTICLES_PER_CELL,
     lift: int = 0,
+    method: Method | None = None,
 ) -> tuple[Scene, float]:
     """Return the scene with about `particles` particles, and its time step, s.
 
     `material` replaces the water, with a wave speed of `SOUND` or less; `lift` is the height in
-    cells from which the cube falls first.
+    cells from which the cube falls first; `method` replaces the default one.
     """
     if particles < particles_per_cell:
         raise SceneError(f"bench: {particles} particles; expected {particles_per_cell} or more")
@@ -103,6 +104,7 @@ def collapse(
         lower=(0, 0, 0),
         upper=(2 * cells * dx, cells * dx, roof + lift * dx),
         gravity=(0, 0, -GRAVITY),
+        method=method,
         name="collapse",
     )
     form: Any = {"default": "default", "none": None}.get(fbar, fbar)

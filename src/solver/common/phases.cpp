@@ -87,6 +87,17 @@ bool needs_phases(const Spec& spec) {
     });
 }
 
+bool can_keep(const Spec& spec) {
+    const KernelSpec& k = spec.kernel;
+    const Scheme& scheme = scheme_of(spec.transfer);
+    return scheme.memory == Memory::flip && !scheme.sweeps && k.kernel == Kernel::quadratic &&
+           !k.clamped && k.gradient == GradientForm::moments &&
+           std::all_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
+               return material(b.material).fuses_memory && b.smoothing != SmoothingForm::split &&
+                      b.smoothing != SmoothingForm::literal;
+           });
+}
+
 void plan_phases(const Spec& spec, Plan& plan) {
     const int D = spec.dimension;
     const Scheme& scheme = scheme_of(spec.transfer);
@@ -114,6 +125,8 @@ void plan_phases(const Spec& spec, Plan& plan) {
         plan.kept.plain = int(plan.channels.size());
         for (int a = 0; a < D; ++a)
             plan.channels.push_back(std::string("plain_momentum_") + axes[a]);
+        // Read in one piece of four numbers, the guard behind it.
+        if (D == 3 && plan.keeps) plan.velocity_channels = (plan.velocity_channels + 3) / 4 * 4;
         plan.kept.before = more(D);
         if (guards) plan.kept.guard = more(1);
         if (spec.start.given)

@@ -105,8 +105,8 @@ void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
     plan.memory_particles += particles * p.bytes_per_particle;
     // Cells and order, then the order and spare columns (Domain::sort).
     const int spare = real * std::min(permuted_together(p.particles), D + p.state_columns);
-    plan.memory_sort = std::max(plan.memory_sort,
-                                particles * std::max(backend.device ? 12 : 8, 4 + spare));
+    plan.memory_sort =
+        std::max(plan.memory_sort, particles * std::max(backend.device ? 12 : 8, 4 + spare));
 }
 
 }  // namespace
@@ -126,8 +126,15 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     const int real = backend.real();
     const std::string numbers = backend.numbers();
 
-    const bool needed = needs_phases(spec);
+    const bool keeps = can_keep(spec), alone = needs_phases(spec),
+               needed = alone && !(keeps && backend.fused);
     plan.phased = needed || spec.pipeline == "phased";
+    if (alone && spec.pipeline == "two-pass" && keeps) {
+        throw SceneError(
+            "pipeline 'two-pass' has no transfer that stores velocities; this scene "
+            "asks for " +
+            spec.transfer.scheme + ". Use pipeline=\"auto\" or \"phased\"");
+    }
     if (needed && spec.pipeline != "auto" && spec.pipeline != "phased") {
         throw SceneError("pipeline '" + spec.pipeline +
                          "' has quadratic splines with transfer APIC, F-bar on fluids in its fused "
@@ -136,6 +143,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     }
     plan.fused =
         !plan.phased && (spec.pipeline == "auto" ? backend.fused : spec.pipeline == "fused");
+    plan.keeps = plan.fused && keeps;
     if (plan.fused && !backend.fused) {
         throw SceneError("pipeline 'fused' is not built for " + numbers + " precision on " +
                          backend.name + "; use pipeline=\"auto\" or \"two-pass\"");
@@ -143,6 +151,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     plan.pipeline_reason =
         spec.pipeline != "auto" ? "asked for"
         : plan.phased           ? "its transfer, kernel, F-bar or a material has no fused form"
+        : plan.keeps
+            ? "quadratic splines and fluids: one pass over the particles, with the velocity "
+              "that they store"
         : plan.fused ? "quadratic splines and affine transfer: one pass over the particles"
                      : numbers + " precision on " + backend.name +
                            " has no fused form: too many sums for the registers of one worker";
@@ -259,7 +270,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         }
         plan.bodies.push_back(std::move(p));
     }
-    if (plan.phased) plan_phases(spec, plan);
+    if (plan.phased || plan.keeps) plan_phases(spec, plan);
     // Sums are kept twice: those being read and those being filled.
     plan.bytes_per_node = (2 * plan.sum_channels + plan.velocity_channels) * backend.grid_real();
     for (BodyPlan& p : plan.bodies) add_columns(plan, backend, D, p);

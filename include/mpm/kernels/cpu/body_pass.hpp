@@ -10,8 +10,9 @@
 
 #include <memory>
 
-#include "mpm/exec/cpu.hpp"
+#include "mpm/kernels/cpu/arena.hpp"
 #include "mpm/kernels/cpu/phases.hpp"
+#include "mpm/kernels/keep.hpp"
 
 // 32-byte packs widen with the clone they are inlined into; the loader picks the clone for the
 // processor.
@@ -24,99 +25,31 @@
 
 namespace mpm::cpu {
 
-template <class T>
-inline constexpr int lanes = 32 / int(sizeof(T));
-
-template <class T, int D, int C>
-struct Arena {
-    static constexpr int nodes = Block<D>::arena_nodes;
-    static constexpr int cells = Block<D>::edge + 2;  // of a line: home cells and one beside
-    static constexpr int lines = nodes / Block<D>::arena_edge;
-    alignas(64) T line[lines][cells][3][C];
-    static constexpr int stride = C + 1 <= 4 ? 4 : 8;  // of one node's sums
-    alignas(64) T sums[nodes][stride];  // channels, then mass; in units of one particle's mass
-};
-
-/// Lines for `gather`: the same for all lanes.
-template <class T, int D, int C>
-struct ArenaLines {
-    const T* at;
-    static constexpr int stride(int axis) {
-        int s = 3 * C;
-        if (axis < D - 1) s *= Block<D>::edge + 2;
-        if (axis < D - 2) s *= Block<D>::arena_edge;
-        return s;
-    }
-    template <int N>
-    MPM_INLINE Line<T, N> load(int place) const {
-        Line<T, N> line;
-        MPM_UNROLL for (int k = 0; k < 3; ++k) {
-            MPM_UNROLL for (int c = 0; c < N; ++c) line.q[k][c] = at[place + k * C + c];
-        }
-        return line;
-    }
-};
-
-/// Sums of one cell, a pack a node and channel.
-template <class V, int D, int C>
-struct CellSums {
-    V value[stencil_nodes<D>][C + 1];
-    MPM_INLINE void add(int node, int channel, V v) { value[node][channel] += v; }
-    MPM_INLINE void add_mass(int node, V v) { value[node][C] += v; }
-};
-
-/// Sums of a lone particle, straight into the arena.
-template <class T, int D, int C>
-struct ArenaSums {
-    T* at;  // first node of the stencil, channel 0
-    static constexpr int stride(int axis) { return Block<D>::arena_stride(axis); }
-    MPM_INLINE static int place(int node) { return stencil_place<ArenaSums, D>(node); }
-    MPM_INLINE void add(int node, int channel, T v) {
-        at[place(node) * Arena<T, D, C>::stride + channel] += v;
-    }
-    MPM_INLINE void add_mass(int node, T v) { at[place(node) * Arena<T, D, C>::stride + C] += v; }
-};
-
-/// Calls f(arena position, slot, node, length) for each run of nodes that is contiguous on both
-/// sides.
-template <int D, class F>
-MPM_INLINE void for_each_run(const std::int32_t* neighbours, const F& f) {
-    constexpr int edge = Block<D>::edge, margin = Block<D>::margin, arena = Block<D>::arena_edge;
-    for (int row = 0; row < Block<D>::arena_nodes / arena; ++row) {
-        int at[D], rest = row;
-        for (int a = D - 2; a >= 0; --a) {
-            at[a] = rest % arena;
-            rest /= arena;
-        }
-        const int starts[4] = {0, margin, margin + edge, arena};
-        MPM_UNROLL for (int part = 0; part < 3; ++part) {
-            at[D - 1] = starts[part];
-            int neighbour, node;
-            arena_node<D>(at, neighbour, node);
-            f(row * arena + starts[part], neighbours[neighbour], node,
-              starts[part + 1] - starts[part]);
-        }
-    }
-}
-
 /// What one block's pass does: the whole step, or one half of the two-pass form, or the first
 /// deposit.
 enum class Stage { fused, gather, scatter, initial };
 
-template <class Material, Smoothing S, class T, int D, Stage stage>
+/// `keeps`: the particles store velocities (kernels/keep.hpp).
+template <class Material, Smoothing S, class T, int D, Stage stage, bool keeps = false>
 struct BlockPass {
+    static_assert(!keeps || stage == Stage::fused);
     static constexpr int C = transfer_channels<D, S>;
-    static constexpr int R = state_reals<Material, D, S>;
+    static constexpr int E = keeps ? C + D : C;  // of a deposit, without the mass
+    static constexpr int R = state_reals<Material, D, S> + (keeps ? D : 0);
     static constexpr int W = lanes<T>;
     using V = Pack<T, W>;
     using P = Pass<Cpu, T, D>;
     using Numbers = StepNumbers<T, Material>;
+    using A = std::conditional_t<keeps, KeepArena<T, D, C>, Arena<T, D, C>>;
+    struct Nothing {};
+    using Keep = std::conditional_t<keeps, KeepNumbers<T>, Nothing>;
     static constexpr bool reads = stage == Stage::fused || stage == Stage::gather;
     static constexpr bool adds = stage != Stage::gather;
 
     const P& pass;
     const Numbers& numbers;
-    Arena<T, D, C>& arena;
+    A& arena;
+    const Keep keep{};
 
     template <class N>
     MPM_INLINE void load(std::uint32_t q, Vec<N, D>& xi, N (&state)[R]) const {
@@ -151,12 +84,18 @@ struct BlockPass {
         }
     }
 
-    /// The step of particles whose stencil starts at `origin`; xi is relative to that cell's
-    /// centre.
+    /// The step of particles that stand in `cell`; xi is relative to that cell's centre.
     template <class N>
-    MPM_INLINE Affine<N, D, C> advance(std::uint32_t q, int origin, Vec<N, D>& xi,
+    MPM_INLINE Affine<N, D, E> advance(std::uint32_t q, const int (&cell)[D], Vec<N, D>& xi,
                                        N (&state)[R]) const {
-        if constexpr (reads) {
+        if constexpr (keeps) {
+            const ArenaLines<T, D, C> lines{&arena.line[0][0][0][0]};
+            const ArenaNodes<T, D> nodes{arena.node};
+            return advance_keeping<Material, S, N, D>(
+                lines, stencil_origin<ArenaLines<T, D, C>>(cell), nodes,
+                stencil_origin<ArenaNodes<T, D>>(cell), xi, state, numbers, keep);
+        } else if constexpr (reads) {
+            const int origin = stencil_origin<ArenaLines<T, D, C>>(cell);
             const ArenaLines<T, D, C> lines{&arena.line[0][0][0][0]};
             return advance_particle<Material, S, N, D>(lines, origin, xi, state, numbers);
         } else if constexpr (stage == Stage::scatter) {
@@ -175,9 +114,14 @@ struct BlockPass {
         Cpu::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
     }
 
+    /// Sorting is due, whatever the drift.
+    MPM_INLINE void call_for_sort() const {
+        __atomic_store_n(pass.strays, ~std::uint64_t(0), __ATOMIC_RELAXED);
+    }
+
     /// A particle that is, or comes to be, outside its home cell.
     MPM_INLINE void deposit_alone(const int (&home)[D], const Vec<T, D>& xi,
-                                  const Affine<T, D, C>& u) const {
+                                  const Affine<T, D, E>& u) const {
         int cell[D];
         Vec<T, D> local;
         MPM_UNROLL for (int a = 0; a < D; ++a) {
@@ -185,8 +129,8 @@ struct BlockPass {
             cell[a] = home[a] + shift;
             local[a] = xi[a] - T(shift);
         }
-        ArenaSums<T, D, C> sums{arena.sums[stencil_origin<ArenaSums<T, D, C>>(cell)]};
-        scatter<T, D, C>(sums, quadratic_weights<T, D>(local), T(1), u);
+        ArenaSums<T, D, E> sums{arena.sums[stencil_origin<ArenaSums<T, D, E>>(cell)]};
+        scatter<T, D, E, keeps>(sums, quadratic_weights<T, D>(local), T(1), u);
     }
 
     MPM_INLINE void alone(const int (&home)[D], std::uint32_t q) const {
@@ -199,8 +143,7 @@ struct BlockPass {
             cell[a] = home[a] + shift[a];
             if constexpr (reads) xi[a] -= T(shift[a]);
         }
-        const Affine<T, D, C> u =
-            advance<T>(q, stencil_origin<ArenaLines<T, D, C>>(cell), xi, state);
+        const Affine<T, D, E> u = advance<T>(q, cell, xi, state);
         if constexpr (reads) {
             MPM_UNROLL for (int a = 0; a < D; ++a) {
                 xi[a] += T(shift[a]);
@@ -208,14 +151,17 @@ struct BlockPass {
             }
             MPM_UNROLL for (int r = 0; r < R; ++r) pass.body.state[r][q] = state[r];
             if (!sound<Material>(xi, state)) return report(q);
+            if constexpr (keeps) {
+                if (strays_far(xi)) call_for_sort();
+            }
         }
         if constexpr (stage == Stage::gather) store_deposit(q, u);
         if constexpr (adds) deposit_alone(home, xi, u);
     }
 
-    MPM_INLINE static Affine<T, D, C> lane(const Affine<V, D, C>& u, int l) {
-        Affine<T, D, C> out;
-        MPM_UNROLL for (int c = 0; c < C; ++c) {
+    MPM_INLINE static Affine<T, D, E> lane(const Affine<V, D, E>& u, int l) {
+        Affine<T, D, E> out;
+        MPM_UNROLL for (int c = 0; c < E; ++c) {
             out.value[c] = u.value[c][l];
             MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][c] = u.slope[a][c][l];
         }
@@ -229,7 +175,7 @@ struct BlockPass {
     }
 
     MPM_INLINE void together(const int (&home)[D], std::uint32_t q, int count,
-                             CellSums<V, D, C>& sums) const {
+                             CellSums<V, D, E>& sums) const {
         using Mask = MaskOf<V>;
         Vec<V, D> xi;
         V state[R];
@@ -239,7 +185,7 @@ struct BlockPass {
         // Lanes without a particle of this cell compute on harmless numbers and write nothing.
         MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(before, xi[a], V(T(0)));
         MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = select(before, state[r], V(T(0)));
-        Affine<V, D, C> u = advance<V>(q, stencil_origin<ArenaLines<T, D, C>>(home), xi, state);
+        Affine<V, D, E> u = advance<V>(q, home, xi, state);
         Mask inside = before;
         if constexpr (reads) {
             const bool whole = count == W && all(before);
@@ -258,6 +204,9 @@ struct BlockPass {
                 for (int l = 0; l < count; ++l)
                     if (before[l] && !good[l]) report(q + l);
                 inside = inside & good;
+            }
+            if constexpr (keeps) {
+                if (any(inside & strays_far(xi))) call_for_sort();
             }
             const Mask still = in_cell(xi);
             if constexpr (adds) {
@@ -281,13 +230,13 @@ struct BlockPass {
             if (!all(inside)) {
                 unit = select(inside, unit, V(T(0)));
                 MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = select(inside, xi[a], V(T(0)));
-                MPM_UNROLL for (int c = 0; c < C; ++c) {
+                MPM_UNROLL for (int c = 0; c < E; ++c) {
                     u.value[c] = select(inside, u.value[c], V(T(0)));
                     MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] =
                         select(inside, u.slope[a][c], V(T(0)));
                 }
             }
-            scatter<V, D, C>(sums, quadratic_weights<V, D>(xi), unit, u);
+            scatter<V, D, E, keeps>(sums, quadratic_weights<V, D>(xi), unit, u);
         }
         if (any(present & !before)) {
             for (int l = 0; l < count; ++l)
@@ -303,34 +252,38 @@ struct BlockPass {
             for (std::uint32_t q = begin; q < end; ++q) alone(home, q);
             return;
         }
-        CellSums<V, D, C> sums;
+        CellSums<V, D, E> sums;
         if constexpr (adds) {
-            MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) for (int c = 0; c <= C; ++c)
+            MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) for (int c = 0; c <= E; ++c)
                 sums.value[n][c] = V(T(0));
         }
         for (std::uint32_t q = begin; q < end; q += W)
             together(home, q, int(end - q < W ? end - q : W), sums);
         if constexpr (adds) {
-            T* at = arena.sums[stencil_origin<ArenaSums<T, D, C>>(home)];
-            constexpr int stride = Arena<T, D, C>::stride, group = stride < W ? stride : W;
-            MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) {
-                T* to = at + ArenaSums<T, D, C>::place(n) * stride;
-                MPM_UNROLL for (int first = 0; first <= C; first += group) {
+            T* at = arena.sums[stencil_origin<ArenaSums<T, D, E>>(home)];
+            constexpr int stride = A::stride, group = stride < W ? stride : W;
+            const auto node = [&](int n) {
+                T* to = at + ArenaSums<T, D, E>::place(n) * stride;
+                MPM_UNROLL for (int first = 0; first <= E; first += group) {
                     V parts[W];
                     MPM_UNROLL for (int k = 0; k < W; ++k) {
-                        parts[k] = k < group && first + k <= C
-                                       ? sums.value[n][first + k <= C ? first + k : 0]
+                        parts[k] = k < group && first + k <= E
+                                       ? sums.value[n][first + k <= E ? first + k : 0]
                                        : V(T(0));
                     }
                     const V total = sums_of_lanes(parts);
                     MPM_UNROLL for (int k = 0; k < group; ++k) to[first + k] += total[k];
                 }
+            };
+            if constexpr (keeps) {
+                MPM_NO_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) node(n);
+            } else {
+                MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) node(n);
             }
         }
     }
 
     MPM_INLINE void fill(const std::int32_t* neighbours) const {
-        using A = Arena<T, D, C>;
         constexpr int edge = Block<D>::arena_edge;
         const auto& g = pass.grid;
         T u[edge][C];
@@ -340,6 +293,11 @@ struct BlockPass {
                 MPM_UNROLL for (int c = 0; c < C; ++c) {
                     u[at % edge + k][c] =
                         from[k * g.velocity_channels + (c < D ? c : pass.group.average)];
+                }
+                if constexpr (keeps) {
+                    const T* of = from + k * g.velocity_channels;
+                    for (int a = 0; a < D; ++a) arena.node[at + k][a] = of[keep.before + a];
+                    arena.node[at + k][D] = keep.guarded ? of[keep.guard] : T(0);
                 }
             }
             if (at % edge + length < edge) return;
@@ -362,9 +320,12 @@ struct BlockPass {
                 for (int k = 0; k < length; ++k)
                     to[channel * block_cells + k] += m * arena.sums[at + k][from];
             };
-            add(0, C);
+            add(0, E);
             MPM_UNROLL for (int c = 0; c < C; ++c) add(c < D ? 1 + c : pass.group.sum, c);
-            if (pass.group.weight >= 0) add(pass.group.weight, C);
+            if constexpr (keeps) {
+                MPM_UNROLL for (int a = 0; a < D; ++a) add(keep.plain + a, C + a);
+            }
+            if (pass.group.weight >= 0) add(pass.group.weight, E);
         });
     }
 
@@ -386,6 +347,15 @@ MPM_CLONES void run_block(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Mate
     BlockPass<Material, S, T, D, stage>{pass, numbers, arena}.block(slot);
 }
 
+template <class Material, Smoothing S, class T, int D>
+MPM_CLONES void run_keeping_block(const Pass<Cpu, T, D>& pass,
+                                  const StepNumbers<T, Material>& numbers,
+                                  const KeepNumbers<T>& keep,
+                                  KeepArena<T, D, transfer_channels<D, S>>& arena,
+                                  std::int32_t slot) {
+    BlockPass<Material, S, T, D, Stage::fused, true>{pass, numbers, arena, keep}.block(slot);
+}
+
 /// Not worth clones: the first deposit runs once, and the two-pass form is there on the CPU to be
 /// compared with the fused one.
 template <class Material, Smoothing S, class T, int D, Stage stage>
@@ -394,13 +364,9 @@ void run_block_plain(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>
     BlockPass<Material, S, T, D, stage>{pass, numbers, arena}.block(slot);
 }
 
-template <class Material, Smoothing S, class T, int D, Stage stage>
-void run_body(const Pass<Cpu, T, D>& pass) {
-    if (pass.clock->halt != Halt::none) return;
-    const auto numbers =
-        step_numbers<T, Material>(*pass.numbers, Material::template constants<T>(pass.parameters),
-                                  pass.carry, pass.stress_only);
-    using A = Arena<T, D, transfer_channels<D, S>>;
+/// Calls block(arena, slot) for the home blocks of a body, colour after colour.
+template <class A, class T, int D, class F>
+void for_each_block(const Pass<Cpu, T, D>& pass, const F& block) {
     // Below some thousand particles waking the other threads costs more than they save.
     const int threads = pass.body.count > 4096 ? pass.exec->threads() : 1;
 #pragma omp parallel num_threads(threads)
@@ -408,26 +374,50 @@ void run_body(const Pass<Cpu, T, D>& pass) {
         const auto arena = std::make_unique<A>();
         for (int colour = 0; colour < pass.colours; ++colour) {
 #pragma omp for schedule(dynamic, 1)
-            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1];
-                 ++k) {
-                if constexpr (stage == Stage::initial || stage == Stage::gather) {
-                    run_block_plain<Material, S, T, D, stage>(pass, numbers, *arena,
-                                                              pass.coloured[k]);
-                } else {
-                    run_block<Material, S, T, D, stage>(pass, numbers, *arena, pass.coloured[k]);
-                }
-            }
+            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k)
+                block(*arena, pass.coloured[k]);
         }
     }
+}
+
+template <class Material, class T, int D>
+StepNumbers<T, Material> numbers_of(const Pass<Cpu, T, D>& pass) {
+    return step_numbers<T, Material>(*pass.numbers,
+                                     Material::template constants<T>(pass.parameters), pass.carry,
+                                     pass.stress_only);
+}
+
+template <class Material, Smoothing S, class T, int D, Stage stage>
+void run_body(const Pass<Cpu, T, D>& pass) {
+    if (pass.clock->halt != Halt::none) return;
+    const auto numbers = numbers_of<Material>(pass);
+    using A = Arena<T, D, transfer_channels<D, S>>;
+    for_each_block<A>(pass, [&](A& arena, std::int32_t slot) {
+        if constexpr (stage == Stage::initial || stage == Stage::gather)
+            run_block_plain<Material, S, T, D, stage>(pass, numbers, arena, slot);
+        else
+            run_block<Material, S, T, D, stage>(pass, numbers, arena, slot);
+    });
+}
+
+/// The fused step of schemes that store velocities.
+template <class Material, Smoothing S, class T, int D>
+void run_keeping(const Phase<Cpu, T, D>& phase) {
+    const Pass<Cpu, T, D>& pass = phase.pass;
+    if (pass.clock->halt != Halt::none) return;
+    const auto numbers = numbers_of<Material>(pass);
+    const auto keep = keep_numbers<T>(phase.n);
+    using A = KeepArena<T, D, transfer_channels<D, S>>;
+    for_each_block<A>(pass, [&](A& arena, std::int32_t slot) {
+        run_keeping_block<Material, S, T, D>(pass, numbers, keep, arena, slot);
+    });
 }
 
 /// Per home block: kinetic, elastic and potential energy.
 template <class Material, Smoothing S, class T, int D>
 void energies(const Pass<Cpu, T, D>& pass, const std::int32_t* due, double* partial) {
     if (!*due) return;
-    const auto numbers =
-        step_numbers<T, Material>(*pass.numbers, Material::template constants<T>(pass.parameters),
-                                  pass.carry, pass.stress_only);
+    const auto numbers = numbers_of<Material>(pass);
     constexpr int C = transfer_channels<D, S>;
 #pragma omp parallel num_threads(pass.exec->threads())
     {
@@ -471,6 +461,7 @@ BodyOps<Cpu, T, D> instance() {
     S == Smoothing::none ? Smoothing::none : Smoothing::one_volume > ;
     ops.initial = &run_body<Material, S, T, D, Stage::initial>;
     ops.energies = &energies<Material, S, T, D>;
+    if constexpr (fuses_memory<Material>) ops.keep = &run_keeping<Material, S, T, D>;
     add_phases<Material, S, T, D>(ops);
     return ops;
 }
@@ -483,8 +474,8 @@ template <class T, int D, class Material>
 BodyOps<Cpu, T, D> cpu_body_ops(Smoothing s) {
     const auto make = [&]<Smoothing S>() {
         // F-bar on solids and rare materials: in the phased step alone.
-        constexpr bool all = has_fused_form<Material> &&
-                             (Material::volumetric || S == Smoothing::none);
+        constexpr bool all =
+            has_fused_form<Material> && (Material::volumetric || S == Smoothing::none);
         if constexpr (all) {
             return cpu::instance<Material, S, T, D>();
         } else {

@@ -57,11 +57,13 @@ __device__ __forceinline__ void load_piece(const T* from, T (&u)[4]) {
     MPM_UNROLL for (int c = 0; c < 4; ++c) u[c] = v.e[c];
 }
 
-/// Velocities, and where there are C > D channels the group's average, of one node.
-template <int C, class P, class T>
+/// Velocities, and where there are C > D channels the group's average, of one node. `wide`: nodes
+/// have more channels behind these.
+template <int C, class P, class T, bool wide = false>
 __device__ __forceinline__ void load_node(const P& pass, const T* from, T (&u)[C]) {
     if constexpr (C == 4) {
-        if (in_one_piece<C>(pass)) {
+        if (wide ? pass.grid.velocity_channels % 4 == 0 && pass.group.average == 3
+                 : in_one_piece<C>(pass)) {
             load_piece(from, u);
             return;
         }
@@ -76,9 +78,17 @@ __device__ __forceinline__ unsigned every(int parts, int part) {
     return mine;
 }
 
+struct NothingElse {
+    template <class... A>
+    __device__ __forceinline__ void operator()(const A&...) const {}
+};
+
 /// Threads share the lines, and where there are more threads than lines also the cells of a line.
-template <class P, class T, int D, int C>
-__device__ __forceinline__ void fill(const P& pass, std::int32_t slot, LineArena<T, D, C>& arena) {
+/// `also(line, mine, from)` may read more of the nodes of a thread's line, whose place is line[0 ..
+/// D - 2]: node k, of which it is to take those in the bits `mine`, begins at from(k).
+template <bool wide = false, class P, class T, int D, int C, class Also = NothingElse>
+__device__ __forceinline__ void fill(const P& pass, std::int32_t slot, LineArena<T, D, C>& arena,
+                                     const Also& also = {}) {
     using Arena = LineArena<T, D, C>;
     constexpr int edge = Block<D>::edge, margin = Block<D>::margin;
     const auto& g = pass.grid;
@@ -87,8 +97,10 @@ __device__ __forceinline__ void fill(const P& pass, std::int32_t slot, LineArena
     if (part >= parts) return;
     int rest = threadIdx.x % Arena::lines, neighbour = 0, first_node = 0, place = 0, side_step = 1,
         node_step = edge;
+    int line[D] = {};
     MPM_UNROLL for (int a = D - 2; a >= 0; --a) {
         const int at = rest % Arena::edge, n = at - margin + edge;
+        line[a] = at;
         rest /= Arena::edge;
         side_step *= 3;
         neighbour += n / edge * side_step;
@@ -100,12 +112,14 @@ __device__ __forceinline__ void fill(const P& pass, std::int32_t slot, LineArena
     MPM_UNROLL for (int k = 0; k < 3; ++k) {
         side[k] = g.velocity + g.velocity_place(neighbours[neighbour + k], first_node);
     }
-    T u[Arena::edge][C];
-    MPM_UNROLL for (int k = 0; k < Arena::edge; ++k) {
+    const auto from = [&](int k) {
         const int n = k - margin + edge;
-        load_node(pass, side[n / edge] + n % edge * g.velocity_channels, u[k]);
-    }
+        return side[n / edge] + n % edge * g.velocity_channels;
+    };
+    T u[Arena::edge][C];
+    MPM_UNROLL for (int k = 0; k < Arena::edge; ++k) load_node<C, P, T, wide>(pass, from(k), u[k]);
     const unsigned mine = every(parts, part);
+    also(line, mine, from);
     MPM_UNROLL for (int k = 0; k < Arena::cells; ++k) {
         if (!(mine >> k & 1)) continue;
         typename Arena::Entry out[3] = {};
@@ -245,11 +259,12 @@ __device__ __forceinline__ void clear(SumArena<D, C>& arena) {
     for (int k = threadIdx.x; k < pieces; k += blockDim.x) at[k] = int4{};
 }
 
-/// The sums of a block to the grid. A thread takes a row of nodes along the axis before the last,
-/// so that neighbouring threads add to neighbouring numbers; more threads share the rows.
-template <int D, int C>
+/// The sums of a block to the grid, channel c to that of number channel_of(c). A thread takes a row
+/// of nodes along the axis before the last, so that neighbouring threads add to neighbouring
+/// numbers; more threads share the rows.
+template <int D, int C, class ChannelOf>
 __device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int32_t slot,
-                                      const SumArena<D, C>& arena) {
+                                      const SumArena<D, C>& arena, const ChannelOf& channel_of) {
     using Arena = SumArena<D, C>;
     constexpr int edge = Block<D>::edge, margin = Block<D>::margin,
                   long_edge = Block<D>::arena_edge;
@@ -289,10 +304,15 @@ __device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int
         atomicAdd(to, mass);
         if (pass.group.weight >= 0) atomicAdd(to + pass.group.weight * block_cells, mass);
         MPM_UNROLL for (int c = 0; c < C; ++c) {
-            const int channel = c < D ? 1 + c : pass.group.sum;
+            const int channel = channel_of(c);
             atomicAdd(to + channel * block_cells, from[c * Arena::nodes]);
         }
     }
+}
+template <int D, int C>
+__device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int32_t slot,
+                                      const SumArena<D, C>& arena) {
+    flush(pass, slot, arena, [&](int c) { return c < D ? 1 + c : pass.group.sum; });
 }
 
 /// Where the sums of node 0 .. 3^D - 1 of a cell's stencil begin; the cell is one of the block, or

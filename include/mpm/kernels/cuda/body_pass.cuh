@@ -2,6 +2,7 @@
 #pragma once
 
 #include "mpm/kernels/cuda/fused.cuh"
+#include "mpm/kernels/cuda/keep.cuh"
 #include "mpm/kernels/cuda/lone.cuh"
 #include "mpm/kernels/cuda/phases.cuh"
 #include "mpm/kernels/cuda/two_pass.cuh"
@@ -16,6 +17,7 @@ BodyOps<X, T, D> instance() {
     if constexpr (std::is_same_v<T, float>) {
         ops.fused = &run_fused<Material, S, D>;
         ops.lone = &run_lone<Material, S, D>;
+        if constexpr (fuses_memory<Material>) ops.keep = &run_keeping<Material, S, D>;
     }
     ops.gather = &run_gather<Material, S, X, T, D>;
     ops.scatter = &run_scatter<X, T, D, C>;
@@ -33,8 +35,8 @@ template <class X, class T, int D, class Material>
 BodyOps<X, T, D> cuda_body_ops(Smoothing s) {
     const auto make = [&]<Smoothing S>() {
         // F-bar on solids and rare materials: in the phased step alone.
-        constexpr bool all = has_fused_form<Material> &&
-                             (Material::volumetric || S == Smoothing::none);
+        constexpr bool all =
+            has_fused_form<Material> && (Material::volumetric || S == Smoothing::none);
         if constexpr (all) {
             return cuda::instance<Material, S, X, T, D>();
         } else {

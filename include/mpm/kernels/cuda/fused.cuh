@@ -24,9 +24,9 @@ struct RegisterSums {
 };
 
 /// What strays deposit, from the thread that moved them to the one that adds it.
-template <int D, int C>
+template <int D, int C, int Room = 128>
 struct StrayList {
-    static constexpr int room = 128;
+    static constexpr int room = Room;
     static constexpr int reals = D + C * (1 + D);
     float value[reals][room];
     int cell[room];

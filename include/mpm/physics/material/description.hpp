@@ -38,6 +38,16 @@ inline constexpr bool has_fused_form = [] {
         return true;
 }();
 
+/// Whether a material is compiled into the fused step of schemes that store velocities: those that
+/// say `static constexpr bool fuses_memory = true`.
+template <class Material>
+inline constexpr bool fuses_memory = [] {
+    if constexpr (requires { Material::fuses_memory; })
+        return Material::fuses_memory;
+    else
+        return false;
+}();
+
 /// A material whose stress falls out of its update says so by a `respond` that does both.
 template <class Material, class V, int D, class T>
 concept Responds = requires(V (&state)[Material::template reals<D>], const Mat<V, D>& strain,

@@ -81,8 +81,8 @@ template <class V>
 MPM_INLINE ShapeValue<V> shape_value(Kernel kernel, V r, V half) {
     const V d = absolute(r), sign = r < V(0) ? V(-1) : V(1);
     switch (kernel) {
-        case Kernel::linear:
-            return {detail::hat(r), d < V(1) ? -sign : V(0)};
+        case Kernel::linear:  // on a node all slopes are those towards its upper side
+            return {detail::hat(r), r >= V(-1) && r < V(1) ? -sign : V(0)};
         case Kernel::quadratic: {
             const V rest = V(1.5) - d;
             if (d <= V(0.5)) return {V(0.75) - r * r, V(-2) * r};

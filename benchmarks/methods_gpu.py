@@ -1,0 +1,72 @@
+"""What transfers, kernels and pipelines cost on a GPU, at a size that fills it.
+
+The benchmark's collapsing water; the first line is the baseline (APIC, quadratic, fused) and runs
+again last, so that the lines between can be compared with both.
+
+Run:  python benchmarks/methods_gpu.py --particles 8000000 --steps 1000 --json FILE
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import libmpm
+from libmpm import Kernel, Method, Transfer
+from libmpm._src.bench import collapse, timed
+
+ASFLIP = Transfer(scheme="ASFLIP", flip=0.99, shift_max=0.1)
+
+#: Name -> (method, pipeline, precision)
+ROWS: dict[str, tuple[Method, str, str]] = {
+    "APIC": (Method(), "auto", "single"),
+    "ASFLIP": (Method(transfer=ASFLIP), "auto", "single"),
+    "AFLIP 0.99": (Method(transfer=Transfer(scheme="AFLIP", flip=0.99)), "auto", "single"),
+    "FLIP": (Method(transfer="FLIP"), "auto", "single"),
+    "APIC, two-pass": (Method(), "two-pass", "single"),
+    "APIC, phased": (Method(), "phased", "single"),
+    "ASFLIP, phased": (Method(transfer=ASFLIP), "phased", "single"),
+    "PIC": (Method(transfer="PIC"), "auto", "single"),
+    "FMPM(2)": (Method(transfer=Transfer(scheme="FMPM", order=2)), "auto", "single"),
+    "XPIC(3), every 4th": (
+        Method(transfer=Transfer(scheme="XPIC", order=3, every=4)), "auto", "single"
+    ),
+    "quadratic, gradient kernel": (Method(kernel=Kernel(gradient="kernel")), "auto", "single"),
+    "uGIMP": (Method(kernel="ugimp"), "auto", "single"),
+    "cubic": (Method(kernel="cubic"), "auto", "single"),
+    "APIC, double": (Method(), "auto", "double"),
+    "ASFLIP, double": (Method(transfer=ASFLIP), "auto", "double"),
+    "APIC again": (Method(), "auto", "single"),
+}  # fmt: skip
+
+
+def main() -> None:
+    """Run the rows and append their lines."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--particles", type=int, default=8_000_000)
+    parser.add_argument("--steps", type=int, default=1000)
+    parser.add_argument("--rows", nargs="*", default=list(ROWS), help="names of rows")
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    baseline = 0.0
+    for name in arguments.rows:
+        method, pipeline, precision = ROWS[name]
+        scene, step = collapse(arguments.particles, method=method)
+        simulation = libmpm.Simulation(
+            scene, device="cuda", precision=precision, pipeline=pipeline, time_step=step
+        )
+        simulation.step(20)
+        state = f"steps 20 to {arguments.steps + 20} of the collapse, sorts included, no output"
+        result = timed(simulation, arguments.steps, case=f"methods: {name}", state=state)
+        baseline = baseline or result.particle_steps_per_s
+        share = result.particle_steps_per_s / baseline
+        print(f"{name:<28} {result.particle_steps_per_s:.3e}  {share:.2f}  {result.pipeline}")
+        if arguments.json is not None:
+            line = json.loads(result.line()) | {"share_of_apic": round(share, 3)}
+            with arguments.json.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Reference cases with known answers: scenes, measurements and bounds."""

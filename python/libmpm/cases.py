@@ -1,0 +1,44 @@
+"""Reference cases with known answers, to be run on one's own machine or with one's own choices.
+
+>>> import libmpm.cases
+>>> result = libmpm.cases.run("sloshing", device="cuda")  # doctest: +SKIP
+>>> result.values, result.failures  # doctest: +SKIP
+
+Each case says what it is compared with (`Case.source`, `Bound.source`). `run` takes the level
+("reduced": seconds to minutes on two cores; "full": minutes on a GPU), `Options` with the numerical
+choices to try, and changes of the case's own parameters.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from libmpm._src.cases.case import Bound, Case, CaseResult, Options
+from libmpm._src.cases.fluids import CASES as _FLUIDS
+from libmpm._src.cases.locking import CASES as _LOCKING
+from libmpm._src.cases.solids import CASES as _SOLIDS
+from libmpm._src.errors import SceneError
+from libmpm._src.values import nearest
+
+__all__ = ["Bound", "Case", "CaseResult", "Options", "case", "names", "run"]
+
+_CASES: dict[str, Case] = {c.name: c for c in (*_SOLIDS, *_LOCKING, *_FLUIDS)}
+
+
+def names() -> list[str]:
+    """Return the names of all cases."""
+    return list(_CASES)
+
+
+def case(name: str) -> Case:
+    """Return a case. Raises `SceneError` naming the nearest one."""
+    if name not in _CASES:
+        raise SceneError(f"case is {name!r}; {nearest(name, names())}")
+    return _CASES[name]
+
+
+def run(
+    name: str, level: str = "reduced", options: Options | None = None, **how: Any
+) -> CaseResult:
+    """Run a case and compare; see `Case.run` for the rest. Raises `SceneError`."""
+    return case(name).run(level, options, **how)
