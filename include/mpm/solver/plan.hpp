@@ -63,7 +63,8 @@ struct Plan {
     KeptChannels kept;    // where the transfer stores velocities
     SweepChannels sweep;  // of XPIC and FMPM
     int sweeps = 0;       // per step
-    double beyond = 0;    // the largest share of a deposit that a particle moves with, beside the grid's
+    double beyond =
+        0;  // the largest share of a deposit that a particle moves with, beside the grid's
     bool on_functions = false;  // functions over cells in place of the regular grid
     std::string pipeline_reason;
     std::vector<std::string> kernels;

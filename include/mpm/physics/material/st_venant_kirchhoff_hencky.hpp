@@ -45,8 +45,7 @@ struct StVenantKirchhoffHencky : IsotropicElastic {
     }
     template <int D, class V>
     MPM_INLINE static void scale_volume(V (&state)[reals<D>], V from, V to) {
-        add_to_log_strains<D>(state,
-                              ScalarOf<V>(1.0 / D) * (log1p_of(-to) - log1p_of(-from)));
+        add_to_log_strains<D>(state, ScalarOf<V>(1.0 / D) * (log1p_of(-to) - log1p_of(-from)));
     }
 
     template <int D>

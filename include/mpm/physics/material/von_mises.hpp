@@ -78,8 +78,8 @@ struct VonMises : HenckyFlow<VonMises> {
     static constexpr const char* limits =
         "its volume ratio left the range 0.05 to 20, or its plastic strain 1e6";
 
-    // For F-bar: 1 - J, all of it elastic as flow keeps the volume, and the elastic strain made that
-    // of another volume, alike along all axes: then the deviator stays on the yield surface.
+    // For F-bar: 1 - J, all of it elastic as flow keeps the volume, and the elastic strain made
+    // that of another volume, alike along all axes: then the deviator stays on the yield surface.
     template <int D, class V>
     MPM_INLINE static V volume_loss(const V (&state)[reals<D>]) {
         return volume_loss_of(load_symmetric<D>(state), D == 2 ? state[3] : V(ScalarOf<V>(0)));
