@@ -180,7 +180,7 @@ def test_duplicate_names(tank: Make) -> None:
         (lambda: Method(time_step=0), "time_step is 0; expected > 0 s"),
         (lambda: Method(leaving="fly"), "leaving is 'fly'"),
         (lambda: FBar(time=1.0, ratio=0.5), "time and ratio are given"),
-        (lambda: FBar(length=1.0), "belongs to form='two-volume'"),
+        (lambda: FBar(length=1.0), "belongs to two-volume, split"),
         (lambda: FBar(form="two-volume"), "neither length nor ratio"),
         (lambda: FBar(ratio=1.5), "ratio is 1.5"),
     ],
@@ -292,10 +292,13 @@ def test_hydrostatic_needs_gravity_and_a_fluid(tank: Make) -> None:
 
 
 def test_fbar_only_where_supported(tank: Make) -> None:
-    wood: dict[str, Any] = {"material": WOOD}
-    (problem,) = problems(tank_with(tank, ("a", box(0, 0, 1, 0.5), wood | {"fbar": FBar()})))
-    assert "FixedCorotated, which has no volume smoothing" in problem
-    assert not problems(tank_with(tank, ("a", box(0, 0, 1, 0.5), wood)))
+    sand: dict[str, Any] = {
+        "material": libmpm.materials.DruckerPrager(density=1600.0, youngs_modulus=1e6)
+    }
+    (problem,) = problems(tank_with(tank, ("a", box(0, 0, 1, 0.5), sand | {"fbar": FBar()})))
+    assert "DruckerPrager, which has no volume smoothing" in problem
+    for solid in (sand, {"material": WOOD}, {"material": WOOD, "fbar": FBar()}):
+        assert not problems(tank_with(tank, ("a", box(0, 0, 1, 0.5), solid)))
 
 
 def with_box(tank: Make, shape: shapes.Box, **more: Any) -> Scene:

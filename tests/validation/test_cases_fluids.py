@@ -131,6 +131,7 @@ def test_cubes_converge_on_refinement(device):
         assert away == sorted(away, reverse=True), (density, away)
 
 
+@pytest.mark.slow
 def test_cubes_meet_less_drag_with_less_dissipation(device):
     """A larger FLIP share lets every cube go further (0.3 against 0.9); so does shifting."""
     moved = []
