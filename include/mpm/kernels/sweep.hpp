@@ -12,6 +12,11 @@
 
 namespace mpm {
 
+/// The grid half of a step without its consequences.
+struct NothingDecided {
+    MPM_HD void operator()(const double*) const {}
+};
+
 /// Channels of nodal velocities, D each, that a sweep works on.
 struct SweepChannels {
     int source = 0, result = 0, residual = 0;

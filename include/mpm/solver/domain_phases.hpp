@@ -5,11 +5,6 @@
 
 namespace mpm {
 
-/// The grid half of a step without its consequences.
-struct NothingDecided {
-    MPM_HD void operator()(const double*) const {}
-};
-
 template <class X, class T, int D>
 Phase<X, T, D> Domain<X, T, D>::phase(Body& body, int number, int parity_to) {
     Phase<X, T, D> p{};

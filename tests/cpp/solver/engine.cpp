@@ -301,7 +301,10 @@ TEST(Faults, impossible_scenes) {
     refused([](Spec& s) { s.pipeline = "guess"; });
     refused([](Spec& s) { s.bodies[0].material = "Cheese"; });
     refused([](Spec& s) { s.bodies[0].parameters.pop_back(); });
-    refused([](Spec& s) { s.bodies[1].smoothing = SmoothingForm::one_volume; });
+    refused([](Spec& s) {
+        s.bodies[1].material = "LinearElastic";  // of the same parameters
+        s.bodies[1].smoothing = SmoothingForm::one_volume;
+    });
     for (double outside : {-0.01, 7.0}) {
         refused([outside](Spec& s) {
             auto x = test::positions(s.bodies[0], 2);
