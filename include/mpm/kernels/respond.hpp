@@ -54,6 +54,17 @@ MPM_INLINE T loss_of(const P& pass, const T (&state)[state_reals<Material, D, S>
     }
 }
 
+/// Uniform numbers of a body in the phased step.
+template <class Material, class X, class T, int D>
+MPM_INLINE StepNumbers<T, Material> phase_numbers(
+    const Phase<X, T, D>& phase, const typename Material::template Constants<T>& constants) {
+    auto numbers = step_numbers<T, Material>(*phase.pass.numbers, constants, phase.pass.carry,
+                                             phase.pass.stress_only);
+    numbers.smoothing.lags = phase.n.lags;
+    numbers.smoothing.leads = phase.n.leads;
+    return numbers;
+}
+
 /// What `respond_particle` found.
 template <class G>
 struct Responded {

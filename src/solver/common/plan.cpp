@@ -75,10 +75,6 @@ std::string limit_text(const BodySpec& body, const char* what, double value, con
     return "body '" + body.name + "': " + text;
 }
 
-}  // namespace
-
-namespace {
-
 /// What a particle stores beside its material's numbers, and the memory that this takes.
 void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
     const int real = backend.real();

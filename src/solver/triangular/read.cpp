@@ -21,9 +21,7 @@ std::vector<std::string> FunctionsEngine::attribute_names(int body) const {
     const MaterialInfo& m = material(spec_.bodies.at(std::size_t(body)).material);
     if (std::string(m.needs) == "deformation_gradient") names.push_back("deformation_gradient");
     if (m.plastic) names.push_back("plastic_strain");
-    if (m.yields) {
-        names.push_back("yields");
-    }
+    if (m.yields) names.push_back("yields");
     return names;
 }
 

@@ -114,11 +114,6 @@ struct BlockPass {
         Cpu::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
     }
 
-    /// Sorting is due, whatever the drift.
-    MPM_INLINE void call_for_sort() const {
-        __atomic_store_n(pass.strays, ~std::uint64_t(0), __ATOMIC_RELAXED);
-    }
-
     /// A particle that is, or comes to be, outside its home cell.
     MPM_INLINE void deposit_alone(const int (&home)[D], const Vec<T, D>& xi,
                                   const Affine<T, D, E>& u) const {
@@ -152,7 +147,7 @@ struct BlockPass {
             MPM_UNROLL for (int r = 0; r < R; ++r) pass.body.state[r][q] = state[r];
             if (!sound<Material>(xi, state)) return report(q);
             if constexpr (keeps) {
-                if (strays_far(xi)) call_for_sort();
+                if (strays_far(xi)) call_for_sort(pass.strays);
             }
         }
         if constexpr (stage == Stage::gather) store_deposit(q, u);
@@ -206,7 +201,7 @@ struct BlockPass {
                 inside = inside & good;
             }
             if constexpr (keeps) {
-                if (any(inside & strays_far(xi))) call_for_sort();
+                if (any(inside & strays_far(xi))) call_for_sort(pass.strays);
             }
             const Mask still = in_cell(xi);
             if constexpr (adds) {

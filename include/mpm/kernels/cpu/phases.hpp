@@ -24,41 +24,38 @@ MPM_INLINE void for_each_of_block(const BodyView<T, D>& body, std::int32_t slot,
     }
 }
 
-template <class Material, Smoothing S, class T, int D>
-StepNumbers<T, Material> phase_numbers(const Phase<Cpu, T, D>& phase) {
-    const auto& pass = phase.pass;
-    auto numbers =
-        step_numbers<T, Material>(*pass.numbers, Material::template constants<T>(pass.parameters),
-                                  pass.carry, pass.stress_only);
-    numbers.smoothing.lags = phase.n.lags;
-    numbers.smoothing.leads = phase.n.leads;
-    return numbers;
+/// Sorting is due, whatever the drift.
+inline void call_for_sort(std::uint64_t* strays) {
+    __atomic_store_n(strays, ~std::uint64_t(0), __ATOMIC_RELAXED);
 }
 
 template <class Material, Smoothing S, class T, int D>
 void respond_body(const Phase<Cpu, T, D>& phase) {
     const auto& pass = phase.pass;
     if (pass.clock->halt != Halt::none) return;
-    const auto numbers = phase_numbers<Material, S>(phase);
+    const auto numbers =
+        phase_numbers<Material>(phase, Material::template constants<T>(phase.pass.parameters));
     const bool due = phase.n.sweeps && pass.clock->step % phase.n.every == 0;
 #pragma omp parallel for schedule(static) num_threads(phase_threads(*pass.exec, pass.body.count))
     for (std::uint32_t q = 0; q < pass.body.count; ++q) {
         const auto found = respond_particle<Material, S>(phase, numbers, due, q);
         if (!found.sound)
             Cpu::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
-        if (found.far) __atomic_store_n(pass.strays, ~std::uint64_t(0), __ATOMIC_RELAXED);
+        if (found.far) call_for_sort(pass.strays);
     }
 }
 template <class Material, Smoothing S, class T, int D>
 void rest_body(const Phase<Cpu, T, D>& phase) {
-    const auto numbers = phase_numbers<Material, S>(phase);
+    const auto numbers =
+        phase_numbers<Material>(phase, Material::template constants<T>(phase.pass.parameters));
     for (std::uint32_t q = 0; q < phase.pass.body.count; ++q)
         rest_particle<Material, S>(phase, numbers, q);
 }
 template <class Material, Smoothing S, class T, int D>
 void project_body(const Phase<Cpu, T, D>& phase) {
     if (phase.pass.clock->halt != Halt::none) return;
-    const auto numbers = phase_numbers<Material, S>(phase);
+    const auto numbers =
+        phase_numbers<Material>(phase, Material::template constants<T>(phase.pass.parameters));
     const std::uint32_t count = phase.pass.body.count;
 #pragma omp parallel for schedule(static) num_threads(phase_threads(*phase.pass.exec, count))
     for (std::uint32_t q = 0; q < count; ++q) project_particle<Material, S>(phase, numbers, q);

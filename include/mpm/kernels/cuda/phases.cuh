@@ -8,16 +8,6 @@ namespace mpm::cuda {
 
 inline constexpr int phase_block = 128;
 
-template <class Material, class X, class T, int D>
-__device__ __forceinline__ StepNumbers<T, Material> phase_numbers(
-    const Phase<X, T, D>& phase, const typename Material::template Constants<T>& constants) {
-    auto numbers = step_numbers<T, Material>(*phase.pass.numbers, constants, phase.pass.carry,
-                                             phase.pass.stress_only);
-    numbers.smoothing.lags = phase.n.lags;
-    numbers.smoothing.leads = phase.n.leads;
-    return numbers;
-}
-
 /// The largest deposits that the threads of a warp have found, to the clock.
 template <class P, class G>
 __device__ __forceinline__ void tell_largest(const P& pass, G momentum, G average) {
