@@ -7,6 +7,7 @@
 
 #include <functional>
 
+#include "dlpack.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/merged.hpp"
 #include "spec_reader.hpp"
@@ -112,7 +113,94 @@ inline State read_state(const py::dict& d) {
 struct Handle {
     Spec spec;
     std::unique_ptr<Engine> engine;
+    std::int64_t generation = 0;  // of the state: counts runs and loads
+    // Under Python's lock. An engine is not for two threads: columns that are let go while it works
+    // without the lock wait until it has come back.
+    int busy = 0;
+    std::vector<DenseColumn> let_go;
 };
+
+/// Around what an engine does without Python's lock.
+class Busy {
+public:
+    explicit Busy(Handle& h) : handle_(h) { ++handle_.busy; }
+    ~Busy() {
+        if (--handle_.busy == 0) handle_.let_go.clear();
+    }
+    Busy(const Busy&) = delete;
+    Busy& operator=(const Busy&) = delete;
+
+private:
+    Handle& handle_;
+};
+
+/// Lets others have Python's lock meanwhile.
+struct Unlocked {
+    explicit Unlocked(Handle& h) : busy(h) {}
+    Busy busy;  // until after the lock is back
+    py::gil_scoped_release release;
+};
+
+/// A dense column in the memory of an engine, which it keeps alive.
+struct Held {
+    py::object engine;
+    DenseColumn column;
+
+    Held(py::object e, DenseColumn c) : engine(std::move(e)), column(std::move(c)) {}
+    Held(Held&&) = default;
+    Held(const Held&) = delete;
+    Held& operator=(const Held&) = delete;
+    ~Held() {
+        if (!engine || !column.data) return;
+        Handle& h = handle();
+        if (h.busy > 0) h.let_go.push_back(std::move(column));
+        column.data.reset();
+    }
+    Handle& handle() const { return engine.cast<Handle&>(); }
+};
+
+struct ColumnHandle {
+    Held held;
+    int device = -1;
+
+    py::array numpy() const {
+        const DenseColumn& c = held.column;
+        const std::vector<py::ssize_t> shape(c.shape.begin(), c.shape.end());
+        py::array out(py::dtype(c.type == 'd' ? "f8" : "u8"), shape);
+        held.handle().engine->copy_out(c, out.mutable_data());
+        return out;
+    }
+    py::capsule dlpack(bool versioned, bool copied) const {
+        Held given(held.engine,
+                   copied ? held.handle().engine->duplicate(held.column) : held.column);
+        return versioned
+                   ? dlpack::capsule<dlpack::ManagedVersioned>(std::move(given), device, copied)
+                   : dlpack::capsule<dlpack::Managed>(std::move(given), device, copied);
+    }
+};
+
+inline void bind_columns(py::module_& m) {
+    py::class_<ColumnHandle>(m, "Column",
+                             "Numbers one after another in the memory of an engine's device.",
+                             py::module_local())
+        .def_property_readonly("shape",
+                               [](const ColumnHandle& c) {
+                                   py::tuple shape(c.held.column.shape.size());
+                                   for (std::size_t a = 0; a < shape.size(); ++a)
+                                       shape[a] = c.held.column.shape[a];
+                                   return shape;
+                               })
+        .def_property_readonly(
+            "type", [](const ColumnHandle& c) { return c.held.column.type == 'd' ? "<f8" : "<u8"; })
+        .def_property_readonly(
+            "pointer",
+            [](const ColumnHandle& c) {
+                return reinterpret_cast<std::uintptr_t>(c.held.column.data.get());
+            })
+        .def_readonly("device", &ColumnHandle::device)
+        .def("numpy", &ColumnHandle::numpy)
+        .def("dlpack", &ColumnHandle::dlpack, py::arg("versioned"), py::arg("copied"));
+}
 
 using Factory = std::function<std::unique_ptr<Engine>(const Spec&)>;
 using Planner = std::function<Plan(const Spec&, const BackendTraits&)>;
@@ -151,6 +239,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
         "anything "
         "is allocated (design/engine-contract.md).");
 
+    bind_columns(m);
     using release = py::call_guard<py::gil_scoped_release>;
     py::class_<Handle>(m, "Engine",
                        "A simulation on one device, built from a spec (design/engine-contract.md).",
@@ -175,8 +264,9 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             "run",
             [](Handle& h, std::int64_t steps, double until, double wall) {
                 RunResult r;
+                ++h.generation;
                 {
-                    py::gil_scoped_release unlocked;
+                    const Unlocked unlocked(h);
                     r = h.engine->run(steps, until, wall);
                 }
                 py::dict d;
@@ -216,6 +306,14 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                          py::make_tuple(r.body, numpy(r.ids), numpy(r.position), r.step, r.policy));
                  return out;
              })
+        .def("flows",
+             [](Handle& h) {
+                 py::list out;
+                 for (const auto& f : h.engine->flows())
+                     out.append(py::make_tuple(f.inlet ? "inlet" : "outlet", f.number, f.time,
+                                               f.step, f.particles, f.mass, f.volume));
+                 return out;
+             })
         .def(
             "attribute_names",
             [](const Handle& h, int body) { return h.engine->attribute_names(body); },
@@ -228,7 +326,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                 for (const auto& n : names)
                     if (n != "id") without_id.push_back(n);
                 {
-                    py::gil_scoped_release unlocked;
+                    const Unlocked unlocked(h);
                     a = h.engine->attributes(body, without_id);
                 }
                 py::dict d;
@@ -242,7 +340,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             [](Handle& h, int body, const std::string& name) -> py::object {
                 Attributes a;
                 {
-                    py::gil_scoped_release unlocked;
+                    const Unlocked unlocked(h);
                     a = h.engine->attributes(body, name == "id" ? std::vector<std::string>{}
                                                                 : std::vector<std::string>{name});
                 }
@@ -250,12 +348,29 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                 return numpy(a.values.at(name));
             },
             py::arg("body"), py::arg("name"))
+        .def_property_readonly("generation", [](const Handle& h) { return h.generation; })
+        .def(
+            "gather",
+            [](py::object self, int body, const std::vector<std::string>& names,
+               const std::vector<double>& origin) {
+                Handle& h = self.cast<Handle&>();
+                Gathered from;
+                {
+                    const Unlocked unlocked(h);
+                    from = h.engine->gather(body, names, origin);
+                }
+                py::dict out;
+                for (auto& [name, column] : from.columns)
+                    out[py::str(name)] = ColumnHandle{Held(self, std::move(column)), from.device};
+                return out;
+            },
+            py::arg("body"), py::arg("names"), py::arg("origin"))
         .def(
             "grid",
             [](Handle& h, const std::string& name) {
                 Array a;
                 {
-                    py::gil_scoped_release unlocked;
+                    const Unlocked unlocked(h);
                     a = h.engine->grid(name);
                 }
                 return numpy(a);
@@ -265,7 +380,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
              [](Handle& h) {
                  NodalSums s;
                  {
-                     py::gil_scoped_release unlocked;
+                     const Unlocked unlocked(h);
                      s = h.engine->sums();
                  }
                  const py::ssize_t d = h.spec.dimension, n = py::ssize_t(s.cell.size()) / d;
@@ -279,7 +394,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
              [](Handle& h) {
                  State s;
                  {
-                     py::gil_scoped_release unlocked;
+                     const Unlocked unlocked(h);
                      s = h.engine->save();
                  }
                  py::dict d;
@@ -290,7 +405,8 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             "load",
             [](Handle& h, const py::dict& d) {
                 const State s = read_state(d);
-                py::gil_scoped_release unlocked;
+                ++h.generation;
+                const Unlocked unlocked(h);
                 h.engine->load(s);
             },
             py::arg("state"))

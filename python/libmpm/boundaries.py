@@ -1,5 +1,42 @@
-"""Responses of boundaries: `Sticky`, `Slip`, `Separable`."""
+"""What boundaries do (`Sticky`, `Slip`, `Separable`, `Mirror`, `Prescribed`) and how they move.
 
-from libmpm._src.boundaries import Response, Separable, Slip, Sticky
+`DecayLayer` says how the hold of a surface fades with the distance from it; `Displacement`,
+`Travel` and `Rotation` move a shape. `Inflow` and `Outflow` let particles in and out through a
+face of the domain; `riemann_inlet` gives those of a bore. `piston_stroke` and `stroke_from_file`
+are places of a wave maker.
+"""
 
-__all__ = ["Response", "Separable", "Slip", "Sticky"]
+from libmpm._src.boundaries import (
+    DecayLayer,
+    Displacement,
+    Mirror,
+    Prescribed,
+    Response,
+    Rotation,
+    Separable,
+    Slip,
+    Sticky,
+    Travel,
+)
+from libmpm._src.flow import Bore, Flow, Inflow, Outflow, riemann_inlet
+from libmpm._src.wave_makers import piston_stroke, stroke_from_file
+
+__all__ = [
+    "Bore",
+    "DecayLayer",
+    "Displacement",
+    "Flow",
+    "Inflow",
+    "Mirror",
+    "Outflow",
+    "Prescribed",
+    "Response",
+    "Rotation",
+    "Separable",
+    "Slip",
+    "Sticky",
+    "Travel",
+    "piston_stroke",
+    "riemann_inlet",
+    "stroke_from_file",
+]

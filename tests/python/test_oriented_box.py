@@ -43,7 +43,7 @@ def oriented(
 def turned(
     centre: tuple[float, ...], size: tuple[float, ...], angle: float, axis: str | None = None
 ) -> TurnedBox:
-    return oriented(centre, size, angle, axis).turned()
+    return oriented(centre, size, angle, axis).turned_box()
 
 
 def turn(box: TurnedBox) -> Array:
@@ -228,7 +228,7 @@ def test_debris_takes_its_water_away() -> None:
     alone = box_scene()
     alone.add_body(name="water", shape=shapes.Box(lower=(0, 0, 0), upper=(2, 2, 1)), material=WATER)
     full = with_arrays(lower(alone))["bodies"][0]
-    taken = np.any([inside(full["position"], b.turned()) for b in boxes], axis=0)
+    taken = np.any([inside(full["position"], b.turned_box()) for b in boxes], axis=0)
     np.testing.assert_array_equal(spec[0]["position"], full["position"][~taken])
     assert spec[0]["particle_mass"] == full["particle_mass"]
     # The part of the first log below the surface, and all of the second one.
@@ -245,10 +245,10 @@ def test_a_straight_box_out_of_a_turned_one(both: bool) -> None:
     cut = oriented((1, 1), (0.4, 0.3), 75) if both else shapes.Box(lower=(0.8, 0.9), upper=(1.3, 2))
     scene.add_body(name="cut", shape=cut, material=HDPE, subtract_from=("log",))
     spec = with_arrays(lower(scene))["bodies"]
-    grid = sampling.turned_lattice(log.turned(), CELL, 4)
+    grid = sampling.turned_lattice(log.turned_box(), CELL, 4)
     points = sampling.points(grid, [], CELL)
     full = points.rows(0, points.count)
-    taken = inside(full, cut.turned())
+    taken = inside(full, cut.turned_box())
     assert 0 < taken.sum() < len(full)
     np.testing.assert_array_equal(spec[0]["position"], full[~taken])
 
@@ -452,13 +452,11 @@ def test_bodies_inside_boundaries_are_refused() -> None:
     beside.validate(strict=True)
 
 
-def test_no_boundary_is_turned() -> None:
-    found = refused(
-        box_scene().add_boundary,
-        name="ramp", shape=oriented((1, 1, 1), (1, 1, 1), 10), response=boundaries.Slip(),
-    )  # fmt: skip
-    assert found[0].startswith("boundary 'ramp': shape is shapes.OrientedBox(")
-    assert "cannot be turned; use a shapes.Box, or a stair of them" in found[0]
+def test_a_turned_boundary_is_a_surface() -> None:
+    scene = box_scene()
+    ramp = oriented((1, 1, 1), (1, 1, 1), 10)
+    scene.add_boundary(name="ramp", shape=ramp, response=boundaries.Slip())
+    assert scene.boundaries[-1].is_surface
 
 
 def test_other_dimensions_and_grids_of_functions_are_refused() -> None:

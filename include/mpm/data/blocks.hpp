@@ -108,6 +108,21 @@ MPM_INLINE std::int32_t find_block(const BlockTableView<D>& table, const std::in
     return find_key(table.keys, table.slots, table.keys_of.key(block));
 }
 
+/// Slot of the block that owns the node of a cell, or -1, and the node's number there.
+template <int D>
+MPM_INLINE std::int32_t find_node(const BlockTableView<D>& table, const std::int64_t (&cell)[D],
+                                  int& node) {
+    std::int64_t block[D];
+    int at[D];
+    for (int a = 0; a < D; ++a) {
+        const std::int64_t c = cell[a];
+        block[a] = c >= 0 ? c / Block<D>::edge : -((-c + Block<D>::edge - 1) / Block<D>::edge);
+        at[a] = int(c - block[a] * Block<D>::edge);
+    }
+    node = Block<D>::cell(at);
+    return find_block<D>(table, block);
+}
+
 /// A node of a block's arena seen from the block: slot of the block that owns it (or -1) and its
 /// node number there.
 template <int D>

@@ -51,6 +51,7 @@ public:
     void download(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
     void zero(void* p, std::size_t bytes) { std::memset(p, 0, bytes); }
     void wait() {}
+    void wait_for_all() noexcept {}
     void trim() {}
     void check(const char*) {}
 

@@ -237,6 +237,8 @@ public:
     void download(void* to, const void* from, std::size_t bytes);
     void zero(void* p, std::size_t bytes);
     void wait();
+    /// For the work of others on the device, too.
+    void wait_for_all() noexcept;
     /// Gives memory back that was freed and is kept for later.
     void trim();
     /// The most bytes that were in use at a time, and the most that were held for use.

@@ -8,11 +8,20 @@
 
 #include "mpm/data/time_table.hpp"
 #include "mpm/kernels/fixed_point.hpp"
+#include "mpm/kernels/surface.hpp"
 #include "mpm/physics/boundary/response.hpp"
 
 namespace mpm {
 
-enum class Halt : int { none = 0, sort = 1, until = 2, steps = 3, fault = 4, samples = 5 };
+enum class Halt : int {
+    none = 0,
+    sort = 1,
+    until = 2,
+    steps = 3,
+    fault = 4,
+    samples = 5,
+    supply = 6
+};
 enum class FaultKind : int { none = 0, particle = 1, outran = 2, fixed_point = 3 };
 
 inline constexpr int max_groups = 8;
@@ -87,6 +96,10 @@ struct BoundaryRecord {
     SurfaceLaw law[2 * D];
     double start, end;
     TimeTableView motion;  // count 0: at rest
+    int surface;           // one more than its number among the surfaces; 0: walls or a box
+    std::uint64_t share;   // bit mask of the sums of mass that it acts on; 0: on all
+    int limited;           // acts between these corners alone, m
+    double within_lower[D], within_upper[D];
     // Evaluated each step:
     int active;
     double velocity[D];
@@ -105,6 +118,21 @@ struct SensorRecord {
     double* values;  // (capacity, columns)
 };
 
+/// An inlet, as the clock sees it: how far its water has moved in, and when the next layer of
+/// particles is due.
+struct SupplyRecord {
+    TimeTableView velocity;  // m/s into the domain, one component, none below 0
+    double moved, due;       // m
+    double last;             // m, in the last step
+
+    MPM_HD void advance(double time, double dt) {
+        double speed = 0;
+        velocity.at(time, &speed);
+        last = speed * dt;
+        moved += last;
+    }
+};
+
 /// First half: forces and boundaries of this moment. Runs before the grid update, again after a
 /// halt.
 template <int D>
@@ -113,6 +141,7 @@ struct BeginStep {
     TimeTableView gravity;
     BoundaryRecord<D>* boundaries;
     int boundary_count;
+    SurfaceRecord<D>* surfaces = nullptr;
 
     MPM_HD void operator()() const {
         if (clock->halt != Halt::none) return;
@@ -122,6 +151,7 @@ struct BeginStep {
             r.active = clock->time >= r.start && clock->time < r.end;
             for (int a = 0; a < D; ++a) r.velocity[a] = 0;
             if (r.motion.count > 0) r.motion.at(clock->time, r.velocity);
+            if (r.surface > 0) surfaces[r.surface - 1].set(clock->time);
         }
     }
 };
@@ -141,6 +171,9 @@ struct Decide {
     double least_mass;  // of a particle, kg
     double wave_speed;
     double beyond = 0;  // share of the largest deposit that particles may move with beside the grid
+    SupplyRecord* supplies = nullptr;
+    int supply_count = 0;
+    double supplied_mass = 0;  // that layers of one step may add to a node, kg
 
     /// What is read comes first and together: on a device one thread does this, and each read that
     /// had to wait for a write before it would cost more than all the rest.
@@ -168,6 +201,12 @@ struct Decide {
             if (!(deposited[q] <= limit[q])) return stop(FaultKind::fixed_point, deposited[q]);
         const double moved = speed * dt / cell_size;
         if (!(moved <= 1.0)) return stop(FaultKind::outran, speed);
+        for (int s = 0; s < supply_count; ++s) {
+            if (supplies[s].moved >= supplies[s].due) {
+                clock->halt = Halt::supply;
+                return;
+            }
+        }
         if (drift > 0 && (drift + moved > drift_limit || strays >= stray_limit)) {
             clock->halt = Halt::sort;
             return;
@@ -205,8 +244,10 @@ struct Decide {
         if (dt != numbers_dt || dt_next != numbers_dt_next) set_numbers(dt, dt_next);
         if (sum_bits > 0) {
             const double further = moved + beyond * deposited[momentum_sum] * dt / cell_size;
-            choose_scales(gravity, deposited, speed, mass, further < 1 ? further : 1.0, dt_next);
+            choose_scales(gravity, deposited, speed, mass + supplied_mass,
+                          further < 1 ? further : 1.0, dt_next);
         }
+        for (int s = 0; s < supply_count; ++s) supplies[s].advance(time, dt);
         remember_speed(step, speed);
     }
 

@@ -1,7 +1,7 @@
 // The grid half of a step: sums -> velocities, gravity, boundaries (Bonus 2023, section 4.10).
 #pragma once
 
-#include "mpm/kernels/views.hpp"
+#include "mpm/kernels/boundaries.hpp"
 
 namespace mpm {
 
@@ -14,65 +14,12 @@ inline constexpr double negligible_mass = sizeof(T) == 4 ? 1e-10 : 1e-18;
 /// With fixed-point sums, the least number of quanta for the same reason.
 inline constexpr int least_quanta = 16;
 
-/// What the boundaries leave of a node's velocity. `seen(boundary, face, before, after)` hears of
-/// every response.
-template <class T, int D, class Seen>
-MPM_INLINE void apply_boundaries(const BoundaryRecord<D>* boundaries, int count,
-                                 const std::int64_t (&cell)[D], Vec<T, D>& v, const Seen& seen) {
-    for (int b = 0; b < count; ++b) {
-        const BoundaryRecord<D>& r = boundaries[b];
-        if (!r.active) continue;
-        Vec<T, D> wall;
-        for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
-        if (!r.is_box) {
-            // The wall of face x- lies at the lower side of cell 0: nodes 0 and beyond it are held.
-            for (int face = 0; face < 2 * D; ++face) {
-                const int a = face / 2;
-                const bool held = face % 2 == 0 ? cell[a] <= r.lower[a] : cell[a] >= r.upper[a] - 1;
-                if (!r.present[face] || !held) continue;
-                const Vec<T, D> before = v;
-                v = respond(r.law[face], a, face % 2 == 0 ? T(1) : T(-1), before, wall);
-                seen(b, face, before, v);
-            }
-            continue;
-        }
-        // A box holds its inside by its nearest faces and the one layer of cells before each face.
-        // Cells that touch it only by an edge or a corner stay free: holding them too would choke
-        // gaps beside the box (design/walls.md).
-        std::int64_t depth[2 * D], least = 0;
-        int outside = 0;
-        for (int a = 0; a < D; ++a) {
-            depth[2 * a] = cell[a] - r.lower[a];
-            depth[2 * a + 1] = r.upper[a] - 1 - cell[a];
-            const std::int64_t nearest =
-                depth[2 * a] < depth[2 * a + 1] ? depth[2 * a] : depth[2 * a + 1];
-            outside += nearest < -1 ? 2 : (nearest < 0 ? 1 : 0);
-            if (a == 0 || nearest < least) least = nearest;
-        }
-        if (outside > 1) continue;
-        // Inside, all faces at the least depth: with one alone, particles would slide in along the
-        // diagonals.
-        for (int f = 0; f < 2 * D; ++f) {
-            if (depth[f] != least) continue;
-            const Vec<T, D> before = v;
-            v = respond(r.law[f], f / 2, f % 2 == 0 ? T(-1) : T(1), before, wall);
-            seen(b, f, before, v);
-        }
-    }
-}
-
-struct NothingSeen {
-    template <class... A>
-    MPM_INLINE void operator()(const A&...) const {}
-};
-
 /// One node: from sums to the velocity with which the coming step moves particles.
 template <class T, class Sum, int D>
 struct NodeUpdate {
     GridView<T, Sum, D> grid;
     const Clock* clock;
-    const BoundaryRecord<D>* boundaries;
-    int boundary_count;
+    BoundaryView<D> boundaries;
     const std::uint32_t* touched;  // per slot: may a boundary hold nodes of it
     double least_mass;             // of a particle, kg
 
@@ -98,7 +45,8 @@ struct NodeUpdate {
         for (int a = 0; a < D; ++a) p[a] = s[(1 + a) * block_cells];
         return p;
     }
-    template <class Seen>
+    /// With `special`, what kernels/boundaries.hpp says of it.
+    template <bool special, class Seen>
     MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
                                   const Seen& seen) const {
         Vec<T, D> v;
@@ -110,9 +58,100 @@ struct NodeUpdate {
         if (touched[slot]) {
             std::int64_t c[D];
             cell(slot, node, c);
-            apply_boundaries<T, D>(boundaries, boundary_count, c, v, seen);
+            if constexpr (special) {
+                const Images<D> images(boundaries, c);
+                if (images.mirrored) return mirrored_velocity(images, v, seen);
+            }
+            apply_boundaries<special>(boundaries, c, v, seen, share(slot, node));
         }
         return v;
+    }
+    /// Part of a node's mass that lies in some channels.
+    MPM_INLINE double part_of(const Sum* s, std::uint64_t channels) const {
+        double part = 0;
+        for (int c = 0; c < grid.sum_channels; ++c)
+            if (channels >> c & 1)
+                part += from_sum<double>(s[c * block_cells], clock->unit_read[mass_sum]);
+        return part;
+    }
+    MPM_INLINE auto share(std::int32_t slot, int node) const {
+        return [this, s = sums(slot, node)](std::uint64_t channels) {
+            const double part = part_of(s, channels) / part_of(s, 1);
+            return part < 1 ? part : 1.0;
+        };
+    }
+    /// f(sums of a node, sign of each component) over all nodes that share by mirrored planes.
+    template <class F>
+    MPM_INLINE void each_image(const Images<D>& images, const F& f) const {
+        images.each([&](const std::int64_t(&at)[D], const double(&sign)[D]) {
+            int number = 0;
+            const std::int32_t slot = find_node<D>(grid.table, at, number);
+            if (slot >= 0) f(sums(slot, number), sign);
+        });
+    }
+    /// Mass of all nodes that share, 0 where it is negligible.
+    MPM_INLINE T shared_mass(const Images<D>& images) const {
+        T all = 0;
+        each_image(images, [&](const Sum* s, const double(&)[D]) {
+            all += from_sum<T>(s[0], clock->unit_read[mass_sum]);
+        });
+        return all > T(negligible_mass<T> * least_mass) ? all : T(0);
+    }
+    /// Of a node whose images have mass; `own` is what it would have by itself, for `seen`.
+    template <class Seen>
+    MPM_INLINE Vec<T, D> mirrored_velocity(const Images<D>& images, const Vec<T, D>& own,
+                                           const Seen& seen) const {
+        T mass = 0;
+        Vec<T, D> v{};
+        each_image(images, [&](const Sum* s, const double(&sign)[D]) {
+            const T m = from_sum<T>(s[0], clock->unit_read[mass_sum]);
+            mass += m;
+            for (int a = 0; a < D; ++a) {
+                v[a] += T(sign[a]) *
+                        (from_sum<T>(s[(1 + a) * block_cells], clock->unit_read[momentum_sum]) +
+                         m * T(clock->dt * clock->gravity[a]));
+            }
+        });
+        const auto here = [&](const Vec<T, D>& there) {
+            Vec<T, D> u;
+            for (int a = 0; a < D; ++a) u[a] = T(images.sign[a]) * there[a];
+            return u;
+        };
+        for (int a = 0; a < D; ++a) v[a] = v[a] / mass;
+        tell_planes(images, own, here(v), seen);
+        const auto part = [&](std::uint64_t channels) {
+            double of = 0, all = 0;
+            each_image(images, [&](const Sum* sum, const double(&)[D]) {
+                of += part_of(sum, channels);
+                all += part_of(sum, 1);
+            });
+            return of < all ? of / all : 1.0;
+        };
+        apply_boundaries<true>(
+            boundaries, images.inside, v,
+            [&](int b, int face, const Vec<T, D>& before, const Vec<T, D>& after) {
+                seen(b, face, here(before), here(after));
+            },
+            part);
+        return here(v);
+    }
+    /// What each plane has changed: its own component, all of them where it is sticky. What the two
+    /// nodes of a pair exchange along the plane cancels in their sum.
+    template <class Seen>
+    MPM_INLINE void tell_planes(const Images<D>& images, const Vec<T, D>& before,
+                                const Vec<T, D>& after, const Seen& seen) const {
+        Vec<T, D> now = before;
+        bool told[D] = {};
+        for (int a = 0; a < D; ++a) {
+            if (images.face[a] < 0) continue;
+            const Vec<T, D> was = now;
+            for (int c = 0; c < D; ++c) {
+                if (told[c] || !(c == a || images.reverses_all[a] || images.face[c] < 0)) continue;
+                now[c] = after[c];
+                told[c] = true;
+            }
+            seen(images.boundary[a], images.face[a], was, now);
+        }
     }
 };
 
@@ -141,8 +180,9 @@ struct Changed {
 };
 
 /// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will
-/// fill, and gathers the maxima that the clock decides by. `keeps`: also what `KeptChannels` names.
-template <class T, class Sum, int D, bool keeps = false>
+/// fill, and gathers the maxima that the clock decides by. `keeps`: also what `KeptChannels` names;
+/// `special`: boundaries that only some scenes have.
+template <class T, class Sum, int D, bool keeps = false, bool special = false>
 struct UpdateGrid {
     NodeUpdate<T, Sum, D> node;
     Sum* next;  // sums to clear
@@ -170,14 +210,22 @@ struct UpdateGrid {
         Sum* clear = next + std::int64_t(slot) * g.sum_channels * block_cells + n;
         for (int c = 0; c < g.sum_channels; ++c) clear[c * block_cells] = 0;
         const T m = node.mass(mass);
+        if constexpr (special) {
+            if (node.touched[slot]) {
+                std::int64_t c[D];
+                node.cell(slot, n, c);
+                const Images<D> images(node.boundaries, c);
+                if (images.mirrored) return update_mirrored(images, m, out, maxima);
+            }
+        }
         Vec<T, D> v{};
         if (m > T(0)) {
             if constexpr (keeps) {
                 bool changed = false;
-                v = node.velocity(slot, n, m, p, Changed<T, D>{&changed});
+                v = node.template velocity<special>(slot, n, m, p, Changed<T, D>{&changed});
                 if (kept.guard >= 0) out[kept.guard] = T(changed ? 1 : 0);
             } else {
-                v = node.velocity(slot, n, m, p, NothingSeen{});
+                v = node.template velocity<special>(slot, n, m, p, NothingSeen{});
             }
             for (int a = 0; a < D; ++a) {
                 if constexpr (keeps)
@@ -213,6 +261,41 @@ struct UpdateGrid {
             out[c.average] = m > T(0) ? average(s[c.sum * block_cells],
                                                 s[(c.weight < 0 ? 0 : c.weight) * block_cells])
                                       : T(0);
+        }
+    }
+    /// The same for a node that shares with others by mirrored planes.
+    MPM_INLINE void update_mirrored(const Images<D>& images, T own_mass, T* out,
+                                    double (&maxima)[maxima_count]) const {
+        const T m = node.shared_mass(images);
+        Vec<T, D> v{};
+        if (m > T(0)) v = node.mirrored_velocity(images, v, NothingSeen{});
+        for (int a = 0; a < D; ++a) {
+            out[a] = v[a];
+            larger_of(maxima[max_speed],
+                      keeps ? kept.counts(v[a], m, node.least_mass) : absolute(double(v[a])));
+        }
+        if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(own_mass));
+        for (int k = 0; k < group_count; ++k) {
+            const GroupChannels& c = groups[k];
+            T sum = 0, weight = 0;
+            node.each_image(images, [&](const Sum* s, const double(&)[D]) {
+                sum += from_sum<T>(s[c.sum * block_cells], node.clock->unit_read[group_sum]);
+                weight += from_sum<T>(s[(c.weight < 0 ? 0 : c.weight) * block_cells],
+                                      node.clock->unit_read[mass_sum]);
+            });
+            out[c.average] = m > T(0) && weight > T(0) ? sum / weight : T(0);
+        }
+        if constexpr (keeps) {
+            // A wall has changed it, whatever its velocity was before.
+            if (kept.guard >= 0) out[kept.guard] = T(m > T(0) ? 1 : 0);
+            for (int a = 0; a < D && kept.before >= 0; ++a) {
+                T plain = 0;
+                node.each_image(images, [&](const Sum* s, const double(&sign)[D]) {
+                    plain += T(sign[a]) * from_sum<T>(s[(kept.plain + a) * block_cells],
+                                                      node.clock->unit_read[momentum_sum]);
+                });
+                out[kept.before + a] = m > T(0) ? T(images.sign[a]) * plain / m : T(0);
+            }
         }
     }
     MPM_INLINE T average(Sum sum, Sum weight) const {

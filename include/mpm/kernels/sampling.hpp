@@ -27,18 +27,15 @@ MPM_INLINE bool velocity_at(const NodeUpdate<T, Sum, D>& node, const std::int64_
             k[a] = rest % 3;
             rest /= 3;
         }
-        std::int64_t block[D];
-        int at[D];
+        std::int64_t c[D];
         double weight = 1;
         for (int a = 0; a < D; ++a) {
-            const std::int64_t c = cell[a] + k[a] - 1;
-            block[a] = c >= 0 ? c / Block<D>::edge : -((-c + Block<D>::edge - 1) / Block<D>::edge);
-            at[a] = int(c - block[a] * Block<D>::edge);
+            c[a] = cell[a] + k[a] - 1;
             weight *= w.value[a][k[a]];
         }
-        const std::int32_t slot = find_block<D>(grid.table, block);
+        int number = 0;
+        const std::int32_t slot = find_node<D>(grid.table, c, number);
         if (slot < 0) continue;
-        const int number = Block<D>::cell(at);
         if (!(node.mass(slot, number) > T(0))) continue;
         const T* u = grid.velocity + grid.velocity_place(slot, number);
         for (int a = 0; a < D; ++a) v[a] += weight * double(u[a]);
@@ -102,7 +99,7 @@ struct MeasureLoads {
                 sum[5] += r[0] * f[1] - r[1] * f[0];
             }
         };
-        node.velocity(slot, n, m, node.momentum(slot, n), seen);
+        node.template velocity<true>(slot, n, m, node.momentum(slot, n), seen);
     }
 };
 
@@ -153,15 +150,10 @@ struct SampleGauge {
     const std::int64_t (&cells)[D];
 
     MPM_INLINE double fill(std::int64_t (&c)[D]) const {
-        std::int64_t block[D];
-        int at[D];
-        for (int a = 0; a < D; ++a) {
-            block[a] = c[a] / Block<D>::edge;
-            at[a] = int(c[a] % Block<D>::edge);
-        }
-        const std::int32_t slot = find_block<D>(node.grid.table, block);
+        int number = 0;
+        const std::int32_t slot = find_node<D>(node.grid.table, c, number);
         if (slot < 0) return 0;
-        const Sum* s = node.sums(slot, Block<D>::cell(at));
+        const Sum* s = node.sums(slot, number);
         return from_sum<double>(s[point.channel * block_cells], node.clock->unit_read[mass_sum]) /
                point.full;
     }

@@ -138,6 +138,8 @@ struct TouchBoundaries {
     BlockTableView<D> table;
     const BoundaryRecord<D>* boundaries;
     int count;
+    const SurfaceRecord<D>* surfaces;
+    double cell_size;
     std::uint32_t* touched;
 
     MPM_INLINE void operator()(std::int64_t slot) const {
@@ -151,12 +153,31 @@ struct TouchBoundaries {
                 const std::int64_t low = b[a] * Block<D>::edge,
                                    high = low + Block<D>::edge;  // cells [low, high)
                 apart = apart || high <= r.lower[a] - 1 || low > r.upper[a];
-                rim = rim || (r.present[2 * a] && low <= r.lower[a]) ||
-                      (r.present[2 * a + 1] && high >= r.upper[a]);
+                const int further = mirrors(r.law[2 * a].response) ? 1 : 0;
+                const int beyond = mirrors(r.law[2 * a + 1].response) ? 1 : 0;
+                rim = rim || (r.present[2 * a] && low <= r.lower[a] + further) ||
+                      (r.present[2 * a + 1] && high >= r.upper[a] - beyond);
             }
-            hit |= r.is_box ? !apart : rim;
+            if (r.surface > 0)
+                hit |= !apart && near(surfaces[r.surface - 1], b);
+            else
+                hit |= r.is_box ? !apart : rim;
         }
         touched[slot] = hit;
+    }
+    /// Whether a body at rest reaches nodes of a block; of one that moves its whole way counts.
+    MPM_INLINE bool near(const SurfaceRecord<D>& s, const std::int64_t (&block)[D]) const {
+        const double span = Block<D>::edge * cell_size;
+        if (s.path.given() || s.turn.given() || s.field.per_metre * span > DistanceField<D>::edge)
+            return true;
+        // Its blocks are no smaller than these, so one of the corners lies in any that matters.
+        for (int corner = 0; corner < (1 << D); ++corner) {
+            double x[D], local[D];
+            for (int a = 0; a < D; ++a)
+                x[a] = double(block[a]) * span + (corner >> a & 1 ? span : 0.0);
+            if (s.field.find(x, local) >= 0) return true;
+        }
+        return false;
     }
 };
 

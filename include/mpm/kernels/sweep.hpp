@@ -114,7 +114,7 @@ struct FinishSweep {
         if (channels.result == 0 && channels.due(*node.clock) && node.touched[slot]) {
             std::int64_t c[D];
             node.cell(slot, n, c);
-            apply_boundaries<T, D>(node.boundaries, node.boundary_count, c, v, NothingSeen{});
+            apply_boundaries<true>(node.boundaries, c, v, NothingSeen{}, node.share(slot, n));
             for (int a = 0; a < D; ++a) u[a] = v[a];
         }
         for (int a = 0; a < D; ++a)

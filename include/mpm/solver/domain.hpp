@@ -24,6 +24,7 @@
 #include "mpm/kernels/phase_ops.hpp"
 #include "mpm/kernels/sampling.hpp"
 #include "mpm/kernels/sorting.hpp"
+#include "mpm/kernels/supplying.hpp"
 #include "mpm/kernels/sweep.hpp"
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/engine.hpp"
@@ -49,8 +50,13 @@ public:
     }
     std::vector<Samples> drain() override;
     std::vector<Removed> removed() override { return std::exchange(removed_, {}); }
+    std::vector<Flow> flows() override { return std::exchange(flows_, {}); }
     std::vector<std::string> attribute_names(int body) const override;
     Attributes attributes(int body, const std::vector<std::string>& names) override;
+    Gathered gather(int body, const std::vector<std::string>& names,
+                    const std::vector<double>& origin, IdRange ids) override;
+    DenseColumn duplicate(const DenseColumn& column) override;
+    void copy_out(const DenseColumn& column, void* to) override;
     Array grid(const std::string& name) override;
     NodalSums sums() override;
     State save() override;
@@ -64,6 +70,11 @@ private:
     struct Homes {
         std::vector<Buffer<X, std::uint32_t>> flag, position;  // (slots,), and its scan
         std::vector<std::uint32_t> count;
+    };
+    /// Rows that an inlet adds to a body at one moment.
+    struct Arrival {
+        int body;
+        BodySpec rows;
     };
     struct Sensor {
         SensorSpec spec;
@@ -80,12 +91,16 @@ private:
 
     // domain_setup.hpp
     void set_boundaries();
+    SurfaceRecord<D> surface(const SurfaceSpec& spec);
+    MotionView upload_motion(const MotionSpec& motion, int components);
     void set_sensors();
 
     // domain_place.hpp
     void place_particles(const Spec& spec);
     void find_blocks(const Spec& spec);
     void place_body(Body& body, const BodySpec& spec);
+    void set_pressure(Body& body, const BodySpec& spec, std::uint32_t at);
+    void deposit_body(Body& body, int number, const std::vector<double>& velocity);
     void first_deposit(const Spec& spec);
     template <class Chosen>
     void deposit(const Spec& spec, const Chosen& chosen, double dt);
@@ -110,6 +125,8 @@ private:
     void sweep_grid();
     template <class Decided>
     void make_velocities(const Decided& decided);
+    template <bool special, class Decided>
+    void make_velocities_with(const Decided& decided);
     Fault describe_fault();
     std::int64_t growth_start() const;
     std::int64_t steps_to_sort() const;
@@ -120,10 +137,14 @@ private:
     }
 
     // domain_state.hpp
+    void restore_supplies(const State& state);
     void restore_sensors(const std::vector<std::int64_t>& next, const std::vector<double>& last,
                          const std::vector<double>& first, std::vector<double> impulse);
     std::vector<std::uint32_t> cell_by_cell(const Body& body,
                                             std::vector<std::uint8_t>* cell = nullptr) const;
+
+    // domain_export.hpp
+    DenseColumn make_column(char type, const std::vector<std::size_t>& shape);
 
     // domain_read.hpp
     void prepare_velocities();
@@ -135,12 +156,30 @@ private:
                   double (&v)[D], double (&rate)[D][D]) const;
     void collect_samples();
 
+    // domain_supply.hpp
+    void set_supplies();
+    bool supply();
+    std::vector<Arrival> due_layers(std::vector<SupplyRecord>& records,
+                                    std::vector<std::uint64_t>& layers,
+                                    std::vector<std::uint64_t>& next_id,
+                                    std::vector<Flow>& flows) const;
+    std::uint32_t arriving(std::size_t body) const;
+    void mark_arrivals(Buffer<X, std::uint32_t>& occupied, std::uint32_t* found,
+                       Buffer<X, std::uint64_t>& keys);
+    void append_arrivals(int body, Buffer<X, std::uint32_t>& cell, const BlockTableView<D>& table);
+    void deposit_arrivals();
+    std::int64_t steps_to_supply() const;
+
     // domain_sort.hpp
     bool sort();
+    std::vector<Leaver<D>> list_left(const Body& body, std::uint32_t count,
+                                     const Buffer<X, std::uint32_t>& cell);
+    int outlet_of(const Leaver<D>& who) const;
     bool remove_left(const std::vector<std::uint32_t>& left,
                      const std::vector<Buffer<X, std::uint32_t>>& cells);
     void set_neighbourhood(const Buffer<X, std::uint64_t>& homes, Buffer<X, std::uint64_t>& keys);
-    void rebuild_table(const Buffer<X, std::uint32_t>& occupied, Buffer<X, std::uint64_t>& keys,
+    void rebuild_table(const Buffer<X, std::uint32_t>& occupied,
+                       const Buffer<X, std::uint64_t>& more, Buffer<X, std::uint64_t>& keys,
                        Buffer<X, std::int32_t>& map);
     void adopt_table(Buffer<X, std::uint64_t>& keys);
     void permute(Body& body, const std::uint32_t* order);
@@ -160,8 +199,8 @@ private:
         const int c = int(k / block_cells % std::size_t(plan_.sum_channels));
         if (c == 0) return mass_sum;
         if (c <= D) return momentum_sum;
-        for (const auto& g : plan_.groups)
-            if (g.weight == c) return mass_sum;
+        for (const auto& b : plan_.bodies)
+            if (b.group.weight == c) return mass_sum;
         if (plan_.kept.plain >= 0 && c >= plan_.kept.plain && c < plan_.kept.plain + D)
             return momentum_sum;
         return group_sum;
@@ -172,12 +211,15 @@ private:
                 plan_.sum_channels};
     }
     NodeUpdate<Grid, Sum, D> node_update(int parity) {
-        return {grid_view(parity),        clock_buffer_.data(),
-                boundary_records_.data(), int(spec_.boundaries.size()),
-                touched_.data(),          least_mass_};
+        return {grid_view(parity),
+                clock_buffer_.data(),
+                {boundary_records_.data(), int(spec_.boundaries.size()), surfaces_.data(),
+                 spec_.cell_size},
+                touched_.data(),
+                least_mass_};
     }
-    template <bool keeps>
-    UpdateGrid<Grid, Sum, D, keeps> grid_update(int parity) {
+    template <bool keeps, bool special>
+    UpdateGrid<Grid, Sum, D, keeps, special> grid_update(int parity) {
         return {node_update(parity),
                 sums_[1 - parity].data(),
                 groups_.data(),
@@ -187,7 +229,7 @@ private:
     }
     BeginStep<D> begin_step() {
         return {clock_buffer_.data(), gravity_, boundary_records_.data(),
-                int(spec_.boundaries.size())};
+                int(spec_.boundaries.size()), surfaces_.data()};
     }
     TurnStep<D> turn_step() { return {{clock_buffer_.data(), spec_.cell_size}, begin_step()}; }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
@@ -209,6 +251,11 @@ private:
     Buffer<X, BodyNumbers> numbers_{exec_};
     Buffer<X, GroupChannels> groups_{exec_};
     Buffer<X, BoundaryRecord<D>> boundary_records_{exec_};
+    Buffer<X, SurfaceRecord<D>> surfaces_{exec_};
+    bool special_boundaries_ = false;  // kernels/boundaries.hpp
+    std::vector<Buffer<X, std::uint64_t>> surface_keys_;
+    std::vector<Buffer<X, std::int32_t>> surface_places_;
+    std::vector<Buffer<X, float>> surface_values_;
     std::vector<Buffer<X, double>> table_memory_;
     TimeTableView gravity_{};
 
@@ -236,13 +283,21 @@ private:
     std::int32_t measured_places_ = 0;
     Buffer<X, BoundaryRecord<D>> measured_boundaries_{exec_};  // of each load cell, its faces alone
 
+    Buffer<X, SupplyRecord> supplies_{exec_};  // of inlets
+    std::vector<std::uint64_t> supplied_;      // layers of each
+    std::vector<std::uint64_t> next_id_;       // of each body, where there are inlets
+    double supplied_mass_ = 0;                 // Decide
+    std::vector<Arrival> arrivals_;            // while they are sorted in
+
     std::vector<Removed> removed_;
+    std::vector<Flow> flows_;
     std::map<std::string, double> timings_;
     std::int64_t sorts_ = 0, last_sort_ = 0, sort_interval_ = 0;
 };
 
 }  // namespace mpm
 
+#include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_place.hpp"
 #include "mpm/solver/domain_read.hpp"
@@ -250,3 +305,4 @@ private:
 #include "mpm/solver/domain_sort.hpp"
 #include "mpm/solver/domain_state.hpp"
 #include "mpm/solver/domain_step.hpp"
+#include "mpm/solver/domain_supply.hpp"

@@ -23,14 +23,25 @@ void Domain<X, T, D>::reserve_scratch(Body& body) {
 template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::make_velocities(const Decided& decided) {
+    if (special_boundaries_)
+        make_velocities_with<true>(decided);
+    else
+        make_velocities_with<false>(decided);
+}
+
+template <class X, class T, int D>
+template <bool special, class Decided>
+void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
     const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
     const bool sweeps = plan_.sweep.residual > 0;
     if (!plan_.phased && !plan_.keeps) {
-        exec_.template max_each<maxima_count>(nodes, grid_update<false>(parity()), decided);
+        exec_.template max_each<maxima_count>(nodes, grid_update<false, special>(parity()),
+                                              decided);
     } else if (!sweeps) {
-        exec_.template max_each<maxima_count>(nodes, grid_update<true>(parity()), decided);
+        exec_.template max_each<maxima_count>(nodes, grid_update<true, special>(parity()), decided);
     } else {
-        exec_.template max_each<maxima_count>(nodes, grid_update<true>(parity()), NothingDecided{});
+        exec_.template max_each<maxima_count>(nodes, grid_update<true, special>(parity()),
+                                              NothingDecided{});
         sweep_grid();
         exec_.template max_each<maxima_count>(
             nodes, FinishSweep<Grid, Sum, D>{node_update(parity()), plan_.sweep, plan_.kept},

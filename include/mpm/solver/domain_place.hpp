@@ -26,7 +26,10 @@ void for_each_piece(X& exec, const Rows& rows, std::uint64_t count, int width, c
 template <class X, class T, int D>
 void Domain<X, T, D>::place_particles(const Spec& spec) {
     find_blocks(spec);
-    for (std::size_t b = 0; b < bodies_.size(); ++b) place_body(bodies_[b], spec.bodies[b]);
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        place_body(bodies_[b], spec.bodies[b]);
+        exec_.trim();
+    }
 }
 
 /// The table: blocks that hold particles, and their neighbours.
@@ -123,27 +126,29 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
             }
         }
     }
-    if (s.pressure) {
-        std::vector<T> j;
-        for_each_piece(
-            exec_, s.pressure, s.count, 1,
-            [&](std::uint64_t first, std::int64_t n, const double*,
-                const std::vector<double>& pressure) {
-                j.resize(n);
-                for (std::int64_t k = 0; k < n; ++k) {
-                    j[k] = T(body.material->volume_from_pressure(pressure[k], s.parameters.data()));
-                }
-                const int volumes = body.plan.smoothing == Smoothing::two_volumes ? 2 : 1;
-                for (int r = 0; r < volumes; ++r)
-                    exec_.upload(body.state[r].data() + first, j.data(), n * sizeof(T));
-            });
-    }
+    set_pressure(body, s, 0);
     const std::int64_t range = std::int64_t(table_.slots) * block_cells;
     body.cell_start.reserve_discard(range + 2);
     arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data());
     permute(body, cell.data());
-    cell = Buffer<X, std::uint32_t>(exec_);
-    exec_.trim();
+}
+
+/// The states of the particles from `at` on that stand for the pressures they are given, if any.
+template <class X, class T, int D>
+void Domain<X, T, D>::set_pressure(Body& body, const BodySpec& s, std::uint32_t at) {
+    if (!s.pressure) return;
+    std::vector<T> j;
+    for_each_piece(
+        exec_, s.pressure, s.count, 1,
+        [&](std::uint64_t first, std::int64_t n, const double*,
+            const std::vector<double>& pressure) {
+            j.resize(n);
+            for (std::int64_t k = 0; k < n; ++k)
+                j[k] = T(body.material->volume_from_pressure(pressure[k], s.parameters.data()));
+            const int volumes = body.plan.smoothing == Smoothing::two_volumes ? 2 : 1;
+            for (int r = 0; r < volumes; ++r)
+                exec_.upload(body.state[r].data() + at + first, j.data(), n * sizeof(T));
+        });
 }
 
 template <class X, class T, int D>
@@ -186,14 +191,14 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
                                       : stencil_nodes<D> * std::pow(0.75, D);
             mass += body.particle_mass * std::max(found.host()[0], 1.0) * widths;
         }
-        set_scales(std::max(mass, least_mass_), 1, 1);
+        set_scales(std::max(mass, least_mass_) + supplied_mass_, 1, 1);
         deposit_all(spec, chosen);
         exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                    LargestNodeMass<Grid, Sum, D>{node_update(parity())},
                                    Keep{found.data()});
         fetch_clock();
         const double calm = 1e-6 * plan_.wave_speed;
-        set_scales(std::max(found.host()[0], least_mass_),
+        set_scales(std::max(found.host()[0], least_mass_) + supplied_mass_,
                    2 * std::max(clock_.deposited[momentum_sum], calm),
                    2 * std::max(clock_.deposited[group_sum], 1e-7));
         sums_[parity()].zero();
@@ -312,36 +317,41 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
-        const auto& velocity = spec.bodies[b].velocity;
-        const std::size_t n = body.count;
-        const bool by_phases = plan_.phased || plan_.keeps;
-        if (by_phases)
-            reserve_scratch(body);
-        else
-            body.scratch.reserve_discard(n * D + column_padding);
-        Buffer<X, Grid> given(exec_);
-        std::vector<Grid> piece;
-        for (int a = 0; a < D; ++a) {
-            Grid* to = body.scratch.data() + a * n;
-            if (velocity.size() == std::size_t(D)) {
-                exec_.for_each(std::int64_t(n), Constant<Grid>{Grid(velocity[a]), to});
-                continue;
-            }
-            piece.resize(n);
-            for (std::size_t k = 0; k < n; ++k) piece[k] = Grid(velocity[k * D + a]);
-            given.assign(piece);
-            exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
-        }
-        if (by_phases) {
-            const Phase<X, T, D> p = phase(body, int(b), parity());
-            body.ops.rest(p);
-            phase_ops_.spread(p);
-        } else {
-            body.ops.initial(pass(body, int(b), parity()));
-        }
-        exec_.wait();
-        body.scratch = Buffer<X, Grid>(exec_);
+        deposit_body(body, int(b), spec.bodies[b].velocity);
     }
+}
+
+/// Adds what the particles of one body deposit with these velocities to the sums.
+template <class X, class T, int D>
+void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity) {
+    const std::size_t n = body.count;
+    const bool by_phases = plan_.phased || plan_.keeps;
+    if (by_phases)
+        reserve_scratch(body);
+    else
+        body.scratch.reserve_discard(n * D + column_padding);
+    Buffer<X, Grid> given(exec_);
+    std::vector<Grid> piece;
+    for (int a = 0; a < D; ++a) {
+        Grid* to = body.scratch.data() + a * n;
+        if (velocity.size() == std::size_t(D)) {
+            exec_.for_each(std::int64_t(n), Constant<Grid>{Grid(velocity[a]), to});
+            continue;
+        }
+        piece.resize(n);
+        for (std::size_t k = 0; k < n; ++k) piece[k] = Grid(velocity[k * D + a]);
+        given.assign(piece);
+        exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
+    }
+    if (by_phases) {
+        const Phase<X, T, D> p = phase(body, number, parity());
+        body.ops.rest(p);
+        phase_ops_.spread(p);
+    } else {
+        body.ops.initial(pass(body, number, parity()));
+    }
+    exec_.wait();
+    body.scratch = Buffer<X, Grid>(exec_);
 }
 
 }  // namespace mpm

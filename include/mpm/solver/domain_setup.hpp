@@ -63,6 +63,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     gravity_ = upload_table(spec_.gravity, D);
 
     set_boundaries();
+    set_supplies();
     place_particles(spec_);
     set_sensors();
     if (spec_.start.given)
@@ -92,8 +93,69 @@ TimeTableView Domain<X, T, D>::upload_table(const TableSpec& table, int componen
 }
 
 template <class X, class T, int D>
+MotionView Domain<X, T, D>::upload_motion(const MotionSpec& motion, int components) {
+    MotionView view{};
+    if (motion.table.time.empty()) return view;
+    view.table = upload_table(motion.table, components);
+    if (motion.of_places) return view;
+    table_memory_.emplace_back(exec_);
+    table_memory_.back().assign(motion.travelled());
+    view.travelled = table_memory_.back().data();
+    return view;
+}
+
+template <class X, class T, int D>
+SurfaceRecord<D> Domain<X, T, D>::surface(const SurfaceSpec& s) {
+    SurfaceRecord<D> r{};
+    // Keys ascend as the blocks' numbers do, last axis fastest.
+    const std::size_t blocks = s.keys.size() / D;
+    std::vector<std::pair<std::uint64_t, std::int32_t>> found;
+    for (int a = 0; a < D; ++a) {
+        std::int64_t low = s.keys[std::size_t(a)], high = low;
+        for (std::size_t k = 0; k < blocks; ++k) {
+            low = std::min(low, s.keys[k * D + a]);
+            high = std::max(high, s.keys[k * D + a]);
+        }
+        r.field.low[a] = low;
+        r.field.counts[a] = high - low + 1;
+        r.field.origin[a] = s.origin[std::size_t(a)];
+        r.about[a] = s.about.empty() ? 0 : s.about[std::size_t(a)];
+    }
+    for (std::size_t k = 0; k < blocks; ++k) {
+        std::uint64_t key = 0;
+        for (int a = 0; a < D; ++a)
+            key = key * std::uint64_t(r.field.counts[a]) +
+                  std::uint64_t(s.keys[k * D + a] - r.field.low[a]);
+        found.emplace_back(key, s.place[k]);
+    }
+    std::sort(found.begin(), found.end());
+    std::vector<std::uint64_t> keys;
+    std::vector<std::int32_t> places;
+    for (const auto& [key, place] : found) {
+        keys.push_back(key);
+        places.push_back(place);
+    }
+    surface_keys_.emplace_back(exec_).assign(keys);
+    surface_places_.emplace_back(exec_).assign(places);
+    surface_values_.emplace_back(exec_).assign(s.values);
+    r.field.keys = surface_keys_.back().data();
+    r.field.place = surface_places_.back().data();
+    r.field.value = surface_values_.back().data();
+    r.field.count = std::int32_t(blocks);
+    r.field.per_metre = 1 / s.spacing;
+    r.decay = s.decay;
+    r.thickness = s.thickness;
+    r.path = upload_motion(s.path, D);
+    r.turn = upload_motion(s.turn, 1);
+    for (int a = 0; a < 3; ++a) r.axis[a] = s.axis.empty() ? (a == 2) : s.axis[std::size_t(a)];
+    for (int a = 0; a < D; ++a) r.rotation[a][a] = 1;
+    return r;
+}
+
+template <class X, class T, int D>
 void Domain<X, T, D>::set_boundaries() {
     std::vector<BoundaryRecord<D>> records, measured;
+    std::vector<SurfaceRecord<D>> surfaces;
     for (std::size_t k = 0; k < spec_.boundaries.size(); ++k) {
         const BoundarySpec& s = spec_.boundaries[k];
         BoundaryRecord<D> r{};
@@ -102,9 +164,29 @@ void Domain<X, T, D>::set_boundaries() {
         const int beyond =
             !spec_.kernel.clamped ? 0 : (spec_.kernel.kernel == Kernel::cubic ? 2 : 1);
         for (int a = 0; a < D; ++a) {
-            r.lower[a] = s.is_box ? s.lower[a] : -beyond;
-            r.upper[a] = s.is_box ? s.upper[a] : int(spec_.cells[a]) + beyond;
+            const bool own = s.is_box || !s.surface.keys.empty();
+            r.lower[a] = own ? s.lower[a] : -beyond;
+            r.upper[a] = own ? s.upper[a] : int(spec_.cells[a]) + beyond;
         }
+        if (!s.surface.keys.empty()) {
+            surfaces.push_back(surface(s.surface));
+            r.surface = int(surfaces.size());
+        }
+        bool everyone = s.restricted < 0;
+        for (std::size_t b = 0; b < bodies_.size() && s.restricted >= 0; ++b) {
+            if (!(spec_.bodies[b].held_by >> s.restricted & 1)) continue;
+            const int weight = plan_.bodies[b].group.weight;
+            // Without a sum of its own the body's group is all there is.
+            everyone = everyone || weight < 0;
+            if (weight >= 0) r.share |= std::uint64_t(1) << weight;
+        }
+        if (everyone) r.share = 0;
+        r.limited = !s.within.empty();
+        for (int a = 0; a < D && r.limited; ++a) {
+            r.within_lower[a] = s.within[std::size_t(a)];
+            r.within_upper[a] = s.within[std::size_t(D + a)];
+        }
+        special_boundaries_ = special_boundaries_ || special(s);
         for (int f = 0; f < 2 * D; ++f) {
             r.present[f] = s.present[f];
             r.law[f] = s.law[f];
@@ -115,6 +197,7 @@ void Domain<X, T, D>::set_boundaries() {
         records.push_back(r);
     }
     boundary_records_.assign(records);
+    surfaces_.assign(surfaces);
     for (const auto& s : spec_.sensors) {
         if (s.kind != SensorKind::load_cell) continue;
         BoundaryRecord<D>& r = measured.emplace_back(records.at(std::size_t(s.boundary)));

@@ -16,8 +16,9 @@ void Domain<X, T, D>::link_table() {
     table_.neighbours = neighbours_.data();
     table_.corners = corners_.data();
     touched_.reserve_discard(slots);
-    exec_.for_each(slots, TouchBoundaries<D>{table_, boundary_records_.data(),
-                                             int(spec_.boundaries.size()), touched_.data()});
+    exec_.for_each(
+        slots, TouchBoundaries<D>{table_, boundary_records_.data(), int(spec_.boundaries.size()),
+                                  surfaces_.data(), spec_.cell_size, touched_.data()});
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
     if (load_count_ > 0) list_measured();
@@ -32,8 +33,9 @@ void Domain<X, T, D>::list_measured() {
     Homes touched;  // of load cells in place of bodies
     for (int c = 0; c < load_count_; ++c) {
         add_homes(touched, counts.data() + c, [&](Buffer<X, std::uint32_t>& flag) {
-            exec_.for_each(
-                slots, TouchBoundaries<D>{table_, measured_boundaries_.data() + c, 1, flag.data()});
+            exec_.for_each(slots,
+                           TouchBoundaries<D>{table_, measured_boundaries_.data() + c, 1,
+                                              surfaces_.data(), spec_.cell_size, flag.data()});
         });
     }
     std::vector<SumSet> sets;
@@ -186,57 +188,109 @@ void Domain<X, T, D>::sort_by_colour(Body& body) {
     body.coloured.assign(all);
 }
 
-/// Takes particles that have left out of the computation, as the policy has it. Returns false when
-/// the policy is to stop; nothing has changed then.
+/// Particles of a body that are outside, as they are stored.
+template <class X, class T, int D>
+std::vector<Leaver<D>> Domain<X, T, D>::list_left(const Body& body, std::uint32_t count,
+                                                  const Buffer<X, std::uint32_t>& cell) {
+    Buffer<X, std::uint32_t> found(exec_);
+    Buffer<X, Leaver<D>> list(exec_);
+    found.assign({0});
+    list.reserve_discard(count);
+    using List = ListLeavers<X, T, D>;
+    exec_.for_each(
+        std::int64_t(body.homes) * List::lanes,
+        List{table_, body.view(), spec_.cell_size, cell.data(), found.data(), list.data()});
+    auto out = list.host();
+    std::sort(out.begin(), out.end(),
+              [](const auto& a, const auto& b) { return a.place < b.place; });
+    return out;
+}
+
+/// The outlet through which a particle has left, or -1.
+template <class X, class T, int D>
+int Domain<X, T, D>::outlet_of(const Leaver<D>& who) const {
+    for (std::size_t k = 0; k < spec_.outlets.size(); ++k) {
+        const int a = spec_.outlets[k].face / 2;
+        const bool upper = spec_.outlets[k].face % 2 != 0;
+        if (upper ? who.cell[a] >= spec_.cells[a] : who.cell[a] < 0) return int(k);
+    }
+    return -1;
+}
+
+/// Takes particles that have left out of the computation: through outlets, and elsewhere as the
+/// policy has it. Returns false when the policy is to stop; nothing has changed then.
 template <class X, class T, int D>
 bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
                                   const std::vector<Buffer<X, std::uint32_t>>& cells) {
+    struct Way {
+        Removed removed;
+        std::vector<std::uint32_t> place, id;
+    };
+    const std::size_t outlets = spec_.outlets.size();
+    std::vector<Way> ways;  // of each body: through each outlet, then elsewhere
+    const char* policy = spec_.leaving == Leaving::freeze
+                             ? "freeze"
+                             : (spec_.leaving == Leaving::remove ? "delete" : "stop");
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (left[b] == 0) continue;
         Body& body = bodies_[b];
-        const auto cell = cells[b].host();
-        const auto id = body.id.host(body.count);
-        Removed r;
-        r.body = int(b);
-        r.step = clock_.step;
-        r.policy = spec_.leaving == Leaving::freeze
-                       ? "freeze"
-                       : (spec_.leaving == Leaving::remove ? "delete" : "stop");
-        std::vector<std::size_t> rows;
-        for (std::size_t k = 0; k < body.count; ++k)
-            if (cell[k] == ~0u) rows.push_back(k);
-        const Array where = positions(body);
-        for (std::size_t k : rows) {
-            r.ids.push_back(body.first_id + id[k]);
-            for (int a = 0; a < D; ++a) r.position.data.push_back(where.data[k * D + a]);
+        const std::size_t first = ways.size();
+        for (std::size_t k = 0; k <= outlets; ++k) {
+            Removed& r = ways.emplace_back().removed;
+            r.body = int(b);
+            r.step = clock_.step;
+            r.policy = k < outlets ? "outflow:" + spec_.outlets[k].name : policy;
         }
-        r.position.shape = {rows.size(), std::size_t(D)};
-        if (spec_.leaving == Leaving::stop) {
+        for (const Leaver<D>& who : list_left(body, left[b], cells[b])) {
+            const int outlet = outlet_of(who);
+            Way& way = ways[first + (outlet < 0 ? outlets : std::size_t(outlet))];
+            way.place.push_back(who.place);
+            way.id.push_back(who.id);
+            way.removed.ids.push_back(body.first_id + who.id);
+            for (int a = 0; a < D; ++a) way.removed.position.data.push_back(who.position[a]);
+        }
+        const auto& ids = ways.back().removed.ids;
+        if (spec_.leaving == Leaving::stop && !ids.empty()) {
             fault_ = Fault{"left-domain",
                            body.plan.name,
-                           r.ids,
+                           ids,
                            clock_.step,
                            clock_.time,
-                           double(r.ids.size()),
+                           double(ids.size()),
                            clock_.speed,
                            growth_start(),
-                           std::to_string(r.ids.size()) +
+                           std::to_string(ids.size()) +
                                " particles left the domain, the first at step " +
                                std::to_string(clock_.step)};
             return false;
         }
-        if (spec_.leaving == Leaving::freeze) {
+    }
+    std::vector<Flow> flows;
+    for (std::size_t k = 0; k < outlets; ++k)
+        flows.push_back({false, int(k), clock_.time, clock_.step, 0, 0, 0});
+    for (std::size_t w = 0; w < ways.size(); ++w) {
+        Removed& r = ways[w].removed;
+        const std::size_t n = r.ids.size(), k = w % (outlets + 1);
+        if (n == 0) continue;
+        Body& body = bodies_[std::size_t(r.body)];
+        r.position.shape = {n, std::size_t(D)};
+        if (k < outlets) {
+            flows[k].particles += n;
+            flows[k].mass += double(n) * body.particle_mass;
+            flows[k].volume += double(n) * body.particle_volume;
+        } else if (spec_.leaving == Leaving::freeze) {
             std::vector<std::vector<T>> state;
             for (auto& s : body.state) state.push_back(s.host(body.count));
-            for (std::size_t n = 0; n < rows.size(); ++n) {
-                body.frozen_id.push_back(id[rows[n]]);
-                for (int a = 0; a < D; ++a)
-                    body.frozen_position.push_back(r.position.data[n * D + a]);
-                for (auto& s : state) body.frozen_state.push_back(double(s[rows[n]]));
-            }
+            body.frozen_id.insert(body.frozen_id.end(), ways[w].id.begin(), ways[w].id.end());
+            body.frozen_position.insert(body.frozen_position.end(), r.position.data.begin(),
+                                        r.position.data.end());
+            for (std::uint32_t p : ways[w].place)
+                for (auto& s : state) body.frozen_state.push_back(double(s[p]));
         }
         removed_.push_back(std::move(r));
     }
+    for (const Flow& flow : flows)
+        if (flow.particles > 0) flows_.push_back(flow);
     return true;
 }
 
@@ -262,10 +316,11 @@ void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
     if (heavy) exec_.trim();
 }
 
-/// A table of the occupied blocks and all their neighbours. `map` leads from the present table's
-/// slots to its own.
+/// A table of the occupied blocks, `more` blocks and all their neighbours. `map` leads from the
+/// present table's slots to its own.
 template <class X, class T, int D>
 void Domain<X, T, D>::rebuild_table(const Buffer<X, std::uint32_t>& occupied,
+                                    const Buffer<X, std::uint64_t>& more,
                                     Buffer<X, std::uint64_t>& keys, Buffer<X, std::int32_t>& map) {
     const std::int64_t slots = table_.slots;
     Buffer<X, std::uint32_t> position(exec_);
@@ -274,7 +329,9 @@ void Domain<X, T, D>::rebuild_table(const Buffer<X, std::uint32_t>& occupied,
     std::uint32_t homes = 0;
     exec_.download(&homes, position.data() + slots, sizeof homes);
     Buffer<X, std::uint64_t> list(exec_);
-    list.reserve_discard(homes);
+    list.reserve_discard(homes + more.size());
+    if (more.size() > 0)
+        exec_.copy(list.data() + homes, more.data(), more.size() * sizeof(std::uint64_t));
     exec_.for_each(slots, ListKeys{keys_.data(), position.data(), occupied.data(), list.data()});
     set_neighbourhood(list, keys);
     map.reserve_discard(slots);
@@ -354,8 +411,9 @@ bool Domain<X, T, D>::sort() {
     for (std::size_t b = 0; b < bodies; ++b) {
         Body& body = bodies_[b];
         cells.emplace_back(exec_);
-        cells.back().reserve_discard(body.count + column_padding);
-        cells.back().shrink(body.count);
+        const std::size_t rows = std::size_t(body.count) + arriving(b);
+        cells.back().reserve_discard(rows + column_padding);
+        cells.back().shrink(rows);
         add_homes(homes, counts.data() + 2 * b + 1, [&](Buffer<X, std::uint32_t>& flag) {
             flag.zero();
             FindCells<X, T, D> find{table_,      body.view(),         {},
@@ -365,6 +423,8 @@ bool Domain<X, T, D>::sort() {
         });
     }
     join_homes(homes, occupied);
+    Buffer<X, std::uint64_t> keys_to_come(exec_);
+    if (!arrivals_.empty()) mark_arrivals(occupied, counts.data() + 2 * bodies, keys_to_come);
     exec_.for_each(slots,
                    FindNewHomes<X>{occupied.data(), occupied_.data(), counts.data() + 2 * bodies});
     const auto counted = counts.host();
@@ -378,7 +438,7 @@ bool Domain<X, T, D>::sort() {
     const bool rebuild = counted.back() != 0 || ++sorts_of_table_ >= 16;
     Buffer<X, std::uint64_t> keys(exec_);
     Buffer<X, std::int32_t> map(exec_);
-    if (rebuild) rebuild_table(occupied, keys, map);
+    if (rebuild) rebuild_table(occupied, keys_to_come, keys, map);
     const std::int64_t range = (rebuild ? std::int64_t(keys.size()) : slots) * block_cells;
 
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -387,6 +447,14 @@ bool Domain<X, T, D>::sort() {
             exec_.for_each(body.count,
                            RenumberCells{cells[b].data(), rebuild ? map.data() : nullptr,
                                          std::uint32_t(range)});
+        }
+        if (arriving(b) > 0) {
+            BlockTableView<D> table = table_;
+            if (rebuild) {
+                table.keys = keys.data();
+                table.slots = std::int32_t(keys.size());
+            }
+            append_arrivals(int(b), cells[b], table);
         }
         body.cell_start.reserve_discard(range + 2);
         arrange(exec_, cells[b], range, body.id.data(), body.cell_start.data(), body.cell.data());
@@ -397,8 +465,8 @@ bool Domain<X, T, D>::sort() {
     if (rebuild) {
         adopt_table(keys);
         sorts_of_table_ = 0;
-        homes = find_homes();
     }
+    if (rebuild || !arrivals_.empty()) homes = find_homes();
     list_homes(homes);
     clock_.drift = 0;
     clock_.strays = 0;

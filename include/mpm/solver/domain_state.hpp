@@ -54,6 +54,17 @@ State Domain<X, T, D>::save() {
         last.push_back(records[k].last_time);
         first.push_back(sensors_[k].first.host()[0]);
     }
+    if (!spec_.inlets.empty()) {
+        std::vector<double> moved, last;
+        for (const SupplyRecord& r : supplies_.host()) {
+            moved.push_back(r.moved);
+            last.push_back(r.last);
+        }
+        s["supply_moved"] = detail::to_blob(moved);
+        s["supply_last"] = detail::to_blob(last);
+        s["supply_layers"] = detail::to_blob(supplied_);
+        s["supply_next_id"] = detail::to_blob(next_id_);
+    }
     s["sensor_next"] = detail::to_blob(next);
     s["sensor_last"] = detail::to_blob(last);
     s["sensor_first"] = detail::to_blob(first);
@@ -153,6 +164,7 @@ void Domain<X, T, D>::load(const State& state) {
     }
     sums_[1 - reading].reserve_discard(sums_[reading].size());
 
+    if (!spec_.inlets.empty()) restore_supplies(state);
     restore_sensors(detail::from_blob<std::int64_t>(state, "sensor_next"),
                     detail::from_blob<double>(state, "sensor_last"),
                     detail::from_blob<double>(state, "sensor_first"),
@@ -162,6 +174,24 @@ void Domain<X, T, D>::load(const State& state) {
     list_homes(find_homes());
     push_clock();
     dead_ = false;
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::restore_supplies(const State& state) {
+    const auto moved = detail::from_blob<double>(state, "supply_moved"),
+               last = detail::from_blob<double>(state, "supply_last");
+    supplied_ = detail::from_blob<std::uint64_t>(state, "supply_layers");
+    next_id_ = detail::from_blob<std::uint64_t>(state, "supply_next_id");
+    auto records = supplies_.host();
+    if (moved.size() != records.size() || last.size() != records.size() ||
+        supplied_.size() != records.size() || next_id_.size() != bodies_.size())
+        throw SceneError("the saved state has other inlets than this scene");
+    for (std::size_t k = 0; k < records.size(); ++k) {
+        records[k].moved = moved[k];
+        records[k].last = last[k];
+        records[k].due = double(supplied_[k] + 1) * spec_.inlets[k].spacing;
+    }
+    supplies_.assign(records);
 }
 
 /// Sensors that a run before this one had go on where they were; those behind them start now.

@@ -38,7 +38,8 @@ void Domain<X, T, D>::update_grid() {
     make_velocities(Decide<D>{clock_buffer_.data(), spec_.cell_size, constants_.data(),
                               numbers_.data(), int(bodies_.size()), sensor_records_.data(),
                               int(sensors_.size()), bits, least_mass_, plan_.wave_speed,
-                              plan_.beyond});
+                              plan_.beyond, supplies_.data(), int(spec_.inlets.size()),
+                              supplied_mass_});
 }
 
 template <class X, class T, int D>
@@ -211,6 +212,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             // As many steps as there will probably be before the next sort; a wrong guess costs
             // launches that do nothing, or a look too many.
             std::int64_t n = std::min<std::int64_t>(X::batch, steps_to_sort());
+            if (!spec_.inlets.empty()) n = std::min(n, steps_to_supply());
             if (clock_.steps_left >= 0) n = std::min<std::int64_t>(n, clock_.steps_left + 1);
             if (std::isfinite(until)) {
                 n = std::int64_t(std::min(
@@ -224,8 +226,8 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
         } else {
             one_step();
         }
-        if (clock_.halt == Halt::sort) {
-            if (!sort()) {
+        if (clock_.halt == Halt::sort || clock_.halt == Halt::supply) {
+            if (!(clock_.halt == Halt::sort ? sort() : supply())) {
                 // The state is whole: the same run may go on under another policy, or be read.
                 result.reason = "fault";
                 result.fault = fault_;

@@ -1,7 +1,9 @@
 // A simulation as its caller sees it, whatever the backend, precision and dimension.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <memory>
 #include <string>
@@ -60,6 +62,17 @@ struct NodalSums {
     std::map<std::string, std::vector<double>> value;  // by channel, (n,)
 };
 
+/// Particles that an inlet supplied or an outlet took out at one moment.
+struct Flow {
+    bool inlet = false;
+    int number = 0;  // of the inlet or outlet
+    double time = 0;
+    std::int64_t step = 0;
+    std::uint64_t particles = 0;
+    double mass = 0;    // kg
+    double volume = 0;  // m^3 at rest
+};
+
 struct Samples {
     std::vector<double> time;
     Array values;
@@ -68,6 +81,40 @@ struct Samples {
 struct Attributes {
     std::vector<std::uint64_t> id;
     std::map<std::string, Array> values;
+};
+
+/// Numbers one after another in the engine's memory: "d" float64 or "L" uint64. The engine must
+/// outlive them.
+struct DenseColumn {
+    char type = 'd';
+    std::vector<std::size_t> shape;
+    std::shared_ptr<void> data;
+
+    std::size_t bytes() const {
+        std::size_t n = 8;
+        for (std::size_t k : shape) n *= k;
+        return n;
+    }
+};
+
+/// Columns over particles, rows in the order of ids.
+struct Gathered {
+    int device = -1;  // that they are on; -1: the host
+    std::map<std::string, DenseColumn> columns;
+};
+
+struct IdRange {
+    std::uint64_t first = 0;
+    std::uint64_t count = std::numeric_limits<std::uint64_t>::max();
+
+    /// What it has in common with another one.
+    IdRange within(const IdRange& other) const {
+        const std::uint64_t low = std::max(first, other.first);
+        const std::uint64_t left = low - first < count ? count - (low - first) : 0;
+        const std::uint64_t others =
+            low - other.first < other.count ? other.count - (low - other.first) : 0;
+        return {low, std::min(left, others)};
+    }
 };
 
 class Engine {
@@ -84,8 +131,16 @@ public:
     virtual std::uint64_t particle_count(int body) const = 0;
     virtual std::vector<Samples> drain() = 0;
     virtual std::vector<Removed> removed() = 0;
+    /// What came and went since the last call.
+    virtual std::vector<Flow> flows() { return {}; }
     virtual std::vector<std::string> attribute_names(int body) const = 0;
     virtual Attributes attributes(int body, const std::vector<std::string>& names) = 0;
+    /// The same as dense columns of the caller's own where the engine's memory is; `origin`
+    /// (dimension,) m is added to positions. "id" is an attribute here.
+    virtual Gathered gather(int body, const std::vector<std::string>& names,
+                            const std::vector<double>& origin, IdRange ids = {});
+    virtual DenseColumn duplicate(const DenseColumn& column);
+    virtual void copy_out(const DenseColumn& column, void* to);
     virtual Array grid(const std::string& name) = 0;
     virtual NodalSums sums() = 0;
     virtual State save() = 0;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mpm/data/time_table.hpp"
+#include "mpm/physics/boundary/decay.hpp"
 #include "mpm/physics/boundary/response.hpp"
 #include "mpm/physics/shape/kernel.hpp"
 #include "mpm/physics/transfer/scheme.hpp"
@@ -77,9 +78,10 @@ struct BodySpec {
     double smoothing_time = 0;
     double smoothing_ratio = 0;
     // What it keeps of the velocity that it stores, where the transfer makes it store one.
-    double keep = 1;        // alpha
-    SchemeNumbers shift{};  // the rule of beta alone
-    bool guard = true;      // beta is 0 where a boundary changed a node's velocity
+    double keep = 1;            // alpha
+    SchemeNumbers shift{};      // the rule of beta alone
+    bool guard = true;          // beta is 0 where a boundary changed a node's velocity
+    std::uint64_t held_by = 0;  // bit mask of the boundaries that are for some bodies alone
 };
 
 inline std::uint64_t ids_of(const BodySpec& b) { return b.id_count ? b.id_count : b.count; }
@@ -99,18 +101,84 @@ struct StartSpec {
     std::vector<double> sensor_last, sensor_first, load_impulse;
 };
 
+/// A prescribed motion of a rigid body: places (m or rad), or speeds from time 0 on.
+struct MotionSpec {
+    TableSpec table;  // without rows: at rest
+    bool of_places = false;
+
+    /// What speeds have travelled by each row.
+    std::vector<double> travelled() const {
+        const std::size_t rows = table.time.size(), n = table.value.size() / rows;
+        std::vector<double> way(table.value.size());
+        for (std::size_t k = 0; k < rows; ++k) {
+            for (std::size_t c = 0; c < n; ++c) {
+                way[k * n + c] =
+                    k == 0 ? table.value[c] * table.time[0]
+                           : way[(k - 1) * n + c] +
+                                 0.5 * (table.value[(k - 1) * n + c] + table.value[k * n + c]) *
+                                     (table.time[k] - table.time[k - 1]);
+            }
+        }
+        return way;
+    }
+};
+
+/// A rigid body of any shape, by its signed distance on a lattice of its own
+/// (data/distance_field.hpp).
+struct SurfaceSpec {
+    std::vector<std::int64_t> keys;   // (blocks, dimension); none: no surface
+    std::vector<std::int32_t> place;  // (blocks,): which block of values; -1: deep inside
+    std::vector<float> values;        // lattice cells
+    std::vector<double> origin;       // of the lattice, m
+    double spacing = 0;               // of the lattice, m
+    Decay decay = Decay::quadratic;
+    double thickness = 0;  // of the layer, m
+    MotionSpec path, turn;
+    std::vector<double> about, axis;
+};
+
 struct BoundarySpec {
     std::string name;
     bool is_box = false;
+    SurfaceSpec surface;
+    int restricted = -1;           // its bit in `held_by` of the bodies that it is for; -1: for all
+    std::vector<double> within;    // lower then upper corner, m, where it acts alone; or empty
     std::vector<double> segments;  // (n, 4) m: parts of the outline of a grid of functions, its law
                                    // that of face 0
-    std::vector<int> lower, upper;  // box, cells
+    std::vector<int> lower, upper;  // box, cells; surface: the cells that it may ever reach
     std::vector<int> present;       // per face x-, x+, y-, ...
     std::vector<SurfaceLaw> law;    // per face
     double start = 0, end = 0;
     bool moves = false;
     TableSpec motion;
 };
+
+/// Water that comes in through a face of the domain, layer by layer. The nodes that lead it are
+/// those of a boundary of its own.
+struct InletSpec {
+    std::string name;
+    int body = -1;
+    int face = 0;                  // x-, x+, y-, ...
+    double spacing = 0;            // of layers, m
+    std::vector<double> points;    // (n, dimension) m: a layer that is due now
+    std::vector<double> pressure;  // (n,) Pa or empty
+    std::uint64_t next_id = 0;     // of the first particle to come, above the body's first
+    TableSpec velocity;            // m/s into the domain, one component
+};
+
+/// A face through which particles leave and are counted, whatever `Leaving` says of the others.
+struct OutletSpec {
+    std::string name;
+    int face = 0;
+};
+
+/// Whether any boundary is one that only some scenes have (kernels/boundaries.hpp).
+inline bool special(const BoundarySpec& b) {
+    return !b.surface.keys.empty() || !b.within.empty() || b.restricted >= 0 ||
+           std::any_of(b.law.begin(), b.law.end(), [](const SurfaceLaw& law) {
+               return mirrors(law.response) || law.response == Response::prescribed;
+           });
+}
 
 enum class SensorKind { load_cell, wave_gauge, velocity_probe, tracker, energy };
 
@@ -180,6 +248,8 @@ struct Spec {
     std::vector<BodySpec> bodies;
     std::vector<BoundarySpec> boundaries;
     std::vector<SensorSpec> sensors;
+    std::vector<InletSpec> inlets;
+    std::vector<OutletSpec> outlets;
     StartSpec start;
     std::vector<int>
         stored_as;  // per body, of a state to load: which of its bodies; empty: by rule

@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src import sampling
-from libmpm._src.boundaries import Response
+from libmpm._src.boundaries import Prescribed, Response
 from libmpm._src.checks import (
-    body_lattice,
+    extent_of,
     faces_present,
-    holes_of,
     initial_gravity,
     relative,
     snap,
@@ -24,10 +22,14 @@ from libmpm._src.checks import (
 )
 from libmpm._src.errors import SceneError
 from libmpm._src.field import Field
+from libmpm._src.filling import bounds_of, fill
 from libmpm._src.method import CROSSINGS, FBar
 from libmpm._src.parameters import wave_speed
+from libmpm._src.sensing.values import Sampled
 from libmpm._src.sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
 from libmpm._src.shapes import Box
+from libmpm._src.supply import flow_entries, keep_room, zones
+from libmpm._src.surfaces import lower_surface
 from libmpm._src.timetable import TimeTable, constant
 from libmpm._src.triangular import placing
 from libmpm._src.triangular.shapes import Outline
@@ -140,29 +142,38 @@ def lower(
     first = 0
     for body in scene.bodies:
         bodies.append(_body(scene, body, first, with_particles and not shell))
+        bodies[-1] |= keep_room(scene, body, bodies[-1])
         if shell:
             _hollow(bodies[-1])
         first += bodies[-1].get("id_count", bodies[-1]["count"])
     gravity = scene.gravity
-    return {
-        "dimension": scene.dimension,
-        "precision": precision,
-        "device": device_index,
-        "pipeline": pipeline,
-        "shared_device": shared_device,
-        "threads": threads,
-        "cell_size": scene.cell_size,
-        "cells": list(scene.cells),
-        "gravity": _table(gravity if isinstance(gravity, TimeTable) else constant(gravity)),
-        "cfl": scene.method.cfl,
-        "time_step": fixed,
-        "leaving": scene.method.leaving,
-        "transfer": scene.method.transfer_choice.scene_part(),
-        "kernel": scene.method.kernel_choice.specification(),
-        "bodies": bodies,
-        "boundaries": [_boundary(scene, b) for b in scene.boundaries],
-        "sensors": [_sensor(scene, s, bodies) for s in scene.sensors],
-    } | _added(scene, time_step, with_particles and not shell)
+    return (
+        {
+            "dimension": scene.dimension,
+            "precision": precision,
+            "device": device_index,
+            "pipeline": pipeline,
+            "shared_device": shared_device,
+            "threads": threads,
+            "cell_size": scene.cell_size,
+            "cells": list(scene.cells),
+            "gravity": _table(gravity if isinstance(gravity, TimeTable) else constant(gravity)),
+            "cfl": scene.method.cfl,
+            "time_step": fixed,
+            "leaving": scene.method.leaving,
+            "transfer": scene.method.transfer_choice.scene_part(),
+            "kernel": scene.method.kernel_choice.specification(),
+            "bodies": bodies,
+            "boundaries": [_boundary(scene, b) for b in scene.boundaries] + zones(scene),
+            "sensors": [
+                _sensor(scene, s, bodies)
+                for s in scene.sensors
+                if not isinstance(s.sensor, Sampled)
+            ],
+        }
+        | flow_entries(scene, bodies)
+        | _added(scene, time_step, with_particles and not shell)
+    )
 
 
 def _added(scene: Scene, time_step: float | None, with_particles: bool) -> dict[str, Any]:
@@ -196,14 +207,13 @@ def _hollow(specification: dict[str, Any]) -> None:
 
 def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:
     """Return a body that goes on from another run, without those that new bodies displace."""
-    grid = body_lattice(scene, body)
     result: dict[str, Any] = {
         "name": body.name,
         "material": body.material.table.name,
         "parameters": body.material.parameters(),
         "count": before.ids,
         "id_count": before.ids,
-        "bounds": grid.bounds,
+        "bounds": bounds_of(scene, body),
         "particle_mass": before.particle_mass,
         "first_id": before.first_id,
         "position": None,
@@ -263,11 +273,10 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
     if before is not None:
         assert scene.start is not None
         return _restored(scene, body, before, with_particles)
-    grid = body_lattice(scene, body)
-    points = sampling.points(grid, holes_of(scene, body), scene.cell_size)
+    filling = fill(scene, body)
+    points = filling.points
     parameters = body.material.parameters()
-    # Mass follows from the slices of the whole box: what is subtracted takes its mass along.
-    mass = parameters["density"] * grid.volume / grid.count
+    mass = parameters["density"] * filling.volume / filling.slices
     pressure = None
     if body.hydrostatic is not None and with_particles:
         pressure = _hydrostatic(scene, body.hydrostatic, parameters["density"], points.rows)
@@ -276,7 +285,7 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "material": body.material.table.name,
         "parameters": parameters,
         "count": points.count,
-        "bounds": grid.bounds,
+        "bounds": filling.bounds,
         "particle_mass": mass,
         "first_id": first,
         "position": points.rows if with_particles else None,
@@ -377,9 +386,8 @@ def _fbar(scene: Scene, body: Body) -> dict[str, Any]:
 def _boundary(scene: Scene, boundary: Boundary) -> dict[str, Any]:
     faces = {}
     given = boundary.response
-    # An outline has no faces: its one response stands under the first name.
-    names = ("x-",) if isinstance(boundary.shape, Outline) else faces_present(scene, boundary)
-    for face in names:
+    # An outline or a surface has no faces: its one response stands under the first name.
+    for face in faces_present(scene, boundary) or ("x-",):
         response = given if isinstance(given, Response) else given[face]
         static, dynamic = response.friction
         faces[face] = {
@@ -387,24 +395,40 @@ def _boundary(scene: Scene, boundary: Boundary) -> dict[str, Any]:
             "static_friction": static,
             "dynamic_friction": dynamic,
         }
+        if isinstance(response, Prescribed):
+            faces[face]["axes"] = response.axes(scene.dimension)
     start, end = boundary.window
     result: dict[str, Any] = {"name": boundary.name, "kind": "domain"}
     if isinstance(boundary.shape, Outline):
         corner = np.asarray(scene.lower, dtype=np.float64)
         result["segments"] = boundary.shape.segments() - np.concatenate([corner, corner])
-    if isinstance(boundary.shape, Box):
+    if boundary.is_surface:
+        result |= lower_surface(scene, boundary)
+    elif isinstance(boundary.shape, Box):
         low, high = snap(scene, boundary.shape)
+        if isinstance(given, Prescribed):
+            # A region that ends with the domain has its rim too, where particles reach nodes.
+            low = tuple(-_BEYOND if i <= 0 else i for i in low)
+            high = tuple(
+                n + _BEYOND if i >= n else i for i, n in zip(high, scene.cells, strict=True)
+            )
         result |= {
             "kind": "box",
             "lower": [max(i, -_BEYOND) for i in low],
             "upper": [min(i, n + _BEYOND) for i, n in zip(high, scene.cells, strict=True)],
         }
+    if boundary.within is not None:
+        corners = (boundary.within.lower, boundary.within.upper)
+        result["within"] = np.concatenate([relative(scene, corner) for corner in corners])
+    if boundary.bodies:
+        names = [b.name for b in scene.bodies]
+        result["bodies"] = [names.index(name) for name in boundary.bodies]
     motion = boundary.motion
     return result | {
         "faces": faces,
         "start": start,
         "end": end,
-        "velocity": None if motion is None else _table(motion),
+        "velocity": _table(motion) if isinstance(motion, TimeTable) else None,
     }
 
 
@@ -421,12 +445,10 @@ def _sensor(scene: Scene, placed: PlacedSensor, bodies: list[dict[str, Any]]) ->
         present = faces_present(scene, boundary)
         point = sensor.reference
         if point is None:
-            box = boundary.shape if isinstance(boundary.shape, Box) else scene
-            corners = relative(scene, box.lower), relative(scene, box.upper)
-            reference = 0.5 * (corners[0] + corners[1])
+            reference = np.mean([relative(scene, x) for x in extent_of(scene, boundary)], axis=0)
         else:
             reference = relative(scene, point)
-        chosen = present if sensor.faces == "all" else sensor.faces
+        chosen = (present or ("x-",)) if sensor.faces == "all" else sensor.faces
         return result | {"boundary": index, "faces": list(chosen), "reference": reference}
     if isinstance(sensor, VelocityProbe):
         return result | {"position": relative(scene, sensor.position)}

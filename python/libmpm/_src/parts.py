@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
-from libmpm._src.boundaries import Response
+from libmpm._src.boundaries import DecayLayer, Displacement, Response, Rotation, Travel
 from libmpm._src.field import Field
+from libmpm._src.geometry.choices import Sampling
+from libmpm._src.geometry.point_file import PointFile
 from libmpm._src.method import FBar
 from libmpm._src.parameters import Material
 from libmpm._src.sensors import Sensor
-from libmpm._src.shapes import FACES, Box, DomainWalls, OrientedBox
+from libmpm._src.shapes import FACES, Box, DomainWalls, OrientedBox, Solid
 from libmpm._src.timetable import TimeTable
 from libmpm._src.transfer import Transfer
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
@@ -25,7 +27,7 @@ class Body(Value):
     """A body of the scene; see `Scene.add_body` for the fields."""
 
     name: str
-    shape: Box | OrientedBox | Cells | Points
+    shape: Solid | PointFile | Cells | Points
     material: Material
     particles_per_cell: int
     velocity: Sequence[float] | Field
@@ -36,18 +38,22 @@ class Body(Value):
     stress: Sequence[float] | Field | None = None
     tractions: Sequence[Traction] = ()
     transfer: Transfer | None = None
+    sampling: Sampling | None = None
 
     def _label(self) -> str:
         return f"body '{self.name}'"
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        kinds = (Box, OrientedBox, Cells, Points)
+        kinds = (Solid, PointFile, Cells, Points)
         check.instance("shape", self.shape, kinds, "shapes.Box(lower=..., upper=...)")
         check.instance("material", self.material, (Material,), "a value of libmpm.materials")
         if self.fbar not in ("default", None) and not isinstance(self.fbar, FBar):
             check.fail(f'fbar is {self.fbar!r}; expected "default", None or FBar(...)')
         if self.transfer is not None:
             check.instance("transfer", self.transfer, (Transfer,), "Transfer(...) or None")
+        if self.sampling is not None:
+            example = "shapes.Columns(), shapes.Jitter(share=, seed=), PoissonDisk(seed=) or None"
+            check.instance("sampling", self.sampling, (Sampling,), example)
         level = self.hydrostatic
         if level is not None:
             level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")
@@ -101,23 +107,22 @@ class Boundary(Value):
     """A boundary of the scene; see `Scene.add_boundary` for the fields."""
 
     name: str
-    shape: Box | DomainWalls | Outline
+    shape: Solid | DomainWalls | Outline
     response: Response | Mapping[str, Response]
-    motion: TimeTable | None = None
+    motion: TimeTable | Displacement | Travel | None = None
     time: tuple[float, float] | None = None
+    layer: DecayLayer | None = None
+    rotation: Rotation | None = None
+    within: Box | None = None
+    spacing: float | None = None
+    bodies: Sequence[str] = ()
 
     def _label(self) -> str:
         return f"boundary '{self.name}'"
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        kinds = (Box, DomainWalls, Outline)
-        if isinstance(self.shape, OrientedBox):
-            check.fail(
-                f"shape is {self.shape!r}; a boundary follows the cells of the grid and cannot be "
-                "turned; use a shapes.Box, or a stair of them along the slanted face"
-            )
-        else:
-            check.instance("shape", self.shape, kinds, "shapes.DomainWalls() or a Box")
+        kinds = (Solid, DomainWalls, Outline)
+        check.instance("shape", self.shape, kinds, "shapes.DomainWalls() or a Solid")
         response = self.response
         example = "a value of libmpm.boundaries"
         if isinstance(response, Mapping):
@@ -129,8 +134,29 @@ class Boundary(Value):
         else:
             check.instance("response", response, (Response,), f"{example}, or one for each face")
         if self.motion is not None:
-            check.instance("motion", self.motion, (TimeTable,), "a TimeTable of velocities in m/s")
+            moving = (TimeTable, Displacement, Travel)
+            check.instance("motion", self.motion, moving, "a TimeTable of velocities in m/s")
+        for name, kind in (("layer", DecayLayer), ("rotation", Rotation), ("within", Box)):
+            if getattr(self, name) is not None:
+                check.instance(name, getattr(self, name), (kind,), f"{kind.__name__}(...)")
+        spacing = self.spacing
+        if spacing is not None:
+            spacing = check.number("spacing", spacing, lower=0, lower_open=True, unit="m")
+        if not self.is_surface:
+            for name in ("layer", "rotation", "spacing"):
+                if getattr(self, name) is not None:
+                    check.fail(
+                        f"{name} is given with {type(self.shape).__name__}; expected a Solid of "
+                        f"shapes; leave {name} out"
+                    )
+        elif isinstance(self.response, Mapping):
+            check.fail(
+                "response has faces, which a surface of any shape has not; expected one response"
+            )
+        bodies = (self.bodies,) if isinstance(self.bodies, str) else self.bodies
         return {
+            "spacing": spacing,
+            "bodies": tuple(check.text("bodies", name) for name in sequence(bodies) or ()),
             "name": check.text("name", self.name),
             "response": response,
             "time": self._window(check),
@@ -149,6 +175,17 @@ class Boundary(Value):
         if end <= start:
             check.fail(f"time is ({start:g}, {end:g}); expected end > start, in s")
         return start, end
+
+    @property
+    def is_surface(self) -> bool:
+        """Whether its shape is taken by its signed distance, not by the cells of the grid.
+
+        A `Box` lies on cell faces, unless it moves, turns or has a decay layer.
+        """
+        if isinstance(self.shape, Box):
+            moves = isinstance(self.motion, Displacement | Travel)
+            return moves or any(x is not None for x in (self.layer, self.rotation, self.spacing))
+        return isinstance(self.shape, Solid)
 
     @property
     def window(self) -> tuple[float, float]:

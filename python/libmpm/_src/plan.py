@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from libmpm._src import backends, checks
 from libmpm._src.errors import SceneError
 from libmpm._src.lowering import check_backend, choose_device, choose_precision, lower
+from libmpm._src.supply import flow_rows
 from libmpm._src.values import nearest
 
 if TYPE_CHECKING:
@@ -97,6 +98,8 @@ class Plan:
         self._result = dict(result)
         self._planes = checks.planes(scene)
         self._warnings = checks.check_scene(scene)[1]
+        spacings = {b["name"]: float(b["particle_spacing"]) for b in self._result["bodies"]}
+        self._flows = flow_rows(scene, spacings)
         self._scene: dict[str, Any] = {
             "name": scene.name,
             "dimension": scene.dimension,
@@ -247,7 +250,13 @@ class Plan:
             "steps": self.steps,
             "particle_steps": self.particle_steps,
             "estimate": {"particle_steps_per_s": self.rate, "seconds": self.seconds},
-        }
+        } | self._flows_to_dict()
+
+    def _flows_to_dict(self) -> dict[str, Any]:
+        """Return what inflows and outflows do, where there are any."""
+        keys = ("name", "face", "does")
+        rows = [dict(zip(keys, row, strict=True)) for row in self._flows]
+        return {"flows": rows} if rows else {}
 
     # Presentation --------------------------------------------------------------------------
 
@@ -303,6 +312,8 @@ class Plan:
             ]
             head = ("boundary", "face", "stated [m]", "effective [m]", "shift [cells]")
             found.append((head, faces))
+        if self._flows:
+            found.append((("flow", "face", "does"), list(self._flows)))
         return found
 
     def __str__(self) -> str:

@@ -7,14 +7,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from libmpm._src.boundaries import Response
+from libmpm._src.boundaries import DecayLayer, Displacement, Response, Rotation, Travel
 from libmpm._src.errors import SceneError
 from libmpm._src.field import Field
+from libmpm._src.flow import Flow, PlacedFlow
+from libmpm._src.geometry.choices import Sampling
+from libmpm._src.geometry.point_file import PointFile
 from libmpm._src.method import FBar, Method
 from libmpm._src.parameters import Material
 from libmpm._src.parts import Body, Boundary, PlacedSensor
 from libmpm._src.sensors import Sensor
-from libmpm._src.shapes import Box, DomainWalls, OrientedBox
+from libmpm._src.shapes import Box, DomainWalls, Solid
 from libmpm._src.start import Start
 from libmpm._src.timetable import TimeTable, check_vector_table
 from libmpm._src.transfer import Transfer
@@ -117,6 +120,7 @@ class Scene:
         self._bodies: dict[str, Body] = {}
         self._boundaries: dict[str, Boundary] = {}
         self._sensors: dict[str, PlacedSensor] = {}
+        self._flows: dict[str, PlacedFlow] = {}
         check.finish()
 
     def _take_grid(
@@ -225,12 +229,17 @@ class Scene:
         """The sensors (`name`, `sensor`) in the order in which they were added."""
         return tuple(self._sensors.values())
 
+    @property
+    def flows(self) -> tuple[PlacedFlow, ...]:
+        """Inflows and outflows (`name`, `flow`) in the order in which they were added."""
+        return tuple(self._flows.values())
+
     @keywords_only("Scene.add_body")
     def add_body(
         self,
         *,
         name: str,
-        shape: Box | OrientedBox | Cells | Points,
+        shape: Solid | PointFile | Cells | Points,
         material: Material,
         particles_per_cell: int | None = None,
         velocity: Sequence[float] | Field | None = None,
@@ -241,6 +250,7 @@ class Scene:
         stress: Sequence[float] | Field | None = None,
         tractions: Sequence[Traction] = (),
         transfer: Transfer | None = None,
+        sampling: Sampling | None = None,
     ) -> str:
         """Add a body and return its name.
 
@@ -248,8 +258,9 @@ class Scene:
         parameter           unit  range     meaning
         ==================  ====  ========  ==================================================
         name                -     unique    name among the bodies
-        shape               -     a shape   Box or OrientedBox, filled by a lattice of its own,
-                                            exact total mass; on a `grid` Box, Cells or Points
+        shape               -     a shape   any solid of `libmpm.shapes`, exact total mass: boxes
+                                            by a lattice of their own, others by that of the cells;
+                                            a PointFile; on a `grid` Box, Cells or Points
         material            -     material  a value of `libmpm.materials`
         particles_per_cell  1     ≥ 1       None = 2 per axis
         velocity            m/s   (d,)      at the start, or a `Field`; None = at rest
@@ -264,6 +275,8 @@ class Scene:
         tractions           -     -         `Traction` values on faces of a Box, on a `grid`
         transfer            -     Transfer  of the scene's scheme, with a flip and shifts of its
                                             own; None = that of the scene's `Method`
+        sampling            -     -         `shapes.Columns`, `Jitter` or `PoissonDisk` in place of the
+                                            plain lattice
         ==================  ====  ========  ==================================================
 
         Raises `SceneError`; `validate` checks what concerns several objects.
@@ -283,6 +296,7 @@ class Scene:
             stress=stress,
             tractions=tractions,
             transfer=transfer,
+            sampling=sampling,
         )
         return _insert(self._bodies, "body", body.name, body)
 
@@ -291,10 +305,15 @@ class Scene:
         self,
         *,
         name: str,
-        shape: Box | DomainWalls | Outline,
+        shape: Solid | DomainWalls | Outline,
         response: Response | Mapping[str, Response],
-        motion: TimeTable | None = None,
+        motion: TimeTable | Displacement | Travel | None = None,
         time: tuple[float, float] | None = None,
+        layer: DecayLayer | None = None,
+        rotation: Rotation | None = None,
+        within: Box | None = None,
+        spacing: float | None = None,
+        bodies: Sequence[str] = (),
     ) -> str:
         """Add a boundary and return its name.
 
@@ -302,15 +321,27 @@ class Scene:
         parameter  unit   range         meaning
         =========  =====  ============  ===================================================
         name       -      unique        name among the boundaries
-        shape      -      a shape       `DomainWalls` or a rigid `Box`; on a `grid` also `Outline`
+        shape      -      a shape       `DomainWalls`, a rigid `Box` on cell faces or any other
+                                        Solid, which is a surface; on a `grid` also `Outline`
         response   -      a response    one for all faces, or a dictionary by face
-        motion     m/s    (n, d) table  prescribed velocity; None = at rest
+        motion     -      a motion      `TimeTable` (m/s): a velocity that its face has;
+                                        `Displacement` or `Travel`: the shape moves; None = at rest
         time       s      0 ≤ a < b     (start, end) of its action; None = always
+        layer      -      `DecayLayer`  of a surface; None = constrained, one cell
+        rotation   -      `Rotation`    of a surface; None = none
+        within     m      `Box`         acts on nodes inside it alone; None = everywhere
+        spacing    m      > 0           of the lattice of a surface's distances; None = cell_size
+        bodies     -      names         acts on the share of a node's mass that is theirs; () = all
         =========  =====  ============  ===================================================
+
+        A `Box` with a layer, a rotation, a spacing or a motion of its shape is a surface too.
 
         Raises `SceneError`; `validate` checks what concerns several objects.
         """
-        boundary = Boundary(name=name, shape=shape, response=response, motion=motion, time=time)
+        boundary = Boundary(
+            name=name, shape=shape, response=response, motion=motion, time=time, layer=layer,
+            rotation=rotation, within=within, spacing=spacing, bodies=bodies,
+        )  # fmt: skip
         return _insert(self._boundaries, "boundary", boundary.name, boundary)
 
     @keywords_only("Scene.add_sensor")
@@ -320,6 +351,14 @@ class Scene:
         Raises `SceneError`; `validate` checks what concerns several objects.
         """
         return _insert(self._sensors, "sensor", name, PlacedSensor(name=name, sensor=sensor))
+
+    @keywords_only("Scene.add_flow")
+    def add_flow(self, *, name: str, flow: Flow) -> str:
+        """Add a `boundaries.Inflow` or `Outflow` under a name unique among both; return the name.
+
+        Raises `SceneError`; `validate` checks what concerns several objects.
+        """
+        return _insert(self._flows, "flow", name, PlacedFlow(name=name, flow=flow))
 
     def validate(self, *, strict: bool = False) -> None:
         """Check the scene as a whole; raises `SceneError` with all problems.
@@ -364,6 +403,57 @@ class Scene:
             threads=threads,
         )
 
+    def scaled(self, length_ratio: float, *, cauchy: bool = False, reynolds: bool = False) -> Scene:
+        """Return this scene in Froude similitude: every number takes the power of λ of its unit.
+
+        ============  ====  =====  ==============================================================
+        parameter     unit  range  meaning
+        ============  ====  =====  ==============================================================
+        length_ratio  1     > 0    λ = new length / length here, 0.1 for a model at 1:10
+        cauchy        -     bool   moduli, strengths and whatever else a material has in Pa × λ,
+                                   so that waves in it keep their place among the flow's
+        reynolds      -     bool   viscosities × λ^1.5
+        ============  ====  =====  ==============================================================
+
+        Lengths × λ; velocities, times and intervals × λ^½; masses and forces × λ³; given stresses
+        and tractions × λ; density, gravity and angles stay. Kept are v/√(gL) (Froude) always,
+        ρv²/K (Cauchy, and with it v/c and the number of steps) with `cauchy`, ρvL/μ (Reynolds)
+        with `reynolds` alone. A scene that goes on from a checkpoint is refused. Raises
+        `SceneError`. Source: Bonus (2023) eq. 7.2 and 7.3, `froude_scaling`.
+        """
+        from libmpm._src.scaling import scale_scene
+
+        return scale_scene(self, length_ratio, cauchy=cauchy, reynolds=reynolds)
+
+    def preview(
+        self,
+        *,
+        backend: Literal["matplotlib", "pyvista"] = "matplotlib",
+        planes: Sequence[str] | str | None = None,
+        cut: Sequence[float] | None = None,
+        most: int = 200_000,
+    ) -> Any:
+        """Return a picture of the scene before it runs: particles, boundaries, walls, sensors.
+
+        =========  ====  ===========  =====================================================
+        parameter  unit  range        meaning
+        =========  ====  ===========  =====================================================
+        backend    -     a name       "matplotlib" returns a figure; "pyvista" a plotter in
+                                      space, of 3D scenes, which `libmpm[viz]` brings
+        planes     -     names        such as "xz", the first axis to the right; None = all
+        cut        m     (3,)         a point in 3D that the planes go through: particles within
+                                      a cell of them and the outlines there; None = seen through
+        most       1     ≥ 1          particles drawn, always the same ones; the title says it
+                                      where that is not all
+        =========  ====  ===========  =====================================================
+
+        Coordinates are those of the world. A scene that cannot run yet is drawn without its
+        particles, under its first problem. Raises `Error`.
+        """
+        from libmpm._src.pictures.preview import preview
+
+        return preview(self, backend=backend, planes=planes, cut=cut, most=most)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the scene in terms of JSON; "libmpm" is the version of the schema."""
         head = {"libmpm": SCHEMA} | {key: plain(getattr(self, key)) for key in self._head()}
@@ -381,7 +471,13 @@ class Scene:
         return tuple(key for key in HEAD if key not in left_out)
 
     def _parts(self) -> dict[str, Sequence[Value]]:
-        return {"bodies": self.bodies, "boundaries": self.boundaries, "sensors": self.sensors}
+        parts: dict[str, Sequence[Value]] = {
+            "bodies": self.bodies,
+            "boundaries": self.boundaries,
+            "sensors": self.sensors,
+        }
+        # Files of scenes without any stay as they were.
+        return parts | ({"flows": self.flows} if self._flows else {})
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, *, tiles: int = 1, axis: str | None = None) -> Scene:
@@ -421,7 +517,10 @@ class Scene:
         return SceneReader(data).read()
 
     def save(self, path: str | Path) -> None:
-        """Write the scene to a JSON file."""
+        """Write the scene to a JSON file; one with a `sensors.Custom` is refused."""
+        from libmpm._src.sensing.custom import check_storable
+
+        check_storable(self)
         text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
         Path(path).write_text(text + "\n", encoding="utf-8")
 
@@ -447,6 +546,12 @@ class Scene:
         return self._identity() == other._identity()
 
     __hash__ = None  # type: ignore[assignment]  # a scene grows with add_body and the like
+
+    def _repr_html_(self) -> str:
+        """Return the scene's parts as tables for Jupyter."""
+        from libmpm._src.html import scene_html
+
+        return scene_html(self)
 
     def __repr__(self) -> str:
         """Return a line with the scene's size."""

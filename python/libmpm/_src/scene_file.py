@@ -32,15 +32,16 @@ class SceneReader:
                 f'scene file: "libmpm" is {data["libmpm"]!r}; this libmpm reads version {SCHEMA}; '
                 "save the scene again with a matching version"
             )
-        kinds = ("bodies", "boundaries", "sensors")
-        # "run" says how `libmpm run` treats the scene; it describes no part of it.
-        known = ("libmpm", *HEAD, *kinds, "run")
+        kinds = ("bodies", "boundaries", "sensors", "flows")
+        # "run" says how `libmpm run` treats the scene, "$schema" which editor's help the file has;
+        # they describe no part of it.
+        known = ("libmpm", *HEAD, *kinds, "run", "$schema")
         for key in data:
             if key not in known:
                 self.problems.append(f"scene file: unknown key '{key}'; {nearest(key, known)}")
         scene = self._head({k: v for k, v in data.items() if k in HEAD})
         target = scene or _stand_in(data)
-        for kind, singular in zip(kinds, ("body", "boundary", "sensor"), strict=True):
+        for kind, singular in zip(kinds, ("body", "boundary", "sensor", "flow"), strict=True):
             entries = data.get(kind, [])
             if not isinstance(entries, list | tuple):
                 self.problems.append(f"scene file: {kind} is {entries!r:.60}; expected a list")

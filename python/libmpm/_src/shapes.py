@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
-from libmpm._src.turned import AXES, TurnedBox, rotation
-from libmpm._src.values import Checker, Value, sequence, value
+import numpy as np
 
-__all__ = ["FACES", "Box", "DomainWalls", "OrientedBox", "Shape", "check_faces", "faces_of"]
+from libmpm._src.geometry.solid import Array, Bounds, Shape, Solid, box_distance, dot, from_box
+from libmpm._src.turned import AXES, TurnedBox, rotation
+from libmpm._src.values import Checker, sequence, value
+
+__all__ = ["FACES", "Box", "DomainWalls", "OrientedBox", "Shape", "Solid"]
+__all__ += ["check_faces", "faces_of"]
 
 #: Face names by axis: "x-" is the face at the lower end of the first axis.
 FACES = ("x-", "x+", "y-", "y+", "z-", "z+")
@@ -35,12 +41,18 @@ def check_faces(check: Checker, faces: Any) -> Any:
     return tuple(f for f in FACES if f in items)
 
 
-class Shape(Value):
-    """Base of all shapes."""
+def _moved(
+    label: str, dimension: int, by: Sequence[float], *points: Sequence[float]
+) -> list[tuple[float, ...]]:
+    """Return points moved by (d,) m; raises `SceneError`."""
+    check = Checker(label)
+    vector = check.vector("by", by, lengths=(dimension,), unit="m")
+    check.finish()
+    return [tuple(x + v for x, v in zip(point, vector, strict=True)) for point in points]
 
 
 @value
-class Box(Shape):
+class Box(Solid):
     """A box with faces normal to the axes, a rectangle in 2D.
 
     =========  ====  ========  ===========================================================
@@ -86,13 +98,37 @@ class Box(Shape):
         """Edge lengths in m."""
         return tuple(b - a for a, b in zip(self.lower, self.upper, strict=True))
 
-    def turned(self) -> TurnedBox:
+    def bounds(self) -> Bounds:
+        """Return its corners, m."""
+        return tuple(self.lower), tuple(self.upper)
+
+    def volume(self) -> float:
+        """Return the product of its edges, m³ (m² in 2D)."""
+        return math.prod(self.size)
+
+    def _distance(self, p: Array) -> Array:
+        return box_distance(p, self.lower, self.upper)
+
+    def moved(self, by: Sequence[float]) -> Box:
+        """Return the box moved by (d,) m."""
+        low, high = _moved("shapes.Box", self.dimension, by, self.lower, self.upper)
+        return Box(lower=low, upper=high)
+
+    def turned(
+        self, angle: float, axis: str | None = None, about: Sequence[float] | None = None
+    ) -> OrientedBox:
+        """Return the box turned by `angle` degrees; see `Solid.turned`."""
+        centre = tuple(0.5 * (a + b) for a, b in zip(self.lower, self.upper, strict=True))
+        box = OrientedBox(centre=centre, size=self.size, angle=angle, axis=axis)
+        return box._about(about)
+
+    def turned_box(self) -> TurnedBox:
         """Return its geometry in the form that boxes at any angle have."""
         return TurnedBox.straight(self.lower, self.upper)
 
 
 @value
-class OrientedBox(Shape):
+class OrientedBox(Solid):
     """A box turned by an angle, a turned rectangle in 2D, for bodies.
 
     =========  =======  ========  ===========================================================
@@ -107,7 +143,7 @@ class OrientedBox(Shape):
 
     A body is filled by a lattice along the box's own axes, with as many particles as an equal `Box`
     and the exact total mass; the lattice is turned in double precision, exactly at multiples of 90
-    degrees. Boundaries follow the cells of the grid and cannot be turned. Raises `SceneError`.
+    degrees. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.OrientedBox"
@@ -146,19 +182,59 @@ class OrientedBox(Shape):
     @property
     def lower(self) -> tuple[float, ...]:
         """Lower corner of the smallest `Box` around it, m."""
-        return self.turned().bounds()[0]
+        return self.turned_box().bounds()[0]
 
     @property
     def upper(self) -> tuple[float, ...]:
         """Upper corner of the smallest `Box` around it, m."""
-        return self.turned().bounds()[1]
+        return self.turned_box().bounds()[1]
 
     @property
     def corners(self) -> tuple[tuple[float, ...], ...]:
         """Its 4 or 8 corners, m; the last of its own axes fastest."""
-        return tuple(self.turned().corners())
+        return tuple(self.turned_box().corners())
 
-    def turned(self) -> TurnedBox:
+    def bounds(self) -> Bounds:
+        """Return lower and upper corner of the smallest straight box around it, m."""
+        return self.turned_box().bounds()
+
+    def volume(self) -> float:
+        """Return the product of its edges, m³ (m² in 2D)."""
+        return math.prod(self.size)
+
+    def _distance(self, p: Array) -> Array:
+        box = self.turned_box()
+        away = [x - c for x, c in zip(p.T, box.centre, strict=True)]
+        return from_box([np.abs(dot(away, box.own(a))) - 0.5 * s for a, s in enumerate(self.size)])
+
+    def moved(self, by: Sequence[float]) -> OrientedBox:
+        """Return the box moved by (d,) m."""
+        (centre,) = _moved("shapes.OrientedBox", self.dimension, by, self.centre)
+        return dataclasses.replace(self, centre=centre)
+
+    def turned(
+        self, angle: float, axis: str | None = None, about: Sequence[float] | None = None
+    ) -> Solid:
+        """Return the box turned by `angle` degrees; see `Solid.turned`."""
+        if self.dimension == 3 and (axis or "z") != self.axis:
+            return super().turned(angle, axis, self.centre if about is None else about)
+        by = dataclasses.replace(self, angle=angle, axis=axis)._about(about)
+        return dataclasses.replace(by, angle=self.angle + by.angle)
+
+    def _about(self, fulcrum: Sequence[float] | None) -> OrientedBox:
+        """Return the box with its centre carried round a fulcrum by its angle."""
+        if fulcrum is None:
+            return self
+        (back,) = _moved(self.label, self.dimension, fulcrum, (0.0,) * self.dimension)
+        away = [c - f for c, f in zip(self.centre, back, strict=True)]
+        rows = rotation(self.dimension, self.angle, self.axis)
+        centre = tuple(
+            f + sum(r * x for r, x in zip(row, away, strict=True))
+            for f, row in zip(back, rows, strict=True)
+        )
+        return dataclasses.replace(self, centre=centre)
+
+    def turned_box(self) -> TurnedBox:
         """Return its geometry in the form that boxes at any angle have."""
         axes = rotation(self.dimension, self.angle, self.axis)
         return TurnedBox(tuple(self.centre), tuple(self.size), axes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,10 @@ from libmpm._src.errors import (
     ModelWarning,
     NumericalError,
 )
-from libmpm._src.faults import describe_fault, describe_removed
-from libmpm._src.interrupts import deferred_interrupt
+from libmpm._src.faults import describe_fault, describe_removed, removed_rows
+from libmpm._src.initial import Initial
+from libmpm._src.interrupts import asked_to_stop, deferred_interrupt
+from libmpm._src.looking import Looking
 from libmpm._src.lowering import (
     check_backend,
     choose_device,
@@ -36,9 +38,12 @@ from libmpm._src.output.writer import Output, Writer
 from libmpm._src.plan import Plan, build_plan
 from libmpm._src.progress import Progress, State, reporter
 from libmpm._src.scene import Scene
+from libmpm._src.sensing.custom import storable, with_functions
+from libmpm._src.sensing.loop import Measurements
 from libmpm._src.start import Start
+from libmpm._src.supply import OUTFLOW, Traffic
 from libmpm._src.values import warned_already
-from libmpm._src.views import GridView, ParticlesView, SensorsView, world_shift
+from libmpm._src.views import GridView, ParticlesView, SensorsView
 
 __all__ = ["Simulation"]
 
@@ -46,7 +51,7 @@ __all__ = ["Simulation"]
 SLICE = 0.2
 
 
-class Simulation:
+class Simulation(Looking):
     """Runs a scene on one device.
 
     Parameters
@@ -70,6 +75,9 @@ class Simulation:
         the same bits in whatever company.
     time_step
         A fixed step, s, instead of the scene's; refused if above the stable one.
+    functions
+        Callables of `sensors.Custom` sensors by name, where the scene comes from a file, which
+        keeps only their names.
 
     Memory is taken on first use: the first step, array or sensor that is asked for. Stepping in
     any portions, reading, frames and checkpoints never change the bits of a run.
@@ -86,9 +94,10 @@ class Simulation:
         threads: int = 0,
         shared_device: bool = False,
         time_step: float | None = None,
+        functions: Mapping[str, Callable[[Any], Any]] | None = None,
     ) -> None:
         """Check the request; nothing is allocated yet."""
-        self._scene = Scene.from_dict(scene.to_dict())
+        self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
         precision = choose_precision(self._scene, precision)
         self._requested: dict[str, Any] = {
             "precision": precision,
@@ -105,12 +114,15 @@ class Simulation:
         self._engine: Any = None
         self._writer: Writer | None = None
         self._plan: Plan | None = None
-        self._series: list[Series] | None = None
-        self._shifts: list[NDArray[np.float64]] = []
+        self._measured: Measurements | None = None
+        self._passed: Traffic | None = None
         self._restored: checkpoints.Checkpoint | None = None
         self._loads_state = True
         self._displaced: dict[str, int] = {}
+        self._initial = Initial()
         self._until = math.inf
+        self._deadline = math.inf
+        self._stopped = ""
         self._wall = 0.0
         self._particle_steps = 0
         self._recorded: dict[str, Any] = {}
@@ -217,13 +229,47 @@ class Simulation:
             _ = self.engine
         return dict(self._displaced)
 
+    @property
+    def stopped(self) -> str:
+        """What ended the last `run` before its time: "wall limit", or a signal such as "SIGTERM".
+
+        Empty where it went on to `until`.
+        """
+        return self._stopped
+
+    @property
+    def inflow(self) -> Mapping[str, Series]:
+        """Name of an `Inflow` -> what it has supplied since the start of the run.
+
+        A series as those of sensors, with a row for each moment at which particles came: their
+        number, mass (kg) and volume at rest (m³, m² in 2D) in all.
+        """
+        return self._traffic.inflow
+
+    @property
+    def outflow(self) -> Mapping[str, Series]:
+        """Name of an `Outflow` -> what it has taken out since the start of the run; see `inflow`.
+
+        Particles are counted when the engine next sorts, a fraction of a cell behind the face.
+        """
+        return self._traffic.outflow
+
     def particle_count(self, body: int) -> int:
         """Return the number of particles of body number `body` now in the run."""
         return int(self.engine.particle_count(body))
 
+    def set_initial(self, body: str, name: str, array: Any) -> None:
+        """Give the particles of a body their own velocity or pressure at the start.
+
+        See ``sim.particles[body][name] = array``, which is the same.
+        """
+        self._initial.take(self, body, name, array)
+        # An engine made for looking at the scene has the state of before.
+        self._engine = None
+
     def scene_document(self) -> dict[str, Any]:
         """Return the scene file of this run, with its "run" settings if it came with any."""
-        return self._scene.to_dict() | ({"run": self.run_settings} if self.run_settings else {})
+        return storable(self._scene) | ({"run": self.run_settings} if self.run_settings else {})
 
     def __repr__(self) -> str:
         """Return scene, device and time without touching the device."""
@@ -249,6 +295,7 @@ class Simulation:
                     # Of a scene that goes on, the state to load has all that its file had.
                     shell=start is not None and self._loads_state, **self._requested,
                 )  # fmt: skip
+            self._initial.into(specification)
             saved = self._restored if self._loads_state else None
             if saved is not None:
                 specification |= saved.stored_as()
@@ -264,7 +311,8 @@ class Simulation:
                         f"the checkpoint does not fit {self.device} in {self.precision} "
                         f"precision: {error}; resume with the device and version that wrote it"
                     ) from error
-            self._make_series(engine, specification)
+            self._measured = Measurements(self, engine, specification, self._restored)
+            self._passed = Traffic(self._scene, None if saved is None else saved.state)
             self._engine = engine
             self._restored = None
         return self._engine
@@ -308,25 +356,27 @@ class Simulation:
             "cell_size, fewer particles_per_cell, single precision or a device with more memory"
         )
 
-    def _make_series(self, engine: Any, specification: dict[str, Any]) -> None:
-        self._series, self._shifts = [], []
-        vertical = np.asarray(self._offset)
-        for i, description in enumerate(specification["sensors"]):
-            components, units = engine.sensor_columns(i)
-            attributes = {"kind": description["kind"], "interval": description["interval"]}
-            series = Series(description["name"], tuple(components), tuple(units), attributes)
-            self._shifts.append(world_shift(description, components, vertical))
-            if self._restored is not None and i < len(self._restored.sensors):
-                time, values, _, _ = self._restored.sensors[i]
-                series.append(time, values)
-            self._series.append(series)
+    @property
+    def _measurements(self) -> Measurements:
+        if self._measured is None:
+            _ = self.engine
+        assert self._measured is not None
+        return self._measured
+
+    @property
+    def _traffic(self) -> Traffic:
+        if self._passed is None:
+            _ = self.engine
+        assert self._passed is not None
+        return self._passed
+
+    def flow_series(self) -> list[Series]:
+        """Return the series of all inflows and outflows."""
+        return self._traffic.series
 
     def series(self) -> list[Series]:
         """Return the series of all sensors in the scene's order."""
-        if self._series is None:
-            _ = self.engine
-        assert self._series is not None
-        return self._series
+        return self._measurements.series
 
     def _open(self) -> None:
         """Make the engine and, where output is wanted, its folder."""
@@ -335,6 +385,8 @@ class Simulation:
         if self._output is not None and self._writer is None:
             begun = 0 if self._scene.start is None else self._scene.start.step
             self._writer = Writer(self._output, self, resumed=resumed or self.steps > begun)
+            if self._initial:
+                self._initial.save(self._output.path / "initial.npz")
 
     # Stepping ---------------------------------------------------------------------------------
 
@@ -346,16 +398,28 @@ class Simulation:
         if self._writer is not None:
             self._writer.flush()
 
-    def run(self, *, until: float, progress: bool | Callable[[State], object] = True) -> None:
-        """Advance to the first step boundary with time >= `until`, s.
+    def run(
+        self,
+        *,
+        until: float,
+        progress: bool | Callable[[State], object] = True,
+        wall_limit: float | None = None,
+    ) -> bool:
+        """Advance to the first step boundary with time >= `until`, s; return whether it got there.
 
         `progress` shows a bar, or is a callable that receives a `State` several times a second.
-        Ctrl-C stops at a step boundary with everything valid and flushed: `run` can be called
-        again.
+        After `wall_limit` seconds of wall time, ≥ 0, the run stops at a step boundary, writes a
+        checkpoint into the output folder if it has one, and returns False; `stopped` says why.
+        Ctrl-C stops at a step boundary with everything valid and flushed. Either way `run` can be
+        called again, and no bit is changed.
         """
         until = float(until)
         if math.isnan(until):
             raise ValueError("until is not a number; expected seconds")
+        if wall_limit is not None and not wall_limit >= 0:
+            raise ValueError(f"wall_limit is {wall_limit!r}; expected seconds, ≥ 0, or None")
+        self._deadline = math.inf if wall_limit is None else clock.monotonic() + wall_limit
+        self._stopped = ""
         self._until = until
         self._open()
         title = self._scene.name or "libmpm"
@@ -363,6 +427,10 @@ class Simulation:
         report = reporter(progress, self.time, until, title)
         try:
             self._advance(-1, until, report)
+            if self._stopped:
+                status, message = "interrupted", f"stopped by {self._stopped}; it can be resumed"
+                if self._writer is not None:
+                    self._writer.checkpoint()
         except KeyboardInterrupt:
             status, message = "interrupted", "stopped by an interrupt; it can be resumed"
             if self._writer is not None and self._writer.output.checkpoint_interval:
@@ -373,7 +441,9 @@ class Simulation:
             raise
         finally:
             report.close()
+            self._deadline = math.inf
             self._finish(status, message)
+        return not self._stopped
 
     def _finish(self, status: str, message: str) -> None:
         if self._writer is None:
@@ -389,15 +459,23 @@ class Simulation:
         """Advance `steps` (-1: no limit) or to `until`, serving whatever falls due."""
         self._open()
         engine = self._engine
+        measured = self._measurements
         with deferred_interrupt() as interrupted:
+            measured.service()
             if self._writer is not None:
                 self._writer.service()
             while steps != 0 and engine.time < until:
+                left = self._deadline - clock.monotonic()
+                self._stopped = "wall limit" if left <= 0 else asked_to_stop()
+                if self._stopped:
+                    break
                 # The engine stops at the first boundary past the target and never shortens a
-                # step, so targets of frames and checkpoints leave the bits alone.
-                target = until if self._writer is None else min(until, self._writer.next_time())
+                # step, so targets of samples, frames and checkpoints leave the bits alone.
+                target = min(until, measured.next_time())
+                if self._writer is not None:
+                    target = min(target, self._writer.next_time())
                 began = clock.perf_counter()
-                result = engine.run(steps, target, SLICE)
+                result = engine.run(measured.limit(steps), target, min(SLICE, left))
                 self._wall += clock.perf_counter() - began
                 self._particle_steps += result["steps"] * self._count()
                 if steps > 0:
@@ -405,6 +483,7 @@ class Simulation:
                 self._collect()
                 if result["reason"] == "fault":
                     raise NumericalError(describe_fault(result["fault"], engine.time_step))
+                measured.service()
                 if self._writer is not None:
                     self._writer.service()
                 report.update(
@@ -419,24 +498,15 @@ class Simulation:
     def _collect(self) -> None:
         """Take samples and removed particles from the engine."""
         engine = self._engine
-        for series, shift, (time, values) in zip(
-            self.series(), self._shifts, engine.drain(), strict=True
-        ):
-            if len(time):
-                series.append(time, np.asarray(values) + shift)
-        gone = engine.removed()
+        self._measurements.drain(engine)
+        self._traffic.take(engine)
+        # Those that left through an outlet are in its series.
+        gone = [g for g in engine.removed() if not g[4].startswith(OUTFLOW)]
         if not gone:
             return
         names = list(self.particles)
-        rows: list[list[Any]] = []
-        for body, ids, position, step, policy in gone:
-            world = np.asarray(position) + self._offset
-            rows += [
-                [step, names[body], int(i), policy, *map(float, x)]
-                for i, x in zip(ids, world, strict=True)
-            ]
         if self._writer is not None:
-            self._writer.removed(rows)
+            self._writer.removed(removed_rows(gone, names, self._offset))
         where = self._output.path / "removed.csv" if self._output is not None else None
         warnings.warn(describe_removed(gone, names, where), ModelWarning, stacklevel=4)
 
@@ -452,7 +522,7 @@ class Simulation:
         engine = self.engine
         header = {
             "version": self.version,
-            "scene": self._scene.to_dict(),
+            "scene": storable(self._scene),
             "run": self.run_settings,
             "device": self.device,
             "precision": self.precision,
@@ -467,8 +537,10 @@ class Simulation:
             "output": None if self._output is None else self._output.to_dict(),
         }
         sensors = [(s.time, s.values, list(s.components), list(s.units)) for s in self.series()]
-        state = dict(engine.save())
-        checkpoints.save_checkpoint(Path(path), checkpoints.Checkpoint(header, state, sensors))
+        state = dict(engine.save()) | self._traffic.state()
+        memory = self._measurements.memory()
+        checkpoint = checkpoints.Checkpoint(header, state, sensors, memory)
+        checkpoints.save_checkpoint(Path(path), checkpoint)
 
     @classmethod
     def resume(
@@ -477,13 +549,15 @@ class Simulation:
         *,
         device: str | None = None,
         output: Output | str | Path | None = None,
+        functions: Mapping[str, Callable[[Any], Any]] | None = None,
     ) -> Simulation:
         """Continue from a checkpoint file, or from the newest whole one in a run's folder.
 
         `device` None takes the checkpoint's own. On the same backend, pipeline and precision the
         continued run is bit-equal to one never stopped; elsewhere it agrees to rounding. An
         `output` folder that holds the same run is first cut to the checkpoint's time: samples,
-        frames and checkpoints after it are removed.
+        frames and checkpoints after it are removed. `functions` are those of `sensors.Custom`
+        sensors, by name.
         """
         _, source = checkpoints.find_newest(Path(path), checkpoints.load_checkpoint)
         header = source.header
@@ -501,6 +575,7 @@ class Simulation:
             threads=header["threads"],
             shared_device=header.get("shared_device", False),
             time_step=header["time_step"],
+            functions=functions,
         )
         simulation._restored = source
         simulation.run_settings = header.get("run") or {}

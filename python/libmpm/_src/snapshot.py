@@ -14,6 +14,7 @@ import numpy.typing as npt
 from libmpm._src import backends
 from libmpm._src.checks import new_bodies, place_of, snap
 from libmpm._src.errors import SceneError
+from libmpm._src.filling import BOXES, caught_in
 from libmpm._src.lowering import lower
 from libmpm._src.output.checkpoint import Checkpoint, load_checkpoint
 from libmpm._src.parts import Body
@@ -194,6 +195,8 @@ def _displaced(
     along = position[order, 0]
 
     def caught_by(other: Body, allowance: float) -> npt.NDArray[np.int64]:
+        if not isinstance(other.shape, BOXES):
+            return caught_in(scene, other, position, allowance)
         place = place_of(scene, other)
         low, high = place.bounds() if isinstance(place, TurnedBox) else place
         first, last = np.searchsorted(along, [low[0] - slack, high[0] + slack])

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from libmpm._src.errors import CheckpointError, SceneError
+from libmpm._src.sensing.values import AttributeTracker
 from libmpm._src.sensors import Energy, ParticleTracker, WaveGauge
 from libmpm._src.shapes import Box, OrientedBox
 from libmpm._src.values import Checker, Value, value
@@ -220,7 +221,7 @@ def _renumbered(before: Scene, start: Start) -> list[dict[str, Any]]:
     result = []
     for placed in before.sensors:
         sensor = placed.sensor
-        if isinstance(sensor, ParticleTracker) and sensor.ids != "all":
+        if isinstance(sensor, ParticleTracker | AttributeTracker) and sensor.ids != "all":
             body = start.restored(sensor.body)
             assert body is not None
             was = body.first_id // start.tiles

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.foreign import host_array
 from libmpm._src.values import Checker, Value, value
 
 __all__ = ["TimeTable", "check_vector_table", "constant"]
@@ -121,7 +122,7 @@ def constant(vector: Sequence[float]) -> TimeTable:
 
 def _array(check: Checker, name: str, item: Any) -> npt.NDArray[np.float64] | None:
     try:
-        array = np.asarray(item, dtype=np.float64)
+        array = np.asarray(host_array(item, name), dtype=np.float64)
     except (TypeError, ValueError):
         check.fail(f"{name} is not a regular table of numbers: {item!r:.80}")
         return None

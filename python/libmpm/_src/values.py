@@ -180,6 +180,10 @@ class Checker:
 
 def sequence(value: Any) -> list[Any] | None:
     """Return list, tuple or array as a list of Python objects; None for anything else."""
+    if hasattr(value, "__dlpack__") and not hasattr(value, "tolist"):
+        from libmpm._src.foreign import host_array
+
+        value = host_array(value, "a sequence")
     if hasattr(value, "tolist"):
         value = value.tolist()
     return list(value) if isinstance(value, list | tuple) else None

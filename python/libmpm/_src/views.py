@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.output.sensor_file import Series
+from libmpm._src.sensing import attributes
 from libmpm._src.values import nearest
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ __all__ = ["BodyView", "GridView", "ParticlesView", "SensorsView", "world_shift"
 
 class BodyView(Mapping[str, NDArray[Any]]):
     """The particles of one body: ``view["position"]`` is a NumPy copy, rows sorted by id.
+
+    Beside `names` it takes the library names of attributes, such as ``view["VonMisesStress"]``.
 
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), float64 in SI
     units; ``id`` is uint64 and ``position`` is in world coordinates, m.
@@ -49,22 +52,46 @@ class BodyView(Mapping[str, NDArray[Any]]):
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Return several attributes, gathered in one pass over the particles."""
-        known = self.names
+        scene, known = self._simulation.scene, self.names
+        body = scene.bodies[self._index]
+        wanted = ["id"]
         for name in names:
-            if name not in known:
-                hint = nearest(name, known)
-                raise KeyError(f"body '{self.name}' has no attribute '{name}'; {hint}")
-        wanted = list(dict.fromkeys(["id", *names]))
-        arrays = self._simulation.engine.attributes(self._index, wanted)
+            problem = self.refusal(name)
+            if problem is not None:
+                raise KeyError(f"body '{self.name}' has no attribute '{name}'; {problem}")
+            wanted += [name] if name in known else attributes.reads(name, body, known)
+        arrays = self._simulation.engine.attributes(self._index, list(dict.fromkeys(wanted)))
         order = np.argsort(arrays["id"], kind="stable")
-        result = {name: np.asarray(arrays[name])[order] for name in names}
-        if "position" in result:
-            result["position"] = result["position"] + self._simulation.offset
-        return result
+        read = {name: np.asarray(array)[order] for name, array in arrays.items()}
+        if "position" in read:
+            read["position"] = read["position"] + self._simulation.offset
+        source = attributes.Source(read, body, attributes.upward(scene))
+        return {n: read[n] if n in known else attributes.compute(n, source) for n in names}
+
+    def refusal(self, name: str) -> str | None:
+        """Return why an attribute cannot be read from this body, with the remedy; None if it can.
+
+        Besides `names` all library names ("StressCauchy_XX", "VonMisesStress", ...) can.
+        """
+        if name in self.names:
+            return None
+        scene = self._simulation.scene
+        if attributes.find(name) is None:
+            return nearest(name, [*self.names, *attributes.names()])
+        return attributes.refusal(name, scene.bodies[self._index], scene)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return one attribute."""
         return self.read([name])[name]
+
+    def __setitem__(self, name: str, array: Any) -> None:
+        """Set the "velocity" (n, dimension) m/s or "pressure" (n,) Pa of every particle.
+
+        Before the first step only. `array` is of NumPy, or of any library with DLPack or a CUDA
+        array interface, rows in the order of ``id``. The scene file does not hold it: a run with
+        output keeps it in ``initial.npz``. Raises `SceneError`.
+        """
+        self._simulation.set_initial(self.name, name, array)
 
     def __repr__(self) -> str:
         """Return body, count and time."""
@@ -131,8 +158,8 @@ class SensorsView(Mapping[str, Series]):
         self._names = [placed.name for placed in simulation.scene.sensors]
 
     def all_series(self) -> list[Series]:
-        """Return the series in the scene's order."""
-        return self._simulation.series()
+        """Return the series in the scene's order, then those of inflows and outflows."""
+        return [*self._simulation.series(), *self._simulation.flow_series()]
 
     def __getitem__(self, sensor: str) -> Series:
         """Return the series of one sensor."""
@@ -147,6 +174,13 @@ class SensorsView(Mapping[str, Series]):
     def __len__(self) -> int:
         """Return the number of sensors."""
         return len(self._names)
+
+    def _repr_html_(self) -> str:
+        """Return names and kinds as a table for Jupyter; samples are not asked for."""
+        from libmpm._src.html import series_list_html
+
+        kinds = [type(placed.sensor).__name__ for placed in self._simulation.scene.sensors]
+        return series_list_html(self._names, kinds)
 
 
 def world_shift(

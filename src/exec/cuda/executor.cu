@@ -242,6 +242,14 @@ void Cuda::wait() {
     MPM_CUDA(cudaStreamSynchronize(stream()));
 }
 
+void Cuda::wait_for_all() noexcept {
+    int before = -1;
+    cudaGetDevice(&before);
+    if (before != device()) cudaSetDevice(device());
+    if (cudaDeviceSynchronize() != cudaSuccess) cudaGetLastError();
+    if (before >= 0 && before != device()) cudaSetDevice(before);
+}
+
 void Cuda::trim() {
     wait();
     const cuda::DeviceGuard guard(device());

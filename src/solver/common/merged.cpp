@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "mpm/solver/blob.hpp"
 
@@ -22,7 +23,7 @@ bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
            a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
            a.smoothing_ratio == b.smoothing_ratio && a.keep == b.keep && a.shift == b.shift &&
-           a.guard == b.guard && bool(a.pressure) == bool(b.pressure) &&
+           a.guard == b.guard && a.held_by == b.held_by && bool(a.pressure) == bool(b.pressure) &&
            a.first_id + ids_of(a) == b.first_id && a.count > 0 && b.count > 0 &&
            (a.velocity == b.velocity || ids_of(a) + ids_of(b) <= most_with_velocities);
 }
@@ -82,6 +83,7 @@ public:
     }
 
     RunResult run(std::int64_t steps, double until, double wall) override {
+        columns_ = {};
         RunResult r = inner_->run(steps, until, wall);
         if (!r.fault.ids.empty()) r.fault.body = bodies_[owner(r.fault.ids[0])].name;
         return r;
@@ -91,10 +93,12 @@ public:
     double time_step() const override { return inner_->time_step(); }
     std::uint64_t particle_count(int body) const override {
         const int m = body_of_.at(std::size_t(body));
+        if (alone(body)) return inner_->particle_count(m);
         if (inner_->particle_count(m) != together_[m].count) count_again(m);
         return bodies_[body].count;
     }
     std::vector<Samples> drain() override { return inner_->drain(); }
+    std::vector<Flow> flows() override { return inner_->flows(); }
     std::vector<Removed> removed() override {
         std::vector<Removed> out;
         for (const Removed& r : inner_->removed()) {
@@ -122,24 +126,36 @@ public:
         return inner_->attribute_names(body_of_.at(std::size_t(body)));
     }
     Attributes attributes(int body, const std::vector<std::string>& names) override {
-        Attributes all = inner_->attributes(body_of_.at(std::size_t(body)), names);
-        if (alone(body)) return all;
-        const auto rows = rows_of_body(all.id, body);
+        const int m = body_of_.at(std::size_t(body));
+        if (alone(body)) return inner_->attributes(m, names);
+        const Columns& all = columns(m, names);
+        const std::size_t first = all.start[body - first_of(m)];
+        const std::size_t last = all.start[body - first_of(m) + 1], n = all.read.id.size();
         Attributes out;
-        for (std::size_t k : rows) out.id.push_back(all.id[k]);
-        for (const auto& [name, from] : all.values) {
+        for (std::size_t q = first; q < last; ++q) out.id.push_back(all.read.id[all.rows[q]]);
+        for (const auto& name : names) {
+            const Array& from = all.read.values.at(name);
             Array& to = out.values[name];
             to.shape = from.shape;
-            to.shape[0] = rows.size();
-            const std::size_t width = all.id.empty() ? 0 : from.data.size() / all.id.size();
-            to.data.reserve(rows.size() * width);
-            for (std::size_t k : rows) {
-                to.data.insert(to.data.end(), from.data.begin() + std::ptrdiff_t(k * width),
-                               from.data.begin() + std::ptrdiff_t((k + 1) * width));
+            to.shape[0] = last - first;
+            const std::size_t width = n == 0 ? 0 : from.data.size() / n;
+            to.data.clear();
+            to.data.reserve((last - first) * width);
+            for (std::size_t q = first; q < last; ++q) {
+                const auto row = from.data.begin() + std::ptrdiff_t(all.rows[q] * width);
+                to.data.insert(to.data.end(), row, row + std::ptrdiff_t(width));
             }
         }
         return out;
     }
+    Gathered gather(int body, const std::vector<std::string>& names,
+                    const std::vector<double>& origin, IdRange ids) override {
+        const Body& b = bodies_.at(std::size_t(body));
+        return inner_->gather(body_of_[std::size_t(body)], names, origin,
+                              ids.within({b.first_id, b.ids}));
+    }
+    DenseColumn duplicate(const DenseColumn& column) override { return inner_->duplicate(column); }
+    void copy_out(const DenseColumn& column, void* to) override { inner_->copy_out(column, to); }
     Array grid(const std::string& name) override { return inner_->grid(name); }
     NodalSums sums() override { return inner_->sums(); }
     State save() override {
@@ -147,7 +163,10 @@ public:
         s["body_of"] = detail::to_blob(std::vector<std::int32_t>(body_of_.begin(), body_of_.end()));
         return s;
     }
-    void load(const State& state) override { inner_->load(state); }
+    void load(const State& state) override {
+        columns_ = {};
+        inner_->load(state);
+    }
     std::map<std::string, double> timings() const override { return inner_->timings(); }
     std::map<std::string, double> statistics() const override { return inner_->statistics(); }
 
@@ -161,11 +180,61 @@ private:
         std::uint64_t count, ids;
     };
 
+    /// What has been read of one merged body since it last changed: with hundreds of bodies, each
+    /// read of one of them would otherwise gather all.
+    struct Columns {
+        int merged = -1;
+        Attributes read;
+        std::vector<std::size_t> rows;   // body by body, in the order of storage
+        std::vector<std::size_t> start;  // (bodies + 1,) in `rows`
+    };
+
+    /// Numbers that are held at most until the next step; more are gathered anew at each read.
+    static constexpr std::size_t most_held = std::size_t(1) << 26;
+
+    const Columns& columns(int merged, const std::vector<std::string>& names) {
+        if (columns_.merged != merged) columns_ = {};
+        std::vector<std::string> missing;
+        for (const auto& name : names)
+            if (columns_.read.values.count(name) == 0) missing.push_back(name);
+        if (columns_.merged == merged && missing.empty()) return columns_;
+        Attributes more = inner_->attributes(merged, missing);
+        std::size_t held = 0;
+        for (const auto* part : {&columns_.read, &more})
+            for (const auto& column : part->values) held += column.second.data.size();
+        if (held > most_held && missing.size() < names.size())
+            more = inner_->attributes(merged, names);
+        if (held > most_held) columns_.read.values.clear();
+        columns_.read.values.merge(more.values);
+        if (columns_.merged == merged) return columns_;
+        columns_.merged = merged;
+        columns_.read.id = std::move(more.id);
+        const auto& id = columns_.read.id;
+        std::vector<std::size_t> body(id.size());
+        columns_.start.assign(std::size_t(std::count(body_of_.begin(), body_of_.end(), merged)) + 1,
+                              0);
+        for (std::size_t k = 0; k < id.size(); ++k) {
+            body[k] = owner(merged, id[k]) - std::size_t(first_of(merged));
+            ++columns_.start[body[k] + 1];
+        }
+        std::partial_sum(columns_.start.begin(), columns_.start.end(), columns_.start.begin());
+        columns_.rows.resize(id.size());
+        auto next = columns_.start;
+        for (std::size_t k = 0; k < id.size(); ++k) columns_.rows[next[body[k]]++] = k;
+        return columns_;
+    }
+
+    /// Bodies of a merged one follow each other.
+    int first_of(int merged) const {
+        return int(std::lower_bound(body_of_.begin(), body_of_.end(), merged) - body_of_.begin());
+    }
+
     /// After particles have gone, or a state has come: who has how many is for their ids to say.
     void count_again(int merged) const {
         for (std::size_t b = 0; b < bodies_.size(); ++b)
             if (body_of_[b] == merged) bodies_[b].count = 0;
-        for (std::uint64_t id : inner_->attributes(merged, {}).id) ++bodies_[owner(id)].count;
+        for (std::uint64_t id : inner_->attributes(merged, {}).id)
+            ++bodies_[owner(merged, id)].count;
         together_[merged].count = inner_->particle_count(merged);
     }
 
@@ -177,6 +246,15 @@ private:
             if (id - bodies_[b].first_id < bodies_[b].ids) return b;
         return 0;
     }
+    /// The same among those of a merged body, whose ids follow the list.
+    std::size_t owner(int merged, std::uint64_t id) const {
+        const auto range = std::equal_range(body_of_.begin(), body_of_.end(), merged);
+        const auto first = bodies_.begin() + (range.first - body_of_.begin());
+        const auto after = std::upper_bound(
+            first, bodies_.begin() + (range.second - body_of_.begin()), id,
+            [](std::uint64_t wanted, const Body& b) { return wanted < b.first_id; });
+        return std::size_t(after - bodies_.begin()) - 1;
+    }
     std::vector<std::size_t> rows_of_body(const std::vector<std::uint64_t>& ids, int body) const {
         std::vector<std::size_t> rows;
         for (std::size_t k = 0; k < ids.size(); ++k)
@@ -185,7 +263,8 @@ private:
     }
 
     mutable std::vector<Body> bodies_;  // their counts when together_ last changed
-    std::vector<int> body_of_;
+    std::vector<int> body_of_;          // ascending
+    Columns columns_;
     mutable std::vector<Together> together_;  // each merged body
     std::unique_ptr<Engine> inner_;
 };
@@ -201,6 +280,7 @@ MergedSpec merge_alike(const Spec& spec) {
         const bool one = s.kind == SensorKind::energy || s.kind == SensorKind::wave_gauge;
         if (one && s.body >= 0) asked_for.at(std::size_t(s.body)) = true;
     }
+    for (const auto& inlet : spec.inlets) asked_for.at(std::size_t(inlet.body)) = true;
     if (!spec.stored_as.empty() && spec.stored_as.size() != spec.bodies.size())
         throw SceneError("the saved state is of " + std::to_string(spec.stored_as.size()) +
                          " bodies; this scene has " + std::to_string(spec.bodies.size()));
@@ -220,6 +300,7 @@ MergedSpec merge_alike(const Spec& spec) {
     }
     for (auto& s : out.spec.sensors)
         if (s.body >= 0) s.body = out.body_of.at(std::size_t(s.body));
+    for (auto& inlet : out.spec.inlets) inlet.body = out.body_of.at(std::size_t(inlet.body));
     return out;
 }
 

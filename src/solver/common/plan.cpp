@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "mpm/core/error.hpp"
 #include "mpm/data/blocks.hpp"
@@ -180,7 +181,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             const BodySpec& o = *groups[g].first;
             if (o.material == body.material && o.parameters == body.parameters &&
                 o.smoothing == body.smoothing && o.smoothing_time == body.smoothing_time &&
-                o.smoothing_ratio == body.smoothing_ratio) {
+                o.smoothing_ratio == body.smoothing_ratio && o.held_by == body.held_by) {
                 group_of[b] = int(g);
             }
         }
@@ -214,7 +215,18 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         c.split = g.first->smoothing == SmoothingForm::split;
         plan.groups.push_back(c);
     }
+    // Bodies that boundaries hold apart from others, and that have no such sum yet.
+    std::map<std::uint64_t, int> held;
+    for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
+        const BodySpec& body = spec.bodies[b];
+        if (body.held_by == 0 || group_of[b] >= 0 || held.count(body.held_by)) continue;
+        held[body.held_by] = int(plan.channels.size());
+        plan.channels.push_back("mass:" + body.name);
+    }
     plan.sum_channels = int(plan.channels.size());
+    if (!held.empty() && plan.sum_channels > 64)
+        throw SceneError("the grid would hold " + std::to_string(plan.sum_channels) +
+                         " sums a node; at most 64 where boundaries are for some bodies alone");
 
     plan.wave_speed = 0;
     double longest = unbounded, stable = unbounded;
@@ -231,6 +243,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             const int n = m.columns[c].components[D - 2];
             p.columns.push_back({m.columns[c].name, n, n * real});
         }
+        if (group_of[b] < 0 && body.held_by != 0) p.group.weight = held.at(body.held_by);
         if (group_of[b] >= 0) {
             p.group = plan.groups[group_of[b]];
             const SmoothingForm f = body.smoothing;
@@ -288,7 +301,12 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     plan.memory_tables = slots * (8 + 4 * (D == 2 ? 9 : 27) + 12) +
                          double(spec.bodies.size()) * slots * block_cells * 4;
 
-    plan.kernels = {"update_grid", "decide"};
+    const bool some = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);
+    for (const auto& b : spec.boundaries)
+        plan.memory_tables += double(4 * b.surface.values.size() + 8 * b.surface.keys.size() +
+                                     4 * b.surface.place.size());
+
+    plan.kernels = {some ? "update_grid (surfaces, regions, mirrors)" : "update_grid", "decide"};
     if (plan.sweeps > 0)
         plan.kernels.insert(plan.kernels.begin() + 1,
                             "sweep (" + std::to_string(plan.sweeps) + " times)");
@@ -311,6 +329,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         }
     }
     plan.kernels.push_back("end_step");
+    for (const auto& inlet : spec.inlets)
+        plan.kernels.push_back("supply:" + inlet.name + " (when a layer is due)");
     plan.kernels.push_back("sort (when drift demands it)");
     return plan;
 }

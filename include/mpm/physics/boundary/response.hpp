@@ -8,19 +8,45 @@
 //
 // Coulomb friction takes from the tangential part at most static * |removed normal speed| whole,
 // else the fraction dynamic * |removed normal speed| / |u_t|.
+//
+//   mirror     the nodes beyond the plane are images of those before it, so that the plane itself
+//              is held (design/walls.md); `mirror_sticky` reverses the tangential part as well
+//   prescribed the wall's velocity, on the axes that are named, inside a region and nowhere else
 #pragma once
 
 #include "mpm/core/linalg.hpp"
 
 namespace mpm {
 
-enum class Response : int { sticky = 0, slip = 1, separable = 2 };
+enum class Response : int {
+    sticky = 0,
+    slip = 1,
+    separable = 2,
+    mirror = 3,
+    mirror_sticky = 4,
+    prescribed = 5
+};
+
+MPM_HD inline bool mirrors(Response r) {
+    return r == Response::mirror || r == Response::mirror_sticky;
+}
 
 struct SurfaceLaw {
     Response response = Response::slip;
     double static_friction = 0;
     double dynamic_friction = 0;
+    int axes = 0;  // prescribed: bit mask of the components that are
 };
+
+/// Share of the tangential speed that Coulomb friction leaves where so much normal speed is
+/// removed.
+template <class T>
+MPM_INLINE T kept_of_sliding(const SurfaceLaw& law, T tangential, T removed) {
+    if (tangential <= T(law.static_friction) * removed) return 0;
+    if (!(tangential > T(0))) return 1;
+    const T keep = T(1) - T(law.dynamic_friction) * removed / tangential;
+    return keep < T(0) ? T(0) : keep;
+}
 
 /// The normal is +1 or -1 along `axis`. Returns the new velocity.
 template <class T, int D>
@@ -38,17 +64,39 @@ MPM_INLINE Vec<T, D> respond(const SurfaceLaw& law, int axis, T sign, const Vec<
             if (a != axis) tangential += (velocity[a] - wall[a]) * (velocity[a] - wall[a]);
         }
         tangential = square_root(tangential);
-        T keep = 1;
-        if (tangential <= T(law.static_friction) * removed)
-            keep = 0;
-        else if (tangential > T(0)) {
-            keep = T(1) - T(law.dynamic_friction) * removed / tangential;
-            keep = keep < T(0) ? T(0) : keep;
-        }
+        const T keep = kept_of_sliding<T>(law, tangential, removed);
         MPM_UNROLL for (int a = 0; a < D; ++a) {
             if (a != axis) out[a] = wall[a] + keep * (velocity[a] - wall[a]);
         }
     }
+    return out;
+}
+
+/// The same for a unit normal of any direction.
+template <class T, int D>
+MPM_INLINE Vec<T, D> respond_along(const SurfaceLaw& law, const Vec<T, D>& normal,
+                                   const Vec<T, D>& velocity, const Vec<T, D>& wall) {
+    if (law.response == Response::sticky) return wall;
+    Vec<T, D> out = velocity;
+    if (law.response == Response::prescribed) {
+        MPM_UNROLL for (int a = 0; a < D; ++a) out[a] = law.axes >> a & 1 ? wall[a] : velocity[a];
+        return out;
+    }
+    T along = 0;
+    MPM_UNROLL for (int a = 0; a < D; ++a) along += (velocity[a] - wall[a]) * normal[a];
+    if (law.response == Response::separable && !(along < T(0))) return velocity;
+    T keep = 1;
+    if (law.static_friction > 0 || law.dynamic_friction > 0) {
+        const T removed = along < T(0) ? -along : T(0);
+        T tangential = 0;
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const T t = velocity[a] - wall[a] - along * normal[a];
+            tangential += t * t;
+        }
+        keep = kept_of_sliding<T>(law, square_root(tangential), removed);
+    }
+    MPM_UNROLL for (int a = 0; a < D; ++a) out[a] =
+        wall[a] + keep * (velocity[a] - wall[a] - along * normal[a]);
     return out;
 }
 

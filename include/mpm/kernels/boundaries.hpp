@@ -1,0 +1,209 @@
+// What the boundaries leave of a node's velocity. `special` compiles in what only some scenes have:
+// surfaces of any shape, regions with a prescribed velocity, limits in space or to some bodies,
+// mirrored nodes.
+#pragma once
+
+#include "mpm/kernels/views.hpp"
+
+namespace mpm {
+
+template <int D>
+struct BoundaryView {
+    const BoundaryRecord<D>* records;
+    int count;
+    const SurfaceRecord<D>* surfaces;
+    double cell_size;
+};
+
+/// Centre of a cell, which is its node, m.
+template <int D>
+MPM_INLINE void node_position(const std::int64_t (&cell)[D], double cell_size, double (&x)[D]) {
+    for (int a = 0; a < D; ++a) x[a] = (double(cell[a]) + 0.5) * cell_size;
+}
+
+/// Boundaries that only some scenes have; true where the record is one of them and done with.
+template <class T, int D, class Seen>
+MPM_INLINE bool apply_special(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
+                              const Vec<T, D>& wall, Vec<T, D>& v, const Seen& seen) {
+    const BoundaryRecord<D>& r = all.records[b];
+    double x[D];
+    node_position<D>(cell, all.cell_size, x);
+    for (int a = 0; a < D && r.limited; ++a)
+        if (!(x[a] >= r.within_lower[a] && x[a] <= r.within_upper[a])) return true;
+    if (r.surface > 0) {
+        const Vec<T, D> before = v;
+        if (respond_to_surface<T, D>(all.surfaces[r.surface - 1], r.law[0], x, wall, v))
+            seen(b, 0, before, v);
+        return true;
+    }
+    if (!r.is_box || r.law[0].response != Response::prescribed) return false;
+    for (int a = 0; a < D; ++a)
+        if (cell[a] < r.lower[a] || cell[a] >= r.upper[a]) return true;
+    const Vec<T, D> before = v;
+    v = respond_along(r.law[0], Vec<T, D>{}, before, wall);
+    seen(b, 0, before, v);
+    return true;
+}
+
+template <bool special, class T, int D, class Seen>
+MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
+                               Vec<T, D>& v, const Seen& seen) {
+    const BoundaryRecord<D>& r = all.records[b];
+    Vec<T, D> wall;
+    for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
+    if constexpr (special) {
+        if (apply_special<T, D>(all, b, cell, wall, v, seen)) return;
+    }
+    if (!r.is_box) {
+        // The wall of face x- lies at the lower side of cell 0: nodes 0 and beyond it are held.
+        for (int face = 0; face < 2 * D; ++face) {
+            const int a = face / 2;
+            const bool held = face % 2 == 0 ? cell[a] <= r.lower[a] : cell[a] >= r.upper[a] - 1;
+            if (!r.present[face] || !held) continue;
+            if constexpr (special) {
+                if (mirrors(r.law[face].response)) continue;
+            }
+            const Vec<T, D> before = v;
+            v = respond(r.law[face], a, face % 2 == 0 ? T(1) : T(-1), before, wall);
+            seen(b, face, before, v);
+        }
+        return;
+    }
+    // A box holds its inside by its nearest faces and the one layer of cells before each face.
+    // Cells that touch it only by an edge or a corner stay free: holding them too would choke
+    // gaps beside the box (design/walls.md).
+    std::int64_t depth[2 * D], least = 0;
+    int outside = 0;
+    for (int a = 0; a < D; ++a) {
+        depth[2 * a] = cell[a] - r.lower[a];
+        depth[2 * a + 1] = r.upper[a] - 1 - cell[a];
+        const std::int64_t nearest =
+            depth[2 * a] < depth[2 * a + 1] ? depth[2 * a] : depth[2 * a + 1];
+        outside += nearest < -1 ? 2 : (nearest < 0 ? 1 : 0);
+        if (a == 0 || nearest < least) least = nearest;
+    }
+    if (outside > 1) return;
+    // Inside, all faces at the least depth: with one alone, particles would slide in along the
+    // diagonals.
+    for (int f = 0; f < 2 * D; ++f) {
+        if (depth[f] != least) continue;
+        const Vec<T, D> before = v;
+        v = respond(r.law[f], f / 2, f % 2 == 0 ? T(-1) : T(1), before, wall);
+        seen(b, f, before, v);
+    }
+}
+
+/// Where every body counts.
+struct WholeShare {
+    MPM_INLINE double operator()(std::uint64_t) const { return 1; }
+};
+
+/// `seen(boundary, face, before, after)` hears of every response. `share(channels)` is the part of
+/// the node's mass that a boundary acts on: the impulse of one that is for some bodies alone is
+/// that of their mass.
+template <bool special, class T, int D, class Seen, class Share = WholeShare>
+MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t (&cell)[D],
+                                 Vec<T, D>& v, const Seen& seen, const Share& share = {}) {
+    for (int b = 0; b < all.count; ++b) {
+        if (!all.records[b].active) continue;
+        if constexpr (special) {
+            if (all.records[b].share != 0) {
+                const T part = T(share(all.records[b].share));
+                if (!(part > T(0))) continue;
+                const auto of_part = [&](const Vec<T, D>& from, const Vec<T, D>& to) {
+                    Vec<T, D> out;
+                    for (int a = 0; a < D; ++a) out[a] = from[a] + part * (to[a] - from[a]);
+                    return out;
+                };
+                const Vec<T, D> before = v;
+                apply_boundary<true>(all, b, cell, v,
+                                     [&](int k, int face, const Vec<T, D>& x, const Vec<T, D>& y) {
+                                         seen(k, face, x, of_part(x, y));
+                                     });
+                v = of_part(before, v);
+                continue;
+            }
+        }
+        apply_boundary<special>(all, b, cell, v, seen);
+    }
+}
+
+struct NothingSeen {
+    template <class... A>
+    MPM_INLINE void operator()(const A&...) const {}
+};
+
+/// The mirrored planes near one node: which node inside the domain it is an image of, and which
+/// nodes share what lies there.
+template <int D>
+struct Images {
+    static constexpr int reach = 2;  // nodes beyond a plane that particles inside can reach
+    std::int64_t inside[D];          // the cell that this node is, or is an image of
+    bool mirrored = false;
+    double sign[D];         // of the velocity here against that at `inside`
+    std::int64_t at[D][3];  // on each axis: `inside`, then its images
+    int count[D];           // of `at`
+    bool reverses_all[D];   // of the planes of an axis: sticky ones
+    int boundary[D], face[D];
+
+    MPM_INLINE Images(const BoundaryView<D>& all, const std::int64_t (&cell)[D]) {
+        for (int a = 0; a < D; ++a) {
+            inside[a] = cell[a];
+            sign[a] = 1;
+            count[a] = 1;
+            reverses_all[a] = false;
+            boundary[a] = face[a] = -1;
+        }
+        for (int pass = 0; pass < 2; ++pass) {
+            for (int b = 0; b < all.count; ++b) {
+                const BoundaryRecord<D>& r = all.records[b];
+                if (!r.active || r.is_box || r.surface > 0) continue;
+                for (int f = 0; f < 2 * D; ++f) {
+                    if (r.present[f] && mirrors(r.law[f].response)) see(r, b, f, pass);
+                }
+            }
+        }
+        for (int a = 0; a < D; ++a) at[a][0] = inside[a];
+    }
+    MPM_INLINE void see(const BoundaryRecord<D>& r, int b, int f, int pass) {
+        const int a = f / 2;
+        const std::int64_t plane = f % 2 == 0 ? r.lower[a] : r.upper[a];
+        const std::int64_t image = 2 * plane - 1 - inside[a];
+        const std::int64_t apart = f % 2 == 0 ? inside[a] - plane : plane - 1 - inside[a];
+        const bool all = r.law[f].response == Response::mirror_sticky;
+        if (pass == 0 && apart < 0 && apart >= -reach) {
+            inside[a] = image;
+            for (int c = 0; c < D; ++c)
+                if (c == a || all) sign[c] = -sign[c];
+        }
+        if (pass == 1 && apart >= 0 && apart < reach) {
+            mirrored = true;
+            at[a][count[a]++] = image;
+            reverses_all[a] = all;
+            boundary[a] = b;
+            face[a] = f;
+        }
+    }
+    /// f(cell, sign of each component against that at `inside`) for every node that shares.
+    template <class F>
+    MPM_INLINE void each(const F& f) const {
+        int all = 1;
+        for (int a = 0; a < D; ++a) all *= count[a];
+        for (int k = 0; k < all; ++k) {
+            int rest = k;
+            std::int64_t cell[D];
+            double s[D];
+            for (int a = 0; a < D; ++a) s[a] = 1;
+            for (int a = 0; a < D; ++a) {
+                const int which = rest % count[a];
+                rest /= count[a];
+                cell[a] = at[a][which];
+                for (int c = 0; c < D && which > 0; ++c)
+                    if (c == a || reverses_all[a]) s[c] = -s[c];
+            }
+            f(cell, s);
+        }
+    }
+};
+
+}  // namespace mpm

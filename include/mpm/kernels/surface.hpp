@@ -1,0 +1,133 @@
+// Rigid bodies of any shape as boundaries: where they are at a time, and how far a node is from
+// them.
+#pragma once
+
+#include "mpm/data/distance_field.hpp"
+#include "mpm/data/time_table.hpp"
+#include "mpm/physics/boundary/decay.hpp"
+#include "mpm/physics/boundary/response.hpp"
+
+namespace mpm {
+
+/// A prescribed motion: a table of places, or of speeds with what they have travelled by each row.
+struct MotionView {
+    TimeTableView table;
+    const double* travelled;  // (count, components) since time 0; null: the table is of places
+
+    MPM_HD bool given() const { return table.count > 0; }
+    MPM_HD void at(double t, double* place, double* speed) const {
+        const int n = table.components, rows = table.count;
+        const double first = table.time[0], last = table.time[rows - 1];
+        double cycles = 0;
+        if (t > last && table.end == TableEnd::repeat && rows > 1) {
+            cycles = floor((t - first) / (last - first));
+            t -= cycles * (last - first);
+        }
+        int low = 0, high = rows;
+        while (high - low > 1) {
+            const int middle = (low + high) / 2;
+            if (table.time[middle] <= t)
+                low = middle;
+            else
+                high = middle;
+        }
+        const bool inside = low + 1 < rows && t > table.time[low];
+        const double since = t - table.time[low];
+        const double length = inside ? table.time[low + 1] - table.time[low] : 1;
+        for (int c = 0; c < n; ++c) {
+            const double a = table.value[low * n + c];
+            const double rise = inside ? table.value[(low + 1) * n + c] - a : 0;
+            if (!travelled) {
+                place[c] = a + rise * (since / length);
+                speed[c] = rise / length;
+                continue;
+            }
+            const double v = t > last && table.end == TableEnd::zero ? 0 : a;
+            speed[c] = v + rise * (since / length);
+            place[c] = travelled[low * n + c] + (v + 0.5 * rise * (since / length)) * since +
+                       cycles * (travelled[(rows - 1) * n + c] - travelled[c]);
+        }
+    }
+};
+
+template <int D>
+struct SurfaceRecord {
+    DistanceField<D> field;
+    Decay decay;
+    double thickness;  // of the layer, m
+    MotionView path;   // m
+    MotionView turn;   // of the angle, rad
+    double about[D];   // what it turns about, at time 0, m
+    double axis[3];    // unit vector; 2D: z
+    // Evaluated each step:
+    double moved[D], velocity[D], spin[3], rotation[D][D];
+
+    MPM_HD void set(double time) {
+        for (int a = 0; a < D; ++a) moved[a] = velocity[a] = 0;
+        if (path.given()) path.at(time, moved, velocity);
+        double angle = 0, rate = 0;
+        if (turn.given()) turn.at(time, &angle, &rate);
+        for (int a = 0; a < 3; ++a) spin[a] = rate * axis[a];
+        const double c = cos(angle), s = sin(angle);
+        if constexpr (D == 2) {
+            rotation[0][0] = rotation[1][1] = c;
+            rotation[0][1] = -s;
+            rotation[1][0] = s;
+        } else {
+            for (int i = 0; i < 3; ++i)
+                for (int j = 0; j < 3; ++j) {
+                    const int k = 3 - i - j;  // the third axis where i != j
+                    const double cross = i == j ? 0 : ((j - i + 3) % 3 == 1 ? -1 : 1) * axis[k % 3];
+                    rotation[i][j] = (i == j ? c : 0) + s * cross + (1 - c) * axis[i] * axis[j];
+                }
+        }
+    }
+
+    /// A place of the world as the body had it at time 0.
+    MPM_HD void to_body(const double (&x)[D], double (&own)[D]) const {
+        for (int a = 0; a < D; ++a) {
+            own[a] = about[a];
+            for (int b = 0; b < D; ++b) own[a] += rotation[b][a] * (x[b] - about[b] - moved[b]);
+        }
+    }
+
+    MPM_HD void velocity_at(const double (&x)[D], double (&v)[D]) const {
+        double r[3] = {0, 0, 0};
+        for (int a = 0; a < D; ++a) r[a] = x[a] - about[a] - moved[a];
+        const double swept[3] = {spin[1] * r[2] - spin[2] * r[1], spin[2] * r[0] - spin[0] * r[2],
+                                 spin[0] * r[1] - spin[1] * r[0]};
+        for (int a = 0; a < D; ++a) v[a] = velocity[a] + swept[a];
+    }
+};
+
+/// What a surface leaves of the velocity of a node at `x`; false where it does not reach it. `own` is
+/// a velocity that its face has beside its motion.
+template <class T, int D>
+MPM_HD bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
+                               const double (&x)[D], const Vec<T, D>& own, Vec<T, D>& v) {
+    double there[D], normal[D], distance, wall[D];
+    s.to_body(x, there);
+    if (!s.field.at(there, distance, normal)) return false;
+    const double share = law.response == Response::prescribed
+                             ? (distance <= 0 ? 1.0 : 0.0)
+                             : decayed(s.decay, distance / s.thickness);
+    if (!(share > 0)) return false;
+    s.velocity_at(x, wall);
+    Vec<T, D> n, w;
+    double length = 0;
+    for (int a = 0; a < D; ++a) {
+        double turned = 0;
+        for (int b = 0; b < D; ++b) turned += s.rotation[a][b] * normal[b];
+        n[a] = T(turned);
+        w[a] = T(wall[a]) + own[a];
+        length += turned * turned;
+    }
+    // Where there is no direction to leave by, deep inside, nothing moves against the body.
+    SurfaceLaw as = law;
+    if (!(length > 0) && law.response != Response::prescribed) as.response = Response::sticky;
+    const Vec<T, D> held = respond_along(as, n, v, w);
+    for (int a = 0; a < D; ++a) v[a] = v[a] - T(share) * (v[a] - held[a]);
+    return true;
+}
+
+}  // namespace mpm

@@ -1,0 +1,1 @@
+"""Solids by signed distance: primitives, combinations, beds, surface meshes."""

@@ -1,0 +1,45 @@
+"""Files that shapes refer to: by path and SHA-256."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from libmpm._src.errors import SceneError
+from libmpm._src.values import Checker
+
+__all__ = ["check_file", "file_state"]
+
+
+def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]:
+    """Return path and SHA-256 of a file; report one that is missing or not as it was."""
+    if not isinstance(file, str | Path) or not str(file):
+        check.fail(f"file is {file!r}; expected the path of a file")
+        return "", None
+    try:
+        found = _digest(*file_state(file))
+    except (OSError, SceneError) as error:
+        reason = getattr(error, "strerror", None) or error
+        check.fail(f"file '{file}' cannot be read: {reason}; give a path that can be, from here")
+        return str(file), None
+    if sha256 is not None and sha256 != found:
+        check.fail(
+            f"file '{file}' has SHA-256 {found[:12]}..., the scene was made with "
+            f"{str(sha256)[:12]}...; expected the same file; put it back, or leave sha256 out to "
+            "take it as it is now"
+        )
+    return str(file), found
+
+
+def file_state(file: str | Path) -> tuple[str, int, int]:
+    """Return path, size and time of change of a file: what to know its content again by."""
+    found = Path(file).stat()
+    return str(file), found.st_size, found.st_mtime_ns
+
+
+@functools.lru_cache(maxsize=64)
+def _digest(path: str, size: int, changed: int) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
