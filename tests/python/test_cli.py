@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
 import sys
-import time
 
 import pytest
 
-from libmpm._src.cli import EXIT_CODES, main
+from libmpm._src.cli import EXIT_CODES, ExitCode, main
 from libmpm._src.demo import load_demo
 from libmpm._src.output.frames import list_frames
 from libmpm._src.runfile import RunFile, RunSettings, read_run_file, without_debris
@@ -132,6 +128,7 @@ def test_exit_codes_tell_failures_apart(scene_file, tmp_path, core, capsys, monk
     assert main([*command, str(tmp_path / "b")]) == 3
     assert "particle 3, 7" in capsys.readouterr().err
     assert set(EXIT_CODES.values()) == {2, 3, 4, 5}
+    assert set(ExitCode) - set(EXIT_CODES.values()) == {0, 1, 6, 130}
 
 
 def test_the_demonstration_is_as_promised():
@@ -144,31 +141,3 @@ def test_the_demonstration_is_as_promised():
     assert "wave-gauge" in kinds
     structure = next(b for b in source.scene.boundaries if b.name == "structure")
     assert structure.shape.lower[2] > source.scene.lower[2]
-
-
-SIGNALLED = """
-import sys
-from python import fake_engine
-fake_engine.install().Engine.delay = 2e-3
-from libmpm._src.cli import main
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_stops_with_a_checkpoint(scene_file, tmp_path, number):
-    out = tmp_path / "out"
-    command = ["run", str(scene_file), "-o", str(out), "--until", "10", "--quiet"]
-    child = subprocess.Popen(
-        [sys.executable, "-c", SIGNALLED, *command],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-        stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    limit = time.monotonic() + 30
-    while not list(out.glob("frames/water_000002.vtkhdf")) and time.monotonic() < limit:
-        time.sleep(0.02)
-    child.send_signal(number)
-    assert child.wait(timeout=30) == 130
-    log = json.loads((out / "log.json").read_text())
-    assert log["status"] == "interrupted"
-    assert (out / "checkpoints" / f"step_{log['steps']:010d}.npz").is_file()

@@ -1,12 +1,19 @@
-"""The command line: ``libmpm demo | run | plan | check | resume | study | bench | info``."""
+"""The command line of libmpm; `docs/command-line.md` is its page."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import dataclasses
+import enum
+import json
 import os
+import re
 import signal
 import sys
-from collections.abc import Sequence
+import time as clock
+import warnings
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +22,70 @@ from libmpm._src.errors import (
     CheckpointError,
     DeviceError,
     Error,
+    ModelWarning,
     NumericalError,
     OutputError,
     SceneError,
 )
 
-__all__ = ["EXIT_CODES", "main"]
+__all__ = ["EXIT_CODES", "ExitCode", "main"]
 
-#: Exception -> exit code of the process; 0 is success, 130 an interrupt.
-EXIT_CODES: dict[type[Error], int] = {
-    SceneError: 2,
-    CheckpointError: 2,
-    NumericalError: 3,
-    OutputError: 4,
-    DeviceError: 5,
-    CapacityError: 5,
+
+class ExitCode(enum.IntEnum):
+    """What the process returns; a scheduler decides by it what to do with the job."""
+
+    #: Everything that was asked for is done.
+    DONE = 0
+    #: An error that libmpm does not expect; its traceback is on stderr.
+    UNEXPECTED = 1
+    #: Arguments, a scene or a checkpoint that cannot be used; the same job will fail again.
+    INPUT = 2
+    #: The state became unusable, or some cases of a study failed.
+    NUMERICAL = 3
+    #: A result cannot be written; go on from the last checkpoint once there is space.
+    OUTPUT = 4
+    #: No such device, or not enough memory.
+    DEVICE = 5
+    #: Stopped by the wall-clock limit or a batch system's signal, with a checkpoint written:
+    #: submit the job again with ``libmpm resume`` or ``libmpm run --continue``.
+    STOPPED = 6
+    #: Stopped by Ctrl-C.
+    INTERRUPTED = 130
+
+
+#: Exception -> exit code of the process.
+EXIT_CODES: dict[type[Error], ExitCode] = {
+    SceneError: ExitCode.INPUT,
+    CheckpointError: ExitCode.INPUT,
+    NumericalError: ExitCode.NUMERICAL,
+    OutputError: ExitCode.OUTPUT,
+    DeviceError: ExitCode.DEVICE,
+    CapacityError: ExitCode.DEVICE,
 }
+
+_LISTED = (
+    "Exit codes: 0 done, 2 bad input, 3 numerical failure, 4 output failure, 5 device or memory, "
+    "6 stopped by the wall limit or a signal with a checkpoint written (submit again), "
+    "130 interrupted."
+)
+
+#: Commands that SIGTERM and SIGUSR1 stop at a step, with a checkpoint and code 6.
+_STEPPING = ("demo", "run", "resume")
+
+
+def _seconds(text: str) -> float:
+    """Return the seconds of "3500", "HH:MM:SS" or "D-HH:MM:SS"."""
+    match = re.fullmatch(r"(?:(\d+)-)?(\d+):([0-5]?\d):([0-5]?\d)", text)
+    if match:
+        days, hours, minutes, seconds = (int(part or 0) for part in match.groups())
+        return ((days * 24.0 + hours) * 60 + minutes) * 60 + seconds
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not found >= 0:
+        raise argparse.ArgumentTypeError(f"{text!r}; expected seconds, HH:MM:SS or D-HH:MM:SS")
+    return found
 
 
 def _add_execution(parser: argparse.ArgumentParser) -> None:
@@ -42,18 +97,39 @@ def _add_execution(parser: argparse.ArgumentParser) -> None:
 
 def _add_writing(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--until", type=float, help="end of the run, s; overrides the file")
+    parser.add_argument(
+        "--wall-limit", type=_seconds, metavar="TIME",
+        help="seconds, HH:MM:SS or D-HH:MM:SS of wall time from the command's start, after which "
+        "the run stops with a checkpoint and exit code 6; leave room to write it",
+    )  # fmt: skip
     parser.add_argument("--no-picture", action="store_true", help="do not draw report.png")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _add_scaling(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scale", type=float, metavar="RATIO",
+        help="Froude similitude: lengths times RATIO, times and velocities times its root, ...",
+    )  # fmt: skip
+    parser.add_argument("--cauchy", action="store_true", help="with --scale: moduli scale too")
+    parser.add_argument("--reynolds", action="store_true", help="with --scale: viscosities too")
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="libmpm",
         description="Material point method for floods, debris and the structures they hit.",
-        epilog="Exit codes: 0 success, 2 bad input, 3 numerical failure, 4 output failure, "
-        "5 device or memory, 130 interrupted.",
+        epilog=_LISTED,
     )
     commands = parser.add_subparsers(dest="command", required=True)
+
+    importer = commands.add_parser("import", help="a scene of another program as a scene file")
+    importer.add_argument("format", choices=("claymore",))
+    importer.add_argument("file", type=Path)
+    importer.add_argument("-o", "--output", type=Path, required=True, help="scene file to write")
+    importer.add_argument("--cell-size", type=float, help="m; default: that of the file")
+    importer.add_argument("--motion-folder", type=Path, help="of motion files; default: the file's")
+    importer.add_argument("--checkpoint", type=Path, help="that stands for the file's own")
 
     demo = commands.add_parser("demo", help="a surge carries debris into a raised box")
     demo.add_argument("-o", "--output", type=Path, default=Path("libmpm-demo"), help="folder")
@@ -61,22 +137,31 @@ def _parser() -> argparse.ArgumentParser:
     _add_execution(demo)
     _add_writing(demo)
 
-    run = commands.add_parser("run", help="run a scene file")
+    run = commands.add_parser("run", help="run a scene file", epilog=_LISTED)
     run.add_argument("file", type=Path)
     run.add_argument("-o", "--output", type=Path, required=True, help="folder")
-    run.add_argument("--overwrite", action="store_true", help="replace earlier results")
+    existing = run.add_mutually_exclusive_group()
+    existing.add_argument("--overwrite", action="store_true", help="replace earlier results")
+    existing.add_argument(
+        "--continue", dest="go_on", action="store_true",
+        help="go on from the folder's newest checkpoint if it has one, else start; nothing is "
+        "done to a finished run. A job that is submitted again and again needs no other command",
+    )  # fmt: skip
     run.add_argument("--without-debris", action="store_true", help="leave out its debris bodies")
     _add_execution(run)
     _add_writing(run)
+    _add_scaling(run)
 
     plan = commands.add_parser("plan", help="what a scene would store, run and cost")
     plan.add_argument("file", type=Path)
     plan.add_argument("--until", type=float, help="end, s; overrides the file")
     _add_execution(plan)
+    _add_scaling(plan)
 
-    check = commands.add_parser("check", help="validate a scene file")
+    check = commands.add_parser("check", help="validate a scene file: all problems at once")
     check.add_argument("file", type=Path)
     check.add_argument("--strict", action="store_true", help="warnings count as problems")
+    _add_scaling(check)
 
     resume = commands.add_parser("resume", help="continue a run after a stop or kill")
     resume.add_argument("path", type=Path, help="folder of the run, or a checkpoint file")
@@ -85,17 +170,62 @@ def _parser() -> argparse.ArgumentParser:
     _add_writing(resume)
 
     from libmpm._src.bench import add_arguments
+    from libmpm._src.export import FORMATS
     from libmpm._src.study.command import add_arguments as add_study_arguments
+
+    export = commands.add_parser("export", help="frames and sensors in other formats")
+    export.add_argument("path", type=Path, help="folder of a run, or a checkpoint file")
+    export.add_argument("--to", required=True, choices=FORMATS)
+    export.add_argument("-o", "--output", type=Path, help="folder; default: RUN/export")
+    export.add_argument("--body", nargs="+", help="names of bodies; default: all")
+    export.add_argument(
+        "--attributes", nargs="+", help="beside the position; of a checkpoint any, of frames theirs"
+    )
+    export.add_argument("--from", dest="first", type=float, help="first time, s")
+    export.add_argument("--until", type=float, help="last time, s")
+    export.add_argument("--no-sensors", action="store_true", help="frames alone")
+    export.add_argument("--one-file", action="store_true", help="npz: everything in run.npz")
+    export.add_argument("--device", help="that reads a checkpoint; default: its own")
 
     add_study_arguments(commands.add_parser("study", help="many scenes from one table"))
     add_arguments(commands.add_parser("bench", help="speed of a collapsing cube of water"))
-    commands.add_parser("info", help="version, backends, devices, threads")
+
+    info = commands.add_parser(
+        "info", help="version, devices, packages; or what a run, scene or checkpoint holds"
+    )
+    info.add_argument("path", type=Path, nargs="?", help="folder of a run, scene file, checkpoint")
+    info.add_argument("--json", action="store_true", help="as JSON")
+
+    schema = commands.add_parser("schema", help="JSON Schema of scene files, for editors")
+    schema.add_argument("-o", "--output", type=Path, help="file; default: print it")
     return parser
 
 
 def _execution(arguments: argparse.Namespace) -> dict[str, Any]:
     names = ("device", "precision", "pipeline", "threads")
     return {name: getattr(arguments, name) for name in names}
+
+
+def _scaling(arguments: argparse.Namespace) -> Any:
+    """Return the scaling that was asked for, or None."""
+    ratio = getattr(arguments, "scale", None)
+    if ratio is None:
+        for name in ("cauchy", "reynolds"):
+            if getattr(arguments, name, False):
+                raise SceneError(f"--{name} without --scale; expected a length ratio; add it")
+        return None
+    from libmpm._src.scaling import Scaling
+
+    return Scaling(ratio, arguments.cauchy, arguments.reynolds)
+
+
+def _source(arguments: argparse.Namespace) -> Any:
+    """Return the scene file, scaled if that was asked for."""
+    from libmpm._src.runfile import read_run_file
+    from libmpm._src.scaling import scale_run_file
+
+    source, scaling = read_run_file(arguments.file), _scaling(arguments)
+    return source if scaling is None else scale_run_file(source, scaling)
 
 
 def _until(stated: float | None, recorded: float | None) -> float:
@@ -108,11 +238,18 @@ def _until(stated: float | None, recorded: float | None) -> float:
 def _finish(simulation: Any, until: float, arguments: argparse.Namespace) -> int:
     from libmpm._src.demo import run_to_end
 
+    limit = arguments.wall_limit
+    if limit is not None:
+        limit = max(0.0, limit - (clock.monotonic() - arguments.began))
     text = run_to_end(
-        simulation, until, progress=not arguments.quiet, picture=not arguments.no_picture
+        simulation,
+        until,
+        progress=not arguments.quiet,
+        picture=not arguments.no_picture,
+        wall_limit=limit,
     )
     print(text)
-    return 0
+    return ExitCode.STOPPED if simulation.stopped else ExitCode.DONE
 
 
 def _demo(arguments: argparse.Namespace) -> int:
@@ -123,56 +260,102 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from libmpm._src.runfile import read_run_file
+    return _run_source(
+        _source(arguments), arguments, overwrite=arguments.overwrite, go_on=arguments.go_on
+    )
 
-    return _run_source(read_run_file(arguments.file), arguments, overwrite=arguments.overwrite)
 
-
-def _run_source(source: Any, arguments: argparse.Namespace, *, overwrite: bool) -> int:
+def _run_source(
+    source: Any, arguments: argparse.Namespace, *, overwrite: bool, go_on: bool = False
+) -> int:
     from libmpm._src.demo import start
     from libmpm._src.runfile import without_debris
 
     if arguments.without_debris:
         source = without_debris(source)
     until = _until(arguments.until, source.settings.until)
-    simulation = start(source, arguments.output, overwrite=overwrite, **_execution(arguments))
+    folder = arguments.output
+    if go_on and (folder / "log.json").is_file():
+        from libmpm._src.results import Results
+
+        results = Results(folder)
+        if results.scene != source.scene:
+            raise SceneError(
+                f"{folder} holds the run of another scene; expected that of {arguments.file}; "
+                "choose another folder, or pass --overwrite"
+            )
+        log = results.log
+        if log.get("status") == "stopped" and log.get("time", 0.0) >= until:
+            print(f"{folder}: finished at {log['time']:g} s; nothing to do")
+            return ExitCode.DONE
+        if results.checkpoints:
+            return _go_on(folder, None, until, arguments)
+        # What was cut off before its first checkpoint has nothing to go on from.
+        overwrite = True
+    simulation = start(source, folder, overwrite=overwrite, **_execution(arguments))
     return _finish(simulation, until, arguments)
 
 
 def _plan(arguments: argparse.Namespace) -> int:
     from libmpm._src.plan import build_plan
-    from libmpm._src.runfile import read_run_file
 
-    source = read_run_file(arguments.file)
+    source, scaling = _source(arguments), _scaling(arguments)
     until = source.settings.until if arguments.until is None else arguments.until
+    if scaling is not None:
+        print(f"{dataclasses.replace(scaling, dimension=source.scene.dimension)}\n")
     print(build_plan(source.scene, until=until, **_execution(arguments)))
-    return 0
+    return ExitCode.DONE
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from libmpm._src.runfile import read_run_file
-
-    source = read_run_file(arguments.file)
+    source = _source(arguments)
     source.scene.validate(strict=arguments.strict)
     print(f"{arguments.file}: valid; {source.scene!r}")
-    return 0
+    return ExitCode.DONE
 
 
 def _resume(arguments: argparse.Namespace) -> int:
+    return _go_on(arguments.path, arguments.output, arguments.until, arguments)
+
+
+def _go_on(
+    path: Path, output: Path | None, until: float | None, arguments: argparse.Namespace
+) -> int:
+    """Continue from a checkpoint, or the newest of a folder."""
     from libmpm._src.output.writer import Output
     from libmpm._src.simulation import Simulation
 
-    path = arguments.path
-    simulation = Simulation.resume(path, device=arguments.device)
+    device = None if arguments.device == "auto" else arguments.device
+    simulation = Simulation.resume(path, device=device)
     recorded = simulation.recorded_output()
-    folder = arguments.output or (path if path.is_dir() else None)
+    folder = output or (path if path.is_dir() else None)
     if folder is None and recorded is not None:
         folder = recorded.path
     if folder is None:
         raise SceneError("the checkpoint names no output folder; pass -o")
     settings = recorded.to_dict() if recorded is not None else {}
     simulation.set_output(Output(**(settings | {"path": str(folder)})))
-    return _finish(simulation, _until(arguments.until, simulation.recorded_until()), arguments)
+    return _finish(simulation, _until(until, simulation.recorded_until()), arguments)
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    from libmpm._src.export import export
+
+    made = export(
+        arguments.path,
+        arguments.to,
+        output=arguments.output,
+        bodies=arguments.body,
+        attributes=arguments.attributes,
+        first=float("-inf") if arguments.first is None else arguments.first,
+        last=float("inf") if arguments.until is None else arguments.until,
+        sensors=not arguments.no_sensors,
+        one_file=arguments.one_file,
+        device=arguments.device,
+    )
+    where = f" in {made[0].parent}" if made else "; the run has no frames in that time"
+    print(f"{len(made)} file{'s' if len(made) != 1 else ''}{where}")
+    return ExitCode.DONE
 
 
 def _study(arguments: argparse.Namespace) -> int:
@@ -188,10 +371,42 @@ def _bench(arguments: argparse.Namespace) -> int:
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from libmpm._src.info import describe
+    from libmpm._src.info import about, collect, describe, text_of
 
-    print(describe())
-    return 0
+    if arguments.path is None:
+        print(json.dumps(collect(), indent=2) if arguments.json else describe())
+        return ExitCode.DONE
+    found = about(arguments.path)
+    print(json.dumps(found, indent=2, ensure_ascii=False) if arguments.json else text_of(found))
+    return ExitCode.DONE
+
+
+def _schema(arguments: argparse.Namespace) -> int:
+    from libmpm._src.schema import schema_text
+
+    if arguments.output is None:
+        print(schema_text(), end="")
+        return ExitCode.DONE
+    from libmpm._src.output.atomic import replacing
+
+    with replacing(arguments.output) as part:
+        part.write_text(schema_text(), encoding="utf-8")
+    return ExitCode.DONE
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    from libmpm._src.output.atomic import replacing
+    from libmpm.compat import claymore
+
+    found = claymore.load(
+        arguments.file, cell_size=arguments.cell_size,
+        motion_folder=arguments.motion_folder, checkpoint=arguments.checkpoint,
+    )  # fmt: skip
+    text = json.dumps(found.run_file().to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+    with replacing(arguments.output) as part:
+        part.write_text(text + "\n", encoding="utf-8")
+    print(found.report())
+    return ExitCode.DONE
 
 
 _COMMANDS = {
@@ -200,40 +415,77 @@ _COMMANDS = {
     "plan": _plan,
     "check": _check,
     "resume": _resume,
+    "export": _export,
     "study": _study,
     "bench": _bench,
+    "import": _import,
     "info": _info,
+    "schema": _schema,
 }
 
 
 def _terminate(number: int, frame: object) -> None:
-    """Treat a batch system's SIGTERM like Ctrl-C: stop at a step and write a checkpoint."""
+    """Treat SIGTERM like Ctrl-C, where there is no run to stop at a step."""
     signal.raise_signal(signal.SIGINT)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code of the process."""
-    parsed = _parser().parse_args(arguments)
+@contextlib.contextmanager
+def _signals(command: str) -> Iterator[None]:
+    """Let a batch system's signals end the command in order."""
+    from libmpm._src.interrupts import stop_signals
+
+    if command in _STEPPING:
+        with stop_signals():
+            yield
+        return
     try:
         previous = signal.signal(signal.SIGTERM, _terminate)
     except ValueError:
         # Only the main thread may set handlers; elsewhere the caller looks after signals.
-        previous = None
+        yield
+        return
     try:
-        return _COMMANDS[parsed.command](parsed)
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+@contextlib.contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Show warnings about a model without the place in libmpm that raised them."""
+    usual = warnings.formatwarning
+
+    def shown(message: Any, category: Any, *rest: Any, **others: Any) -> str:
+        if issubclass(category, ModelWarning):
+            return f"libmpm: warning: {message}\n"
+        return usual(message, category, *rest, **others)
+
+    warnings.formatwarning = shown
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code of the process, an `ExitCode`."""
+    began = clock.monotonic()
+    parsed = _parser().parse_args(arguments)
+    parsed.began = began
+    try:
+        with _signals(parsed.command), _plain_warnings():
+            return _COMMANDS[parsed.command](parsed)
     except Error as error:
         print(f"libmpm: {type(error).__name__}: {error}", file=sys.stderr)
-        return next((c for t, c in EXIT_CODES.items() if isinstance(error, t)), 1)
+        codes = (c for t, c in EXIT_CODES.items() if isinstance(error, t))
+        return next(codes, ExitCode.UNEXPECTED)
     except KeyboardInterrupt:
         print("libmpm: interrupted", file=sys.stderr)
-        return 130
+        return ExitCode.INTERRUPTED
     except BrokenPipeError:
         # The reader, such as `head`, has seen enough; the interpreter must not flush to it again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    finally:
-        if previous is not None:
-            signal.signal(signal.SIGTERM, previous)
+        return ExitCode.DONE
 
 
 if __name__ == "__main__":

@@ -46,12 +46,29 @@ def start(
     return simulation
 
 
-def run_to_end(simulation: Simulation, until: float, *, progress: bool, picture: bool) -> str:
-    """Run to `until` s and return the closing report with the paths of all files."""
+def run_to_end(
+    simulation: Simulation,
+    until: float,
+    *,
+    progress: bool,
+    picture: bool,
+    wall_limit: float | None = None,
+) -> str:
+    """Run to `until` s and return the closing report with the paths of all files.
+
+    A run that is stopped before, after `wall_limit` s or by a signal, says how to go on instead.
+    """
     began, first = clock.monotonic(), simulation.steps
-    simulation.run(until=until, progress=progress)
+    reached = simulation.run(until=until, progress=progress, wall_limit=wall_limit)
     wall, steps = clock.monotonic() - began, simulation.steps - first
     simulation.close()
+    if not reached:
+        output = simulation.output
+        on = "" if output is None else f"; checkpoint written, go on: libmpm resume {output.path}"
+        return (
+            f"stopped by {simulation.stopped} at {simulation.time:g} of {until:g} s, step "
+            f"{simulation.steps}{on}"
+        )
     return closing_report(simulation, wall, steps, picture=picture)
 
 

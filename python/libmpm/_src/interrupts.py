@@ -1,4 +1,4 @@
-"""Ctrl-C at a safe place."""
+"""Ctrl-C, and the signals of batch systems, at a safe place."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["deferred_interrupt"]
+__all__ = ["STOP_SIGNALS", "asked_to_stop", "deferred_interrupt", "stop_signals"]
+
+#: What schedulers send some time before they kill: Slurm, PBS and LSF SIGTERM, and with
+#: ``--signal`` or ``-notify`` SIGUSR1.
+STOP_SIGNALS = ("SIGTERM", "SIGUSR1")
+
+_asked = ""
 
 
 @contextmanager
@@ -31,3 +37,35 @@ def deferred_interrupt() -> Iterator[Callable[[], bool]]:
         yield lambda: pending
     finally:
         signal.signal(signal.SIGINT, previous)
+
+
+def asked_to_stop() -> str:
+    """Return the name of the signal that asks runs to stop; empty where there was none."""
+    return _asked
+
+
+@contextmanager
+def stop_signals() -> Iterator[None]:
+    """Let the signals of batch systems ask runs to stop, instead of ending the process.
+
+    A signal before the run's first step counts too. Outside the main thread, where handlers cannot
+    be set, nothing changes.
+    """
+    global _asked
+
+    def note(number: int, frame: object) -> None:
+        global _asked
+        _asked = signal.Signals(number).name
+
+    _asked = ""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [getattr(signal, name) for name in STOP_SIGNALS if hasattr(signal, name)]
+    previous = [(n, signal.signal(n, note)) for n in numbers]
+    try:
+        yield
+    finally:
+        _asked = ""
+        for number, handler in previous:
+            signal.signal(number, handler)
