@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.foreign import host_array
 from libmpm._src.shapes import Shape, faces_of
 from libmpm._src.timetable import TimeTable, check_vector_table
 from libmpm._src.values import Checker, Value, value
@@ -18,7 +19,7 @@ __all__ = ["Cells", "Outline", "Points", "Traction"]
 def _points(check: Checker, name: str, given: Any, least: int) -> tuple[tuple[float, ...], ...]:
     """Return rows of two finite numbers, at least so many."""
     try:
-        array = np.asarray(given, dtype=np.float64)
+        array = np.asarray(host_array(given, name), dtype=np.float64)
     except (TypeError, ValueError):
         check.fail(f"{name} is {given!r:.80}; expected rows of two numbers in m")
         return ()
@@ -93,7 +94,7 @@ class Points(Shape):
         volume = self.volume
         if volume is not None:
             try:
-                areas = np.asarray(volume, dtype=np.float64)
+                areas = np.asarray(host_array(volume, "volume"), dtype=np.float64)
             except (TypeError, ValueError):
                 areas = np.empty(())
             if areas.shape != (len(points),):

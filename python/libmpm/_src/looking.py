@@ -1,0 +1,92 @@
+"""Looking at a simulation: arrays on its device, pictures, tables. Looking never changes a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+from libmpm._src.device_arrays import DeviceArrays
+from libmpm._src.html import simulation_html
+
+if TYPE_CHECKING:
+    from libmpm._src.simulation import Simulation
+
+__all__ = ["Looking"]
+
+
+class Looking:
+    """The part of a `Simulation` that shows it."""
+
+    def _simulation(self) -> Simulation:
+        return cast("Simulation", self)
+
+    def device_arrays(self, body: str, *fields: str) -> DeviceArrays:
+        """Return the particles of a body as arrays on the device, for use in a ``with`` block.
+
+        ``with sim.device_arrays("water") as a: x = cupy.from_dlpack(a.position)``.
+        `fields` are gathered at once, others when asked for. See `DeviceArrays`; raises `KeyError`
+        for unknown names, and `Error` where an array is used after the simulation has moved on.
+        """
+        return DeviceArrays(self._simulation(), body, fields)
+
+    def plot(
+        self,
+        color: str | None = "speed",
+        *,
+        bodies: Sequence[str] | str | None = None,
+        planes: Sequence[str] | str | None = None,
+        limits: tuple[float, float] | None = None,
+        most: int = 200_000,
+        axes: Any = None,
+    ) -> Any:
+        """Return a figure of the particles as they are now, coloured by an attribute.
+
+        =========  ====  ===========  =========================================================
+        parameter  unit  range        meaning
+        =========  ====  ===========  =========================================================
+        color      -     a name       attribute such as "pressure", component such as
+                                      "velocity_x" or "stress_xy", the length of a vector; None =
+                                      one colour. Bodies without it are grey
+        bodies     -     names        None = all
+        planes     -     names        such as "xz"; None = the elevation and, in 3D, the plan
+        limits     its   low < high   range of the colours; None = all but the outermost half
+                                      percent at either end
+        most       1     ≥ 1          particles drawn, always the same ones; the title says it
+                                      where that is not all
+        axes       -     matplotlib   to draw the first plane into; None = a figure of its own
+        =========  ====  ===========  =========================================================
+
+        Coordinates are those of the world. Raises `Error`.
+        """
+        from libmpm._src.pictures.plot import plot
+
+        return plot(
+            self._simulation(), color=color, bodies=bodies, planes=planes, limits=limits,
+            most=most, axes=axes,
+        )  # fmt: skip
+
+    def view(
+        self,
+        color: str | None = "speed",
+        *,
+        bodies: Sequence[str] | str | None = None,
+        limits: tuple[float, float] | None = None,
+        most: int = 200_000,
+        off_screen: bool | None = None,
+    ) -> Any:
+        """Return a pyvista plotter of a 3D simulation as it is now; ``.show()`` opens it.
+
+        In a notebook ``.show(jupyter_backend="html")`` gives a view that can be turned, "static"
+        a picture. Parameters as of `plot`; `off_screen` for pictures by ``.screenshot(file)``.
+        `libmpm[viz]` brings pyvista. Raises `Error`.
+        """
+        from libmpm._src.pictures.space import view
+
+        return view(
+            self._simulation(), color=color, bodies=bodies, limits=limits, most=most,
+            off_screen=off_screen,
+        )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        """Return where it stands as a table for Jupyter, without asking the device."""
+        return simulation_html(self._simulation())

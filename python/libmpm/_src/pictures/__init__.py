@@ -1,0 +1,1 @@
+"""Pictures of scenes and runs: previews, plots, views in three dimensions, animations."""

@@ -1,0 +1,259 @@
+"""Films of a run, from the frames in its folder."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib import animation
+from matplotlib.colors import Normalize
+from numpy.typing import NDArray
+
+from libmpm._src.errors import Error, OutputError
+from libmpm._src.output.frames import frame_time, list_frames, read_frame, read_series
+from libmpm._src.pictures import figure as common
+from libmpm._src.pictures.outlines import Plane, draw_boundaries, draw_domain
+from libmpm._src.pictures.plot import COLOUR_MAP, PLAIN, Dots, bodies_of, dot_size
+from libmpm._src.pictures.preview import vertical_of
+from libmpm._src.scene import Scene
+from libmpm._src.values import nearest
+
+__all__ = ["animate"]
+
+Array = NDArray[np.float64]
+
+#: Frames that are looked at to choose the range of colours.
+_LOOKED_AT = 25
+
+
+class _Run:
+    """The frames of a run's folder, read one at a time."""
+
+    def __init__(self, folder: Path, bodies: Sequence[str] | str | None, most: int) -> None:
+        path = folder / "scene.json"
+        if not path.is_file():
+            raise Error(f"{folder} has no scene.json; expected the output folder of a run")
+        self.scene = Scene.from_dict(json.loads(path.read_text(encoding="utf-8")))
+        found = list_frames(folder / "frames")
+        self.bodies = [n for n in bodies_of(self.scene, bodies) if n in found]
+        if not self.bodies:
+            raise Error(f"{folder} has no frames of these bodies; run with output=libmpm.Output("
+                        "folder, frame_interval=...)")  # fmt: skip
+        self._files = {name: found[name] for name in self.bodies}
+        self.indices = sorted({i for files in self._files.values() for i in files})
+        self._times: dict[int, float] = {}
+        for name in self.bodies:
+            self._times |= read_series(folder / "frames", name)
+        self._most = most
+
+    def time(self, index: int) -> float:
+        """Return the simulated time of a frame, s."""
+        if index not in self._times:
+            file = next(files[index] for files in self._files.values() if index in files)
+            self._times[index] = frame_time(file)
+        return self._times[index]
+
+    def attributes(self) -> list[str]:
+        """Return the names that the first frame has."""
+        names: dict[str, None] = {}
+        for files in self._files.values():
+            arrays, _ = read_frame(files[min(files)])
+            names |= dict.fromkeys(arrays)
+        return list(names)
+
+    def dots(self, index: int, color: str | None) -> tuple[dict[str, Dots], int]:
+        """Return what is drawn of a frame, and how many particles it has."""
+        found = {n: read_frame(f[index])[0] for n, f in self._files.items() if index in f}
+        counts = [len(arrays["position"]) for arrays in found.values()]
+        dots = {}
+        shares = common.shares(counts, self._most)
+        for (name, arrays), count, share in zip(found.items(), counts, shares, strict=True):
+            rows = common.chosen(count, share)
+            chosen = {key: values[rows] for key, values in arrays.items()}
+            position = np.asarray(chosen["position"][:, : self.scene.dimension])
+            dots[name] = Dots(position, self._colour(chosen, color))
+        return dots, sum(counts)
+
+    @staticmethod
+    def _colour(arrays: Mapping[str, NDArray[Any]], color: str | None) -> Array | None:
+        if color is None:
+            return None
+        if color in arrays:
+            return common.colours_of(arrays, color)
+        if color == "speed" and "velocity" in arrays:
+            return np.asarray(np.linalg.norm(arrays["velocity"], axis=1))
+        name, _ = common.split_name(color)
+        return common.colours_of(arrays, color) if name in arrays else None
+
+
+def _check_color(run: _Run, color: str | None) -> None:
+    if color is None:
+        return
+    known = run.attributes()
+    name, _ = common.split_name(color)
+    if color in known or name in known or (color == "speed" and "velocity" in known):
+        return
+    raise Error(f"color is {color!r}, which the frames do not have; {nearest(color, known)}; "
+                "Output(attributes=...) chooses what frames store")  # fmt: skip
+
+
+def _limits(run: _Run, indices: Sequence[int], color: str | None) -> tuple[float, float]:
+    picks = indices[:: max(1, -(-len(indices) // _LOOKED_AT))]
+    values = []
+    for index in picks:
+        dots, _ = run.dots(index, color)
+        values += [d.colour for d in dots.values() if d.colour is not None]
+    return common.limits_of(values)
+
+
+@contextlib.contextmanager
+def _writer(path: Path, fps: float) -> Iterator[Any]:
+    """Yield what writes a file of this kind; raises `Error` naming what is missing."""
+    kind = path.suffix.lower()
+    # Their annotations want a whole number; they take any.
+    pillow: Any = animation.PillowWriter
+    ffmpeg: Any = animation.FFMpegWriter
+    if kind == ".gif":
+        yield pillow(fps=fps)
+        return
+    if kind not in (".mp4", ".webm", ".mov", ".mkv"):
+        raise Error(f"{path.name} ends in {path.suffix!r}; expected .gif, .mp4, .mov, .mkv, .webm")
+    settings: Any = {}
+    if not animation.writers.is_available("ffmpeg"):
+        try:
+            carrier = importlib.import_module("imageio_ffmpeg")
+            settings["animation.ffmpeg_path"] = carrier.get_ffmpeg_exe()
+        except (ImportError, RuntimeError):
+            raise Error(
+                f"{path.name}: no program ffmpeg is found, nor the package imageio-ffmpeg that "
+                "brings one; run `pip install libmpm[viz]`, install ffmpeg, or write a .gif"
+            ) from None
+    with matplotlib.rc_context(settings):
+        codec = "libvpx-vp9" if kind == ".webm" else "h264"
+        yield ffmpeg(fps=fps, codec=codec, extra_args=["-loglevel", "error"])
+
+
+def animate(
+    run: str | os.PathLike[str] | Any,
+    path: str | os.PathLike[str],
+    *,
+    color: str | None = "speed",
+    bodies: Sequence[str] | str | None = None,
+    plane: str | None = None,
+    limits: tuple[float, float] | None = None,
+    fps: float = 20.0,
+    every: int = 1,
+    most: int = common.MOST,
+    width: float = 9.0,
+    dpi: int = 110,
+) -> Path:
+    """Write a film of a run's frames as GIF or MP4 and return its path.
+
+    =========  ======  ===========  ==============================================================
+    parameter  unit    range        meaning
+    =========  ======  ===========  ==============================================================
+    run        -       a folder     of a run with frames (`Output.frame_interval`)
+    path       -       a file       .gif, or .mp4, .mov, .mkv, .webm where there is an ffmpeg
+    color      -       a name       attribute of the frames, such as "pressure" or "velocity_x";
+                                    None = one colour. Bodies without it are grey
+    bodies     -       names        None = all that have frames
+    plane      -       a name       such as "xz"; None = the elevation
+    limits     its     low < high   range of the colours in all frames; None = all but the
+               unit                 outermost half percent of some frames
+    fps        1/s     > 0          frames per second of the film
+    every      1       ≥ 1          1 takes all frames, 2 every second one
+    most       1       ≥ 1          particles drawn, always the same ones; the title says it where
+                                    that is not all
+    width      inches  > 0          width of the picture
+    dpi        1/inch  ≥ 10         dots per inch
+    =========  ======  ===========  ==============================================================
+
+    A frame stands for its simulated time, which is written above it. The file appears when it is
+    whole. Raises `Error`, and `OutputError` where it cannot be written.
+    """
+    folder = Path(getattr(run, "path", run))
+    target = Path(path)
+    for name, number, least in (("fps", fps, 0), ("width", width, 0), ("every", every, 1),
+                                ("dpi", dpi, 10)):  # fmt: skip
+        if not number >= least or number == 0:
+            raise Error(f"{name} is {number!r}; expected {'>' if least == 0 else '≥'} {least}")
+    frames = _Run(folder, bodies, most)
+    _check_color(frames, color)
+    indices = frames.indices[:: int(every)]
+    names = common.planes_of(frames.scene.dimension, plane, vertical_of(frames.scene))
+    low, high = _limits(frames, indices, color) if limits is None else common.check_limits(limits)
+    with _writer(target, fps) as writer:
+        film = _Film(frames, names[0], color, Normalize(low, high), width)
+        part = target.with_name(f".{target.stem}.part{target.suffix}")
+        try:
+            with writer.saving(film.picture, str(part), dpi):
+                for index in indices:
+                    film.show(index)
+                    writer.grab_frame()
+            os.replace(part, target)
+        except OSError as error:
+            raise OutputError(f"cannot write {target}: {error}") from error
+        finally:
+            part.unlink(missing_ok=True)
+    return target
+
+
+class _Film:
+    """One picture whose dots move."""
+
+    def __init__(
+        self, run: _Run, plane: str, color: str | None, norm: Normalize, width: float
+    ) -> None:
+        self._run, self._color = run, color
+        self._plane = Plane(run.scene, plane, None)
+        a, b = self._plane.axes
+        size = self._plane.upper - self._plane.lower
+        height = float(np.clip(width * 0.85 * size[b] / size[a], 1.2, 2 * width)) + 1.2
+        self.picture = common.Picture(figsize=(width, height), layout="constrained")
+        self._axes = self.picture.add_subplot()
+        draw_domain(self._axes, self._plane)
+        draw_boundaries(self._axes, self._plane, run.scene, later=True)
+        self._dots: dict[str, Any] = {}
+        for name in run.bodies:
+            style: dict[str, Any] = {"linewidths": 0, "label": name, "zorder": 2}
+            self._dots[name] = self._axes.scatter([], [], color=PLAIN, **style)
+        self._norm = norm
+        self._bar = color is None
+
+    def show(self, index: int) -> None:
+        """Draw a frame."""
+        dots, count = self._run.dots(index, self._color)
+        drawn = sum(map(len, dots.values()))
+        a, b = self._plane.axes
+        for name, artist in self._dots.items():
+            body = dots.get(name)
+            artist.set_visible(body is not None)
+            if body is None:
+                continue
+            position, colour = body.position, body.colour
+            hidden = self._plane.hidden
+            if hidden is not None:
+                depth = position[:, hidden] * (1 if hidden == 2 else -1)
+                order = np.argsort(depth, kind="stable")
+                position = position[order]
+                colour = None if colour is None else colour[order]
+            artist.set_offsets(position[:, [a, b]])
+            artist.set_sizes([dot_size(drawn)])
+            if colour is None:
+                continue
+            artist.set_array(colour)
+            artist.set_cmap(COLOUR_MAP)
+            artist.set_norm(self._norm)
+            if not self._bar and self._color is not None:
+                self._bar = True
+                self.picture.colorbar(artist, ax=self._axes, label=common.label_of(self._color),
+                                      shrink=0.85)  # fmt: skip
+        said = [self._run.scene.name, f"{self._run.time(index):.3f} s", common.note(drawn, count)]
+        self._axes.set_title(", ".join(x for x in said if x), fontsize=10, loc="left")

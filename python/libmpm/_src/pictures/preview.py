@@ -1,0 +1,146 @@
+"""A scene before it runs: its particles, boundaries and sensors where they will be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from libmpm._src.errors import Error, SceneError
+from libmpm._src.pictures import figure as common
+from libmpm._src.pictures.outlines import (
+    Plane,
+    draw_boundaries,
+    draw_domain,
+    draw_flows,
+    draw_sensors,
+    draw_shape,
+)
+from libmpm._src.values import warned_already
+
+if TYPE_CHECKING:
+    from libmpm._src.scene import Scene
+
+__all__ = ["preview", "sampled_bodies", "vertical_of"]
+
+Array = NDArray[np.float64]
+
+#: Rows that are asked for at a time of bodies of which few are drawn.
+_CHUNK = 1 << 20
+
+
+def vertical_of(scene: Scene) -> int:
+    """Return the axis along which gravity pulls most at the start; the last without gravity."""
+    from libmpm._src.lowering import initial_gravity
+
+    strength = np.abs(initial_gravity(scene))
+    return int(np.argmax(strength)) if strength.any() else scene.dimension - 1
+
+
+def sampled_bodies(scene: Scene, most: int) -> tuple[dict[str, Array], int, str]:
+    """Return the particles to draw of each body, (n, d) m in the world, and how many there are.
+
+    The third is what forbids the scene to run, in which case there are none; empty otherwise.
+    """
+    from libmpm._src.lowering import lower
+
+    try:
+        with warned_already():
+            bodies = lower(scene, precision="double")["bodies"]
+    except SceneError as error:
+        common.shares([], most)
+        return {}, 0, error.problems[0]
+    offset = np.asarray(scene.origin, np.float64) + np.asarray(scene.lower, np.float64)
+    counts = [int(b["count"]) for b in bodies]
+    found = {}
+    for body, count, share in zip(bodies, counts, common.shares(counts, most), strict=True):
+        rows = body["position"]
+        if isinstance(rows, np.ndarray):
+            all_rows = rows
+            rows = lambda a, b, all_rows=all_rows: all_rows[a:b]  # noqa: E731
+        wanted = common.chosen(count, share)
+        parts = [np.empty((0, scene.dimension))]
+        for first in range(0, count, _CHUNK):
+            last = min(first + _CHUNK, count)
+            here = wanted[(wanted >= first) & (wanted < last)]
+            if len(here):
+                parts.append(np.asarray(rows(first, last))[here - first])
+        found[body["name"]] = np.concatenate(parts) + offset
+    return found, sum(counts), ""
+
+
+def preview(
+    scene: Scene,
+    *,
+    backend: str = "matplotlib",
+    planes: Sequence[str] | str | None = None,
+    cut: Sequence[float] | None = None,
+    most: int = common.MOST,
+) -> Any:
+    """See `Scene.preview`."""
+    if backend == "pyvista":
+        from libmpm._src.pictures.space import preview_in_space
+
+        return preview_in_space(scene, most=most)
+    if backend != "matplotlib":
+        raise Error(f"backend is {backend!r}; expected 'matplotlib' or 'pyvista'")
+    vertical = vertical_of(scene)
+    d = scene.dimension
+    if planes is None and d == 3:
+        flat = [a for a in range(3) if a != vertical]
+        names = [common.AXES[a] + common.AXES[vertical] for a in flat]
+        planes = [*names, common.AXES[flat[0]] + common.AXES[flat[1]]]
+    planes = common.planes_of(d, planes, vertical)
+    if cut is not None:
+        cut = [float(x) for x in np.asarray(cut, np.float64).ravel()]
+        if d == 2 or len(cut) != d:
+            raise Error(f"cut is {cut}; expected a point (3,) of a scene in 3D, in m, or None")
+    particles, count, problem = sampled_bodies(scene, most)
+    wide = 1 if len(planes) == 1 else 2
+    tall = -(-len(planes) // wide)
+    picture = common.Picture(figsize=(6.5 * wide, 4.0 * tall), layout="constrained")
+    drawn = sum(map(len, particles.values()))
+    legend: dict[str, str] = {}
+    for k, name in enumerate(planes):
+        axes = picture.add_subplot(tall, wide, k + 1)
+        plane = Plane(scene, name, cut)
+        draw_domain(axes, plane)
+        legend |= _draw_bodies(axes, plane, scene, particles)
+        legend |= draw_boundaries(axes, plane, scene)
+        legend |= draw_flows(axes, plane, scene)
+        draw_sensors(axes, plane, scene, vertical)
+        if plane.cut is not None and plane.hidden is not None:
+            at = plane.cut[plane.hidden] + plane.origin[plane.hidden]
+            axes.set_title(f"cut at {common.AXES[plane.hidden]} = {at:g} m", fontsize=9)
+    lines = [Line2D([], [], color=colour, linewidth=3) for colour in legend.values()]
+    if lines:
+        show: Any = picture.legend
+        show(lines, list(legend), loc="outside lower center", fontsize=7, ncols=4)
+    said = [scene.name or "scene", f"{count:,} particles" if not problem else "cannot run yet",
+            common.note(drawn, count)]  # fmt: skip
+    picture.suptitle(", ".join(x for x in said if x) + (f"\n{problem[:160]}" if problem else ""),
+                     fontsize=10)  # fmt: skip
+    return picture
+
+
+def _draw_bodies(
+    axes: Any, plane: Plane, scene: Scene, particles: dict[str, Array]
+) -> dict[str, str]:
+    """Draw particles, of a cut those within a cell of it, and outlines; return their colours."""
+    legend = {}
+    size = float(np.clip(2e4 / max(1, sum(map(len, particles.values()))), 0.4, 8.0))
+    for k, body in enumerate(scene.bodies):
+        colour = f"C{k % 10}"
+        legend[body.name] = colour
+        points = particles.get(body.name)
+        if points is not None:
+            if plane.cut is not None and plane.hidden is not None:
+                at = plane.cut[plane.hidden] + plane.origin[plane.hidden]
+                points = points[np.abs(points[:, plane.hidden] - at) <= scene.cell_size]
+            axes.scatter(*points[:, list(plane.axes)].T, s=size, linewidths=0, color=colour,
+                         rasterized=True, label=body.name, zorder=2)  # fmt: skip
+        draw_shape(axes, plane, body.shape, color=colour, linewidth=0.6)
+    return legend
