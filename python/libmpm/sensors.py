@@ -1,5 +1,20 @@
-"""Sensors: `LoadCell`, `WaveGauge`, `VelocityProbe`, `ParticleTracker`, `Energy`."""
+"""Sensors.
 
+Evaluated by the engine, at hardly any cost: `LoadCell`, `WaveGauge`, `VelocityProbe`,
+`ParticleTracker`, `Energy`. Evaluated in Python at their due times: `GridSensor`, `ParticleSensor`,
+`AttributeTracker`, `BodyTracker`, `PressureProbe`, `ElevationGauge`, `Custom`.
+"""
+
+from libmpm._src.sensing.attributes import names as attribute_names
+from libmpm._src.sensing.values import (
+    AttributeTracker,
+    BodyTracker,
+    Custom,
+    ElevationGauge,
+    GridSensor,
+    ParticleSensor,
+    PressureProbe,
+)
 from libmpm._src.sensors import (
     Energy,
     LoadCell,
@@ -9,4 +24,6 @@ from libmpm._src.sensors import (
     WaveGauge,
 )
 
-__all__ = ["Energy", "LoadCell", "ParticleTracker", "Sensor", "VelocityProbe", "WaveGauge"]
+__all__ = ["AttributeTracker", "BodyTracker", "Custom", "ElevationGauge", "Energy", "GridSensor"]
+__all__ += ["LoadCell", "ParticleSensor", "ParticleTracker", "PressureProbe", "Sensor"]
+__all__ += ["VelocityProbe", "WaveGauge", "attribute_names"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-__all__ = ["describe_fault", "describe_removed"]
+__all__ = ["describe_fault", "describe_removed", "removed_rows"]
 
 #: Fault code -> (what happened, what to do).
 _CAUSES = {
@@ -87,6 +87,17 @@ def describe_fault(fault: Mapping[str, Any], time_step: float) -> str:
     if grew is not None and int(grew) >= 0 and code != "left-domain":
         text += f"; speeds have grown since step {int(grew)}"
     return f"{text}. Remedy: {remedy}"
+
+
+def removed_rows(
+    gone: Sequence[tuple[int, Any, Any, int, str]], names: Sequence[str], offset: Any
+) -> list[list[Any]]:
+    """Return (step, body, id, policy, x, y, z) of every particle that left, in the world, m."""
+    return [
+        [step, names[body], int(i), policy, *map(float, x)]
+        for body, ids, position, step, policy in gone
+        for i, x in zip(ids, position + offset, strict=True)
+    ]
 
 
 def describe_removed(

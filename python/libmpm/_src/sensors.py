@@ -40,7 +40,7 @@ class LoadCell(Sensor):
     parameter  unit  range       meaning
     =========  ====  ==========  ===========================================================
     boundary   -     a name      the boundary of the scene that carries the cell
-    faces      -     "all"|names faces of that boundary that are measured
+    faces      -     names       faces of that boundary that are measured; "all" = each
     interval   s     ≥ 0         time between samples; 0 = every step
     reference  m     (2|3,)      point of the moments; None = centre of the box or domain
     =========  ====  ==========  ===========================================================

@@ -49,7 +49,8 @@ class Checkpoint:
 
     `header` is JSON: format, version, scene, device, precision, pipeline, threads, time_step,
     time (s), step, until (s), output settings. `state` is the engine's own, and `sensors` holds
-    per sensor (time (n,), values (n, components), components, units).
+    per sensor (time (n,), values (n, components), components, units). `memory` is what sensors that
+    are evaluated in Python need beside their series, by number of the sensor.
     """
 
     header: dict[str, Any]
@@ -57,6 +58,11 @@ class Checkpoint:
     sensors: list[tuple[NDArray[np.float64], NDArray[np.float64], list[str], list[str]]] = field(
         default_factory=list
     )
+    memory: dict[int, dict[str, NDArray[Any]]] = field(default_factory=dict)
+
+    def memory_of(self, sensor: int) -> dict[str, NDArray[Any]]:
+        """Return what sensor number `sensor` remembers."""
+        return self.memory.get(sensor, {})
 
     def stored_as(self) -> dict[str, list[int]]:
         """Return the entry of a specification by which an engine takes bodies as the state does."""
@@ -102,6 +108,8 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         arrays[f"sensor/{i}/time"] = time
         arrays[f"sensor/{i}/values"] = values
         columns.append([components, units])
+    for i, remembered in checkpoint.memory.items():
+        arrays |= {f"memory/{i}/{key}": value for key, value in remembered.items()}
     header = {**checkpoint.header, "format": FORMAT, "numbers": numbers, "columns": columns}
     text = np.frombuffer(json.dumps(header).encode(), np.uint8)
     with replacing(path, durable=True) as part, part.open("wb") as file:
@@ -140,7 +148,12 @@ def load_checkpoint(path: Path) -> Checkpoint:
             (archive[f"sensor/{i}/time"], archive[f"sensor/{i}/values"], components, units)
             for i, (components, units) in enumerate(header.pop("columns"))
         ]
-        return Checkpoint(header, state, sensors)
+        memory: dict[int, dict[str, NDArray[Any]]] = {}
+        for key in archive.files:
+            if key.startswith("memory/"):
+                _, number, name = key.split("/", 2)
+                memory.setdefault(int(number), {})[name] = archive[key]
+        return Checkpoint(header, state, sensors, memory)
 
 
 def _header(path: Path, archive: Any) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from libmpm._src.errors import OutputError
 from libmpm._src.output.atomic import file_name, writing
 from libmpm._src.output.image import LIBVER, new_file
 
-__all__ = ["SensorFile", "Series", "append_csv", "read_sensors"]
+__all__ = ["SensorFile", "Series", "append_csv", "read_sensors", "series_of"]
 
 #: Bytes of values for which space is taken at first, per sensor.
 FIRST_SPACE = 1 << 18
@@ -81,6 +81,12 @@ class Series:
         self._time[self._count : need] = time
         self._values[self._count : need] = values
         self._count = need
+
+    def _repr_html_(self) -> str:
+        """Return its first and last samples as a table for Jupyter."""
+        from libmpm._src.html import series_html
+
+        return series_html(self)
 
     def since(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return (time, values) of the samples from index `first` on."""
@@ -200,20 +206,26 @@ def read_sensors(path: Path) -> dict[str, Series]:
     result = {}
     with h5py.File(path, "r", locking=False) as file:
         for group in file.values():
-            attributes = dict(group.attrs)
-            name = str(attributes.pop("name"))
-            series = Series(
-                name,
-                tuple(str(c) for c in attributes.pop("components")),
-                tuple(str(u) for u in attributes.pop("units")),
-                attributes,
-            )
-            count = min(len(group["time"]), len(group["values"]))
-            time = group["time"][:count]
-            known = np.isfinite(time)
-            series.append(time[known], group["values"][:count][known])
-            result[name] = series
+            series = series_of(group)
+            result[series.name] = series
     return result
+
+
+def series_of(group: h5py.Group) -> Series:
+    """Return the series of one group of a sensor file, trimmed as `read_sensors` says."""
+    attributes = dict(group.attrs)
+    name = str(attributes.pop("name"))
+    series = Series(
+        name,
+        tuple(str(c) for c in attributes.pop("components")),
+        tuple(str(u) for u in attributes.pop("units")),
+        attributes,
+    )
+    count = min(len(group["time"]), len(group["values"]))
+    time = group["time"][:count]
+    known = np.isfinite(time)
+    series.append(time[known], group["values"][:count][known])
+    return series
 
 
 def append_csv(path: Path, series: Series, first: int) -> None:

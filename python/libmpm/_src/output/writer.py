@@ -179,7 +179,7 @@ class Writer:
         self._frames = self._folder / "frames"
         self._checkpoints = self._folder / "checkpoints"
         self._csv = self._folder / "csv"
-        self._csv_rows = [0 for _ in simulation.sensors.values()]
+        self._csv_rows = [0 for _ in simulation.sensors.all_series()]
         self._last_flush = clock.monotonic()
         self._started = clock.monotonic()
         self._began = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
@@ -223,12 +223,13 @@ class Writer:
         ]
         if self.output.frame_interval:
             for body in bodies:
-                known = self._simulation.particles[body].names
+                view = self._simulation.particles[body]
                 for name in self.output.attributes_of(body) or ():
-                    if name not in known:
+                    problem = view.refusal(name)
+                    if problem is not None:
                         problems.append(
-                            f"Output: body '{body}' has no attribute '{name}'; "
-                            f"choose from {', '.join(known)}"
+                            f"Output: body '{body}' has no attribute '{name}'; {problem}; "
+                            f"choose from {', '.join(view.names)}, or the library names"
                         )
         if problems:
             raise SceneError(problems)

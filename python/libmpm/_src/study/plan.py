@@ -12,6 +12,7 @@ from typing import Any
 from libmpm._src.errors import SceneError
 from libmpm._src.lowering import check_options, choose_precision
 from libmpm._src.scene import Scene
+from libmpm._src.sensing.custom import check_storable
 from libmpm._src.study.files import CHECKPOINT, STATUS, TRUNKS, glance
 from libmpm._src.study.rows import accepts, call_with, describe, digest, lacking
 from libmpm._src.values import Checker, nearest
@@ -261,6 +262,7 @@ def _check_end(scene: Scene, until: float, what: str) -> None:
 def _content(scene: Scene, until: float, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return what decides the results of a simulation."""
     physical = {name: options[name] for name in _PHYSICAL}
+    check_storable(scene)
     return {"scene": scene.to_dict(), "until": until, "options": physical}
 
 

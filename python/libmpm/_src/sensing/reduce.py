@@ -1,0 +1,45 @@
+"""From many values to one number: the operations of sensors and their directions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["DIRECTIONS", "OPERATIONS", "along", "reduce"]
+
+Array = NDArray[np.float64]
+
+#: Name -> the operation over values (n,), n > 0. Deviation and variance are those of the values
+#: themselves (divided by n).
+OPERATIONS: dict[str, Callable[[Array], float]] = {
+    "sum": lambda v: float(v.sum()),
+    "mean": lambda v: float(v.mean()),
+    "min": lambda v: float(v.min()),
+    "max": lambda v: float(v.max()),
+    "std": lambda v: float(v.std()),
+    "variance": lambda v: float(v.var()),
+    "range": lambda v: float(v.max() - v.min()),
+    "count": lambda v: float(len(v)),
+}
+
+#: A component, or those of its values that have one sign.
+DIRECTIONS = ("x", "x+", "x-", "y", "y+", "y-", "z", "z+", "z-")
+
+
+def reduce(values: Array, operation: str) -> float:
+    """Return one number of values (n,); of none a count or sum is 0, all others not-a-number."""
+    if len(values) == 0:
+        return 0.0 if operation in ("sum", "count") else float("nan")
+    return OPERATIONS[operation](values)
+
+
+def along(values: Array, direction: str) -> Array:
+    """Return a component of vectors (n, d): all of it, or the values above or below zero only."""
+    component = values[:, "xyz".index(direction[0])]
+    if direction.endswith("+"):
+        return component[component > 0]
+    if direction.endswith("-"):
+        return component[component < 0]
+    return component
