@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,39 @@ def test_removed_particles_go_to_their_bodies() -> None:
         simulation.run(until=0.6)
     counts = [len(simulation.particles[f"block {k}"]) for k in range(4)]
     assert counts == [0, 0, 0, 0]
+
+
+def test_reads_are_of_the_state_as_it_stands() -> None:
+    """What readers are given again without gathering it anew is never of an earlier step."""
+    together = libmpm.Simulation(blocks(watched=False), device="cpu", precision="double")
+    apart = libmpm.Simulation(blocks(watched=True), device="cpu", precision="double")
+    for steps in (0, 1, STEPS):
+        together.step(steps)
+        apart.step(steps)
+        for k in (2, 0, 1):
+            a, b = together.particles[f"block {k}"], apart.particles[f"block {k}"]
+            np.testing.assert_allclose(a["position"], b["position"], rtol=0, atol=1e-12)
+            both = a.read(["stress", "velocity", "position"])
+            np.testing.assert_allclose(both["velocity"], b["velocity"], rtol=0, atol=1e-12)
+            np.testing.assert_array_equal(both["position"], a["position"])
+            assert both["stress"].shape == (64, 2, 2)
+
+
+def test_reads_while_particles_leave() -> None:
+    scene = blocks(watched=False, leaving="delete")  # no walls: all fall out
+    simulation = libmpm.Simulation(scene, device="cpu")
+    fewest = [64] * 3
+    for until in np.arange(0.2, 0.41, 0.02):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", libmpm.ModelWarning)
+            simulation.run(until=until, progress=False)
+        for k in range(3):
+            view = simulation.particles[f"block {k}"]
+            read = view.read(["id", "position"])
+            assert len(read["id"]) == len(read["position"]) == len(view) <= fewest[k]
+            assert ((read["id"] >= 64 * k) & (read["id"] < 64 * (k + 1))).all()
+            fewest[k] = len(view)
+    assert max(fewest) == 0
 
 
 def test_resumed_to_the_same_bits(tmp_path: Path) -> None:

@@ -78,13 +78,26 @@ def test_tank_for_long(offset, jitter, full):
 # ---- waves and vortices -------------------------------------------------------------------------
 
 
-def test_sloshing_with_the_default_smoothing(device):
-    """Its period is as right; it keeps more of the motion than water without F-bar."""
-    result = run("sloshing", device, Options(fbar=FBar()))
-    period = result.bounds["period"]
-    assert period.holds(result.values["period"]), result.values
-    none = run("sloshing", device, Options(fbar=None))
-    assert result.values["amplitude"] > none.values["amplitude"]
+def test_sloshing_with_the_published_smoothing(device):
+    result = run("sloshing", device, Options(fbar=FBar(form="two-volume", ratio=0.99)))
+    assert not result.failures, result.failures
+
+
+def test_sloshing_between_walls_that_hold_nodes(device):
+    """They take more of the motion than mirrored ones; a shorter relaxation gives part of it back.
+
+    What they strain wrongly is a spring beside the wall; what F-bar relaxes of it is lost
+    (design/fbar.md, 6).
+    """
+    modulus, dx = 2.2e6, 0.1
+
+    def left(fbar, **walls):
+        values = run("sloshing", device, Options(fbar=fbar), bulk_modulus=modulus, **walls).values
+        return values["amplitude"]
+
+    shorter = FBar(time=3 * dx / (modulus / 1000) ** 0.5)
+    held = [left(fbar, mirror=False, gap=0.5) for fbar in (FBar(), shorter)]
+    assert held[0] < held[1] < left(FBar()), held
 
 
 def test_what_transfers_dissipate(device):

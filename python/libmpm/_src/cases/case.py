@@ -83,9 +83,13 @@ class Case:
         precision: str = "auto",
         pipeline: str = "auto",
         threads: int = 0,
+        simulate: Callable[..., Simulation] = Simulation,
         **changes: Any,
     ) -> CaseResult:
         """Run it and compare. `changes` replace parameters of the level.
+
+        `simulate` makes the simulation from the scene and the four arguments before it: a subclass
+        that reports, for instance.
 
         Bounds belong to the level as it is: with changed parameters the values are returned and
         compared all the same.
@@ -95,7 +99,7 @@ class Case:
         with warnings.catch_warnings():
             # What the scene is doubtful about is the case's own doing.
             warnings.simplefilter("ignore", ModelWarning)
-            simulation = Simulation(
+            simulation = simulate(
                 scene, device=device, precision=precision, pipeline=pipeline, threads=threads
             )
         began = time.perf_counter()

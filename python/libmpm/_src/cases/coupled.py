@@ -232,7 +232,7 @@ def _read_elastic_column(sim: Simulation, p: Parameters) -> dict[str, float]:
     found = [(peak, time)]
     for cell_size in p["coarser"]:
         scene = _elastic_column({**p, "cell_size": cell_size}, same)
-        other = Simulation(scene, device=sim.device, precision=sim.precision, pipeline=sim.pipeline)
+        other = type(sim)(scene, device=sim.device, precision=sim.precision, pipeline=sim.pipeline)
         found.append(_tip(other, p["until"])[:2])
         values |= {f"tip_{1e3 * cell_size:g}mm": found[-1][0]}
         values |= {f"time_{1e3 * cell_size:g}mm": found[-1][1]}
