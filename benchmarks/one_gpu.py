@@ -117,8 +117,7 @@ def place(simulation: libmpm.Simulation, places: NDArray[np.float64]) -> None:
         precision=simulation.precision,
     )  # fmt: skip
     engine = backend.module.Engine(spec)
-    simulation._make_series(engine, spec)
-    simulation._engine = engine
+    simulation._take(engine, spec)
 
 
 def used(device: str) -> int | None:

@@ -100,6 +100,35 @@ for transfer, kernel, fbar in methods:
         sim.step(int(sys.argv[1]) // 3)
         assert (sim.particles["water"]["position"] == sim.particles["water"]["position"]).all()
         print(transfer, kernel, precision, sim.time)
+# Surfaces that move and turn, mirrored planes, a pump, water that comes in and leaves.
+flume = libmpm.Scene(
+    dimension=3, cell_size=0.05, lower=(0, 0, 0), upper=(1.0, 0.2, 0.5), gravity=(0, 0, -9.81)
+)
+flume.add_body(
+    name="water",
+    shape=libmpm.shapes.Box(lower=(0, 0, 0), upper=(1.0, 0.2, 0.3)),
+    material=libmpm.materials.TaitFluid(density=1000, bulk_modulus=1e5),
+    velocity=(0.5, 0, 0),
+    hydrostatic=0.3,
+)
+b = libmpm.boundaries
+walls = libmpm.shapes.DomainWalls(faces=("y-", "y+", "z-"))
+flume.add_boundary(name="walls", shape=walls, response=b.Mirror())
+flume.add_boundary(
+    name="ball",
+    shape=libmpm.shapes.Sphere(centre=(0.5, 0.1, 0.42), radius=0.1),
+    response=b.Separable(static_friction=0.2, dynamic_friction=0.1),
+    motion=b.Travel((0.0, 0.0, -1.0)),
+    rotation=b.Rotation(about=(0.5, 0.1, 0.42), rate=5.0, axis="y"),
+)
+flume.add_sensor(name="load", sensor=libmpm.sensors.LoadCell(boundary="ball", interval=1e-3))
+flume.add_flow(name="in", flow=b.Inflow(body="water", face="x-", velocity=0.5, level=0.3))
+flume.add_flow(name="out", flow=b.Outflow(face="x+", velocity=0.5))
+for precision in ("single", "double"):
+    sim = libmpm.Simulation(flume, device="cuda", precision=precision)
+    sim.step(2 * int(sys.argv[1]))
+    assert (sim.particles["water"]["position"] == sim.particles["water"]["position"]).all()
+    print("flume", precision, sim.time, sim.inflow["in"].values[-1:])
 SCENE
   for tool in ${LIBMPM_SANITIZE_TOOLS:-memcheck racecheck initcheck synccheck}; do
     echo "== $tool"

@@ -42,6 +42,7 @@ from libmpm._src.triangular.shapes import Traction
 if TYPE_CHECKING:
     from libmpm import studies
     from libmpm._src.output.writer import Output
+    from libmpm._src.results import Results, load
     from libmpm._src.simulation import Simulation
     from libmpm._src.study.plan import Trunk
     from libmpm._src.study.study import Study
@@ -60,6 +61,7 @@ __all__ = [
     "Output",
     "OutputError",
     "Plan",
+    "Results",
     "Scene",
     "SceneError",
     "Simulation",
@@ -70,12 +72,14 @@ __all__ = [
     "Trunk",
     "__version__",
     "analysis",
+    "animate",
     "boundaries",
     "build_info",
     "debris",
     "demand",
     "design",
     "grids",
+    "load",
     "materials",
     "sensors",
     "shapes",
@@ -92,9 +96,12 @@ if "OMP_WAIT_POLICY" not in os.environ:
 #: Names that need the compiled core, or packages that descriptions do not: loaded on first use.
 _LAZY = {
     "Output": "libmpm._src.output.writer",
+    "Results": "libmpm._src.results",
     "Simulation": "libmpm._src.simulation",
     "Study": "libmpm._src.study.study",
     "Trunk": "libmpm._src.study.plan",
+    "animate": "libmpm._src.pictures.animate",
+    "load": "libmpm._src.results",
 }
 
 

@@ -6,7 +6,28 @@ import collections.abc
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['Basis', 'Engine', 'build_info', 'equation_of_state', 'material_table', 'plan']
+import typing_extensions
+__all__: list[str] = ['Basis', 'Column', 'Engine', 'build_info', 'equation_of_state', 'material_table', 'plan']
+class Column:
+    """
+    Numbers one after another in the memory of an engine's device.
+    """
+    def dlpack(self, versioned: bool, copied: bool) -> typing_extensions.CapsuleType:
+        ...
+    def numpy(self) -> numpy.ndarray[typing.Any, numpy.dtype[typing.Any]]:
+        ...
+    @property
+    def device(self) -> int:
+        ...
+    @property
+    def pointer(self) -> int:
+        ...
+    @property
+    def shape(self) -> tuple:
+        ...
+    @property
+    def type(self) -> str:
+        ...
 class Engine:
     """
     A simulation on one device, built from a spec (design/engine-contract.md).
@@ -20,6 +41,10 @@ class Engine:
     def attributes(self, body: typing.SupportsInt | typing.SupportsIndex, names: collections.abc.Sequence[str]) -> dict:
         ...
     def drain(self) -> list:
+        ...
+    def flows(self) -> list:
+        ...
+    def gather(self, body: typing.SupportsInt | typing.SupportsIndex, names: collections.abc.Sequence[str], origin: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex]) -> dict:
         ...
     def grid(self, name: str) -> numpy.ndarray[typing.Any, numpy.dtype[typing.Any]]:
         ...
@@ -40,6 +65,9 @@ class Engine:
     def sums(self) -> dict:
         ...
     def timings(self) -> dict[str, float]:
+        ...
+    @property
+    def generation(self) -> int:
         ...
     @property
     def step(self) -> int:

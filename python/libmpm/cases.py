@@ -17,12 +17,13 @@ from libmpm._src.cases.case import Bound, Case, CaseResult, Options
 from libmpm._src.cases.fluids import CASES as _FLUIDS
 from libmpm._src.cases.locking import CASES as _LOCKING
 from libmpm._src.cases.solids import CASES as _SOLIDS
+from libmpm._src.cases.waves import CASES as _WAVES
 from libmpm._src.errors import SceneError
 from libmpm._src.values import nearest
 
 __all__ = ["Bound", "Case", "CaseResult", "Options", "case", "names", "run"]
 
-_CASES: dict[str, Case] = {c.name: c for c in (*_SOLIDS, *_LOCKING, *_FLUIDS)}
+_CASES: dict[str, Case] = {c.name: c for c in (*_SOLIDS, *_LOCKING, *_FLUIDS, *_WAVES)}
 
 
 def names() -> list[str]:

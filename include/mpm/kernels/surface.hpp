@@ -100,8 +100,8 @@ struct SurfaceRecord {
     }
 };
 
-/// What a surface leaves of the velocity of a node at `x`; false where it does not reach it. `own` is
-/// a velocity that its face has beside its motion.
+/// What a surface leaves of the velocity of a node at `x`; false where it does not reach it. `own`
+/// is a velocity that its face has beside its motion.
 template <class T, int D>
 MPM_HD bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
                                const double (&x)[D], const Vec<T, D>& own, Vec<T, D>& v) {

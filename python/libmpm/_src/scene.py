@@ -275,8 +275,8 @@ class Scene:
         tractions           -     -         `Traction` values on faces of a Box, on a `grid`
         transfer            -     Transfer  of the scene's scheme, with a flip and shifts of its
                                             own; None = that of the scene's `Method`
-        sampling            -     -         `shapes.Columns`, `Jitter` or `PoissonDisk` in place of the
-                                            plain lattice
+        sampling            -     -         `shapes.Columns`, `Jitter` or `PoissonDisk` in place of
+                                            the plain lattice
         ==================  ====  ========  ==================================================
 
         Raises `SceneError`; `validate` checks what concerns several objects.

@@ -311,11 +311,17 @@ class Simulation(Looking):
                         f"the checkpoint does not fit {self.device} in {self.precision} "
                         f"precision: {error}; resume with the device and version that wrote it"
                     ) from error
-            self._measured = Measurements(self, engine, specification, self._restored)
-            self._passed = Traffic(self._scene, None if saved is None else saved.state)
-            self._engine = engine
-            self._restored = None
+            self._take(engine, specification, None if saved is None else saved.state)
         return self._engine
+
+    def _take(
+        self, engine: Any, specification: dict[str, Any], state: dict[str, Any] | None = None
+    ) -> None:
+        """Take an engine into use, with what it measures; `state` is what it has loaded."""
+        self._measured = Measurements(self, engine, specification, self._restored)
+        self._passed = Traffic(self._scene, state)
+        self._engine = engine
+        self._restored = None
 
     def _go_on(self, start: Start) -> None:
         """Take up the state of the scene's checkpoint: whole, or what new bodies leave of it."""

@@ -374,16 +374,16 @@ class Traffic:
     """The series of a run's inlets and outlets: particles, mass and volume since its start."""
 
     columns = ("particles", "mass", "volume")
-    units = ("1", "kg", "m³")
 
     def __init__(self, scene: Scene, state: Mapping[str, Any] | None) -> None:
         """Make them, with what a saved state has of them."""
         self.inflow: dict[str, Series] = {}
         self.outflow: dict[str, Series] = {}
+        units = ("1", "kg", "m³") if scene.dimension == 3 else ("1", "kg/m", "m²")
         for placed in scene.flows:
             incoming = isinstance(placed.flow, Inflow)
             attributes = {"kind": "inflow" if incoming else "outflow", "interval": 0.0}
-            series = Series(placed.name, self.columns, self.units, attributes)
+            series = Series(placed.name, self.columns, units, attributes)
             (self.inflow if incoming else self.outflow)[placed.name] = series
         for series in self.series:
             time, values = _keys(series)

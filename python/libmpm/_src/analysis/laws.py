@@ -94,7 +94,7 @@ class Histogram(Law):
     parameter  unit     shape    meaning
     =========  =======  =======  ======================================================
     weight     1        (n,)     counts or shares of the bins, ≥ 0; their sum becomes 1
-    edges      any      (n + 1,) increasing edges of the bins
+    edges      any      (n+1,)   increasing edges of the bins
     =========  =======  =======  ======================================================
 
     Raises `SceneError`.

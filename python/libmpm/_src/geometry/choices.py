@@ -25,9 +25,9 @@ class Columns(Sampling):
     =========  ====  ======  ==================================================================
 
     Lines stand as far apart as the points of the lattice. A length l of one inside the solid takes
-    n = round(l / spacing) points at (k + 1/2) l / n from its lower end, and none where it is shorter
-    than half a spacing. Water above a bed that is not level then begins and ends as its bed and
-    level do; a lattice ends in stairs there, whose unequal weights set it going
+    n = round(l / spacing) points at (k + 1/2) l / n from its lower end, and none where it is
+    shorter than half a spacing. Water above a bed that is not level then begins and ends as bed
+    and level do; a lattice ends in stairs there, whose unequal weights set it going
     (`design/walls.md` section 6). Gaps thinner than a quarter of the spacing may be filled.
     Raises `SceneError`.
     """
