@@ -205,7 +205,7 @@ def run(arguments: argparse.Namespace) -> int:
         own = (measured.name, arguments.size, kind, libmpm.__version__)
         missing = [
             o for o in OPTIONS
-            if o.applies(measured.kind, measured.materials)
+            if o.applies(measured.kind, measured.materials, measured.boundary)
             and (not arguments.options or o.name in arguments.options)
             and (o.name, *own) not in done
         ]  # fmt: skip

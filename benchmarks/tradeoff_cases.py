@@ -175,6 +175,7 @@ class Measured:
     interval: float = 0.0  # s, of the energy where the case has no such sensor
     state: str = ""
     materials: bool = field(default=False)
+    boundary: str = ""  # that options may change: "walls" or "layer"
 
     @property
     def name(self) -> str:
@@ -209,7 +210,7 @@ MEASURED: tuple[Measured, ...] = (
         sizes={"small": {"cells": 24, "turnovers": 1.0}, "device": {"cells": 96, "turnovers": 1.0}},
         expected={"kinetic_left": 1.0},
         shown={"kinetic_left": ("vortex: energy left", ".2f")},
-        state="smooth flow, closed box",
+        state="smooth flow, closed box", boundary="walls",
     ),
     Measured(
         case=cases.case("dam-break"), kind="water", cfl=0.4, energy=_fall,
@@ -230,7 +231,17 @@ MEASURED: tuple[Measured, ...] = (
             "checkerboard": ("tank: checkerboard", ".4f"),
             "speed": ("tank: speed", ".0e"),
         },
-        state="at rest, particles off their lattice by up to 0.1 cells",
+        state="at rest, particles off their lattice by up to 0.1 cells", boundary="walls",
+    ),
+    Measured(
+        case=cases.case("slope-basin"), kind="water", cfl=0.4,
+        sizes={"small": {"cells": 16, "until": 6.0}, "device": {"cells": 32, "until": 6.0}},
+        expected={"speed": 0.0, "level_low": 0.0},
+        shown={
+            "level_low": ("slope: lowest level, cells", "+.2f"),
+            "speed": ("slope: speed", ".0e"),
+        },
+        state="at rest above a bed of 10 degrees", boundary="layer",
     ),
     Measured(
         case=_lame_case("mode", 0.3, 20, 6.0), kind="solid", cfl=0.4, energy=_kinetic,

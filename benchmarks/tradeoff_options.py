@@ -10,13 +10,16 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from libmpm import FBar, Kernel, Method, Transfer
+from libmpm.boundaries import DecayLayer, Mirror, Response
 from libmpm.cases import Options
 
 BASELINE = "baseline"
 #: Forms of F-bar whose smoothing is set by a length.
 BY_LENGTH = ("two-volume", "split", "literal")
 LENGTH = 1.0  # cells, of those forms
-Group = Literal["baseline", "transfer", "kernel", "F-bar", "solid", "precision", "pipeline"]
+Group = Literal[
+    "baseline", "transfer", "kernel", "F-bar", "solid", "boundary", "precision", "pipeline"
+]
 
 
 @dataclass(frozen=True)
@@ -37,10 +40,20 @@ class Option:
     precision: str = "single"
     pipeline: str = "auto"
     step: float = 1.0
+    walls: Response | None = None
+    layer: DecayLayer | None = None
     beside: str = BASELINE
 
-    def applies(self, kind: str, varies: bool) -> bool:
-        """Return whether it changes anything in cases of "water" or "solid"; `varies`: the law."""
+    def applies(self, kind: str, varies: bool, of_case: str = "") -> bool:
+        """Return whether it changes anything in cases of "water" or "solid".
+
+        `varies`: the law does; `of_case`: the boundary that does, "walls" or "layer", of which
+        "layer" is all that its cases are for.
+        """
+        if self.walls is not None or self.layer is not None:
+            return of_case == ("walls" if self.layer is None else "layer")
+        if of_case == "layer":
+            return self.group == "baseline"
         if self.fbar is not None:
             return kind == "water"
         if self.material != "FixedCorotated":
@@ -53,6 +66,8 @@ class Option:
             method=Method(cfl=cfl * self.step, transfer=self.transfer, kernel=self.kernel),
             fbar=smoothing(self.fbar, cell_size),
             solid_fbar=smoothing(self.solid_fbar, cell_size),
+            walls=self.walls,
+            layer=self.layer,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -79,6 +94,8 @@ class Option:
             "precision": self.precision,
             "pipeline": self.pipeline,
             "step": self.step,
+            "walls": None if self.walls is None else self.walls.kind,
+            "layer": None if self.layer is None else self.layer.to_dict(),
         }
 
 
@@ -149,6 +166,10 @@ def _kernels() -> list[Option]:
 
 
 FORMS = ("one-volume-gradient", "one-volume", "two-volume", "stress-only", "split", "literal")
+LAYERS = (
+    ("constrained", 1.5), ("flipped", 1.0), ("cosine", 2.0), ("linear", 1.5), ("quadratic", 2.0),
+    ("free", 1.0),
+)  # fmt: skip
 LAWS = ("NeoHookean", "StVenantKirchhoffHencky", "LinearElastic", "Hypoelastic", "VonMises")
 
 OPTIONS: tuple[Option, ...] = (
@@ -158,6 +179,13 @@ OPTIONS: tuple[Option, ...] = (
     *(Option(f"F-bar {form}", "F-bar", fbar=form) for form in FORMS),
     *(Option(f"solid F-bar {form}", "solid", solid_fbar=form) for form in FORMS),
     *(Option(law, "solid", material=law) for law in LAWS),
+    Option("mirrored walls", "boundary", walls=Mirror()),
+    *(
+        Option(
+            f"layer {name} {cells:g}", "boundary", layer=DecayLayer(function=name, thickness=cells)
+        )
+        for name, cells in LAYERS
+    ),
     Option("double precision", "precision", precision="double"),
     Option("mixed precision", "precision", precision="mixed"),
     Option("two-pass", "pipeline", pipeline="two-pass"),

@@ -426,3 +426,24 @@ def test_body_must_fill_the_zone():
     data["bodies"][0]["shape"]["lower"] = [0.2, 0.0]
     with pytest.raises(libmpm.SceneError, match="does not fill the zone"):
         libmpm.Scene.from_dict(data).validate()
+
+
+def test_layers_that_start_inside_a_bed_are_refused():
+    """Of any shape; and a body that is no box has to fill the zone as well."""
+    bed = shapes.HeightField(x=[0, 1, 2], z=[0.3, 0.3, 0.1], base=-1)
+    scene = libmpm.Scene(
+        dimension=2, cell_size=CELL, lower=(0, 0), upper=(2, 1), gravity=(0, -9.81)
+    )
+    box = shapes.Box(lower=(0, 0), upper=(1, 0.6))
+    scene.add_body(name="water", shape=box - bed, material=materials.TaitFluid(bulk_modulus=1e5))
+    scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip())
+    inlet = boundaries.Inflow(body="water", face="x-", velocity=0.5, level=0.6)
+    scene.add_flow(name="inlet", flow=inlet)
+    with pytest.raises(libmpm.SceneError, match="lie in boundary 'bed'"):
+        scene.validate()
+    far = libmpm.Scene(dimension=2, cell_size=CELL, lower=(0, 0), upper=(2, 1), gravity=(0, -9.81))
+    ball = shapes.Sphere(centre=(1.5, 0.5), radius=0.2)
+    far.add_body(name="water", shape=ball, material=materials.TaitFluid(bulk_modulus=1e5))
+    far.add_flow(name="inlet", flow=inlet)
+    with pytest.raises(libmpm.SceneError, match="does not fill the zone"):
+        far.validate()

@@ -322,3 +322,27 @@ def test_grids_of_functions_have_particle_sensors_only():
     scene.add_sensor(name="grid", sensor=sensors.GridSensor())
     with pytest.raises(libmpm.SceneError, match=r"'grid'.*no nodes that carry mass"):
         scene.validate()
+
+
+def test_sensors_of_what_has_left_read_nothing():
+    """No particle is left: zero mass, no velocity, and the run goes on."""
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1),
+        method=libmpm.Method(leaving="delete"),
+    )  # fmt: skip
+    scene.add_body(
+        name="block", shape=shapes.Box(lower=(0.7, 0.4), upper=(0.9, 0.6)), velocity=(5.0, 0.0),
+        material=materials.FixedCorotated(density=1000, youngs_modulus=1e5, poissons_ratio=0.3),
+    )  # fmt: skip
+    mass = sensors.GridSensor(attribute="mass", operation="sum", interval=0.02)
+    scene.add_sensor(name="mass", sensor=mass)
+    tracker = sensors.AttributeTracker(
+        body="block", ids=[0], attributes=["velocity"], interval=0.02
+    )
+    scene.add_sensor(name="track", sensor=tracker)
+    simulation = libmpm.Simulation(scene, device="cpu")
+    with pytest.warns(libmpm.ModelWarning, match="left"):
+        simulation.run(until=0.15, progress=False)
+    assert simulation.sensors["mass"].values[0] == pytest.approx(40.0)
+    assert simulation.sensors["mass"].values[-1] == 0.0
+    assert np.isnan(simulation.sensors["track"].values[-1]).all()

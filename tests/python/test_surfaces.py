@@ -299,6 +299,8 @@ def test_scenes_without_special_boundaries_run_without_them():
         ({"shape": Sphere(centre=(9, 9), radius=0.5), "response": Slip()}, "reach into it"),
         ({"shape": DomainWalls(), "response": Slip(), "layer": DecayLayer()}, "leave layer out"),
         ({"shape": DomainWalls(), "response": Slip(), "bodies": ("wter",)}, "did you mean"),
+        ({"shape": DomainWalls(), "response": Slip(), "bodies": 5}, "names of bodies"),
+        ({"shape": DomainWalls(), "response": Mirror(), "bodies": ("water",)}, "expected neither"),
         (
             {
                 "shape": HalfSpace(point=(0, 0), normal=(0, 1)),

@@ -35,7 +35,7 @@ def choices(kind, name):
 
 def wanted():
     """Pairs of an option and a case that the table has."""
-    return [(o, m) for o in OPTIONS for m in MEASURED if o.applies(m.kind, m.materials)]
+    return [(o, m) for o in OPTIONS for m in MEASURED if o.applies(m.kind, m.materials, m.boundary)]
 
 
 def lines():

@@ -13,6 +13,7 @@ struct BoundaryView {
     int count;
     const SurfaceRecord<D>* surfaces;
     double cell_size;
+    int reach;  // nodes beyond a face of the domain that particles inside can reach
 };
 
 /// Centre of a cell, which is its node, m.
@@ -137,8 +138,8 @@ struct NothingSeen {
 /// nodes share what lies there.
 template <int D>
 struct Images {
-    static constexpr int reach = 2;  // nodes beyond a plane that particles inside can reach
-    std::int64_t inside[D];          // the cell that this node is, or is an image of
+    int reach;
+    std::int64_t inside[D];  // the cell that this node is, or is an image of
     bool mirrored = false;
     double sign[D];         // of the velocity here against that at `inside`
     std::int64_t at[D][3];  // on each axis: `inside`, then its images
@@ -146,7 +147,8 @@ struct Images {
     bool reverses_all[D];   // of the planes of an axis: sticky ones
     int boundary[D], face[D];
 
-    MPM_INLINE Images(const BoundaryView<D>& all, const std::int64_t (&cell)[D]) {
+    MPM_INLINE Images(const BoundaryView<D>& all, const std::int64_t (&cell)[D])
+        : reach(all.reach) {
         for (int a = 0; a < D; ++a) {
             inside[a] = cell[a];
             sign[a] = 1;
@@ -176,7 +178,9 @@ struct Images {
             for (int c = 0; c < D; ++c)
                 if (c == a || all) sign[c] = -sign[c];
         }
-        if (pass == 1 && apart >= 0 && apart < reach) {
+        // A face that two records mirror is one plane.
+        const bool listed = count[a] > 1 && at[a][count[a] - 1] == image;
+        if (pass == 1 && apart >= 0 && apart < reach && !listed && count[a] < 3) {
             mirrored = true;
             at[a][count[a]++] = image;
             reverses_all[a] = all;

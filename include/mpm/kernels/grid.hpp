@@ -92,9 +92,14 @@ struct NodeUpdate {
     /// Mass of all nodes that share, 0 where it is negligible.
     MPM_INLINE T shared_mass(const Images<D>& images) const {
         T all = 0;
+        std::int64_t quanta = 0;
         each_image(images, [&](const Sum* s, const double(&)[D]) {
+            if constexpr (std::is_integral_v<Sum>) quanta += std::int64_t(s[0]);
             all += from_sum<T>(s[0], clock->unit_read[mass_sum]);
         });
+        if constexpr (std::is_integral_v<Sum>) {
+            if (quanta < least_quanta) return 0;
+        }
         return all > T(negligible_mass<T> * least_mass) ? all : T(0);
     }
     /// Of a node whose images have mass; `own` is what it would have by itself, for `seen`.

@@ -170,11 +170,13 @@ struct TouchBoundaries {
         const double span = Block<D>::edge * cell_size;
         if (s.path.given() || s.turn.given() || s.field.per_metre * span > DistanceField<D>::edge)
             return true;
-        // Its blocks are no smaller than these, so one of the corners lies in any that matters.
+        // Its blocks are no smaller than these, so one of the outermost nodes lies in any that
+        // matters, also where the edges of both coincide and rounding decides whose they are.
         for (int corner = 0; corner < (1 << D); ++corner) {
             double x[D], local[D];
             for (int a = 0; a < D; ++a)
-                x[a] = double(block[a]) * span + (corner >> a & 1 ? span : 0.0);
+                x[a] = double(block[a]) * span +
+                       (corner >> a & 1 ? span - 0.5 * cell_size : 0.5 * cell_size);
             if (s.field.find(x, local) >= 0) return true;
         }
         return false;

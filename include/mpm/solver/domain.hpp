@@ -205,6 +205,9 @@ private:
             return momentum_sum;
         return group_sum;
     }
+    bool wide_kernel() const {
+        return spec_.kernel.kernel == Kernel::cubic || spec_.kernel.kernel == Kernel::cpgimp;
+    }
     int parity() const { return int(clock_.step & 1); }
     GridView<Grid, Sum, D> grid_view(int parity) {
         return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(),
@@ -214,7 +217,7 @@ private:
         return {grid_view(parity),
                 clock_buffer_.data(),
                 {boundary_records_.data(), int(spec_.boundaries.size()), surfaces_.data(),
-                 spec_.cell_size},
+                 spec_.cell_size, wide_kernel() ? 2 : 1},
                 touched_.data(),
                 least_mass_};
     }

@@ -275,6 +275,11 @@ void Domain<X, T, D>::adopt_sums(const std::vector<double>& value) {
             double& most = top[scale_of_sum(k)];
             most = std::max(most, std::abs(value[k]));
         }
+        // A layer of an inlet may come before the clock has chosen scales.
+        top[mass_sum] += supplied_mass_;
+        for (const InletSpec& inlet : spec_.inlets)
+            for (double v : inlet.velocity.value)
+                top[momentum_sum] = std::max(top[momentum_sum], top[mass_sum] * std::abs(v));
         for (int q = 0; q < quantities; ++q) {
             double scale = 1;
             if (top[q] > 0)

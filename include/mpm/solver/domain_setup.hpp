@@ -188,6 +188,16 @@ void Domain<X, T, D>::set_boundaries() {
         }
         special_boundaries_ = special_boundaries_ || special(s);
         for (int f = 0; f < 2 * D; ++f) {
+            if (!s.present[f] || !mirrors(s.law[f].response)) continue;
+            if (r.limited || s.restricted >= 0)
+                throw SceneError("boundary '" + s.name +
+                                 "' mirrors, which can be limited neither in space nor to bodies");
+            if (wide_kernel() && spec_.cells[f / 2] < 2)
+                throw SceneError("boundary '" + s.name +
+                                 "' mirrors along an axis of one cell, too narrow for this kernel; "
+                                 "make it two cells or take another kernel");
+        }
+        for (int f = 0; f < 2 * D; ++f) {
             r.present[f] = s.present[f];
             r.law[f] = s.law[f];
         }

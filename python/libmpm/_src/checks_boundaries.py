@@ -84,6 +84,11 @@ def _check_mirror(check: Checker, scene: Scene, boundary: Boundary) -> None:
         )
     if boundary.motion is not None:
         check.fail("motion is given for a Mirror, which rests; expected None; use Slip")
+    if boundary.within is not None or boundary.bodies:
+        check.fail(
+            "within or bodies is given for a Mirror, a plane of the whole scene; expected neither; "
+            "use Slip"
+        )
     method = scene.method
     if method.transfer_choice.scheme in _FILTERS:
         check.fail(

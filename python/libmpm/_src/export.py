@@ -81,6 +81,8 @@ def export(
     none. A checkpoint gives one frame, numbered by its step, of every attribute the engine knows.
     Raises `SceneError`, `CheckpointError`, `OutputError`.
     """
+    bodies = (bodies,) if isinstance(bodies, str) else bodies
+    attributes = (attributes,) if isinstance(attributes, str) else attributes
     if to not in FORMATS:
         raise SceneError(f"export: the format is {to!r}; {nearest(str(to), FORMATS)}")
     if one_file and to != "npz":
@@ -259,7 +261,7 @@ def _csv(folder: Path, picture: Picture) -> Path:
         unit = picture.units.get(name, "")
         names = _columns(name, values, position.shape[1])
         titles += [f"{n} [{unit}]" if unit else n for n in names]
-        columns += list(values.reshape(len(position), -1).T)
+        columns += list(values.reshape(len(position), math.prod(values.shape[1:])).T)
     with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(titles) + "\n")
         # Texts take many times the memory of numbers.

@@ -40,6 +40,9 @@ class Initial:
     def take(self, simulation: Simulation, body: str, name: str, array: Any) -> None:
         """Keep a copy of an array for one body; raises `SceneError`."""
         label = f"particles of body '{body}'"
+        names = [b.name for b in simulation.scene.bodies]
+        if body not in names:
+            raise SceneError(f"{label}: there is no such body; {nearest(body, names)}")
         if name not in _TAKEN:
             why = "; positions and the material's state follow from shapes and materials"
             why = why if name in simulation.particles[body].names else ""

@@ -153,10 +153,12 @@ class Boundary(Value):
             check.fail(
                 "response has faces, which a surface of any shape has not; expected one response"
             )
-        bodies = (self.bodies,) if isinstance(self.bodies, str) else self.bodies
+        bodies = (self.bodies,) if isinstance(self.bodies, str) else sequence(self.bodies)
+        if bodies is None:
+            check.fail(f"bodies is {self.bodies!r}; expected names of bodies; give ('block',)")
         return {
             "spacing": spacing,
-            "bodies": tuple(check.text("bodies", name) for name in sequence(bodies) or ()),
+            "bodies": tuple(check.text("bodies", name) for name in bodies or ()),
             "name": check.text("name", self.name),
             "response": response,
             "time": self._window(check),

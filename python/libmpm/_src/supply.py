@@ -15,7 +15,7 @@ from libmpm._src.flow import MOST_PARTICLES, Flow, Inflow, Outflow
 from libmpm._src.output.sensor_file import Series
 from libmpm._src.sampling import lattice
 from libmpm._src.sensors import ParticleTracker, Sensor
-from libmpm._src.shapes import Box, DomainWalls, faces_of
+from libmpm._src.shapes import Box, DomainWalls, Solid, faces_of
 from libmpm._src.timetable import TimeTable
 from libmpm._src.values import Checker, nearest
 
@@ -319,15 +319,32 @@ def _check_inflow(check: Checker, scene: Scene, name: str, flow: Inflow, doubts:
         return
     inside = made.points + np.asarray(scene.lower)
     for boundary in scene.boundaries:
-        if not isinstance(boundary.shape, Box) or boundary.window[0] > 0:
+        shape = boundary.shape
+        if not isinstance(shape, Solid) or shape.dimension != d or boundary.window[0] > 0:
             continue
-        hit = np.all((inside > boundary.shape.lower) & (inside < boundary.shape.upper), axis=1)
+        if boundary.bodies and flow.body not in boundary.bodies:
+            continue
+        hit = shape.distance(inside) < -1e-9 * scene.cell_size
         # A region of prescribed velocity keeps no particle out.
         if np.any(hit) and getattr(boundary.response, "kind", "") != "prescribed":
             check.fail(
                 f"{int(hit.sum())} points of its layers lie in boundary '{boundary.name}'; "
                 "expected none; give its shape as bed"
             )
+    if not check.problems and isinstance(body.shape, Solid) and not isinstance(body.shape, Box):
+        for depth in (0.5, flow.zone - 0.5):
+            there = inside.copy()
+            end = scene.upper[axis] if upper else scene.lower[axis]
+            there[:, axis] = end + (-depth if upper else depth) * scene.cell_size
+            if flow.bed is not None:
+                there = there[flow.bed.distance(there) > scene.cell_size]
+            filled = body.shape.distance(there) < 0.5 * scene.cell_size
+            if len(there) and np.mean(filled) < 0.9:
+                check.fail(
+                    f"body '{body.name}' does not fill the zone of {flow.zone} cells inside face "
+                    f"'{flow.face}'; expected water there at the start; begin it at the face"
+                )
+                return
 
 
 def _check_tracker(scene: Scene, name: str, sensor: Sensor, problems: list[str]) -> None:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from libmpm._src.errors import SceneError
 from libmpm._src.timetable import TimeTable
-from libmpm._src.values import Checker
+from libmpm._src.values import Checker, sequence
 
 __all__ = ["piston_stroke", "stroke_from_file"]
 
@@ -100,7 +100,7 @@ def stroke_from_file(
     Before its first row and after its last one the piston rests. Raises `SceneError`.
     """
     check = Checker(f"stroke_from_file: {path}")
-    names = tuple(columns)
+    names = tuple(sequence(columns) or ())
     if names not in _COLUMNS:
         known = " or ".join(", ".join(c) for c in _COLUMNS)
         check.fail(f"columns is {columns!r}; expected {known}")

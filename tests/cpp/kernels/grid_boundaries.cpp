@@ -40,7 +40,7 @@ template <int D>
 Vec<double, D> apply(const std::vector<BoundaryRecord<D>>& all, const std::int64_t (&cell)[D],
                      Vec<double, D> v, Seen<D>* seen = nullptr) {
     apply_boundaries<false>(
-        BoundaryView<D>{all.data(), int(all.size()), nullptr, 1.0}, cell, v,
+        BoundaryView<D>{all.data(), int(all.size()), nullptr, 1.0, 1}, cell, v,
         [&](int b, int f, const Vec<double, D>& before, const Vec<double, D>& after) {
             if (!seen) return;
             seen->boundary.push_back(b);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mpm/kernels/boundaries.hpp"
+#include "mpm/kernels/sorting.hpp"
 
 namespace mpm {
 namespace {
@@ -159,6 +160,31 @@ TEST(Response, along_an_axis_both_forms_agree) {
     }
 }
 
+TEST(Surface, every_block_with_nodes_near_it_is_touched) {
+    // Blocks of grid and lattice coincide, so rounding decides on which side their edges lie.
+    for (double h : {0.1, 0.02, 0.01, 0.003}) {
+        for (std::int64_t block = 0; block < 130; ++block) {
+            const std::uint64_t field_key = 0;
+            const std::int32_t place = 0;
+            const std::vector<float> value(DistanceField<2>::corners, 0.0f);
+            SurfaceRecord<2> record{};
+            record.field = {&field_key, &place, value.data(), 1, {block, 0}, {1, 1}, {0, 0}, 1 / h};
+            BlockTableView<2> table{};
+            for (auto& n : table.keys_of.counts) n = 140;
+            const std::int64_t at[2] = {block, 0};
+            const std::uint64_t key = table.keys_of.key(at);
+            table.keys = &key;
+            table.slots = 1;
+            BoundaryRecord<2> r{};
+            r.surface = 1;
+            r.upper[0] = r.upper[1] = 8 * 140;
+            std::uint32_t touched = 0;
+            TouchBoundaries<2>{table, &r, 1, &record, h, &touched}(0);
+            EXPECT_EQ(touched, 1u) << h << " " << block;
+        }
+    }
+}
+
 TEST(Images, of_a_corner_are_four_and_reflect) {
     BoundaryRecord<2> walls{};
     walls.active = 1;
@@ -167,7 +193,7 @@ TEST(Images, of_a_corner_are_four_and_reflect) {
         walls.present[f] = 1;
         walls.law[f].response = Response::mirror;
     }
-    const BoundaryView<2> view{&walls, 1, nullptr, 1.0};
+    const BoundaryView<2> view{&walls, 1, nullptr, 1.0, 1};
     const std::int64_t corner[2] = {-1, 8};
     const Images<2> images(view, corner);
     ASSERT_TRUE(images.mirrored);

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from libmpm._src.boundaries import DecayLayer, Response
 from libmpm._src.errors import ModelWarning
 from libmpm._src.method import FBar, Method
 from libmpm._src.scene import Scene
@@ -35,12 +36,15 @@ class Options:
     """Numerical choices that every case can be run with; None or "case" is the case's own choice.
 
     `method` replaces the case's `Method` but for what the case must prescribe (its docstring says
-    so); `fbar` is that of its fluids, `solid_fbar` that of its solids.
+    so); `fbar` is that of its fluids, `solid_fbar` that of its solids. `walls` is what the walls of
+    "tank" and "vortex" do, `layer` the decay layer of the bed of "slope-basin".
     """
 
     method: Method | None = None
     fbar: FBar | Literal["case"] | None = "case"
     solid_fbar: FBar | Literal["case"] | None = "case"
+    walls: Response | None = None
+    layer: DecayLayer | None = None
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ def _tank(p: Parameters, options: Options) -> Scene:
     else:
         _add_disordered(scene, p, bed, common)
     walls = DomainWalls(faces=("x-", "x+", "y-"))
-    scene.add_boundary(name="walls", shape=walls, response=Slip())
+    scene.add_boundary(name="walls", shape=walls, response=options.walls or Slip())
     return scene
 
 
@@ -343,7 +343,7 @@ def _vortex(p: Parameters, options: Options) -> Scene:
         fbar=fluid_fbar(options),
         hydrostatic=1.0 + 2 * speed**2 / gravity,
     )
-    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
+    scene.add_boundary(name="walls", shape=DomainWalls(), response=options.walls or Slip())
     scene.add_sensor(name="energy", sensor=Energy(interval=0.02))
     return scene
 

@@ -355,7 +355,7 @@ def _slope(p: Parameters, options: Options) -> Scene:
         hydrostatic=1.0,
         sampling=Columns(),
     )
-    scene.add_boundary(name="bed", shape=bed, response=Slip())
+    scene.add_boundary(name="bed", shape=bed, response=Slip(), layer=options.layer)
     scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
     return scene
 

@@ -30,7 +30,8 @@ def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]
             f"{str(sha256)[:12]}...; expected the same file; put it back, or leave sha256 out to "
             "take it as it is now"
         )
-    return str(file), found
+    # Absolute, so that what was begun in one folder can be resumed or read from another.
+    return str(Path(file).absolute()), found
 
 
 def file_state(file: str | Path) -> tuple[str, int, int]:

@@ -93,6 +93,11 @@ class HeightField(Solid):
         Heights stand for the centres of the file's cells. The scene keeps the numbers, not the
         file. Raises `SceneError`.
         """
+        check = Checker("shapes.HeightField.from_esri")
+        origin = check.vector("origin", origin, lengths=(2,), unit="m")
+        if fill is not None:
+            fill = check.number("fill", fill, unit="m")
+        check.finish()
         x, y, z = read_esri(Path(path), fill)
         x, y = x - float(origin[0]), y - float(origin[1])
         return cls(x=x.tolist(), y=y.tolist(), z=z.tolist(), base=base)

@@ -105,7 +105,9 @@ def colours_of(arrays: Mapping[str, NDArray[Any]], color: str) -> Array:
     values = np.asarray(arrays[name])
     if component is None:
         return (
-            values if values.ndim == 1 else np.linalg.norm(values.reshape(len(values), -1), axis=1)
+            values
+            if values.ndim == 1
+            else np.sqrt(np.sum(values**2, axis=tuple(range(1, values.ndim))))
         )
     if values.ndim == 2 and len(component) == 2:  # a tensor of a frame, (n, d * d)
         d = round(np.sqrt(values.shape[1]))

@@ -47,9 +47,12 @@ class Nodes:
         scene, engine = simulation.scene, simulation.engine
         d = scene.dimension
         sums = engine.sums()
-        cell = np.asarray(sums["cell"], dtype=np.int64)
-        seen = np.floor(np.asarray(engine.grid("position")) / scene.cell_size).astype(np.int64)
-        velocity = np.asarray(engine.grid("velocity"))
+        cell = np.asarray(sums["cell"], dtype=np.int64).reshape(-1, d)
+        place = np.asarray(engine.grid("position")).reshape(-1, d)
+        seen = np.floor(place / scene.cell_size).astype(np.int64)
+        velocity = np.asarray(engine.grid("velocity")).reshape(-1, d)
+        # Without particles there are no sums.
+        none = np.zeros(len(cell))
         # The sums also have nodes whose mass is rounding; both lists are sorted alike.
         low = np.minimum(cell.min(axis=0, initial=0), seen.min(axis=0, initial=0))
         high = np.maximum(cell.max(axis=0, initial=0), seen.max(axis=0, initial=0))
@@ -60,9 +63,10 @@ class Nodes:
         rows = order[np.searchsorted(keys, wanted[by], sorter=order)]
         self.key = wanted[by]
         self.cell = cell[rows]
-        self.mass = np.asarray(sums["mass"])[rows]
+        self.mass = np.asarray(sums.get("mass", none))[rows]
         self.velocity = velocity[by]
-        self.momentum = np.stack([np.asarray(sums[f"momentum_{a}"])[rows] for a in "xyz"[:d]], 1)
+        momentum = [np.asarray(sums.get(f"momentum_{a}", none))[rows] for a in "xyz"[:d]]
+        self.momentum = np.stack(momentum, axis=1)
         self.position = (self.cell + 0.5) * scene.cell_size + np.asarray(scene.lower)
         self._cell_size = scene.cell_size
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from libmpm._src.checks import vertical_axis
@@ -97,7 +99,7 @@ class OfAttributes(Sampler):
         parts = []
         for name in self._sensor.attributes:
             values = np.asarray(moment.attribute(self._body, name), dtype=np.float64)
-            values = values.reshape(len(ids), -1)
+            values = values.reshape(len(ids), math.prod(values.shape[1:]))
             part = np.full((len(wanted), values.shape[1]), np.nan)
             part[there] = values[at[there]]
             parts.append(part)
