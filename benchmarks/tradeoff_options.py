@@ -94,8 +94,8 @@ class Option:
             "precision": self.precision,
             "pipeline": self.pipeline,
             "step": self.step,
-            "walls": None if self.walls is None else self.walls.kind,
-            "layer": None if self.layer is None else self.layer.to_dict(),
+            **({} if self.walls is None else {"walls": self.walls.kind}),
+            **({} if self.layer is None else {"layer": self.layer.to_dict()}),
         }
 
 

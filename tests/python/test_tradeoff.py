@@ -99,7 +99,7 @@ def test_every_elastic_law_has_a_row():
 def test_options_differ_by_one_choice_from_what_they_stand_beside():
     names = {o.name: o for o in OPTIONS}
     assert len(names) == len(OPTIONS)
-    plain = ("fbar", "solid_fbar", "material", "precision", "pipeline", "step")
+    plain = ("fbar", "solid_fbar", "material", "precision", "pipeline", "step", "walls", "layer")
     fields = ("transfer", "kernel", *plain)
     for option in OPTIONS:
         other = names[option.beside]
