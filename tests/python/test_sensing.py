@@ -346,3 +346,80 @@ def test_sensors_of_what_has_left_read_nothing():
     assert simulation.sensors["mass"].values[0] == pytest.approx(40.0)
     assert simulation.sensors["mass"].values[-1] == 0.0
     assert np.isnan(simulation.sensors["track"].values[-1]).all()
+
+
+def stacked(interval=0.0, **changes):
+    """A block on a block on the floor, water beside both."""
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 2), gravity=(0, -9.81), **changes
+    )
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    for name, density, low, high in (
+        ("lower", 500, (0.5, 0.0), (1.1, 0.4)), ("upper", 800, (0.6, 0.4), (1.0, 0.7)),
+    ):  # fmt: skip
+        law = materials.FixedCorotated(density=density, youngs_modulus=1e5, poissons_ratio=0.3)
+        scene.add_body(name=name, shape=shapes.Box(lower=low, upper=high), material=law)
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(1.1, 0), upper=(2, 0.6)),
+        material=materials.TaitFluid(density=1000, bulk_modulus=1e5),
+    )  # fmt: skip
+    for one in ("lower", "upper", "water"):
+        for other in ("lower", "upper", "water"):
+            if one != other:
+                force = sensors.ContactForce(body=one, by=other, interval=interval)
+                scene.add_sensor(name=f"{one}-{other}", sensor=force)
+    return scene
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_contact_forces_are_opposite_and_change_the_momentum(precision):
+    """Of a pair to rounding; those on a body that touches no wall add up to all that it feels."""
+    scene = stacked()
+    track = sensors.BodyTracker(body="upper", quantities=("contact_force",), interval=0.0)
+    scene.add_sensor(name="all", sensor=track)
+    simulation = libmpm.Simulation(scene, device="cpu", precision=precision)
+    simulation.step(200)
+    size = 1e-9 if precision == "double" else 1e-4
+    found = {s.name: simulation.sensors[s.name] for s in scene.sensors}
+    weight = 0.4 * 0.3 * 800 * 9.81
+    for one, other in (("lower", "upper"), ("lower", "water"), ("upper", "water")):
+        there, back = found[f"{one}-{other}"].values, found[f"{other}-{one}"].values
+        np.testing.assert_allclose(there, -back, atol=size * weight)
+    on_upper = found["upper-lower"].values + found["upper-water"].values
+    assert np.abs(on_upper).max() > 0.5 * weight
+    # What a body feels from one sample of its velocities to the next is what the step between
+    # gave it.
+    felt = found["all"]
+    at = np.searchsorted(felt.time, found["upper-lower"].time)
+    np.testing.assert_allclose(on_upper[1:], felt.values[at][1:], atol=20 * size * weight)
+
+
+def test_contact_force_carries_the_weight_at_rest():
+    scene = stacked(interval=0.05, method=libmpm.Method(transfer="APIC"))
+    simulation = libmpm.Simulation(scene, device="cpu")
+    simulation.run(until=3.0, progress=False)
+    force = simulation.sensors["upper-lower"]
+    assert len(force) == pytest.approx(61, abs=1)
+    half = len(force) // 2
+    assert force.values[half:, 1].mean() == pytest.approx(0.4 * 0.3 * 800 * 9.81, rel=0.05)
+
+
+def test_contact_force_of_a_resumed_run_is_that_of_a_whole_one(tmp_path):
+    """Also when the run is parted between the two steps of a sample."""
+    whole = libmpm.Simulation(stacked(interval=0.01), device="cpu", precision="double")
+    whole.step(60)
+    first = libmpm.Simulation(stacked(interval=0.01), device="cpu", precision="double")
+    for _ in range(30):
+        first.step(1)
+        first.save_checkpoint(tmp_path / "part.npz")
+        first = libmpm.Simulation.resume(tmp_path / "part.npz")
+    first.step(30)
+    for name in ("upper-lower", "water-upper"):
+        np.testing.assert_array_equal(first.sensors[name].time, whole.sensors[name].time)
+        np.testing.assert_array_equal(first.sensors[name].values, whole.sensors[name].values)
+
+
+def test_contact_force_is_refused_where_it_means_nothing():
+    scene = stacked(method=libmpm.Method(transfer=libmpm.Transfer(scheme="FLIP")))
+    with pytest.raises(libmpm.SceneError, match="APIC on quadratic splines"):
+        scene.validate()

@@ -148,6 +148,7 @@ UNITS: dict[str, dict[str, str]] = {
         "attribute": TEXT, "operation": TEXT, "direction": TEXT, "region": "m", "interval": "s",
     },
     "BodyTracker": {"body": TEXT, "quantities": TEXT, "interval": "s"},
+    "ContactForce": {"body": TEXT, "by": TEXT, "interval": "s"},
     "AttributeTracker": {"body": TEXT, "ids": TEXT, "attributes": TEXT, "interval": "s"},
     "PressureProbe": {
         "position": "m", "radius": "m", "order": TEXT, "body": TEXT, "interval": "s",

@@ -16,12 +16,14 @@ from libmpm._src.sensing.bodies import OfBody
 from libmpm._src.sensing.custom import check_functions
 from libmpm._src.sensing.grid import OfGrid
 from libmpm._src.sensing.moment import Moment
+from libmpm._src.sensing.pair import OfContact
 from libmpm._src.sensing.particles import OfAttributes, OfElevation, OfParticles, OfPressure
 from libmpm._src.sensing.reduce import Array
 from libmpm._src.sensing.sampler import Sampler
 from libmpm._src.sensing.values import (
     AttributeTracker,
     BodyTracker,
+    ContactForce,
     Custom,
     ElevationGauge,
     GridSensor,
@@ -64,7 +66,7 @@ class OfFunction(Sampler):
 _SAMPLERS: dict[type[Sampled], Any] = {
     ParticleSensor: OfParticles, GridSensor: OfGrid, BodyTracker: OfBody,
     AttributeTracker: OfAttributes, PressureProbe: OfPressure, ElevationGauge: OfElevation,
-    Custom: OfFunction,
+    ContactForce: OfContact, Custom: OfFunction,
 }  # fmt: skip
 
 
@@ -86,6 +88,8 @@ class _Python:
 
     def due(self) -> float:
         """Return the time, s, from which the next sample may be taken."""
+        if self.sampler.again_after is not None:
+            return math.nextafter(self.sampler.again_after, math.inf)
         if not len(self.series):
             return -math.inf
         last = float(self.series.since(len(self.series) - 1)[0][0])
@@ -168,12 +172,14 @@ class Measurements:
                 one.sampler.announce(moment)
             for one in due:
                 row = self._row(one, moment)
+                if row is None:
+                    continue
                 one.series.append(np.array([now]), np.array([row], dtype=np.float64))
         finally:
             self._busy = False
 
     @staticmethod
-    def _row(one: _Python, moment: Moment) -> Sequence[float] | Array:
+    def _row(one: _Python, moment: Moment) -> Sequence[float] | Array | None:
         try:
             return one.sampler.row(moment)
         except SceneError as error:

@@ -11,6 +11,7 @@ from libmpm._src.sensing.sampler import bodies_of
 from libmpm._src.sensing.values import (
     AttributeTracker,
     BodyTracker,
+    ContactForce,
     ElevationGauge,
     GridSensor,
     ParticleSensor,
@@ -57,6 +58,8 @@ def check_sampled(check: Checker, scene: Scene, sensor: Sampled, counts: Mapping
                     f"boundary_force is asked for with {kernel.text()}; a body's share of a node "
                     "is worked out with quadratic splines; use Kernel('quadratic') or leave it out"
                 )
+    elif isinstance(sensor, ContactForce):
+        _check_contact(check, scene, sensor)
     elif isinstance(sensor, PressureProbe):
         _check_place(check, scene, sensor.position, list(range(d)), "the probe")
     elif isinstance(sensor, ElevationGauge):
@@ -67,6 +70,23 @@ def check_sampled(check: Checker, scene: Scene, sensor: Sampled, counts: Mapping
                 "gravity is not along an axis; expected one axis to be vertical; use "
                 'ParticleSensor(attribute="Elevation") with a region'
             )
+
+
+def _check_contact(check: Checker, scene: Scene, sensor: ContactForce) -> None:
+    names = [b.name for b in scene.bodies]
+    if sensor.by not in names:
+        check.fail(f"by is unknown body '{sensor.by}'; {nearest(sensor.by, names)}")
+    elif sensor.by == sensor.body:
+        check.fail(f"by is '{sensor.by}', the body itself; expected another body")
+    kernel, transfer = scene.method.kernel_choice, scene.method.transfer_choice
+    plain = kernel.name == "quadratic" and not kernel.boundary and kernel.form == "mls"
+    if scene.grid is not None or transfer.scheme != "APIC" or not plain:
+        what = "a grid of functions" if scene.grid is not None else (
+            f"transfer '{transfer.scheme}' and {kernel.text()}")  # fmt: skip
+        check.fail(
+            f"ContactForce is asked for with {what}; what bodies leave at the nodes is worked out "
+            "for APIC on quadratic splines; expected these; use LoadCell or BodyTracker"
+        )
 
 
 def _check_direction(check: Checker, sensor: ParticleSensor) -> None:

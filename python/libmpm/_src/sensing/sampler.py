@@ -25,12 +25,14 @@ class Sampler:
 
     columns: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    #: Time, s, of a sample that the step boundary after it completes; None: none is open.
+    again_after: float | None = None
 
     def announce(self, moment: Moment) -> None:
         """Tell the moment what `row` will read of particles."""
 
-    def row(self, moment: Moment) -> Sequence[float] | Array:
-        """Return one sample."""
+    def row(self, moment: Moment) -> Sequence[float] | Array | None:
+        """Return one sample; None where it goes on to the next step (`again_after`)."""
         raise NotImplementedError
 
     def state(self) -> dict[str, NDArray[Any]]:

@@ -21,6 +21,7 @@ from libmpm._src.values import Checker, sequence, value
 __all__ = [
     "AttributeTracker",
     "BodyTracker",
+    "ContactForce",
     "Custom",
     "ElevationGauge",
     "GridSensor",
@@ -236,6 +237,40 @@ class BodyTracker(Sampled):
         return {
             "body": check.text("body", self.body),
             "quantities": tuple(chosen),
+            "interval": _interval(check, self.interval),
+        }
+
+
+@value
+class ContactForce(Sampled):
+    """Force of one body on another through the nodes that they share, in N (N/m in 2D).
+
+    =========  ====  ======  ===============================================================
+    parameter  unit  range   meaning
+    =========  ====  ======  ===============================================================
+    body       -     a name  the body that the force acts on
+    by         -     a name  the other body that it comes from
+    interval   s     ≥ 0     time between samples; 0 = every step
+    =========  ====  ======  ===============================================================
+
+    A sample is the mean over one step, the one after the first at or past its time: at each node
+    m_b m_c (u_c - u_b) / (m Δt) of the bodies' own masses and velocities, so that forces of a pair
+    are opposite and those of all bodies and boundaries add up to what the body feels. For APIC on
+    quadratic splines. A sample reads both bodies and the nodes at two step boundaries. Raises
+    `SceneError`.
+    """
+
+    label: ClassVar[str] = "sensors.ContactForce"
+    kind: ClassVar[str] = "contact-force"
+
+    body: str
+    by: str
+    interval: float = 0.0
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        return {
+            "body": check.text("body", self.body),
+            "by": check.text("by", self.by),
             "interval": _interval(check, self.interval),
         }
 
