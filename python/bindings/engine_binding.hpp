@@ -390,6 +390,25 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                      out[py::str(name)] = py::array_t<double>(n, value.data());
                  return out;
              })
+        .def(
+            "condition",
+            [](Handle& h, int samples) {
+                Condition c;
+                {
+                    const Unlocked unlocked(h);
+                    c = h.engine->condition(samples);
+                }
+                py::dict d;
+                d["kinetic"] = c.kinetic;
+                d["elastic"] = c.elastic;
+                d["potential"] = c.potential;
+                d["speed"] = c.speed;
+                d["mass"] = c.mass;
+                d["density"] = c.density;
+                d["volume_ratio"] = c.volume_ratio;
+                return d;
+            },
+            py::arg("samples"))
         .def("save",
              [](Handle& h) {
                  State s;

@@ -32,6 +32,7 @@ from libmpm._src.errors import (
     SceneError,
 )
 from libmpm._src.field import Field
+from libmpm._src.guard import Guard
 from libmpm._src.method import FBar, Method
 from libmpm._src.plan import Plan
 from libmpm._src.scene import Scene
@@ -41,19 +42,24 @@ from libmpm._src.triangular.shapes import Traction
 
 if TYPE_CHECKING:
     from libmpm import studies
+    from libmpm._src.advice.result import Advice
     from libmpm._src.output.writer import Output
     from libmpm._src.results import Results, load
     from libmpm._src.simulation import Simulation
     from libmpm._src.study.plan import Trunk
     from libmpm._src.study.study import Study
+    from libmpm._src.tradeoff.result import TradeOff
+    from libmpm._src.tradeoff.run import tradeoff
 
 __all__ = [
+    "Advice",
     "CapacityError",
     "CheckpointError",
     "DeviceError",
     "Error",
     "FBar",
     "Field",
+    "Guard",
     "Kernel",
     "Method",
     "ModelWarning",
@@ -68,6 +74,7 @@ __all__ = [
     "Study",
     "TimeTable",
     "Traction",
+    "TradeOff",
     "Transfer",
     "Trunk",
     "__version__",
@@ -84,6 +91,7 @@ __all__ = [
     "sensors",
     "shapes",
     "studies",
+    "tradeoff",
 ]
 
 # A thread that waits at the end of a loop spins for some microseconds and then sleeps. libgomp
@@ -95,13 +103,16 @@ if "OMP_WAIT_POLICY" not in os.environ:
 
 #: Names that need the compiled core, or packages that descriptions do not: loaded on first use.
 _LAZY = {
+    "Advice": "libmpm._src.advice.result",
     "Output": "libmpm._src.output.writer",
     "Results": "libmpm._src.results",
     "Simulation": "libmpm._src.simulation",
     "Study": "libmpm._src.study.study",
+    "TradeOff": "libmpm._src.tradeoff.result",
     "Trunk": "libmpm._src.study.plan",
     "animate": "libmpm._src.pictures.animate",
     "load": "libmpm._src.results",
+    "tradeoff": "libmpm._src.tradeoff.run",
 }
 
 

@@ -47,6 +47,12 @@ class Engine:
     def particle_count(self, body):
         return len(self._bodies[body]["id"])
 
+    def condition(self, _samples):
+        return {
+            "kinetic": 0.0, "elastic": 0.0, "potential": 0.0, "mass": 0.0, "speed": 0.0,
+            "density": 0.0, "volume_ratio": [1.0] * len(self._bodies),
+        }  # fmt: skip
+
     def sensor_columns(self, i):
         sensor = self._spec["sensors"][i]
         d = self._spec["dimension"]

@@ -2,6 +2,8 @@
 // pieces, so that no more than a piece of what the caller gives is held at a time.
 #pragma once
 
+#include <limits>
+
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/sorting.hpp"
 
@@ -63,7 +65,10 @@ struct PlaceParticles {
         for (int a = 0; a < D; ++a) {
             block[a] = c[a] / Block<D>::edge;
             at[a] = int(c[a] % Block<D>::edge);
-            offset[a][i] = T(position[i * D + a] / cell_size - double(c[a]) - 0.5);
+            // Sorting takes offsets for [-1/2, 1/2): what T rounds up to the next cell stays in its
+            // own, just below the face, or it would be set back by a whole cell.
+            const T xi = T(position[i * D + a] / cell_size - double(c[a]) - 0.5);
+            offset[a][i] = xi < T(0.5) ? xi : T(0.5) - std::numeric_limits<T>::epsilon() / 4;
         }
         const std::int32_t slot = find_key(table.keys, table.slots, table.keys_of.key(block));
         cell[i] = std::uint32_t(slot) * block_cells + std::uint32_t(Block<D>::cell(at));

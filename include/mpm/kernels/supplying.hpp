@@ -27,8 +27,8 @@ struct MarkArrivals {
 template <int D>
 struct Leaver {
     std::uint32_t place, id;
-    std::int32_t cell[D];
-    double position[D];  // m from the lower corner
+    std::int32_t cell[D + D % 2];  // even: no gap that the host would read unwritten
+    double position[D];            // m from the lower corner
 };
 
 /// Those particles that `FindCells` found outside, in any order.

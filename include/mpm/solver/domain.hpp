@@ -59,6 +59,7 @@ public:
     void copy_out(const DenseColumn& column, void* to) override;
     Array grid(const std::string& name) override;
     NodalSums sums() override;
+    Condition condition(int samples) override;
     State save() override;
     void load(const State& state) override;
     std::map<std::string, double> timings() const override { return timings_; }
@@ -309,3 +310,4 @@ private:
 #include "mpm/solver/domain_state.hpp"
 #include "mpm/solver/domain_step.hpp"
 #include "mpm/solver/domain_supply.hpp"
+#include "mpm/solver/domain_watch.hpp"

@@ -78,6 +78,16 @@ struct Samples {
     Array values;
 };
 
+/// What a guard watches, of all bodies together but the volumes.
+struct Condition {
+    double kinetic = 0, elastic = 0, potential = 0;  // J (2D: J/m), the last as of a sensor
+    double speed = 0;                                // fastest node of the last step, m/s
+    double mass = 0;                                 // kg (2D: kg/m)
+    // Mass-weighted mean density of the nodes, kg/m^3; not-a-number where there is none.
+    double density = std::numeric_limits<double>::quiet_NaN();
+    std::vector<double> volume_ratio;  // mean J of each body; not-a-number for an empty one
+};
+
 struct Attributes {
     std::vector<std::uint64_t> id;
     std::map<std::string, Array> values;
@@ -143,6 +153,8 @@ public:
     virtual void copy_out(const DenseColumn& column, void* to);
     virtual Array grid(const std::string& name) = 0;
     virtual NodalSums sums() = 0;
+    /// At a halt; the volumes from about `samples` particles.
+    virtual Condition condition(int samples) = 0;
     virtual State save() = 0;
     virtual void load(const State& state) = 0;
     virtual std::map<std::string, double> timings() const = 0;

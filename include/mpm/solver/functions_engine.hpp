@@ -2,6 +2,7 @@
 // sensors, readers and saved states that every engine has. Double precision, on the CPU.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <optional>
 
@@ -37,6 +38,7 @@ public:
     NodalSums sums() override {
         throw SceneError("a run on a grid of functions has no sums at nodes to go on from");
     }
+    Condition condition(int samples) override;
     State save() override;
     void load(const State& state) override;
     std::map<std::string, double> timings() const override { return timings_; }
@@ -68,6 +70,7 @@ private:
     void watch_step();
     void sample_due();
     void sample(std::size_t sensor);
+    std::array<double, 3> energies(int body) const;
     void take_impulses();
     void charge(const char* phase);
 

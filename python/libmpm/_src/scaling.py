@@ -178,7 +178,7 @@ UNITS: dict[str, dict[str, str]] = {
 #: Values that never are part of a scene: recipes that make bodies, and ratios.
 OUTSIDE = frozenset(
     {
-        "DebrisField", "Froude", "Piece", "Placement", "Prototype", "SpreadAngles",
+        "DebrisField", "Froude", "Guard", "Piece", "Placement", "Prototype", "SpreadAngles",
         "UniformAngles",
     }
 )  # fmt: skip

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src import backends
-from libmpm._src import snapshot as snapshots
 from libmpm._src.errors import (
     CapacityError,
     CheckpointError,
@@ -22,9 +21,9 @@ from libmpm._src.errors import (
     NumericalError,
 )
 from libmpm._src.faults import describe_fault, describe_removed, removed_rows
+from libmpm._src.guard import Guard, as_guard
 from libmpm._src.initial import Initial
 from libmpm._src.interrupts import asked_to_stop, deferred_interrupt
-from libmpm._src.looking import Looking
 from libmpm._src.lowering import (
     check_backend,
     choose_device,
@@ -35,15 +34,16 @@ from libmpm._src.lowering import (
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.sensor_file import Series
 from libmpm._src.output.writer import Output, Writer
+from libmpm._src.persistence import Persistent
 from libmpm._src.plan import Plan, build_plan
 from libmpm._src.progress import Progress, State, reporter
 from libmpm._src.scene import Scene
-from libmpm._src.sensing.custom import storable, with_functions
+from libmpm._src.sensing.custom import with_functions
 from libmpm._src.sensing.loop import Measurements
-from libmpm._src.start import Start
 from libmpm._src.supply import OUTFLOW, Traffic
 from libmpm._src.values import warned_already
 from libmpm._src.views import GridView, ParticlesView, SensorsView
+from libmpm._src.watch import Watch
 
 __all__ = ["Simulation"]
 
@@ -51,7 +51,7 @@ __all__ = ["Simulation"]
 SLICE = 0.2
 
 
-class Simulation(Looking):
+class Simulation(Persistent):
     """Runs a scene on one device.
 
     Parameters
@@ -78,6 +78,9 @@ class Simulation(Looking):
     functions
         Callables of `sensors.Custom` sensors by name, where the scene comes from a file, which
         keeps only their names.
+    guard
+        What the run watches about itself, a `Guard`; True for the usual one, None for none. What it
+        finds is a `NumericalError`.
 
     Memory is taken on first use: the first step, array or sensor that is asked for. Stepping in
     any portions, reading, frames and checkpoints never change the bits of a run.
@@ -95,6 +98,7 @@ class Simulation(Looking):
         shared_device: bool = False,
         time_step: float | None = None,
         functions: Mapping[str, Callable[[Any], Any]] | None = None,
+        guard: Guard | bool | None = True,
     ) -> None:
         """Check the request; nothing is allocated yet."""
         self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
@@ -109,6 +113,8 @@ class Simulation(Looking):
         lower(self._scene, with_particles=False, **self._requested)
         self._backend = backends.select(choose_device(self._scene, device))
         check_backend(self._backend.kind, precision)
+        self._guard = as_guard(guard)
+        self._watch: Watch | None = None
         self._output = Output(output) if isinstance(output, str | Path) else output
         self._offset = world_offset(self._scene)
         self._engine: Any = None
@@ -124,6 +130,7 @@ class Simulation(Looking):
         self._deadline = math.inf
         self._stopped = ""
         self._wall = 0.0
+        self._processor = 0.0
         self._particle_steps = 0
         self._recorded: dict[str, Any] = {}
         #: The "run" key of the scene file that this run came from; kept with its results.
@@ -175,6 +182,11 @@ class Simulation(Looking):
         return self._output
 
     @property
+    def guard(self) -> Guard | None:
+        """What the run watches about itself; None where it does not."""
+        return self._guard
+
+    @property
     def offset(self) -> NDArray[np.float64]:
         """World position of the domain's lower corner, m, (dimension,)."""
         return self._offset
@@ -211,6 +223,15 @@ class Simulation(Looking):
     def particle_steps_per_s(self) -> float:
         """Speed since this object was made: particles times steps per second in the engine."""
         return self._particle_steps / self._wall if self._wall > 0 else 0.0
+
+    @property
+    def seconds_stepping(self) -> tuple[float, float]:
+        """Wall and processor time, s, of the engine's steps since this object was made.
+
+        Without construction, sensors evaluated in Python and files. Processor time is that of the
+        process: of all its threads, also of other simulations that run in it at the same time.
+        """
+        return self._wall, self._processor
 
     @property
     def timings(self) -> dict[str, float]:
@@ -267,10 +288,6 @@ class Simulation(Looking):
         # An engine made for looking at the scene has the state of before.
         self._engine = None
 
-    def scene_document(self) -> dict[str, Any]:
-        """Return the scene file of this run, with its "run" settings if it came with any."""
-        return storable(self._scene) | ({"run": self.run_settings} if self.run_settings else {})
-
     def __repr__(self) -> str:
         """Return scene, device and time without touching the device."""
         return (
@@ -303,15 +320,21 @@ class Simulation(Looking):
                 engine = self._backend.module.Engine(specification)
             except CapacityError as error:
                 raise CapacityError(f"{error}. {self._memory_planned()}") from error
-            if saved is not None:
-                try:
+            loaded = False
+            try:
+                if saved is not None:
                     engine.load(saved.state)
-                except (Error, KeyError, TypeError, ValueError) as error:
-                    raise CheckpointError(
-                        f"the checkpoint does not fit {self.device} in {self.precision} "
-                        f"precision: {error}; resume with the device and version that wrote it"
-                    ) from error
-            self._take(engine, specification, None if saved is None else saved.state)
+                loaded = True
+                self._take(engine, specification, None if saved is None else saved.state)
+            except (
+                Error, ArithmeticError, LookupError, RuntimeError, TypeError, ValueError,
+            ) as error:  # fmt: skip
+                if saved is None or (loaded and isinstance(error, Error)):
+                    raise
+                raise CheckpointError(
+                    f"the checkpoint does not fit {self.device} in {self.precision} precision: "
+                    f"{error}; resume with the device and version that wrote it"
+                ) from error
         return self._engine
 
     def _take(
@@ -321,37 +344,18 @@ class Simulation(Looking):
         self._measured = Measurements(self, engine, specification, self._restored)
         self._passed = Traffic(self._scene, state)
         self._engine = engine
+        if self._guard is not None:
+            saved = self._restored if self._loads_state else None
+            remembered = saved.header.get("watch") if saved is not None else None
+            self._watch = Watch(self, self._guard, remembered)
         self._restored = None
-
-    def _go_on(self, start: Start) -> None:
-        """Take up the state of the scene's checkpoint: whole, or what new bodies leave of it."""
-        start.check_file()
-        if len(self._scene.boundaries) > start.boundaries:
-            snapshots.check_new_boundaries(self._scene)
-        source = checkpoints.load_checkpoint(Path(start.checkpoint))
-        self._loads_state = start.as_it_was(self._scene, self._requested["time_step"])
-        if start.tiles > 1:
-            source.sensors.clear()
-        self._restored = source
-        if self._loads_state:
-            return
-        state = snapshots.snapshot(self._scene)
-        for body in self._scene.bodies[: len(start.bodies)]:
-            count = int(np.count_nonzero(snapshots.displaced(self._scene, body)))
-            if count:
-                self._displaced[body.name] = count
-        left = {name: n for name, n in state.frozen.items() if n}
-        if left:
-            warnings.warn(
-                f"the run before had set aside {left} particles that left its domain; they are "
-                "not part of this one",
-                ModelWarning, stacklevel=5,
-            )  # fmt: skip
 
     def _require_memory(self) -> None:
         """Refuse what cannot fit before anything is allocated."""
         free = backends.memory_free(self._backend)
-        if free is not None and self.plan.memory_total > free:
+        # The plan refuses more than memory: it is made wherever free memory is not known, too.
+        if self.plan.memory_total > (math.inf if free is None else free):
+            assert free is not None
             raise CapacityError(f"{self.device} has {free / 2**20:,.0f} MiB free. "
                                 f"{self._memory_planned()}")  # fmt: skip
 
@@ -383,16 +387,6 @@ class Simulation(Looking):
     def series(self) -> list[Series]:
         """Return the series of all sensors in the scene's order."""
         return self._measurements.series
-
-    def _open(self) -> None:
-        """Make the engine and, where output is wanted, its folder."""
-        resumed = self._restored is not None
-        _ = self.engine
-        if self._output is not None and self._writer is None:
-            begun = 0 if self._scene.start is None else self._scene.start.step
-            self._writer = Writer(self._output, self, resumed=resumed or self.steps > begun)
-            if self._initial:
-                self._initial.save(self._output.path / "initial.npz")
 
     # Stepping ---------------------------------------------------------------------------------
 
@@ -451,21 +445,13 @@ class Simulation(Looking):
             self._finish(status, message)
         return not self._stopped
 
-    def _finish(self, status: str, message: str) -> None:
-        if self._writer is None:
-            return
-        try:
-            self._writer.finish(status, message)
-        except Error:
-            # The first failure is the one to report; a full disk fails every write after it.
-            if status != "failed":
-                raise
-
     def _advance(self, steps: int, until: float, report: Progress) -> None:
         """Advance `steps` (-1: no limit) or to `until`, serving whatever falls due."""
         self._open()
         engine = self._engine
-        measured = self._measurements
+        measured, watch = self._measurements, self._watch
+        if watch is not None:
+            watch.look()
         with deferred_interrupt() as interrupted:
             measured.service()
             if self._writer is not None:
@@ -480,15 +466,21 @@ class Simulation(Looking):
                 target = min(until, measured.next_time())
                 if self._writer is not None:
                     target = min(target, self._writer.next_time())
-                began = clock.perf_counter()
-                result = engine.run(measured.limit(steps), target, min(SLICE, left))
+                most = measured.limit(steps)
+                if watch is not None:
+                    most = watch.limit(most)
+                began, busy = clock.perf_counter(), clock.process_time()
+                result = engine.run(most, target, min(SLICE, left))
                 self._wall += clock.perf_counter() - began
+                self._processor += clock.process_time() - busy
                 self._particle_steps += result["steps"] * self._count()
                 if steps > 0:
                     steps -= result["steps"]
                 self._collect()
                 if result["reason"] == "fault":
                     raise NumericalError(describe_fault(result["fault"], engine.time_step))
+                if watch is not None:
+                    watch.look()
                 measured.service()
                 if self._writer is not None:
                     self._writer.service()
@@ -506,8 +498,11 @@ class Simulation(Looking):
         engine = self._engine
         self._measurements.drain(engine)
         self._traffic.take(engine)
+        gone = list(engine.removed())
+        if self._watch is not None:
+            self._watch.removed(gone)
         # Those that left through an outlet are in its series.
-        gone = [g for g in engine.removed() if not g[4].startswith(OUTFLOW)]
+        gone = [g for g in gone if not g[4].startswith(OUTFLOW)]
         if not gone:
             return
         names = list(self.particles)
@@ -515,106 +510,3 @@ class Simulation(Looking):
             self._writer.removed(removed_rows(gone, names, self._offset))
         where = self._output.path / "removed.csv" if self._output is not None else None
         warnings.warn(describe_removed(gone, names, where), ModelWarning, stacklevel=4)
-
-    # Files ------------------------------------------------------------------------------------
-
-    def export_csv(self) -> list[Path]:
-        """Write the sensor series as CSV into the output folder; return the files."""
-        self._open()
-        return [] if self._writer is None else self._writer.export_csv()
-
-    def save_checkpoint(self, path: str | Path) -> None:
-        """Write the whole state to `path` (NumPy archive), atomically."""
-        engine = self.engine
-        header = {
-            "version": self.version,
-            "scene": storable(self._scene),
-            "run": self.run_settings,
-            "device": self.device,
-            "precision": self.precision,
-            "pipeline": self.pipeline,
-            "threads": self._requested["threads"],
-            "shared_device": self._requested["shared_device"],
-            "time_step": self._requested["time_step"],
-            "time": self.time,
-            "step": self.steps,
-            "displaced": self.displaced,
-            "until": self._until if math.isfinite(self._until) else None,
-            "output": None if self._output is None else self._output.to_dict(),
-        }
-        sensors = [(s.time, s.values, list(s.components), list(s.units)) for s in self.series()]
-        state = dict(engine.save()) | self._traffic.state()
-        memory = self._measurements.memory()
-        checkpoint = checkpoints.Checkpoint(header, state, sensors, memory)
-        checkpoints.save_checkpoint(Path(path), checkpoint)
-
-    @classmethod
-    def resume(
-        cls,
-        path: str | Path,
-        *,
-        device: str | None = None,
-        output: Output | str | Path | None = None,
-        functions: Mapping[str, Callable[[Any], Any]] | None = None,
-    ) -> Simulation:
-        """Continue from a checkpoint file, or from the newest whole one in a run's folder.
-
-        `device` None takes the checkpoint's own. On the same backend, pipeline and precision the
-        continued run is bit-equal to one never stopped; elsewhere it agrees to rounding. An
-        `output` folder that holds the same run is first cut to the checkpoint's time: samples,
-        frames and checkpoints after it are removed. `functions` are those of `sensors.Custom`
-        sensors, by name.
-        """
-        _, source = checkpoints.find_newest(Path(path), checkpoints.load_checkpoint)
-        header = source.header
-        scene = Scene.from_dict(header["scene"])
-        recorded = header["device"].partition(":")[0]
-        chosen = header["device"] if device is None else device
-        same = backends.select(chosen).kind == recorded
-        simulation = cls(
-            scene,
-            device=chosen,
-            precision=header["precision"],
-            # Grids of functions have one pipeline, which is not asked for by name.
-            pipeline=header["pipeline"] if same and scene.grid is None else "auto",
-            output=output,
-            threads=header["threads"],
-            shared_device=header.get("shared_device", False),
-            time_step=header["time_step"],
-            functions=functions,
-        )
-        simulation._restored = source
-        simulation.run_settings = header.get("run") or {}
-        simulation._recorded = header
-        simulation._displaced = dict(header.get("displaced", {}))
-        return simulation
-
-    def recorded_output(self) -> Output | None:
-        """Return the output settings of the run that wrote the checkpoint resumed from."""
-        settings = self._recorded.get("output")
-        return None if settings is None else Output(**settings)
-
-    def recorded_until(self) -> float | None:
-        """Return the end, s, that the run was asked for which wrote the checkpoint."""
-        until = self._recorded.get("until")
-        return None if until is None else float(until)
-
-    def set_output(self, output: Output) -> None:
-        """Choose the output of a simulation that has none and has not run yet."""
-        if self._writer is not None or self._output is not None:
-            raise ValueError("the simulation writes already; give output= when making it")
-        self._output = output
-
-    def close(self) -> None:
-        """Close the output files; stepping opens them again."""
-        if self._writer is not None:
-            self._writer.flush()
-            self._writer.close()
-
-    def __enter__(self) -> Simulation:
-        """Return the simulation."""
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Close the output files."""
-        self.close()

@@ -158,6 +158,13 @@ public:
     void copy_out(const DenseColumn& column, void* to) override { inner_->copy_out(column, to); }
     Array grid(const std::string& name) override { return inner_->grid(name); }
     NodalSums sums() override { return inner_->sums(); }
+    Condition condition(int samples) override {
+        Condition c = inner_->condition(samples);
+        const auto merged = std::move(c.volume_ratio);
+        c.volume_ratio.clear();
+        for (int m : body_of_) c.volume_ratio.push_back(merged[std::size_t(m)]);
+        return c;
+    }
     State save() override {
         State s = inner_->save();
         s["body_of"] = detail::to_blob(std::vector<std::int32_t>(body_of_.begin(), body_of_.end()));

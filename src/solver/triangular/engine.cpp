@@ -319,18 +319,7 @@ void FunctionsEngine::sample(std::size_t s) {
             break;
         }
         case SensorKind::energy: {
-            double kinetic = 0, elastic = 0, potential = 0;
-            const Point g = gravity_at(time_);
-            for (std::size_t b = 0; b < method_.bodies().size(); ++b) {
-                if (spec.body >= 0 && spec.body != int(b)) continue;
-                const auto& body = method_.bodies()[b];
-                for (std::size_t p = 0; p < body.count(); ++p) {
-                    kinetic += 0.5 * body.mass[p] * body.velocity[p].squaredNorm();
-                    potential -= body.mass[p] * g.dot(body.position[p]);
-                    elastic += body.volume[p] *
-                               body.law->observe(body.state_of(p), body.rate[p]).elastic_energy;
-                }
-            }
+            const auto [kinetic, elastic, potential] = energies(spec.body);
             const double total = kinetic + elastic + potential;
             if (!(state.first_energy == state.first_energy)) state.first_energy = total;
             row = {kinetic, elastic, potential, state.first_energy - total};
@@ -344,6 +333,42 @@ void FunctionsEngine::sample(std::size_t s) {
     state.waiting.time.push_back(time_);
     state.waiting.values.data.insert(state.waiting.values.data.end(), row.begin(), row.end());
     ++state.waiting.values.shape[0];
+}
+
+/// Kinetic, elastic and potential energy of one body, or of all with -1.
+std::array<double, 3> FunctionsEngine::energies(int chosen) const {
+    double kinetic = 0, elastic = 0, potential = 0;
+    const Point g = gravity_at(time_);
+    for (std::size_t b = 0; b < method_.bodies().size(); ++b) {
+        if (chosen >= 0 && chosen != int(b)) continue;
+        const auto& body = method_.bodies()[b];
+        for (std::size_t p = 0; p < body.count(); ++p) {
+            kinetic += 0.5 * body.mass[p] * body.velocity[p].squaredNorm();
+            potential -= body.mass[p] * g.dot(body.position[p]);
+            elastic +=
+                body.volume[p] * body.law->observe(body.state_of(p), body.rate[p]).elastic_energy;
+        }
+    }
+    return {kinetic, elastic, potential};
+}
+
+Condition FunctionsEngine::condition(int) {
+    Condition c;
+    const auto energy = energies(-1);
+    c.kinetic = energy[0];
+    c.elastic = energy[1];
+    c.potential = energy[2];
+    for (const auto& body : method_.bodies()) {
+        double sum = 0;
+        for (std::size_t p = 0; p < body.count(); ++p) {
+            sum += body.law->observe(body.state_of(p), body.rate[p]).volume_ratio;
+            c.mass += body.mass[p];
+            c.speed = std::max(c.speed, body.velocity[p].norm());
+        }
+        c.volume_ratio.push_back(body.count() > 0 ? sum / double(body.count())
+                                                  : std::numeric_limits<double>::quiet_NaN());
+    }
+    return c;
 }
 
 std::vector<Samples> FunctionsEngine::drain() {
