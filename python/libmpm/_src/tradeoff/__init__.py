@@ -1,0 +1,1 @@
+"""Speed for accuracy: what numerical choices cost and what they gain, on a scene of one's own."""
