@@ -2,12 +2,15 @@
 
     python benchmarks/tradeoff.py run --output benchmarks/results/tradeoff.jsonl [--device cuda]
     python benchmarks/tradeoff.py table       prints the table of the lines in --output
-    python benchmarks/tradeoff.py write       puts it into docs/choosing-a-method.md
-    python benchmarks/tradeoff.py check       exit 1 if that page is out of date
+    python benchmarks/tradeoff.py write       writes what is made of them: the tables of
+                                              docs/choosing-a-method.md and docs/atlas.md, and
+                                              python/libmpm/data/atlas.json
+    python benchmarks/tradeoff.py check       exit 1 if one of the three is out of date
 
 One JSON line for every option (`tradeoff_options`) and case (`tradeoff_cases`) it applies to. A run
 goes on where an earlier one of the same size, device and version of the library stopped;
-`--again` measures anew what is chosen. Runs come one after another in this process. The baseline
+`--again` measures anew what is chosen; pages take the newest. `--budget` seconds end it early, and
+the same command goes on. Runs come one after another in this process. The baseline
 (APIC, quadratic splines, no F-bar, single precision) runs before and after every few options of a
 case, and `cost` is the time per simulated second over the mean of the two; `baseline_spread` is
 their difference over that mean. The clock is the processor time of this process on a CPU with one
@@ -26,7 +29,7 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -35,6 +38,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from atlas_data import DATA, shipped
+from atlas_page import ATLAS, atlas_page
 from tradeoff_cases import MEASURED, Measured
 from tradeoff_options import BASELINE, OPTIONS, Option
 from tradeoff_table import PAGE, RESULTS, Line, load, page, seconds, tables
@@ -107,18 +112,14 @@ def finite(value: float) -> float | None:
 
 def measure(option: Option, measured: Measured, arguments: argparse.Namespace) -> Line:
     """Run one option on one case; a named error of the library is a result."""
-    changes = dict(measured.sizes[arguments.size])
-    if measured.materials:
-        changes["material"] = option.material
-    parameters = measured.case.parameters("reduced", changes)
+    parameters = measured.parameters(option, arguments.size)
     line: Line = {
         "option": option.to_dict(), "case": measured.name, "kind": measured.kind,
         "level": arguments.size, "parameters": parameters, "state": measured.state,
         "precision": option.precision, "threads": arguments.threads, "failed": "",
     }  # fmt: skip
     try:
-        dx = measured.case.build(parameters, Option("", "baseline").choices(measured.cfl, 1.0))
-        scene = measured.case.build(parameters, option.choices(measured.cfl, dx.cell_size))
+        scene, _ = measured.build(option, arguments.size)
         if measured.energy is not None and "energy" not in [s.name for s in scene.sensors]:
             sensor = libmpm.sensors.Energy(interval=measured.interval)
             scene.add_sensor(name="energy", sensor=sensor)
@@ -161,9 +162,15 @@ def measure(option: Option, measured: Measured, arguments: argparse.Namespace) -
 
 
 def run_case(
-    measured: Measured, options: Sequence[Option], arguments: argparse.Namespace
+    measured: Measured,
+    options: Sequence[Option],
+    arguments: argparse.Namespace,
+    over: Callable[[], bool],
 ) -> Iterator[Line]:
-    """Run the options on a case, with the baseline before and after every few of them."""
+    """Run the options on a case, with the baseline before and after every few of them.
+
+    It ends early, with a last baseline, where the time is `over`.
+    """
     common = {
         "device_kind": arguments.device.partition(":")[0],
         "commit": bench.commit(),
@@ -173,9 +180,18 @@ def run_case(
     first = next(o for o in OPTIONS if o.name == BASELINE)
     measure(first, measured, arguments)  # warms caches and device
     before = measure(first, measured, arguments) | common
+    if before["failed"]:  # nothing to compare with
+        yield before | {"cost": None, "baseline_spread": 0.0}
+        return
     yield before | {"cost": 1.0, "baseline_spread": 0.0}
     for k in range(0, len(options), BETWEEN):
-        lines = [measure(o, measured, arguments) | common for o in options[k : k + BETWEEN]]
+        lines = []
+        for option in options[k : k + BETWEEN]:
+            if over():
+                break
+            lines.append(measure(option, measured, arguments) | common)
+        if not lines:
+            return
         after = measure(first, measured, arguments) | common
         base = [seconds(b) for b in (before, after)]
         mean = sum(base) / 2
@@ -199,25 +215,36 @@ def run(arguments: argparse.Namespace) -> int:
     done = set() if arguments.again else {key(line) for line in load(arguments.output)}
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
+
+    def over() -> bool:
+        return time.perf_counter() - began > arguments.budget
+
+    left = 0
     for measured in MEASURED:
         if arguments.cases and measured.name not in arguments.cases:
             continue
         own = (measured.name, arguments.size, kind, libmpm.__version__)
         missing = [
             o for o in OPTIONS
-            if o.applies(measured.kind, measured.materials, measured.boundary)
+            if measured.applies(o, arguments.size)
             and (not arguments.options or o.name in arguments.options)
             and (o.name, *own) not in done
         ]  # fmt: skip
         if not missing:
             continue
+        left += len(missing)
+        if over():
+            continue
         others = [o for o in missing if o.name != BASELINE]
-        for line in run_case(measured, others, arguments):
+        for line in run_case(measured, others, arguments, over):
+            left -= line["option"]["name"] in {o.name for o in missing if o.name != BASELINE}
             with arguments.output.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
             told = line["failed"] or f"cost {line['cost']:.2f} {line['errors']}"
             print(f"{measured.name}: {line['option']['name']}: {told}", flush=True)
     print(f"{time.perf_counter() - began:.0f} s")
+    if over() and left:
+        print(f"stopped after --budget {arguments.budget:g} s; the same command goes on")
     return 0
 
 
@@ -232,6 +259,9 @@ def main() -> int:
     parser.add_argument("--size", choices=("small", "device"), help="default: by the device")
     parser.add_argument("--cases", nargs="*", choices=[m.name for m in MEASURED])
     parser.add_argument("--options", nargs="*", choices=[o.name for o in OPTIONS])
+    parser.add_argument(
+        "--budget", type=float, default=math.inf, help="stop after so many s; go on when run again"
+    )
     parser.add_argument("--again", action="store_true", help="also what the file has")
     arguments = parser.parse_args()
     arguments.size = arguments.size or ("small" if arguments.device == "cpu" else "device")
@@ -241,12 +271,13 @@ def main() -> int:
     if arguments.what == "table":
         print(tables(lines))
         return 0
-    text = page(lines)
-    if arguments.what == "write":
-        PAGE.write_text(text, encoding="utf-8")
-    elif text != PAGE.read_text(encoding="utf-8"):
-        print(f"{PAGE} is out of date; run python benchmarks/tradeoff.py write")
-        return 1
+    made = {PAGE: page(lines), ATLAS: atlas_page(lines), DATA: shipped(lines)}
+    for path, text in made.items():
+        if arguments.what == "write":
+            path.write_text(text, encoding="utf-8")
+        elif not path.exists() or text != path.read_text(encoding="utf-8"):
+            print(f"{path} is out of date; run python benchmarks/tradeoff.py write")
+            return 1
     return 0
 
 

@@ -10,16 +10,21 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from libmpm import FBar, Kernel, Method, Transfer
+from libmpm._src.method import CROSSINGS
 from libmpm.boundaries import DecayLayer, Mirror, Response
 from libmpm.cases import Options
 
 BASELINE = "baseline"
+WATER = 2.2e9  # Pa, bulk modulus of real water
+#: Fields of an option that lines name only where they are not the usual ones.
+CHANGES = ("size", "cells", "per_cell", "bulk", "extent")
 #: Forms of F-bar whose smoothing is set by a length.
 BY_LENGTH = ("two-volume", "split", "literal")
 LENGTH = 1.0  # cells, of those forms
 Group = Literal[
-    "baseline", "transfer", "kernel", "F-bar", "solid", "boundary", "precision", "pipeline"
-]
+    "baseline", "transfer", "kernel", "F-bar", "F-bar size", "solid", "boundary", "precision",
+    "pipeline", "step", "cells", "particles", "bulk modulus", "dimension", "together",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,12 @@ class Option:
     """A row: all choices of a run. `fbar` and `solid_fbar` are names of forms; None is no F-bar.
 
     `material` names the elastic law of the cases that let it vary; `step` is the time step's part
-    of the case's own.
+    of the case's own. `size` is the length of F-bar, in cells, in the forms that have one, and its
+    time in cell crossings of sound in the others; None is the usual one.
+
+    The others change the case: `cells` is the number of cells along a length, parts of the case's
+    own; `per_cell` the number of particles, None is two an axis; `bulk` the bulk modulus, parts of
+    that of real water; `extent` "slice", two cells thick, or "full" in three dimensions.
     """
 
     name: str
@@ -42,33 +52,31 @@ class Option:
     step: float = 1.0
     walls: Response | None = None
     layer: DecayLayer | None = None
+    size: float | None = None
+    cells: float = 1.0
+    per_cell: int | None = None
+    bulk: float | None = None
+    extent: str = ""
     beside: str = BASELINE
 
-    def applies(self, kind: str, varies: bool, of_case: str = "") -> bool:
-        """Return whether it changes anything in cases of "water" or "solid".
-
-        `varies`: the law does; `of_case`: the boundary that does, "walls" or "layer", of which
-        "layer" is all that its cases are for.
-        """
-        if self.walls is not None or self.layer is not None:
-            return of_case == ("walls" if self.layer is None else "layer")
-        if of_case == "layer":
-            return self.group == "baseline"
-        if self.fbar is not None:
-            return kind == "water"
-        if self.material != "FixedCorotated":
-            return varies
-        return self.solid_fbar is None or kind == "solid"
-
-    def choices(self, cfl: float, cell_size: float) -> Options:
-        """Return what a case is built with."""
+    def choices(self, cfl: float, cell_size: float, wave_speed: float) -> Options:
+        """Return what a case is built with; `wave_speed` in m/s is that of its first body."""
+        crossing = cell_size / wave_speed
         return Options(
             method=Method(cfl=cfl * self.step, transfer=self.transfer, kernel=self.kernel),
-            fbar=smoothing(self.fbar, cell_size),
-            solid_fbar=smoothing(self.solid_fbar, cell_size),
+            fbar=smoothing(self.fbar, self.size, cell_size, crossing),
+            solid_fbar=smoothing(self.solid_fbar, self.size, cell_size, crossing),
             walls=self.walls,
             layer=self.layer,
         )
+
+    @property
+    def smoothed(self) -> float | None:
+        """Length, in cells, or time, in cell crossings of sound, of its F-bar."""
+        form = self.fbar or self.solid_fbar
+        if form is None or self.size is not None:
+            return self.size
+        return LENGTH if form in BY_LENGTH else CROSSINGS
 
     def to_dict(self) -> dict[str, Any]:
         """Return all choices as plain values."""
@@ -96,14 +104,19 @@ class Option:
             "step": self.step,
             **({} if self.walls is None else {"walls": self.walls.kind}),
             **({} if self.layer is None else {"layer": self.layer.to_dict()}),
+            **{k: getattr(self, k) for k in CHANGES if getattr(self, k) != getattr(Option, k)},
         }
 
 
-def smoothing(form: str | None, cell_size: float) -> FBar | None:
-    """Return a form with its default time, or with a length of `LENGTH` cells."""
+def smoothing(
+    form: str | None, size: float | None, cell_size: float, crossing: float
+) -> FBar | None:
+    """Return a form with its length in cells or its time in crossings; None is the usual one."""
     if form is None:
         return None
-    return FBar(form=form, length=LENGTH * cell_size) if form in BY_LENGTH else FBar(form=form)  # type: ignore[arg-type]
+    if form in BY_LENGTH:
+        return FBar(form=form, length=(size or LENGTH) * cell_size)  # type: ignore[arg-type]
+    return FBar(form=form, time=None if size is None else size * crossing)  # type: ignore[arg-type]
 
 
 def _transfers() -> list[Option]:
@@ -165,6 +178,73 @@ def _kernels() -> list[Option]:
     ]
 
 
+def _sizes() -> list[Option]:
+    """Return each form of F-bar with less and with more smoothing than usual.
+
+    With a length ℓ, ψ = 4ℓ²/(Δx² + 4ℓ²): 0.25 for 0.29 cells, 0.8 for 1, 0.99 for 5.
+    """
+    made = []
+    for form in FORMS:
+        unit, values = ("cells", (0.29, 5.0)) if form in BY_LENGTH else ("crossings", (3.5, 350.0))
+        name = f"F-bar {form}"
+        made += [
+            Option(f"{name}, {v:g} {unit}", "F-bar size", fbar=form, size=v, beside=name)
+            for v in values
+        ]
+    for form, value in (("two-volume", 0.29), ("two-volume", 5.0), ("one-volume-gradient", 3.5)):
+        name, unit = f"solid F-bar {form}", "cells" if form in BY_LENGTH else "crossings"
+        made.append(
+            Option(f"{name}, {value:g} {unit}", "F-bar size", solid_fbar=form, size=value,
+                   beside=name)
+        )  # fmt: skip
+    return made
+
+
+HALF, DOUBLE, SLICE = "half the cells", "double the cells", "half the cells, slice"
+
+
+def _changes() -> list[Option]:
+    """Return what changes the case: resolution, particles, bulk modulus, step, dimension."""
+    aflip, shown = Transfer(scheme="AFLIP", flip=0.95), "AFLIP 0.95"
+    fbar = "one-volume-gradient"
+    return [
+        Option(HALF, "cells", cells=0.5),
+        Option(DOUBLE, "cells", cells=2.0),
+        Option("4 times the cells", "cells", cells=4.0),
+        *(
+            Option(f"{n} particle{'s' * (n > 1)} per cell", "particles", per_cell=n)
+            for n in (1, 9, 16)
+        ),
+        Option("half the step", "step", step=0.5),
+        Option("double the step", "step", step=2.0),
+        Option("water's bulk modulus", "bulk modulus", bulk=1.0),
+        *(
+            Option(f"1/{n} of water's bulk modulus", "bulk modulus", bulk=1 / n)
+            for n in (10, 100, 1000, 10000)
+        ),
+        Option(SLICE, "dimension", cells=0.5, extent="slice", beside=HALF),
+        Option("half the cells, full 3D", "dimension", cells=0.5, extent="full", beside=HALF),
+        *(
+            Option(
+                f"{SLICE}, {n} particle{'s' * (n > 1)} per cell", "particles", cells=0.5,
+                extent="slice", per_cell=n, beside=SLICE,
+            )
+            for n in (1, 27)
+        ),
+        Option(f"{HALF}, {shown}", "together", cells=0.5, transfer=aflip, beside=HALF),
+        Option(f"{DOUBLE}, {shown}", "together", cells=2.0, transfer=aflip, beside=DOUBLE),
+        Option(f"{HALF}, F-bar", "together", cells=0.5, fbar=fbar, beside=HALF),
+        Option(f"{DOUBLE}, F-bar", "together", cells=2.0, fbar=fbar, beside=DOUBLE),
+        Option(f"{DOUBLE}, mirrored walls", "together", cells=2.0, walls=Mirror(), beside=DOUBLE),
+        Option(f"{DOUBLE}, mirrored walls, {shown}", "together", cells=2.0, walls=Mirror(),
+               transfer=aflip, beside=f"{DOUBLE}, mirrored walls"),
+        Option(f"mirrored walls, {shown}", "together", transfer=aflip, walls=Mirror(),
+               beside="mirrored walls"),
+        Option(f"{DOUBLE}, double the step", "together", cells=2.0, step=2.0, beside=DOUBLE),
+        Option(f"{DOUBLE}, 1 particle per cell", "together", cells=2.0, per_cell=1, beside=DOUBLE),
+    ]  # fmt: skip
+
+
 FORMS = ("one-volume-gradient", "one-volume", "two-volume", "stress-only", "split", "literal")
 LAYERS = (
     ("constrained", 1.5), ("flipped", 1.0), ("cosine", 2.0), ("linear", 1.5), ("quadratic", 2.0),
@@ -190,4 +270,14 @@ OPTIONS: tuple[Option, ...] = (
     Option("mixed precision", "precision", precision="mixed"),
     Option("two-pass", "pipeline", pipeline="two-pass"),
     Option("phased", "pipeline", pipeline="phased"),
+    *_sizes(),
+    *_changes(),
 )
+
+#: Choices that stand for the others in cases with a short list, beside those that change the case.
+SHORT = (
+    BASELINE, "PIC", "FLIP", "PIC-FLIP 0.95", "AFLIP 0.95", "ASFLIP 0.95", "XPIC 5 every 5",
+    "quadratic, kernel gradient", "cubic", "uGIMP", "linear, PIC-FLIP 0.95", "mirrored walls",
+    "F-bar one-volume-gradient", "F-bar one-volume-gradient, 3.5 crossings", "F-bar two-volume",
+    "F-bar two-volume, 5 cells", "solid F-bar two-volume", "double precision",
+)  # fmt: skip

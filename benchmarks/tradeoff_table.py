@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from tradeoff_cases import MEASURED
+from tradeoff_cases import CHANGING, MEASURED
 from tradeoff_options import BASELINE, OPTIONS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -39,8 +39,8 @@ def newest(lines: Iterable[Line]) -> dict[tuple[str, str], Line]:
         found.setdefault((line["option"]["name"], line["case"]), []).append(line)
     rows = {k: some[-1] for k, some in found.items()}
     for k, some in found.items():
-        if k[0] == BASELINE:
-            rows[k] = sorted(some, key=seconds)[len(some) // 2] | {"cost": 1.0}
+        if k[0] == BASELINE and (ran := [line for line in some if not line["failed"]]):
+            rows[k] = sorted(ran, key=seconds)[len(ran) // 2] | {"cost": 1.0}
     return rows
 
 
@@ -62,7 +62,7 @@ def number(value: float, how: str) -> str:
 
 def rows_of(kind: str, lines: Mapping[tuple[str, str], Line]) -> Iterator[list[str]]:
     """Return the rows of the table of one kind: a heading, then an option each."""
-    used = [m for m in MEASURED if m.kind == kind]
+    used = [m for m in MEASURED if m.kind == kind and m.shown]
     yield [
         "option", "bytes a particle", "a node", "cost",
         *(head for m in used for head, _ in m.shown.values()),
@@ -120,9 +120,16 @@ def spread(lines: Iterable[Line]) -> str:
     return ", ".join(f"{case} {median(s):.0%} (at most {max(s):.0%})" for case, s in found.items())
 
 
+def of_methods(line: Line) -> bool:
+    """Return whether a line belongs into these tables: the others are the atlas's."""
+    shown = any(m.name == line["case"] and m.shown for m in MEASURED)
+    return shown and line["option"]["group"] not in (*CHANGING, "F-bar size")
+
+
 def tables(lines: Sequence[Line]) -> str:
     """Return the tables of each size and device as Markdown."""
     text = []
+    lines = [line for line in lines if of_methods(line)]
     places = dict.fromkeys((line["level"], line["device_kind"]) for line in lines)
     for level, kind in places:
         some = [line for line in lines if (line["level"], line["device_kind"]) == (level, kind)]

@@ -23,9 +23,11 @@ SCRIPT = FOLDER / "tradeoff.py"
 pytestmark = pytest.mark.skipif(not SCRIPT.exists(), reason="needs the source tree")
 if SCRIPT.exists():
     sys.path.insert(0, str(FOLDER))
+    import atlas_data
+    import atlas_page
     import tradeoff_table
-    from tradeoff_cases import MEASURED
-    from tradeoff_options import BASELINE, OPTIONS
+    from tradeoff_cases import CHANGING, MEASURED, wave_speed
+    from tradeoff_options import BASELINE, BY_LENGTH, OPTIONS, SHORT
 
 
 def choices(kind, name):
@@ -35,7 +37,7 @@ def choices(kind, name):
 
 def wanted():
     """Pairs of an option and a case that the table has."""
-    return [(o, m) for o in OPTIONS for m in MEASURED if o.applies(m.kind, m.materials, m.boundary)]
+    return [(o, m) for o in OPTIONS for m in MEASURED if m.applies(o)]
 
 
 def lines():
@@ -100,7 +102,8 @@ def test_options_differ_by_one_choice_from_what_they_stand_beside():
     names = {o.name: o for o in OPTIONS}
     assert len(names) == len(OPTIONS)
     plain = ("fbar", "solid_fbar", "material", "precision", "pipeline", "step", "walls", "layer")
-    fields = ("transfer", "kernel", *plain)
+    changes = ("size", "cells", "per_cell", "bulk", "extent")
+    fields = ("transfer", "kernel", *plain, *changes)
     for option in OPTIONS:
         other = names[option.beside]
         changed = [f for f in fields if getattr(option, f) != getattr(other, f)]
@@ -124,16 +127,125 @@ def test_every_row_is_measured_with_the_choices_that_it_has_now():
         assert (line["energy_drift"] is None) == (measured.energy is None)
 
 
-def test_the_page_is_up_to_date():
+def test_every_axis_has_rows_to_both_sides_of_the_base():
+    assert {o.cells for o in OPTIONS} >= {0.5, 1, 2}
+    assert {o.per_cell for o in OPTIONS if not o.extent} >= {1, 9, 16}
+    assert {o.per_cell for o in OPTIONS if o.extent} >= {1, None, 27}
+    assert {o.bulk for o in OPTIONS} >= {1, 1 / 10, 1 / 100}
+    assert {o.step for o in OPTIONS} >= {0.5, 1, 2}
+    assert {o.extent for o in OPTIONS} == {"", "slice", "full"}
+    usual = {o.fbar: o.smoothed for o in OPTIONS if o.group == "F-bar"}
+    for form, value in usual.items():
+        sizes = [o.size for o in OPTIONS if o.fbar == form and o.size is not None]
+        assert min(sizes) < value < max(sizes)
+    assert set(SHORT) <= {o.name for o in OPTIONS}
+
+
+def test_a_change_means_the_same_in_every_case():
+    bases = {m.name: m.build(OPTIONS[0], "small")[0] for m in MEASURED if "small" in m.sizes}
+    for option, measured in wanted():
+        # The tank makes a body of each particle, which takes time; "hydrostatic" is made alike.
+        if option.group not in CHANGING or measured.name == "tank":
+            continue
+        base, own = bases[measured.name], measured.build(option, "small")[0]
+        assert own.cell_size * option.cells == pytest.approx(base.cell_size)
+        assert own.dimension == (3 if option.extent else 2)
+        per_cell = option.per_cell or 2**own.dimension
+        assert own.bodies[0].particles_per_cell == per_cell
+        if option.bulk is not None:
+            laws = [b.material.to_dict() for b in own.bodies]
+            found = {law["bulk_modulus"] for law in laws if "bulk_modulus" in law}
+            assert len(found) == 1 and found.pop() == pytest.approx(option.bulk * 2.2e9)
+        assert own.method.cfl == pytest.approx(base.method.cfl * option.step)
+
+
+def test_smoothing_counts_in_cells_and_in_crossings_of_sound():
+    measured = next(m for m in MEASURED if m.name == "vortex")
+    for option in OPTIONS:
+        if option.group == "F-bar size" and measured.applies(option):
+            scene = measured.build(option, "small")[0]
+            body, dx = scene.bodies[0], scene.cell_size
+            sound = wave_speed(body.material.to_dict())
+            if option.fbar in BY_LENGTH:
+                assert body.fbar.length == pytest.approx(option.size * dx)
+            else:
+                assert body.fbar.time == pytest.approx(option.size * dx / sound)
+
+
+def test_numbers_that_ranges_count_from_are_those_of_the_scenes():
+    for measured in MEASURED:
+        size = "small" if "small" in measured.sizes else "device"
+        if size == "device" or measured.kind == "solid":
+            continue
+        scene = measured.build(OPTIONS[0], size)[0]
+        law = scene.bodies[0].material.to_dict()
+        assert law["bulk_modulus"] == pytest.approx(measured.bulk_modulus), measured.name
+        assert 0 < measured.head / measured.bulk_modulus <= 0.05
+
+
+def test_the_shipped_atlas_has_what_was_measured():
+    data = json.loads(atlas_data.DATA.read_text(encoding="utf-8"))
+    assert data["format"] == 1 and data["library"] and data["device"]
+    entries = {(e["option"], e["case"], e["device_kind"]): e for e in data["lines"]}
+    assert len(entries) == len(data["lines"])
+    found = lines()
+    for (option, case), line in found.items():
+        if line["failed"]:
+            assert (option, case, "cpu") not in entries
+            continue
+        entry = entries[option, case, "cpu"]
+        judged = atlas_data.judged(atlas_data.CASES[case])
+        if all(k in entry["errors"] for k in judged):
+            assert entry["worst"] == max(abs(entry["errors"][k]) for k in judged)
+        assert entry["cost"] == pytest.approx(line["cost"], rel=1e-3)
+        assert entry["range"]["cells_across"] >= 2 and entry["range"]["particles_per_cell"] >= 1
+    for kept in data["broken"]:
+        assert found[kept["option"], kept["case"]]["failed"]
+
+
+def test_the_cheapest_setting_is_within_its_error_and_not_right_by_accident():
+    some = atlas_data.entries(lines())
+    for case in atlas_data.CASES:
+        own = [e for e in some if e["case"] == case]
+        for value in atlas_data.judged(atlas_data.CASES[case]):
+            chosen = atlas_page.choose(own, value, 0.05)
+            good = [e for e in own if atlas_page.settled(e, own, value, 0.05)]
+            assert (chosen is None) == (not good)
+            if chosen is not None:
+                assert abs(chosen["errors"][value]) <= 0.05 and not chosen["dissipates"]
+                assert chosen["cost"] <= atlas_page.SAME * min(e["cost"] for e in good)
+
+
+def test_what_more_cells_undo_is_not_chosen():
+    some = atlas_data.entries(lines())
+    own = [e for e in some if e["case"] == "incline"]
+    coarse = next(e for e in own if e["option"] == "half the cells")
+    # Right by accident: the base and finer ones slide a third and more too far.
+    assert abs(coarse["errors"]["distance_ratio_0.95"]) < 0.05
+    assert not atlas_page.settled(coarse, own, "distance_ratio_0.95", 0.05)
+    front = {e["option"]: e for e in some if e["case"] == "dam-break"}
+    assert front["half the cells, slice, 1 particle per cell"]["accidental"]
+    assert not front["baseline"]["accidental"]
+
+
+def test_the_pages_and_the_atlas_are_up_to_date():
     done = run("check")
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_another_line_changes_the_page():
+def test_another_line_changes_pages_and_atlas():
     found = tradeoff_table.load(tradeoff_table.RESULTS)
     slower = [{**line, "cost": line["cost"] and line["cost"] + 1} for line in found]
     assert tradeoff_table.page(found) == tradeoff_table.PAGE.read_text(encoding="utf-8")
-    assert tradeoff_table.page(slower) != tradeoff_table.page(found)
+    for make in (tradeoff_table.page, atlas_page.atlas_page, atlas_data.shipped):
+        assert make(slower) != make(found)
+
+
+def test_a_budget_ends_a_run_that_goes_on(tmp_path):
+    output = tmp_path / "lines.jsonl"
+    chosen = ("--cases", "bar", "--options", "cubic", "--output", output)
+    done = run("run", *chosen, "--budget", 0)
+    assert done.returncode == 0 and "goes on" in done.stdout and not output.exists()
 
 
 def test_a_run_is_recorded_and_not_repeated(tmp_path):

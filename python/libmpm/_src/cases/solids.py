@@ -15,7 +15,7 @@ from libmpm._src.cases.dominoes import CASES as _DOMINOES
 from libmpm._src.cases.grains import CASES as _GRAINS
 from libmpm._src.materials_generated import FixedCorotated
 from libmpm._src.scene import Scene
-from libmpm._src.shapes import DomainWalls
+from libmpm._src.shapes import Box, DomainWalls
 from libmpm._src.simulation import Simulation
 from libmpm._src.timetable import TimeTable
 
@@ -77,7 +77,11 @@ def _incline(p: Parameters, options: Options) -> Scene:
         friction = ratio * math.tan(theta)
         scene.add_boundary(
             name=f"incline-{_track(ratio)}",
-            shape=slab.box((0.0, top - 2 * dx), (across * dx, top)),
+            # Beyond the sides: where the box ended there, its nearest face would be its side.
+            shape=Box(
+                lower=slab.vector(0.0, top - 2 * dx, -3 * dx),
+                upper=slab.vector(across * dx, top, slab.thickness + 3 * dx),
+            ),
             response=Separable(static_friction=friction, dynamic_friction=friction),
         )
         scene.add_body(
