@@ -161,6 +161,10 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="validate a scene file: all problems at once")
     check.add_argument("file", type=Path)
     check.add_argument("--strict", action="store_true", help="warnings count as problems")
+    check.add_argument(
+        "--advise", type=float, nargs="?", const=0.05, metavar="ERROR",
+        help="propose numerical settings within an error, 0.05 where none is given",
+    )  # fmt: skip
     _add_scaling(check)
 
     resume = commands.add_parser("resume", help="continue a run after a stop or kill")
@@ -311,6 +315,8 @@ def _check(arguments: argparse.Namespace) -> int:
     source = _source(arguments)
     source.scene.validate(strict=arguments.strict)
     print(f"{arguments.file}: valid; {source.scene!r}")
+    if arguments.advise is not None:
+        print(source.scene.advise(error=arguments.advise))
     return ExitCode.DONE
 
 

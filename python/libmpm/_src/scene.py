@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import numbers
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -23,10 +25,11 @@ from libmpm._src.timetable import TimeTable, check_vector_table
 from libmpm._src.transfer import Transfer
 from libmpm._src.triangular.choices import SplineGrid, TriangularGrid
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
-from libmpm._src.values import Checker, Value, keywords_only, plain
+from libmpm._src.values import Checker, Value, keywords_only, plain, shown
 from libmpm._src.values import warn as warn_all
 
 if TYPE_CHECKING:
+    from libmpm._src.advice.result import Advice
     from libmpm._src.plan import Plan
 
 __all__ = ["HEAD", "SCHEMA", "Body", "Boundary", "PlacedSensor", "Scene"]
@@ -83,8 +86,9 @@ class Scene:
         check = Checker(f"Scene '{name}'" if isinstance(name, str) and name else "Scene")
         if dimension is None:
             dimension = 3 if grid is None else 2
-        if isinstance(dimension, bool) or dimension not in (2, 3):
-            check.fail(f"dimension is {dimension!r}; expected 2 or 3")
+        whole = isinstance(dimension, numbers.Real) and not isinstance(dimension, bool)
+        if not whole or dimension not in (2, 3):
+            check.fail(f"dimension is {shown(dimension)}; expected 2 or 3")
             check.finish()
         d = int(dimension)
         self._dimension = d
@@ -132,7 +136,7 @@ class Scene:
         check.finish()
         for key, item in given.items():
             if item is not None:
-                check.fail(f"{key} is {item!r} with a grid, which has its own; leave it out")
+                check.fail(f"{key} is {shown(item)} with a grid, which has its own; leave it out")
         if self._dimension != 2:
             check.fail(f"dimension is {self._dimension} with {grid!r}; expected 2; leave it out")
             check.finish()
@@ -150,6 +154,12 @@ class Scene:
                 )
                 continue
             width = (high - low) / self._cell_size
+            if math.isinf(width):
+                check.fail(
+                    f"the domain is {high - low:g} m wide on axis {a} with cells of "
+                    f"{self._cell_size:g} m; expected fewer than 1.8e308 of them"
+                )
+                continue
             n = max(1, round(width))
             if abs(width - n) > _WHOLE:
                 check.fail(
@@ -403,6 +413,28 @@ class Scene:
             threads=threads,
         )
 
+    def advise(
+        self, *, error: float = 0.05, device: str = "auto", cases: Sequence[str] | None = None
+    ) -> Advice:
+        """Return numerical settings for this scene from the shipped atlas, with reasons.
+
+        =========  ====  =======  =============================================================
+        parameter  unit  range    meaning
+        =========  ====  =======  =============================================================
+        error      1     > 0      largest error of the cases' answers, parts of them
+        device     -     a name   whose measurements are used: "auto", "cpu" or "cuda"
+        cases      -     names    of the atlas that the scene is like; None = those whose rules fit
+        =========  ====  =======  =============================================================
+
+        The scene is held against the atlas's cases by what it has (`docs/advice.md` lists the
+        rules); of the settings measured on all of them the cheapest within the error is proposed.
+        Warnings say where the scene leaves the range of the measurements, and what no case covers.
+        Nothing is run. Raises `SceneError`.
+        """
+        from libmpm._src.advice.advise import advise
+
+        return advise(self, error=error, device=device, cases=cases)
+
     def scaled(self, length_ratio: float, *, cauchy: bool = False, reynolds: bool = False) -> Scene:
         """Return this scene in Froude similitude: every number takes the power of λ of its unit.
 
@@ -530,11 +562,9 @@ class Scene:
 
         A "run" key, with which `libmpm run` keeps its settings in the same file, is passed over.
         """
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise SceneError(f"{path}: not JSON: {error}; write it with Scene.save") from error
-        return cls.from_dict(data)
+        from libmpm._src.scene_file import read_json
+
+        return cls.from_dict(read_json(Path(path)))
 
     def _identity(self) -> tuple[Any, ...]:
         return (*(getattr(self, key) for key in HEAD), *self._parts().values())
