@@ -11,6 +11,14 @@ import libmpm
 from libmpm import boundaries, materials, sensors, shapes
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let more inputs be tried than in CI: `test_fuzz.py`, `test_random_scenes.py`."""
+    group = parser.getgroup("fuzz", "random and broken scenes")
+    group.addoption("--fuzz", type=int, default=500, help="broken inputs, of all kinds together")
+    group.addoption("--fuzz-seed", type=int, default=0, help="what they are made from")
+    group.addoption("--scenes", type=int, default=60, help="random scenes")
+
+
 def make_scene(**changes: Any) -> libmpm.Scene:
     """Return a small valid 3D scene with one of everything."""
     base = (0.0, 0.0, 0.0)

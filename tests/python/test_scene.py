@@ -403,7 +403,7 @@ def test_a_file_reports_everything_at_once(scene: Scene) -> None:
     assert "scene file: unknown key 'cel_size'; did you mean 'cell_size'?" in text
     assert "cell_size is 0" in text
     assert "body 'water': materials.TaitFluid: density is -1" in text
-    assert "body 'water': \"type\" is 'Bx'; did you mean 'Box'?" in text
+    assert "body 'water': shape: \"type\" is 'Bx'; did you mean 'Box'?" in text
     assert "body 'block': particles_per_cell is 0" in text
     assert "did you mean 'response'?" in text
     assert "sensor '0': 'load' is not an object" in text

@@ -15,13 +15,15 @@ import numpy as np
 from libmpm._src.boundaries import Prescribed
 from libmpm._src.checks_bodies import (
     check_body,
+    check_cfl,
     check_overlaps,
     initial_gravity,
     outside,
     reaches_into,
     wrong_dimension,
 )
-from libmpm._src.checks_boundaries import check_motion, check_surface
+from libmpm._src.checks_boundaries import check_motion, check_reaction, check_surface
+from libmpm._src.checks_range import check_range
 from libmpm._src.filling import fill, place_of, relative
 from libmpm._src.sensing.values import Sampled
 from libmpm._src.sensors import Energy, LoadCell, ParticleTracker, VelocityProbe, WaveGauge
@@ -141,11 +143,12 @@ def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
         problems.append("Scene: there is no body; expected at least one; use add_body")
     if scene.grid is not None:
         rules.check_grid(scene, problems, doubts)
-    elif not rules.check_square_cells(scene, problems):
+    elif not (rules.check_square_cells(scene, problems) and check_range(scene, problems, doubts)):
         return problems, doubts
     # Restored bodies are no longer where their shapes say; `snapshot` compares their particles.
     to_place = scene.bodies if scene.start is None else new_bodies(scene)
     fitting = [b for b in to_place if check_body(scene, b, problems, doubts)]
+    check_cfl(scene, doubts)
     check_overlaps(scene, fitting, problems)
     if scene.grid is not None and len(fitting) == len(to_place) and not problems:
         rules.check_overlaps(scene, fitting, problems)
@@ -168,6 +171,7 @@ def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
         counts = ids_kept(scene, counts)
     for sensor in scene.sensors:
         _check_sensor(scene, sensor, counts, problems)
+        check_reaction(scene, sensor, doubts)
     return problems, doubts
 
 

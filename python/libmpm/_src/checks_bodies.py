@@ -28,12 +28,22 @@ if TYPE_CHECKING:
     from libmpm._src.parts import Body
     from libmpm._src.scene import Scene
 
-__all__ = ["check_body", "check_overlaps", "initial_gravity", "outside", "reaches_into"]
+__all__ = [
+    "check_body",
+    "check_cfl",
+    "check_overlaps",
+    "initial_gravity",
+    "outside",
+    "reaches_into",
+]
 __all__ += ["wrong_dimension"]
 
 #: Part of a cell that rounding of coordinates may make.
 _ROUNDING = 1e-6
 
+
+#: Points of the lattice around a solid that is no box: one body has at most half as many particles.
+_MOST_POINTS = 2**33
 
 #: Particles looked at together.
 _PIECE = 1 << 18
@@ -70,6 +80,21 @@ def outside(
             )
 
 
+def check_cfl(scene: Scene, doubts: list[str]) -> None:
+    """Doubt a Courant number at which fluid that comes apart into particles is unstable.
+
+    A particle of fluid alone in its cells breathes with ω² = 4 d K / (ρ Δx²), and an explicit step
+    is stable for ω Δt < 2; many in a cell are stable beyond 1.
+    """
+    cfl, d = scene.method.cfl, scene.dimension
+    fluids = [b for b in scene.bodies if b.material.table.stores_volume]
+    if scene.grid is None and fluids and scene.method.time_step is None and cfl * cfl * d >= 1:
+        doubts.append(
+            f"Method: cfl is {cfl:g} in {d}D; a particle of fluid alone, as in spray, is stable "
+            f"below 1/√{d} = {d**-0.5:.3f}; lower cfl, 0.4 is a safe start"
+        )
+
+
 def check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str]) -> bool:
     """Check one body; returns whether its box can be compared with others."""
     check = Checker(f"body '{body.name}'")
@@ -95,11 +120,12 @@ def check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str])
     elif fits and on_cells:
         before = len(check.problems)
         _check_holes(check, scene, body)
-        fits = len(check.problems) == before and _check_place(check, scene, body)
+        fits = len(check.problems) == before and _check_lattice(check, scene, body)
+        fits = fits and _check_place(check, scene, body)
         where = "on its own axis" if isinstance(body.shape, OrientedBox) else "on axis"
         for a, size in enumerate(_size(body) if fits else ()):
             cells = size / scene.cell_size
-            if cells < 2 * (1 - _ROUNDING):
+            if 0 < cells < 2 * (1 - _ROUNDING):  # of a single point no thickness is known
                 doubts.append(
                     f"body '{body.name}': {size:g} m thick {where} {a}, that is {cells:.3g} cells; "
                     f"expected two or more; contact begins about half a cell early on either "
@@ -140,6 +166,13 @@ def _check_field(scene: Scene, body: Body) -> list[str]:
 
 def _check_material(check: Checker, scene: Scene, body: Body) -> None:
     table = body.material.table
+    speed = wave_speed(body.material)
+    if speed is not None and not 0 < speed < math.inf:
+        check.fail(
+            f"the wave speed of its {table.name} is {speed:g} m/s; expected above 0 and finite; "
+            "correct density and modulus"
+        )
+        return
     if body.hydrostatic is not None:
         if not np.any(initial_gravity(scene) != 0):
             check.fail(
@@ -213,6 +246,26 @@ def _check_holes(check: Checker, scene: Scene, body: Body) -> None:
             f"lattice is {body.lattice!r} with {body.sampling!r}, which has none; expected "
             "one of the two; give particles_per_cell instead"
         )
+
+
+def _check_lattice(check: Checker, scene: Scene, body: Body) -> bool:
+    """Refuse solids whose lattice has more points than can be looked at one by one."""
+    shape = body.shape
+    if isinstance(shape, BOXES) or not isinstance(shape, Solid):
+        return True
+    shared = shared_bounds(shape.bounds(), (scene.lower, scene.upper))
+    if shared is None:
+        return True
+    points = math.prod((b - a) / scene.cell_size for a, b in zip(*shared, strict=True))
+    points *= body.particles_per_cell
+    if not points <= _MOST_POINTS:
+        check.fail(
+            f"its lattice has {points:.3g} points in the box around it; expected ≤ "
+            f"{_MOST_POINTS:.3g}; use a larger cell_size, fewer particles_per_cell, or several "
+            "bodies"
+        )
+        return False
+    return True
 
 
 def _check_place(check: Checker, scene: Scene, body: Body) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.errors import SceneError
-from libmpm._src.foreign import host_array
+from libmpm._src.foreign import real_array
 from libmpm._src.output.atomic import replacing
 from libmpm._src.values import nearest
 
@@ -62,7 +62,13 @@ class Initial:
                 f"{label}: pressure is set, but {type(material).__name__} stores no volume ratio "
                 "to set it by; expected a fluid"
             )
-        values = np.array(host_array(array, f"{label}: {name}"), dtype=np.float64, order="C")
+        try:
+            values = np.array(real_array(array, f"{label}: {name}"), order="C")
+        except (OverflowError, TypeError, ValueError) as error:
+            raise SceneError(
+                f"{label}: {name} is no array of numbers: {error}; expected real numbers in "
+                f"{_TAKEN[name]}"
+            ) from error
         count = simulation.particle_count(index)
         shape = (count, scene.dimension) if name == "velocity" else (count,)
         if values.shape != shape:

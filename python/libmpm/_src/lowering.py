@@ -20,6 +20,8 @@ from libmpm._src.checks import (
     snap,
     vertical_axis,
 )
+from libmpm._src.checks_range import check_numbers
+from libmpm._src.checks_steps import check_intervals, check_step, too_slow
 from libmpm._src.errors import SceneError
 from libmpm._src.field import Field
 from libmpm._src.filling import bounds_of, fill
@@ -33,7 +35,7 @@ from libmpm._src.surfaces import lower_surface
 from libmpm._src.timetable import TimeTable, constant
 from libmpm._src.triangular import placing
 from libmpm._src.triangular.shapes import Outline
-from libmpm._src.values import nearest
+from libmpm._src.values import nearest, warn
 
 if TYPE_CHECKING:
     from libmpm._src.parts import Body, Boundary, PlacedSensor
@@ -45,6 +47,9 @@ __all__ += ["choose_precision", "lower", "world_offset"]
 
 PRECISIONS = ("single", "mixed", "double")
 PIPELINES = ("auto", "fused", "two-pass", "phased")
+
+#: Threads of a run; machines with more cores run several.
+_MOST_THREADS = 1024
 
 #: From (first, last) to what is given for the particles first ≤ i < last of a body.
 Rows = Callable[[int, int], npt.NDArray[np.float64]]
@@ -70,8 +75,11 @@ def check_options(
         problems.append(f"pipeline is {pipeline!r}; {nearest(str(pipeline), PIPELINES)}")
     if time_step is not None and not (np.isfinite(time_step) and time_step > 0):
         problems.append(f"time_step is {time_step!r}; expected > 0 s; use None for the stable one")
-    if threads < 0:
-        problems.append(f"threads is {threads}; expected ≥ 0; 0 takes all")
+    # Beyond what a system can start, OpenMP ends the process.
+    if not isinstance(threads, int) or not 0 <= threads <= _MOST_THREADS:
+        problems.append(
+            f"threads is {threads!r:.40}; expected ≥ 0 and ≤ {_MOST_THREADS}; 0 takes all"
+        )
     return problems
 
 
@@ -137,7 +145,10 @@ def lower(
     scene.validate()
     fixed = scene.method.time_step if time_step is None else float(time_step)
     if fixed is not None:
-        _check_step(scene, fixed, precision)
+        check_step(scene, fixed, precision)
+    if scene.grid is None:
+        check_intervals(scene, fixed)
+        warn(too_slow(scene, fixed, precision))
     bodies = []
     first = 0
     for body in scene.bodies:
@@ -146,6 +157,8 @@ def lower(
         if shell:
             _hollow(bodies[-1])
         first += bodies[-1].get("id_count", bodies[-1]["count"])
+    if problems := check_numbers(scene, precision, bodies):
+        raise SceneError(problems)
     gravity = scene.gravity
     return (
         {
@@ -235,30 +248,6 @@ def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dic
         "state": state,
         "state_width": state.shape[1],
     }
-
-
-def _check_step(scene: Scene, step: float, precision: str) -> None:
-    """Refuse a step in which slow material would not move at all in this precision.
-
-    A position is stored as a fraction of a cell, so an increment below half its rounding unit is
-    lost. The speed that must survive is a hundredth of the wave speed, the usual flow.
-    """
-    unit = float(np.finfo(np.float32 if precision == "single" else np.float64).eps)
-    problems = []
-    for body in scene.bodies:
-        speed = wave_speed(body.material)
-        if speed is None:
-            continue
-        least = 0.5 * unit * scene.cell_size / (0.01 * speed)
-        if step < least:
-            remedy = "; use precision='double'" if precision == "single" else ""
-            problems.append(
-                f"body '{body.name}': time_step is {step:g} s; at {0.01 * speed:g} m/s a particle "
-                f"moves less than {precision} precision resolves; expected ≥ {least:.3g} s{remedy} "
-                "or a longer time step"
-            )
-    if problems:
-        raise SceneError(problems)
 
 
 def _table(table: TimeTable) -> dict[str, Any]:

@@ -7,6 +7,7 @@ messages and documentation are derived from it; `materials_generated.py` holds t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -117,7 +118,13 @@ def wave_speed(material: Material) -> float | None:
 
     Fluids: c₀ = √(K/ρ). Solids: c = √(E(1 - ν) / ((1 + ν)(1 - 2ν)ρ)), the pressure wave.
     """
-    have = material.parameters()
+    try:
+        return _wave_speed(material.parameters())
+    except ZeroDivisionError:
+        return math.inf  # a density so small that products with it are zero
+
+
+def _wave_speed(have: Mapping[str, float]) -> float | None:
     density = have["density"]
     if "bulk_modulus" in have:
         return math.sqrt(have["bulk_modulus"] / density)

@@ -17,7 +17,7 @@ from libmpm._src.shapes import FACES, Box, DomainWalls, OrientedBox, Solid
 from libmpm._src.timetable import TimeTable
 from libmpm._src.transfer import Transfer
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
-from libmpm._src.values import Checker, Value, sequence, value
+from libmpm._src.values import Checker, Value, sequence, shown, value
 
 __all__ = ["Body", "Boundary", "PlacedSensor"]
 
@@ -47,8 +47,9 @@ class Body(Value):
         kinds = (Solid, PointFile, Cells, Points)
         check.instance("shape", self.shape, kinds, "shapes.Box(lower=..., upper=...)")
         check.instance("material", self.material, (Material,), "a value of libmpm.materials")
-        if self.fbar not in ("default", None) and not isinstance(self.fbar, FBar):
-            check.fail(f'fbar is {self.fbar!r}; expected "default", None or FBar(...)')
+        named = isinstance(self.fbar, str) and self.fbar == "default"
+        if not (named or isinstance(self.fbar, FBar | None)):
+            check.fail(f'fbar is {shown(self.fbar)}; expected "default", None or FBar(...)')
         if self.transfer is not None:
             check.instance("transfer", self.transfer, (Transfer,), "Transfer(...) or None")
         if self.sampling is not None:

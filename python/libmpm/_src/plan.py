@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src import backends, checks
+from libmpm._src.checks_range import check_sweeps
 from libmpm._src.errors import SceneError
 from libmpm._src.lowering import check_backend, choose_device, choose_precision, lower
 from libmpm._src.supply import flow_rows
@@ -65,8 +66,11 @@ def build_plan(
         with_particles=False,
     )
     name = "cpu" if kind == "cpu" else f"cuda:{index}"
+    result = backends.core().plan(spec, kind)
+    if problems := check_sweeps(scene, float(result["time_step"])):
+        raise SceneError(problems)
     return Plan(
-        backends.core().plan(spec, kind),
+        result,
         scene=scene,
         device=name,
         precision=precision,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,9 +11,18 @@ from typing import Any
 from libmpm._src.errors import SceneError
 from libmpm._src.output.writer import Output
 from libmpm._src.scene import Scene
-from libmpm._src.values import nearest
+from libmpm._src.scene_file import read_json
+from libmpm._src.values import nearest, shown
 
 __all__ = ["RunFile", "RunSettings", "read_run_file", "without_debris"]
+
+
+#: Largest floating-point number, s.
+_LONGEST = sys.float_info.max
+
+
+def _are_names(given: Any) -> bool:
+    return isinstance(given, list | tuple) and all(isinstance(name, str) for name in given)
 
 
 @dataclass(frozen=True)
@@ -37,7 +45,7 @@ class RunSettings:
     def from_dict(cls, data: Any) -> RunSettings:
         """Check and take the key's content; raises `SceneError` with all problems."""
         if not isinstance(data, Mapping):
-            raise SceneError(f'scene file: "run" is {data!r:.60}; expected an object')
+            raise SceneError(f'scene file: "run" is {shown(data, 60)}; expected an object')
         known = list(cls.__dataclass_fields__)
         problems = [
             f"scene file: \"run\" has the unknown key '{key}'; {nearest(key, known)}"
@@ -49,8 +57,22 @@ class RunSettings:
             if value is None:
                 continue
             number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number or not math.isfinite(value) or value < 0:
-                problems.append(f'scene file: "run" has {key} = {value!r}; expected seconds, ≥ 0')
+            # The bound instead of isfinite, which fails for whole numbers of any length.
+            if not number or not 0 <= value <= _LONGEST:
+                problems.append(
+                    f'scene file: "run" has {key} = {shown(value)}; expected seconds, ≥ 0'
+                )
+        attributes = data.get("attributes")
+        by_body = attributes if isinstance(attributes, Mapping) else {"all": attributes}
+        if attributes is not None and not all(_are_names(names) for names in by_body.values()):
+            problems.append(
+                f'scene file: "run" has attributes = {shown(attributes)}; expected names, or for '
+                "each body a list of names"
+            )
+        if not _are_names(data.get("debris", [])):
+            problems.append(
+                f'scene file: "run" has debris = {shown(data["debris"])}; expected names of bodies'
+            )
         if problems:
             raise SceneError(problems)
         return cls(**data)
@@ -86,10 +108,10 @@ class RunFile:
 def read_run_file(path: Path) -> RunFile:
     """Read a scene file; raises `SceneError` with all problems."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path)
     except FileNotFoundError as error:
         raise SceneError(f"{path}: no such file; give the path of a scene file") from error
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except OSError as error:
         raise SceneError(f"{path}: cannot be read as JSON: {error}") from error
     if not isinstance(data, dict):
         raise SceneError(f"{path}: holds no JSON object; write it with Scene.save")

@@ -2,15 +2,43 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from libmpm._src.checks import check_scene
 from libmpm._src.errors import SceneError
 from libmpm._src.scene import HEAD, SCHEMA, Scene
-from libmpm._src.values import from_plain, nearest
+from libmpm._src.values import from_plain, nearest, shown
 
-__all__ = ["SceneReader"]
+__all__ = ["SceneReader", "read_json"]
+
+
+def read_json(path: Path) -> Any:
+    """Return what a JSON file holds; raises `SceneError` naming the file.
+
+    A key that an object has twice is refused, of which Python's own reader drops the first. A byte
+    order mark is passed over.
+    """
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            keys = [key for key, _ in pairs]
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise SceneError(f"{path}: an object has the key '{twice}' twice; remove one of them")
+        return found
+
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=unique)
+    except SceneError:
+        raise
+    except RecursionError as error:
+        raise SceneError(f"{path}: not a scene file: nested too deep to be read") from error
+    except ValueError as error:
+        # Text that is not UTF-8, text that is not JSON, and numbers of more than 4300 digits.
+        raise SceneError(f"{path}: not JSON: {error}; write it with Scene.save") from error
 
 
 class SceneReader:
@@ -27,9 +55,10 @@ class SceneReader:
         data = self.data
         if not isinstance(data, Mapping) or "libmpm" not in data:
             raise SceneError('scene file: key "libmpm" is missing; expected a file of Scene.save')
-        if data["libmpm"] != SCHEMA:
+        version = data["libmpm"]
+        if not isinstance(version, int) or version != SCHEMA:
             raise SceneError(
-                f'scene file: "libmpm" is {data["libmpm"]!r}; this libmpm reads version {SCHEMA}; '
+                f'scene file: "libmpm" is {shown(version)}; this libmpm reads version {SCHEMA}; '
                 "save the scene again with a matching version"
             )
         kinds = ("bodies", "boundaries", "sensors", "flows")
@@ -44,7 +73,7 @@ class SceneReader:
         for kind, singular in zip(kinds, ("body", "boundary", "sensor", "flow"), strict=True):
             entries = data.get(kind, [])
             if not isinstance(entries, list | tuple):
-                self.problems.append(f"scene file: {kind} is {entries!r:.60}; expected a list")
+                self.problems.append(f"scene file: {kind} is {shown(entries, 60)}; expected a list")
                 continue
             for i, entry in enumerate(entries):
                 self._entry(getattr(target, f"add_{singular}"), f"{singular}", i, entry)
@@ -63,9 +92,16 @@ class SceneReader:
 
     def _entry(self, add: Any, kind: str, index: int, entry: Any) -> None:
         name = entry.get("name", index) if isinstance(entry, Mapping) else index
+        name = name if isinstance(name, str) else index
         prefix = f"{kind} '{name}'"
         if not isinstance(entry, Mapping):
-            self.problems.append(f"{prefix}: {entry!r:.60} is not an object; expected names")
+            self.problems.append(f"{prefix}: {shown(entry, 60)} is not an object; expected names")
+            return
+        if "type" in entry:
+            self.problems.append(
+                f'{prefix}: "type" is {shown(entry["type"], 60)}; entries of this list have no '
+                "type; leave it out"
+            )
             return
         try:
             add(**from_plain(entry))
@@ -79,5 +115,6 @@ class SceneReader:
 
 def _stand_in(data: Mapping[str, Any]) -> Scene:
     """Return an empty scene in which the parts of a broken one can still be checked."""
-    d = 2 if data.get("dimension") == 2 or "grid" in data else 3
+    stated = data.get("dimension")
+    d = 2 if "grid" in data or (isinstance(stated, int) and stated == 2) else 3
     return Scene(dimension=d, cell_size=1.0, lower=(0.0,) * d, upper=(1.0,) * d)

@@ -13,8 +13,11 @@ from libmpm._src.shapes import check_faces
 from libmpm._src.values import Checker, Value, sequence, value
 
 __all__ = ["Energy", "LoadCell", "ParticleTracker", "Sensor", "VelocityProbe", "WaveGauge"]
+__all__ += ["check_interval"]
 
-_EVERY = "0 samples every step"
+#: Least interval but 0, s. Samples are counted from time 0: a step passes over dt / interval of
+#: them one by one, and their number must fit into 64 bits.
+LEAST_INTERVAL = 1e-9
 
 
 class Sensor(Value):
@@ -23,6 +26,15 @@ class Sensor(Value):
     #: Name of the sensor in the engine.
     kind: ClassVar[str]
     interval: float = 0.0
+
+
+def check_interval(check: Checker, interval: Any, name: str = "interval") -> float:
+    """Return an interval in s: 0, which samples every step, or one that can be counted."""
+    remedy = "0 samples every step"
+    found = check.number(name, interval, lower=0, unit="s", remedy=remedy)
+    if 0 < found < LEAST_INTERVAL:
+        check.fail(f"{name} is {found:g}; expected ≥ {LEAST_INTERVAL:g} s or 0; {remedy}")
+    return found
 
 
 def _body(check: Checker, name: str | None) -> str | None:
@@ -61,7 +73,7 @@ class LoadCell(Sensor):
         return {
             "boundary": check.text("boundary", self.boundary),
             "faces": check_faces(check, self.faces),
-            "interval": check.number("interval", self.interval, lower=0, unit="s", remedy=_EVERY),
+            "interval": check_interval(check, self.interval),
             "reference": reference and check.vector("reference", reference, unit="m"),
         }
 
@@ -91,7 +103,7 @@ class WaveGauge(Sensor):
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
             "position": check.vector("position", self.position, lengths=(1, 2), unit="m"),
-            "interval": check.number("interval", self.interval, lower=0, unit="s", remedy=_EVERY),
+            "interval": check_interval(check, self.interval),
             "body": _body(check, self.body),
         }
 
@@ -119,7 +131,7 @@ class VelocityProbe(Sensor):
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
             "position": check.vector("position", self.position, unit="m"),
-            "interval": check.number("interval", self.interval, lower=0, unit="s", remedy=_EVERY),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -159,7 +171,7 @@ class ParticleTracker(Sensor):
         return {
             "body": check.text("body", self.body),
             "ids": ids,
-            "interval": check.number("interval", self.interval, lower=0, unit="s", remedy=_EVERY),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -180,5 +192,5 @@ class Energy(Sensor):
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
             "body": _body(check, self.body),
-            "interval": check.number("interval", self.interval, lower=0, unit="s", remedy=_EVERY),
+            "interval": check_interval(check, self.interval),
         }

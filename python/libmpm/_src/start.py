@@ -18,7 +18,7 @@ from libmpm._src.errors import CheckpointError, SceneError
 from libmpm._src.sensing.values import AttributeTracker
 from libmpm._src.sensors import Energy, ParticleTracker, WaveGauge
 from libmpm._src.shapes import Box, OrientedBox
-from libmpm._src.values import Checker, Value, value
+from libmpm._src.values import Checker, Value, sequence, shown, value
 
 if TYPE_CHECKING:
     from libmpm._src.scene import Scene
@@ -41,6 +41,20 @@ class RestoredBody(Value):
     ids: int
     particle_mass: float
     stored_as: int
+
+    def _label(self) -> str:
+        return "Start: a body" if not isinstance(self.name, str) else f"Start: body '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        return {
+            "name": check.text("name", self.name),
+            "first_id": check.integer("first_id", self.first_id),
+            "ids": check.integer("ids", self.ids),
+            "particle_mass": check.number(
+                "particle_mass", self.particle_mass, lower=0, lower_open=True, unit="kg"
+            ),
+            "stored_as": check.integer("stored_as", self.stored_as),
+        }
 
 
 @value
@@ -71,7 +85,24 @@ class Start(Value):
         tiles = check.integer("tiles", self.tiles, lower=1)
         if tiles > 1 or self.axis is not None:
             check.choice("axis", self.axis, ("x", "y", "z"))
-        return {"tiles": tiles, "bodies": tuple(self.bodies)}
+        for name in ("checkpoint", "digest"):
+            check.instance(name, getattr(self, name), (str,), "a text")
+        bodies = sequence(self.bodies)
+        if bodies is None or not all(isinstance(body, RestoredBody) for body in bodies):
+            check.fail(f"bodies is {shown(self.bodies)}; expected what Scene.from_checkpoint gives")
+            bodies = []
+        step = self.time_step
+        if step is not None:
+            step = check.number("time_step", step, lower=0, lower_open=True, unit="s")
+        return {
+            "tiles": tiles,
+            "bodies": tuple(bodies),
+            "time": check.number("time", self.time, lower=0, unit="s"),
+            "step": check.integer("step", self.step),
+            "boundaries": check.integer("boundaries", self.boundaries),
+            "sensors": check.integer("sensors", self.sensors),
+            "time_step": step,
+        }
 
     def restored(self, name: str) -> RestoredBody | None:
         """Return what the run before knew of a body; None of a new one."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.foreign import host_array
+from libmpm._src.foreign import real_array
 from libmpm._src.values import Checker, Value, value
 
 __all__ = ["TimeTable", "check_vector_table", "constant"]
@@ -62,6 +62,8 @@ class TimeTable(Value):
             check.fail(f"value has shape {values.shape}; expected (n,) or (n, components)")
         elif time.ndim == 1 and len(values) != len(time):
             check.fail(f"value has {len(values)} rows, time has {len(time)}; expected as many")
+        if check.problems:
+            return {}
         rows = values.tolist()
         return {
             "time": tuple(time.tolist()),
@@ -122,8 +124,8 @@ def constant(vector: Sequence[float]) -> TimeTable:
 
 def _array(check: Checker, name: str, item: Any) -> npt.NDArray[np.float64] | None:
     try:
-        array = np.asarray(host_array(item, name), dtype=np.float64)
-    except (TypeError, ValueError):
+        array = real_array(item, name)
+    except (OverflowError, TypeError, ValueError):
         check.fail(f"{name} is not a regular table of numbers: {item!r:.80}")
         return None
     if not np.all(np.isfinite(array)):

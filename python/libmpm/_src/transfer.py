@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
-from libmpm._src.values import Checker, Value, nearest, value
+from libmpm._src.values import Checker, Value, nearest, shown, value
 
 __all__ = ["KERNELS", "SCHEMES", "Kernel", "Transfer", "as_kernel", "as_transfer"]
 
@@ -100,9 +100,11 @@ class Transfer(Value):
             )
         if least > most:
             check.fail(f"shift_min is {least:g} above shift_max {most:g}; expected at most that")
-        if scheme not in SWEEPS and (self.order, self.every) != (2, 1):
+        order = check.integer("order", self.order, lower=1)
+        every = check.integer("every", self.every, lower=1)
+        if scheme not in SWEEPS and not check.problems and (order, every) != (2, 1):
             check.fail(
-                f"order is {self.order} and every {self.every} with scheme '{scheme}'; they belong "
+                f"order is {order} and every {every} with scheme '{scheme}'; they belong "
                 f"to {' and '.join(SWEEPS)}; leave them out"
             )
         if not isinstance(self.guard, bool):
@@ -119,8 +121,8 @@ class Transfer(Value):
             "width": check.number("width", self.width, lower=0, lower_open=True),
             "power": check.number("power", self.power, lower=1),
             "below": check.choice("below", self.below, ("min", "zero")),
-            "order": check.integer("order", self.order, lower=1),
-            "every": check.integer("every", self.every, lower=1),
+            "order": order,
+            "every": every,
         }
 
     @property
@@ -194,8 +196,9 @@ class Kernel(Value):
 
     def _check(self, check: Checker) -> dict[str, Any]:
         name = check.choice("name", self.name, KERNELS)
-        if self.gradient is not None:
-            check.choice("gradient", self.gradient, ("mls", "kernel"))
+        gradient: str | None = self.gradient
+        if gradient is not None:
+            gradient = check.choice("gradient", gradient, ("mls", "kernel"))
         if not isinstance(self.boundary, bool):
             check.fail(f"boundary is {self.boundary!r}; expected True or False")
         elif self.boundary and name in ("ugimp", "cpgimp"):
@@ -203,7 +206,7 @@ class Kernel(Value):
                 f"boundary is True for '{name}'; splines that end with the domain are linear, "
                 "quadratic or cubic; leave it out"
             )
-        if self.gradient == "mls" and not self.has_moments:
+        if not check.problems and gradient == "mls" and not self.has_moments:
             check.fail(
                 f"gradient is 'mls' for {self.text()}: it divides by the second moment of the "
                 "functions, which is zero at their nodes; use 'kernel'"
@@ -236,10 +239,14 @@ def as_transfer(check: Checker, given: Any) -> Transfer:
     if isinstance(given, Transfer):
         return given
     names = [s for s in SCHEMES if s not in BLENDS]
+    named: Any = given
+    if not isinstance(given, str):
+        check.fail(f"transfer is {shown(given)}; expected Transfer(...) or the name of a scheme")
+        return Transfer()
     if given in names:
-        return Transfer(scheme=given)
+        return Transfer(scheme=named)
     hint = "give Transfer(scheme=..., flip=...)" if given in BLENDS else nearest(str(given), names)
-    check.fail(f"transfer is {given!r}; expected Transfer(...) or a scheme; {hint}")
+    check.fail(f"transfer is {shown(given)}; expected Transfer(...) or a scheme; {hint}")
     return Transfer()
 
 
@@ -247,9 +254,10 @@ def as_kernel(check: Checker, given: Any) -> Kernel:
     """Return a kernel from one, or from its name."""
     if isinstance(given, Kernel):
         return given
-    if given in KERNELS:
-        return Kernel(name=given)
+    named: Any = given
+    if isinstance(given, str) and given in KERNELS:
+        return Kernel(name=named)
     check.fail(
-        f"kernel is {given!r}; expected Kernel(...) or a name; {nearest(str(given), KERNELS)}"
+        f"kernel is {shown(given)}; expected Kernel(...) or a name; {nearest(given, KERNELS)}"
     )
     return Kernel()

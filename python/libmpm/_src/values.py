@@ -28,13 +28,31 @@ P = ParamSpec("P")
 registry: dict[str, type[Value]] = {}
 
 
-def nearest(name: str, names: Iterable[str]) -> str:
+#: Bytes of a name; file systems take 255, with ending and number.
+_LONGEST = 200
+
+
+def nearest(name: Any, names: Iterable[str]) -> str:
     """Return a hint naming the candidate closest to `name`, or all of them."""
     names = [str(n) for n in names]
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    # The comparison takes a time that grows with the square of the lengths.
+    wanted = name if isinstance(name, str) else shown(name)
+    close = difflib.get_close_matches(wanted[:200], names, n=1, cutoff=0.5)
     if close:
         return f"did you mean '{close[0]}'?"
     return f"choose from {', '.join(names)}" if names else "there are none"
+
+
+def shown(item: Any, most: int = 200) -> str:
+    """Return the text of any object for a message: no longer than `most` characters.
+
+    Lists in lists without end, and whole numbers of thousands of digits, have no text of their own.
+    """
+    try:
+        text = repr(item)
+    except (RecursionError, ValueError):
+        return f"a {type(item).__name__} without a text of its own"
+    return text if len(text) <= most else f"{text[:most]}…"
 
 
 def keywords_only(
@@ -114,9 +132,13 @@ class Checker:
         """Return `value` as float, within its range."""
         tail = f" {unit}" if unit and unit != "1" else ""
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
-            self.fail(f"{name} is {value!r}; expected a number{' in' + tail if tail else ''}")
+            self.fail(f"{name} is {shown(value)}; expected a number{' in' + tail if tail else ''}")
             return math.nan
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:
+            self.fail(f"{name} is {shown(value, 40)}; expected a number below 1.8e308{tail}")
+            return math.nan
         rules = []
         if lower > -math.inf:
             rules.append(f"{'>' if lower_open else '≥'} {lower:g}")
@@ -133,14 +155,17 @@ class Checker:
         return number
 
     def integer(self, name: str, value: Any, *, lower: int = 0, remedy: str = "") -> int:
-        """Return `value` as int, not below `lower`."""
+        """Return `value` as int, not below `lower`, and of no more than 64 bits with its sign."""
         try:
             number = operator.index(value)
         except TypeError:
             number = None
         if number is None or isinstance(value, bool) or number < lower:
             tail = f"; {remedy}" if remedy else ""
-            self.fail(f"{name} is {value!r}; expected a whole number ≥ {lower}{tail}")
+            self.fail(f"{name} is {shown(value, 40)}; expected a whole number ≥ {lower}{tail}")
+            return lower
+        if number >= 1 << 63:
+            self.fail(f"{name} is {shown(value, 40)}; expected a whole number < 2^63")
             return lower
         return number
 
@@ -151,7 +176,7 @@ class Checker:
         wanted = f"expected {' or '.join(map(str, lengths))} numbers{' in ' + unit if unit else ''}"
         items = sequence(value)
         if items is None or len(items) not in lengths:
-            self.fail(f"{name} is {value!r}; {wanted}")
+            self.fail(f"{name} is {shown(value)}; {wanted}")
             return ()
         before = len(self.problems)
         result = tuple(self.number(f"{name}[{i}]", x, unit=unit) for i, x in enumerate(items))
@@ -160,21 +185,33 @@ class Checker:
     def choice(self, name: str, value: Any, choices: Sequence[str]) -> str:
         """Return `value` if it is one of the names."""
         if not isinstance(value, str) or value not in choices:
-            self.fail(f"{name} is {value!r}; {nearest(str(value), choices)}")
+            self.fail(f"{name} is {shown(value)}; {nearest(value, choices)}")
             return choices[0]
         return value
 
     def text(self, name: str, value: Any, *, empty: bool = False) -> str:
         """Return `value` if it is a string that can serve as a name."""
         if not isinstance(value, str) or (not value.strip() and not empty) or "/" in value:
-            self.fail(f"{name} is {value!r}; expected a non-empty text without '/'")
+            self.fail(f"{name} is {shown(value)}; expected a non-empty text without '/'")
+            return ""
+        if any(not (c.isprintable() or c == " ") for c in value):
+            self.fail(
+                f"{name} is {shown(value)}; expected characters that can be printed, since names "
+                "become parts of file names"
+            )
+            return ""
+        if len(value.encode()) > _LONGEST:
+            self.fail(
+                f"{name} is {shown(value, 40)}, {len(value.encode())} bytes long; expected at most "
+                f"{_LONGEST}, since names become parts of file names"
+            )
             return ""
         return value
 
     def instance(self, name: str, value: Any, kinds: tuple[type, ...], example: str) -> Any:
         """Return `value` if it is an instance of one of the classes."""
         if not isinstance(value, kinds):
-            self.fail(f"{name} is {value!r}; expected {example}")
+            self.fail(f"{name} is {shown(value)}; expected {example}")
         return value
 
 
@@ -268,23 +305,58 @@ def plain(item: Any) -> Any:
     return item
 
 
+#: Bits of the largest whole number that a floating-point number can come near.
+_LARGEST = 1023
+
+#: Lists and objects inside each other that a description may have; solids are made of solids.
+_DEEPEST = 200
+
+
 def from_plain(item: Any) -> Any:
     """Undo `plain`; dictionaries with a "type" become values, and all problems are collected."""
     problems: list[str] = []
+    if deeper_than(item, _DEEPEST):
+        raise SceneError(
+            f"lists and objects are nested more than {_DEEPEST} deep; expected fewer; a Union has "
+            "any number of parts side by side"
+        )
     result = _from_plain(item, problems)
     if problems:
         raise SceneError(problems)
     return result
 
 
-def _from_plain(item: Any, problems: list[str]) -> Any:
+def deeper_than(item: Any, limit: int) -> bool:
+    """Return whether lists and dictionaries are nested more than so deep, without recursion."""
+    level = [item]
+    for _ in range(limit):
+        inner: list[Any] = []
+        for one in level:
+            if isinstance(one, Mapping):
+                inner += one.values()
+            elif isinstance(one, list | tuple):
+                inner += [x for x in one if isinstance(x, Mapping | list | tuple)]
+        level = inner
+        if not level:
+            return False
+    return True
+
+
+def _from_plain(item: Any, problems: list[str], name: str = "") -> Any:
+    """Undo `plain`; `name` is the key under which the item stands."""
     if isinstance(item, Mapping):
-        parts = {k: _from_plain(v, problems) for k, v in item.items() if k != "type"}
-        tag = item.get("type")
-        if tag is None:
+        strange = [k for k in item if not isinstance(k, str)]
+        if strange:
+            where = f"{name}: " if name else ""
+            problems.append(f"{where}the key {shown(strange[0])} is no text; expected names")
+            return None
+        parts = {k: _from_plain(v, problems, k) for k, v in item.items() if k != "type"}
+        if "type" not in item:
             return parts
-        if tag not in registry:
-            problems.append(f"\"type\" is '{tag}'; {nearest(str(tag), registry)}")
+        tag = item["type"]
+        if not isinstance(tag, str) or tag not in registry:
+            where = f"{name}: " if name else ""
+            problems.append(f'{where}"type" is {shown(tag)}; {nearest(tag, registry)}')
             return None
         try:
             return registry[tag](**parts)
@@ -292,7 +364,13 @@ def _from_plain(item: Any, problems: list[str]) -> Any:
             problems.extend(error.problems)
             return None
     if isinstance(item, list | tuple):
-        return [_from_plain(v, problems) for v in item]
+        return [_from_plain(v, problems, name) for v in item]
+    if isinstance(item, int) and item.bit_length() > _LARGEST:
+        problems.append(
+            f"{name or 'a value'} is a whole number of {item.bit_length()} bits; expected one "
+            "below 1.8e308"
+        )
+        return None
     return item
 
 

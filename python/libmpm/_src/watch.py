@@ -53,6 +53,10 @@ CALM = 1e-5
 #: Part of the elastic energy at the start that is not told from rounding.
 STORED = 0.01
 
+#: Particles of a scene, at most, whose energy is not watched: they may share no node, and what
+#: passes between their strains and the affine part of their motion shows in neither sum.
+HANDFUL = 8
+
 #: Part of the sound speed above which a flow is not that of water.
 SLOW = 0.3
 #: How much faster a node must be for a body to be looked at again that was found slow.
@@ -184,7 +188,8 @@ class Watch:
             found = self._swollen(now, guard.volume)
         if not found and guard.packing is not None:
             found = self._crowded(now, guard.packing)
-        if not found and guard.energy is not None and self._closed:
+        watched = self._closed and sum(self._counts()) > HANDFUL
+        if not found and guard.energy is not None and watched:
             found = self._gained(now, guard.energy)
         if found:
             self.broken = found

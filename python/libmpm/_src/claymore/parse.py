@@ -29,6 +29,7 @@ from libmpm._src.claymore.records import (
     SensorRecord,
 )
 from libmpm._src.errors import SceneError
+from libmpm._src.values import deeper_than
 
 __all__ = ["read_scene"]
 
@@ -74,14 +75,20 @@ _SWITCHES = {"drucker-prager": "SandVolCorrection", "cam-clay": "hardeningOn"}
 _OF_SOME_LAW = {row[0] for rows in _NUMBERS.values() for row in rows} | set(_SWITCHES.values())
 
 
+#: Lists and objects inside each other; a scene inside a workflow has a dozen.
+_DEEPEST = 100
+
+
 def read_scene(path: Path, context: Context) -> SceneRecord:
     """Read a file; what is wrong with it goes to `context`, and an unreadable one is raised."""
     try:
         data = json.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError as error:
         raise SceneError(f"{path}: no such file; give the path of a ClaymoreUW scene") from error
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, RecursionError, ValueError) as error:
         raise SceneError(f"{path}: cannot be read as JSON: {error}") from error
+    if deeper_than(data, _DEEPEST):
+        raise SceneError(f"{path}: objects are nested more than {_DEEPEST} deep; expected fewer")
     file = Record(context, _unwrapped(context, data), "", "file")
     record = _scene(context, file, path.stem)
     file.close()

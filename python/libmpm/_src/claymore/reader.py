@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from libmpm._src.claymore.aliases import ALIASES, DROPPED, Names, fold
 from libmpm._src.errors import SceneError
-from libmpm._src.values import nearest
+from libmpm._src.values import nearest, shown
 
 __all__ = ["Context", "Record", "pick"]
 
 _MISSING = object()
+
+#: Copies of a shape in an array, each of which becomes a body.
+_MOST_COPIES = 100_000
 
 
 @dataclass
@@ -103,10 +107,13 @@ class Record:
         if isinstance(given, bool) or not isinstance(given, int | float):
             self.context.fail(self.where(name), f"is {given!r:.40}; expected {rule}")
             return default
-        value = float(given)
+        try:
+            value = float(given)
+        except OverflowError:
+            value = math.inf
         out = not math.isfinite(value) or value > upper
         if out or (value <= lower if above else value < lower):
-            self.context.fail(self.where(name), f"is {given!r}; expected {rule}")
+            self.context.fail(self.where(name), f"is {shown(given, 40)}; expected {rule}")
             return default
         return value
 
@@ -170,6 +177,11 @@ class Record:
         found = self.vector(name, (1.0, 1.0, 1.0), unit="1")
         if any(x < 1 or x != int(x) for x in found):
             self.context.fail(self.where(name), f"is {list(found)}; expected whole numbers ≥ 1")
+            return (1, 1, 1)
+        if math.prod(found) > _MOST_COPIES:
+            self.context.fail(
+                self.where(name), f"is {list(found)}; expected at most {_MOST_COPIES} copies in all"
+            )
             return (1, 1, 1)
         a, b, c = (int(x) for x in found)
         return (a, b, c)
@@ -253,6 +265,7 @@ def _numbers(given: Any) -> tuple[float, ...] | None:
     if not isinstance(given, list):
         return None
     fine = all(isinstance(x, int | float) and not isinstance(x, bool) for x in given)
-    if not fine or not all(math.isfinite(x) for x in given):
+    # The bound instead of isfinite, which fails for whole numbers of any length.
+    if not fine or not all(abs(x) <= sys.float_info.max for x in given):
         return None
     return tuple(float(x) for x in given)

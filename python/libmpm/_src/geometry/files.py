@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import stat
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.errors import SceneError
-from libmpm._src.values import Checker
+from libmpm._src.values import Checker, shown
 
 __all__ = ["check_file", "file_state"]
 
@@ -20,11 +20,13 @@ def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]
         return "", None
     try:
         found = _digest(*file_state(file))
-    except (OSError, SceneError) as error:
+    except (OSError, ValueError) as error:  # a path may hold what no path can
         reason = getattr(error, "strerror", None) or error
         check.fail(f"file '{file}' cannot be read: {reason}; give a path that can be, from here")
         return str(file), None
-    if sha256 is not None and sha256 != found:
+    if sha256 is not None and not isinstance(sha256, str):
+        check.fail(f"sha256 is {shown(sha256)}; expected a text, or None")
+    elif sha256 is not None and sha256 != found:
         check.fail(
             f"file '{file}' has SHA-256 {found[:12]}..., the scene was made with "
             f"{str(sha256)[:12]}...; expected the same file; put it back, or leave sha256 out to "
@@ -37,6 +39,8 @@ def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]
 def file_state(file: str | Path) -> tuple[str, int, int]:
     """Return path, size and time of change of a file: what to know its content again by."""
     found = Path(file).stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(f"{file} is no regular file")
     return str(file), found.st_size, found.st_mtime_ns
 
 

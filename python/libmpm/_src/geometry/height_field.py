@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.errors import SceneError
+from libmpm._src.foreign import real_array
 from libmpm._src.geometry.esri import read_esri
 from libmpm._src.geometry.polygon import polygon_distance, segment_distance2
 from libmpm._src.geometry.solid import Array, Bounds, Solid, box_distance, length
@@ -60,7 +61,7 @@ class HeightField(Solid):
         """Return the bed through (x, z) pairs in m, in 2D; `base` as in the class."""
         try:
             rows = np.asarray(pairs, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (OverflowError, TypeError, ValueError):
             rows = np.empty(0)
         if rows.ndim != 2 or rows.shape[1] != 2:
             raise SceneError(
@@ -277,8 +278,8 @@ def _level_ends(u: Array, v: Array, bed: Array) -> Array:
 
 def _numbers(given: Any) -> Array | None:
     try:
-        return np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
+        return real_array(given, "a height field")
+    except (OverflowError, TypeError, ValueError):
         return None
 
 

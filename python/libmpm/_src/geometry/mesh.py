@@ -114,7 +114,7 @@ class SurfaceMesh(Solid):
         surface = self._surface
         if not surface.closed or surface.parts > 1:
             return None
-        return abs(surface.volume()) * self.scale**3
+        return abs(surface.volume()) * self.scale * self.scale * self.scale
 
     def _distance(self, p: Array) -> Array:
         tree = self._tree

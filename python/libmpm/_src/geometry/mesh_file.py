@@ -91,6 +91,12 @@ def read_surface(path: str, size: int, changed: int) -> Surface:
         )
     if not np.isfinite(corners).all():
         raise SceneError(f"{what} has corners that are not finite; expected numbers; mend the file")
+    wrong = faces[(faces < 0) | (faces >= len(corners))]
+    if len(wrong):
+        raise SceneError(
+            f"{what} has a triangle with corner {wrong[0]} of {len(corners)}; expected numbers of "
+            "corners, from 0; mend the file"
+        )
     return _welded(corners, faces)
 
 

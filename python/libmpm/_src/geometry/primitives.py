@@ -69,7 +69,7 @@ class Sphere(Solid):
     def volume(self) -> float:
         """Return 4/3 π r³ in m³; π r² in 2D."""
         r = self.radius
-        return math.pi * r**2 if self.dimension == 2 else 4.0 / 3.0 * math.pi * r**3
+        return math.pi * r * r if self.dimension == 2 else 4.0 / 3.0 * math.pi * r * r * r
 
     def _distance(self, p: Array) -> Array:
         away = [x - c for x, c in zip(p.T, self.centre, strict=True)]

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import os
 import re
+import sys
 import warnings
-import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -20,8 +20,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.errors import CheckpointError, ModelWarning
+from libmpm._src.errors import CheckpointError, Error, ModelWarning
 from libmpm._src.output.atomic import replacing, sync_folder
+from libmpm._src.values import shown
 
 __all__ = [
     "FORMAT",
@@ -110,7 +111,13 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         columns.append([components, units])
     for i, remembered in checkpoint.memory.items():
         arrays |= {f"memory/{i}/{key}": value for key, value in remembered.items()}
-    header = {**checkpoint.header, "format": FORMAT, "numbers": numbers, "columns": columns}
+    shapes = {
+        key: [*np.shape(array), str(np.asarray(array).dtype)] for key, array in arrays.items()
+    }
+    header = {
+        **checkpoint.header, "format": FORMAT, "numbers": numbers, "columns": columns,
+        "arrays": shapes,
+    }  # fmt: skip
     text = np.frombuffer(json.dumps(header).encode(), np.uint8)
     with replacing(path, durable=True) as part, part.open("wb") as file:
         np.savez(file, header=text, **arrays)  # type: ignore[arg-type]
@@ -127,6 +134,8 @@ def load_header(path: Path) -> tuple[dict[str, Any], list[int]]:
         header = _header(path, archive)
         bodies = range(len(header["scene"]["bodies"]))
         stored = archive["state/body_of"] if "state/body_of" in archive.files else bodies
+        if np.shape(stored) != (len(bodies),):
+            raise ValueError(f"it stores {np.shape(stored)} bodies, its scene has {len(bodies)}")
         return header, [int(i) for i in stored]
 
 
@@ -140,6 +149,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     """
     with _opened(path) as archive:
         header = _header(path, archive)
+        _check_arrays(header.pop("arrays", {}), archive)
         state: dict[str, Any] = dict(header.pop("numbers"))
         for key in archive.files:
             if key.startswith("state/"):
@@ -158,13 +168,80 @@ def load_checkpoint(path: Path) -> Checkpoint:
 
 def _header(path: Path, archive: Any) -> dict[str, Any]:
     header: dict[str, Any] = json.loads(archive["header"].tobytes().decode())
+    if not isinstance(header, dict):
+        raise ValueError("its header is no object")
     if header.get("format") != FORMAT:
         raise CheckpointError(
-            f"{path} has checkpoint format {header.get('format')}, written by libmpm "
+            f"{path} has checkpoint format {shown(header.get('format'))}, written by libmpm "
             f"{header.get('version')}; this libmpm reads format {FORMAT}: resume with the "
             "version that wrote it"
         )
+    for key, (kind, wanted) in _HEADER.items():
+        missing = key not in header and key not in _LATER
+        if missing or (key in header and not kind(header[key])):
+            raise CheckpointError(
+                f"{path} is no whole checkpoint: its header has {key} = {shown(header.get(key))}; "
+                f"expected {wanted}; use the other generation in its folder"
+            )
     return header
+
+
+def _number(x: Any) -> bool:
+    number = isinstance(x, int | float) and not isinstance(x, bool)
+    return number and 0 <= x <= sys.float_info.max
+
+
+def _count(x: Any) -> bool:
+    return isinstance(x, int) and not isinstance(x, bool) and 0 <= x < 1 << 63
+
+
+def _columns(x: Any) -> bool:
+    """Return whether there are names and units, as many of each, for every sensor."""
+    if not isinstance(x, list):
+        return False
+    pairs = all(isinstance(row, list) and len(row) == 2 for row in x)
+    lists = pairs and all(isinstance(part, list) for row in x for part in row)
+    return lists and all(
+        len(row[0]) == len(row[1]) and all(isinstance(t, str) for part in row for t in part)
+        for row in x
+    )
+
+
+#: What the headers of older versions lack.
+_LATER = ("run", "shared_device", "displaced", "until", "output", "guard", "arrays")
+
+#: What a header must hold: key -> (test, in words).
+_HEADER: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "version": (lambda x: isinstance(x, str), "a text"),
+    "scene": (lambda x: isinstance(x, dict), "a scene"),
+    "run": (lambda x: x is None or isinstance(x, dict), "an object"),
+    "device": (lambda x: isinstance(x, str), "a device"),
+    "precision": (lambda x: isinstance(x, str), "a precision"),
+    "pipeline": (lambda x: isinstance(x, str), "a pipeline"),
+    "threads": (_count, "a whole number"),
+    "shared_device": (lambda x: isinstance(x, bool), "true or false"),
+    "time_step": (lambda x: x is None or _number(x), "seconds"),
+    "time": (_number, "seconds"),
+    "step": (_count, "a whole number"),
+    "displaced": (
+        lambda x: isinstance(x, dict) and all(map(_count, x.values())),
+        "numbers by body",
+    ),
+    "until": (lambda x: x is None or _number(x), "seconds"),
+    "output": (lambda x: x is None or isinstance(x, dict), "settings of an Output"),
+    "guard": (lambda x: x is None or isinstance(x, dict), "settings of a Guard"),
+    "arrays": (lambda x: isinstance(x, dict), "shapes by name"),
+    "numbers": (lambda x: isinstance(x, dict), "an object"),
+    "columns": (_columns, "names and units of every sensor"),
+}
+
+
+def _check_arrays(stated: dict[str, list[Any]], archive: Any) -> None:
+    """Raise ValueError where an array is not what the header says; the engine trusts its sizes."""
+    for key, wanted in stated.items():
+        found = archive[key]
+        if [*found.shape, str(found.dtype)] != wanted:
+            raise ValueError(f"{key} is {found.dtype} of shape {found.shape}, not {wanted}")
 
 
 @contextmanager
@@ -175,9 +252,10 @@ def _opened(path: Path) -> Iterator[Any]:
             yield archive
     except FileNotFoundError as error:
         raise CheckpointError(f"{path} does not exist; give a checkpoint or its folder") from error
-    except (zipfile.BadZipFile, EOFError, KeyError, ValueError, OSError) as error:
-        if isinstance(error, CheckpointError):
-            raise
+    except Error:
+        raise
+    # NumPy, zipfile and zlib raise whatever they come upon in a damaged file.
+    except Exception as error:
         size = path.stat().st_size if path.is_file() else 0
         raise CheckpointError(
             f"{path} is no whole checkpoint: {size} bytes, {error}; it is truncated or damaged, "

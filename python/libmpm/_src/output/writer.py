@@ -6,6 +6,7 @@ import csv
 import datetime
 import json
 import math
+import numbers
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -19,6 +20,8 @@ from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output import frames
 from libmpm._src.output.atomic import TEMPORARY, file_name, replacing, write_json, writing
 from libmpm._src.output.sensor_file import SensorFile, append_csv
+from libmpm._src.sensors import LEAST_INTERVAL
+from libmpm._src.values import shown
 
 if TYPE_CHECKING:
     from libmpm._src.simulation import Simulation
@@ -77,8 +80,12 @@ class Output:
         problems = []
         intervals = {"frame_interval": frame_interval, "checkpoint_interval": checkpoint_interval}
         for name, value in intervals.items():
-            if value is not None and not (value > 0 and math.isfinite(value)):
-                problems.append(f"Output: {name} is {value}; expected seconds above 0, or None")
+            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if value is not None and not (number and LEAST_INTERVAL <= value < math.inf):
+                problems.append(
+                    f"Output: {name} is {shown(value)}; expected seconds above 0 "
+                    f"(≥ {LEAST_INTERVAL:g}), or None"
+                )
         if isinstance(attributes, str):
             problems.append(f"Output: attributes is the text '{attributes}'; expected a list")
         if problems:
@@ -160,7 +167,7 @@ def due_time(index: int, interval: float) -> float:
 
 def due_index(time: float, interval: float) -> int:
     """Return the largest index that is due at `time`."""
-    k = max(0, int(time / interval))
+    k = max(0, int(time / (interval * (1 - 1e-12))))
     while due_time(k + 1, interval) <= time:
         k += 1
     while k > 0 and due_time(k, interval) > time:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal
 
 from libmpm._src.geometry.solid import Solid
 from libmpm._src.sensing.reduce import DIRECTIONS, OPERATIONS
-from libmpm._src.sensors import Sensor
+from libmpm._src.sensors import Sensor, check_interval
 from libmpm._src.values import Checker, sequence, value
 
 __all__ = [
@@ -49,11 +49,6 @@ QUANTITIES = (
 
 class Sampled(Sensor):
     """Base of the sensors that are evaluated in Python."""
-
-
-def _interval(check: Checker, interval: float) -> float:
-    remedy = "0 samples every step"
-    return check.number("interval", interval, lower=0, unit="s", remedy=remedy)
 
 
 def _optional(check: Checker, name: str, item: str | None) -> str | None:
@@ -112,7 +107,7 @@ class ParticleSensor(Sampled):
             "attribute": check.text("attribute", self.attribute),
             "operation": check.choice("operation", self.operation, tuple(OPERATIONS)),
             "body": _optional(check, "body", self.body),
-            "interval": _interval(check, self.interval),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -173,7 +168,7 @@ class GridSensor(Sampled):
         return {
             "attribute": attribute,
             "operation": check.choice("operation", self.operation, tuple(OPERATIONS)),
-            "interval": _interval(check, self.interval),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -232,12 +227,12 @@ class BodyTracker(Sampled):
             chosen = []
         for name in chosen:
             check.choice("quantities", name, QUANTITIES)
-        if len(set(chosen)) < len(chosen):
+        if not check.problems and len(set(chosen)) < len(chosen):
             check.fail("quantities has a name more than once; expected each at most once")
         return {
             "body": check.text("body", self.body),
             "quantities": tuple(chosen),
-            "interval": _interval(check, self.interval),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -271,7 +266,7 @@ class ContactForce(Sampled):
         return {
             "body": check.text("body", self.body),
             "by": check.text("by", self.by),
-            "interval": _interval(check, self.interval),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -318,7 +313,7 @@ class AttributeTracker(Sampled):
             "body": check.text("body", self.body),
             "ids": ids,
             "attributes": tuple(check.text("attributes", n) for n in names),
-            "interval": _interval(check, self.interval),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -362,7 +357,7 @@ class PressureProbe(Sampled):
             "position": check.vector("position", self.position, unit="m"),
             "radius": radius,
             "body": _optional(check, "body", self.body),
-            "interval": _interval(check, self.interval),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -415,7 +410,7 @@ class ElevationGauge(Sampled):
             "method": method,
             "percentile": share,
             "body": _optional(check, "body", self.body),
-            "interval": _interval(check, self.interval),
+            "interval": check_interval(check, self.interval),
         }
 
 
@@ -466,7 +461,8 @@ class Custom(Sampled):
                 check.fail(f"units is {units!r}; expected {len(columns)} texts, one a column")
                 texts = []
             units = tuple(check.instance("units", u, (str,), "a text such as 'm/s'") for u in texts)
-        return {"columns": columns, "units": units, "interval": _interval(check, self.interval)}
+        interval = check_interval(check, self.interval)
+        return {"columns": columns, "units": units, "interval": interval}
 
     @property
     def function_name(self) -> str:

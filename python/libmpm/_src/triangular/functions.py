@@ -226,7 +226,7 @@ def places(label: str, position: npt.ArrayLike) -> Floats:
     """Return positions as an array (n, 2); raises `SceneError`."""
     try:
         array = np.asarray(position, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise SceneError(
             f"{label}: position is not a table of numbers: {position!r:.80}; expected (n, 2) in m"
         ) from None

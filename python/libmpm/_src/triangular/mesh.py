@@ -10,6 +10,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.errors import SceneError
+from libmpm._src.foreign import real_array
 from libmpm._src.triangular import sources
 from libmpm._src.triangular.sources import Arrays, Floats, Numbers
 from libmpm._src.values import Checker, Value, keywords_only, value
@@ -221,7 +223,13 @@ class Mesh(Value):
         vertices, triangles = self.arrays()
         vertices -= self.lower
         triangulation = Triangulation(vertices[:, 0], vertices[:, 1], triangles)
-        found: Any = triangulation.get_trifinder()
+        try:
+            found: Any = triangulation.get_trifinder()
+        except RuntimeError as error:
+            raise SceneError(
+                f"grids.Mesh: {str(error).lower()}; expected triangles that meet in whole edges "
+                "and do not overlap; mend the mesh"
+            ) from error
         inside = np.asarray(found(places[:, 0], places[:, 1]) >= 0)
         # The search may put a point of the outline on either side of it.
         reach = _BESIDE * float(np.hypot(*vertices.max(axis=0)))
@@ -295,8 +303,8 @@ def _areas(corners: Floats) -> Floats:
 
 def _vertices(check: Checker, item: Any) -> Floats | None:
     try:
-        array = np.array(item, dtype=np.float64)
-    except (TypeError, ValueError):
+        array = real_array(item, "vertices").copy()
+    except (OverflowError, TypeError, ValueError):
         check.fail(f"vertices is not a table of numbers: {item!r:.80}; expected (n, 2) in m")
         return None
     if array.ndim != 2 or array.shape[1] != 2 or len(array) < 3:
@@ -312,7 +320,7 @@ def _vertices(check: Checker, item: Any) -> Floats | None:
 def _triangles(check: Checker, item: Any) -> Numbers | None:
     try:
         array = np.array(item)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         array = np.array(None)
     if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] != 3 or not len(array):
         check.fail(

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from libmpm._src.parts import Body, Boundary
     from libmpm._src.scene import Scene
 
+#: Particles of a body, whose positions and volumes are kept in memory as a whole.
+MOST_PARTICLES = 2**27
+
 __all__ = ["check_body", "check_boundary", "check_grid", "check_overlaps", "check_square_cells"]
 
 
@@ -54,6 +57,18 @@ def check_grid(scene: Scene, problems: list[str], doubts: list[str]) -> None:
     doubts += scene.grid.doubts()
 
 
+def _expected(scene: Scene, body: Body) -> float:
+    """Return how many particles a body will have at most, without placing them."""
+    if isinstance(body.shape, Cells) and isinstance(scene.grid, TriangularGrid):
+        return float(len(scene.grid.mesh.triangles)) * body.particles_per_cell
+    if not isinstance(body.shape, Box):
+        return 0.0
+    if body.lattice is not None:
+        return math.prod(map(float, body.lattice))
+    across = math.sqrt(body.particles_per_cell) / scene.cell_size
+    return math.prod(1.0 + size * across for size in body.shape.size)
+
+
 def check_overlaps(scene: Scene, bodies: Sequence[Body], problems: list[str]) -> None:
     """Refuse triangles that two bodies fill, and more material than the mesh has room for."""
     if not isinstance(scene.grid, TriangularGrid):
@@ -82,6 +97,14 @@ def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
     check = Checker(f"body '{body.name}'")
     fits = True
     shape = body.shape
+    count = _expected(scene, body)
+    if not count <= MOST_PARTICLES:
+        check.fail(
+            f"{count:.3g} particles; expected ≤ {MOST_PARTICLES:.3g} on a grid of functions; give "
+            "fewer particles_per_cell or a coarser grid"
+        )
+        problems += check.problems
+        return False
     if isinstance(body.fbar, FBar):
         check.fail(
             f"fbar is {body.fbar!r} on a grid of functions, which has no volume smoothing; "

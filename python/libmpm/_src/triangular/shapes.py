@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from libmpm._src.foreign import host_array
+from libmpm._src.foreign import real_array
 from libmpm._src.shapes import Shape, faces_of
 from libmpm._src.timetable import TimeTable, check_vector_table
 from libmpm._src.values import Checker, Value, value
@@ -19,8 +19,8 @@ __all__ = ["Cells", "Outline", "Points", "Traction"]
 def _points(check: Checker, name: str, given: Any, least: int) -> tuple[tuple[float, ...], ...]:
     """Return rows of two finite numbers, at least so many."""
     try:
-        array = np.asarray(host_array(given, name), dtype=np.float64)
-    except (TypeError, ValueError):
+        array = real_array(given, name)
+    except (OverflowError, TypeError, ValueError):
         check.fail(f"{name} is {given!r:.80}; expected rows of two numbers in m")
         return ()
     if array.ndim != 2 or array.shape[1] != 2:
@@ -94,8 +94,8 @@ class Points(Shape):
         volume = self.volume
         if volume is not None:
             try:
-                areas = np.asarray(host_array(volume, "volume"), dtype=np.float64)
-            except (TypeError, ValueError):
+                areas = real_array(volume, "volume")
+            except (OverflowError, TypeError, ValueError):
                 areas = np.empty(())
             if areas.shape != (len(points),):
                 check.fail(
