@@ -248,7 +248,8 @@ def _check_arrays(stated: dict[str, list[Any]], archive: Any) -> None:
 def _opened(path: Path) -> Iterator[Any]:
     """Open the archive; whatever is wrong with the file becomes a `CheckpointError`."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # NumPy leaves a file open that is no archive.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             yield archive
     except FileNotFoundError as error:
         raise CheckpointError(f"{path} does not exist; give a checkpoint or its folder") from error

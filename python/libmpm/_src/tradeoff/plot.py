@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.errors import SceneError
-from libmpm._src.pictures.figure import Picture
 from libmpm._src.tradeoff.front import is_rated
 from libmpm._src.tradeoff.labels import label_of, short
 from libmpm._src.values import nearest
@@ -29,6 +28,8 @@ def plot(table: TradeOff, *, by: str | None, axes: Any) -> Any:
         raise SceneError(f"TradeOff.plot: by is {by!r}; {nearest(str(by), table.parameters)}")
     picture: Any
     if axes is None:
+        from libmpm._src.pictures.figure import Picture
+
         picture = Picture(figsize=(7.0, 4.5), layout="constrained")
         axes = picture.add_subplot()
     else:
