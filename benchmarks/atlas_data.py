@@ -6,9 +6,10 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from result_pages import Line
 from tradeoff_cases import MEASURED, Measured
 from tradeoff_options import BASELINE, BY_LENGTH, OPTIONS, Option
-from tradeoff_table import ROOT, Line, newest
+from tradeoff_table import ROOT, newest
 
 DATA = ROOT / "python/libmpm/data/atlas.json"
 #: What a setting may lose of the mechanical energy beyond the baseline, parts: a number that comes

@@ -9,8 +9,9 @@ from statistics import median
 from typing import Any
 
 from atlas_data import CASES, LOSS, entries, finer, judged, latest
+from result_pages import Line, filled, markdown
 from tradeoff_options import BASELINE, OPTIONS, Option
-from tradeoff_table import ROOT, Line, broken, markdown, number, seconds
+from tradeoff_table import ROOT, broken, number, seconds
 
 ATLAS = ROOT / "docs/atlas.md"
 BEGIN, END = "<!-- atlas: benchmarks/tradeoff.py write -->", "<!-- end of atlas -->"
@@ -215,6 +216,4 @@ def atlas(lines: Sequence[Line]) -> str:
 
 def atlas_page(lines: Sequence[Line], path: Path = ATLAS) -> str:
     """Return the page with the tables of the lines in it."""
-    before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{atlas(lines)}\n\n{END}{after}"
+    return filled(path, BEGIN, END, atlas(lines))

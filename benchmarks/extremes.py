@@ -35,6 +35,7 @@ import extremes_water
 import extremes_widths
 from extremes_axis import FORBIDDEN, OUTCOMES, Axis, Outcome, probe
 from extremes_page import PAGE, page
+from result_pages import Line, load
 
 import libmpm
 from libmpm._src import bench
@@ -50,8 +51,6 @@ HALVINGS = 5
 
 #: Values of axes that are tried within their envelopes only.
 INWARD = 3
-
-Line = dict[str, Any]
 
 # ---- values -------------------------------------------------------------------------------------
 
@@ -170,12 +169,9 @@ def key(line: Line) -> tuple[Any, ...]:
     return line["axis"], line["side"], line["precision"], line["device_kind"], line["version"]
 
 
-def load(path: Path) -> list[Line]:
+def newest(path: Path) -> list[Line]:
     """Return the lines of a file, of each key the last one."""
-    if not path.exists():
-        return []
-    lines = [json.loads(t) for t in path.read_text(encoding="utf-8").splitlines() if t.strip()]
-    return list({key(line): line for line in lines}.values())
+    return list({key(line): line for line in load(path)}.values())
 
 
 def chosen(names: Sequence[str]) -> list[Axis]:
@@ -191,7 +187,7 @@ def chosen(names: Sequence[str]) -> list[Axis]:
 
 def tidy(path: Path) -> None:
     """Write the lines of a file anew: of each key the last one, in the order of the axes."""
-    lines = load(path)
+    lines = newest(path)
     order = {a.name: i for i, a in enumerate(AXES)}
     lines.sort(key=lambda x: (x["device_kind"], order.get(x["axis"], len(order)), x["precision"],
                               x["side"]))  # fmt: skip
@@ -204,6 +200,7 @@ def run(arguments: argparse.Namespace) -> int:
     kind = arguments.device.partition(":")[0]
     path: Path = arguments.output
     path.parent.mkdir(parents=True, exist_ok=True)
+    done = set() if arguments.again else {key(line) for line in load(path)}
     for axis in chosen(arguments.axes):
         for precision in arguments.precision:
             for side in sides(axis):
@@ -212,8 +209,7 @@ def run(arguments: argparse.Namespace) -> int:
                     "commit": bench.commit(),
                     "command": shlex.join(["python", "benchmarks/extremes.py", *sys.argv[1:]]),
                 }  # fmt: skip
-                new = key({"axis": axis.name, "side": side, **head})
-                if not arguments.again and new in {key(line) for line in load(path)}:
+                if key({"axis": axis.name, "side": side, **head}) in done:
                     continue
                 options = {"device": arguments.device, "precision": precision}
                 if kind == "cpu":
@@ -266,7 +262,7 @@ def main() -> int:
         return 0
     if arguments.action == "write":
         tidy(arguments.output)
-    lines = load(arguments.output)
+    lines = newest(arguments.output)
     if arguments.action == "write":
         PAGE.write_text(page(lines), encoding="utf-8")
         return 0

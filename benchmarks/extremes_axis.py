@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 import libmpm
+from libmpm._src.cases.choices import energies
 
 #: What a trial can end in, from the best to the worst. "refused" comes before the first step, and
 #: "named" after it, both as a `libmpm.Error`; of "warned" a `ModelWarning` has said what will be
@@ -190,14 +191,6 @@ def bounded(what: str, value: float, low: float, high: float, unit: str = "") ->
         return ""
     tail = f" {unit}" if unit else ""
     return f"{what} is {value:.6g}{tail}; expected {low:.6g} to {high:.6g}{tail}"
-
-
-def energies(simulation: libmpm.Simulation, name: str = "energy") -> dict[str, Any]:
-    """Return the columns of an `Energy` sensor and their sum "total", J (J/m in 2D)."""
-    series = simulation.sensors[name]
-    columns = dict(zip(series.components, np.asarray(series.values).T, strict=True))
-    columns["total"] = columns["kinetic"] + columns["elastic"] + columns["potential"]
-    return columns
 
 
 def no_energy_gain(scale: Callable[[Mapping[str, Any]], float], part: float = 0.01) -> Judge:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from extremes_axis import Axis, Trial, bounded, energies
-from extremes_solids import BASE, DX, SOLIDS, YOUNG, cells, domain, solid, wave_speed
+from extremes_solids import DX, SOLIDS, YOUNG, axis, cells, domain, solid, wave_speed
 
 import libmpm
 from libmpm import sensors
@@ -122,25 +120,17 @@ def strained(ratio: float, name: str = "NeoHookean", dimension: int = 2, steps: 
 # ---- the axes -----------------------------------------------------------------------------------
 
 
-def _axis(name: str, unit: str, meaning: str, base: float, envelope: Any, reach: Any,
-          build: Callable[[float], Trial], scale: Any = "log", **more: Any) -> Axis:  # fmt: skip
-    return replace(
-        BASE, name=name, unit=unit, meaning=meaning, base=base, envelope=envelope, reach=reach,
-        build=build, scale=scale, **more,
-    )  # fmt: skip
-
-
 AXES: tuple[Axis, ...] = (
-    _axis(
+    axis(
         "turns", "1", "of a free square; its corners go at Mach 0.05", 3.0, (1.0, 30.0),
         (1.0, 100.0), turning, limit=200.0, cheap=False,
     ),
-    _axis(
+    axis(
         "turns, to 1e4", "1", "of a free square; its corners go at Mach 0.05", 100.0, None,
         (100.0, 1e4), turning, limit=4000.0, on_demand=True, cheap=False,
     ),
     *(
-        _axis(
+        axis(
             f"turns of {name}", "1", "of such a square", 1.0, None, (1.0, 4.0),
             lambda v, name=name: turning(v, name), cheap=False,
             says="particles go along tangents, which widens a body by half the square of the angle "
@@ -148,20 +138,20 @@ AXES: tuple[Axis, ...] = (
         )
         for name in ("Hypoelastic", "LinearElastic")
     ),
-    _axis(
+    axis(
         "spin", "Mach", "of the corners of a free square that turns ten times", 0.05, (0.01, 0.1),
         (0.01, 30.0), lambda v: turning(10.0, mach=v), cheap=False,
         says="it grows by ρ v²/E: 1 % at Mach 0.1",
     ),
     *(
-        _axis(
+        axis(
             f"volume ratio of {name}", "1", "a soft body that flies apart or together", 1.5,
             (0.5, 5.0), (0.005, 30.0 if name in EDGES else 100.0),
             lambda v, name=name: strained(v, name), says=EDGES.get(name, EDGE),
         )
         for name in SOLIDS
     ),
-    _axis(
+    axis(
         "volume ratio in 3D", "1", "a soft body that flies apart or together", 1.5, (0.5, 5.0),
         (0.005, 100.0), lambda v: strained(v, dimension=3), cheap=False, says=EDGE,
     ),

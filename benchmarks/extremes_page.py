@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+
+from result_pages import Line, filled
 
 PAGE = Path(__file__).resolve().parents[1] / "docs/extremes.md"
 BEGIN, END = "<!-- map: begin -->", "<!-- map: end -->"
-
-Line = dict[str, Any]
 
 #: Headings by group; "{kind}" is where it was measured.
 TITLES = {
@@ -121,6 +120,4 @@ def tables(lines: Sequence[Line]) -> str:
 
 def page(lines: Sequence[Line]) -> str:
     """Return the documentation page with the map of the lines in it."""
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{tables(lines)}\n\n{END}{after}"
+    return filled(PAGE, BEGIN, END, tables(lines))

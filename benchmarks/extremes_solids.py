@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -163,6 +162,21 @@ def impact(speed: float, name: str = "FixedCorotated") -> Trial:
     return Trial(scene=scene, until=until, judge=first(judge, gain))
 
 
+def _slab(name: str, coefficient: float, part: float) -> tuple[libmpm.Scene, float, float]:
+    """Return a slab of 24 x 2 cells on a plane, and gravity along and across that.
+
+    The plane is `part` times as steep as it must be to slide.
+    """
+    angle = math.atan(part * coefficient)
+    along, across = GRAVITY * math.sin(angle), GRAVITY * math.cos(angle)
+    scene = domain(name, (64, 8), gravity=(along, -across))
+    scene.add_body(name="slab", shape=cells(4, 0, size=(24, 2)), material=solid())
+    rough = boundaries.Separable(static_friction=coefficient, dynamic_friction=coefficient)
+    floor = shapes.DomainWalls(faces=("y-",))
+    scene.add_boundary(name="floor", shape=floor, response=rough)
+    return scene, along, across
+
+
 def friction(coefficient: float) -> Trial:
     """A slab of 24 x 2 cells on a plane that is 1.5 times as steep as it must be to slide.
 
@@ -170,13 +184,7 @@ def friction(coefficient: float) -> Trial:
     friction is at most μ times the normal force. A steeper plane than μ = 2 makes an elastic slab
     hop and stick in places, where only the bound holds.
     """
-    angle = math.atan(1.5 * coefficient)
-    along, across = GRAVITY * math.sin(angle), GRAVITY * math.cos(angle)
-    scene = domain("sliding", (64, 8), gravity=(along, -across))
-    scene.add_body(name="slab", shape=cells(4, 0, size=(24, 2)), material=solid())
-    rough = boundaries.Separable(static_friction=coefficient, dynamic_friction=coefficient)
-    floor = shapes.DomainWalls(faces=("y-",))
-    scene.add_boundary(name="floor", shape=floor, response=rough)
+    scene, along, across = _slab("sliding", coefficient, 1.5)
 
     def judge(simulation: libmpm.Simulation) -> str:
         v = simulation.particles["slab"]["velocity"].mean(axis=0)
@@ -191,13 +199,7 @@ def friction(coefficient: float) -> Trial:
 
 def sticking(coefficient: float) -> Trial:
     """The same slab on a plane 0.8 times as steep as it must be to slide: it stays."""
-    angle = math.atan(0.8 * coefficient)
-    along, across = GRAVITY * math.sin(angle), GRAVITY * math.cos(angle)
-    scene = domain("sticking", (64, 8), gravity=(along, -across))
-    scene.add_body(name="slab", shape=cells(4, 0, size=(24, 2)), material=solid())
-    rough = boundaries.Separable(static_friction=coefficient, dynamic_friction=coefficient)
-    floor = shapes.DomainWalls(faces=("y-",))
-    scene.add_boundary(name="floor", shape=floor, response=rough)
+    scene, _, _ = _slab("sticking", coefficient, 0.8)
 
     def judge(simulation: libmpm.Simulation) -> str:
         v = simulation.particles["slab"]["velocity"].mean(axis=0)
@@ -362,17 +364,13 @@ def immersed(ratio: float) -> Trial:
 
 # ---- the axes -----------------------------------------------------------------------------------
 
-BASE = Axis(
-    "", "1", "", 1.0, None, (1.0, 1.0), "log", lambda v: bar(v), group="solid"
-)  # fmt: skip
 
-
-def _axis(name: str, unit: str, meaning: str, base: float, envelope: Any, reach: Any,
-          build: Callable[[float], Trial], scale: Any = "log", **more: Any) -> Axis:  # fmt: skip
-    return replace(
-        BASE, name=name, unit=unit, meaning=meaning, base=base, envelope=envelope, reach=reach,
-        build=build, scale=scale, **more,
-    )  # fmt: skip
+def axis(
+    name: str, unit: str, meaning: str, base: float, envelope: Any, reach: Any,
+    build: Callable[[float], Trial], scale: Any = "log", *, group: str = "solid", **more: Any,
+) -> Axis:  # fmt: skip
+    """Return an axis of solids, its scale last, which most leave as it is."""
+    return Axis(name, unit, meaning, base, envelope, reach, scale, build, group, **more)
 
 
 FORMS = {
@@ -383,51 +381,51 @@ FORMS = {
 
 AXES: tuple[Axis, ...] = (
     *(
-        _axis(
+        axis(
             f"Poisson's ratio{name}", "1", "of a bar that vibrates along itself", POISSON,
             (-0.5, 0.49), (-0.999, 0.49), lambda v, form=form: bar(v, form), "linear",
             also=(0.499, 0.4999, 0.49999), says="refused at 0.5; the step falls with √(1 - 2ν)",
         )
         for name, form in FORMS.items()
     ),
-    _axis(
+    axis(
         "density of a solid over water", "1", "across a tank, on the water", 1.0, (1e-3, 1e3),
         (1e-6, 1e6), layers,
     ),
-    _axis(
+    axis(
         "density of a solid under water", "1", "across a tank, below the water", 1.0, (1e-3, 1e3),
         (1e-6, 1e6), lambda v: layers(v, False),
     ),
-    _axis(
+    axis(
         "density of a block in water", "1", "let go under water", 0.5, (1e-3, 1e3), (1e-4, 1e4),
         immersed, limit=120.0, cheap=False,
     ),
-    _axis(
+    axis(
         "friction, sliding", "1", "of a slab on a plane 1.5 times too steep", 0.3, (0.01, 2.0),
         (1e-6, 10.0), friction, also=(0.0, 100.0),
         says="beyond 2 an elastic slab hops and sticks in places: Coulomb's bound alone holds",
     ),
-    _axis(
+    axis(
         "friction, sticking", "1", "of a slab on a plane 0.8 times as steep as it slides", 0.3,
         (0.01, 2.0), (1e-6, 10.0), sticking, also=(0.0, 100.0),
         says="beyond μ = 12/0.8 a slab of 24 x 2 cells tips",
     ),
-    _axis(
+    axis(
         "stiffness contrast", "1", "E of one of two blocks that collide, over the other's", 10.0,
         (1.0, 1e4), (1.0, 1e8), contrast, limit=120.0, cheap=False,
     ),
-    _axis(
+    axis(
         "impact of a solid", "m/s", "a steel block thrown at a wall", 10.0, (0.1, 1000.0),
         (1e-4, 1e5), impact, says="Mach 0.3 is 1760 m/s",
     ),
-    _axis(
+    axis(
         "wall into a solid", "Mach", "a wall that moves into a block at rest", 0.05, (1e-3, 0.3),
         (1e-3, 1e5), swept, says="refused where a wall would pass a cell in a step",
     ),
 )  # fmt: skip
 
 AXES += tuple(
-    _axis(
+    axis(
         f"Poisson's ratio, {n} per cell", "1", f"of a bar of {n} particles per cell", POISSON,
         (-0.5, 0.49), (-0.5, 0.49), lambda v, n=n: bar(v, per_cell=n), "linear",
         group="pairs of solids",

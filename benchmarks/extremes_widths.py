@@ -4,20 +4,20 @@ of more than fit, and numbers at the ends of what a number type holds.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from extremes_axis import Axis, Trial, bounded
 from extremes_solids import (
-    BASE,
     DENSITY,
     DX,
     GRAVITY,
     POISSON,
     YOUNG,
+    axis,
     bar,
     cells,
     domain,
@@ -141,12 +141,7 @@ def many(count: float) -> Trial:
     return replace(trial, pieces=1)
 
 
-def _axis(name: str, unit: str, meaning: str, base: float, envelope: Any, reach: Any,
-          build: Callable[[float], Trial], scale: Any = "log", **more: Any) -> Axis:  # fmt: skip
-    return replace(
-        BASE, name=name, unit=unit, meaning=meaning, base=base, envelope=envelope, reach=reach,
-        build=build, scale=scale, group="geometry", **more,
-    )  # fmt: skip
+_axis = functools.partial(axis, group="geometry")
 
 
 AXES: tuple[Axis, ...] = (

@@ -25,6 +25,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from laws_measured import POINTS
+from result_pages import Line, filled, load, markdown
 
 import libmpm
 from libmpm._src import bench
@@ -34,7 +35,6 @@ RESULTS = ROOT / "benchmarks/results/laws.jsonl"
 PAGE = ROOT / "docs/laws.md"
 BEGIN, END = "<!-- tables: benchmarks/laws.py write -->", "<!-- end of tables -->"
 
-Line = dict[str, Any]
 Column = tuple[str, Callable[[Line], str]]
 
 
@@ -63,13 +63,6 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     arguments.output.write_text(text, encoding="utf-8")
     return 0
-
-
-def load(path: Path) -> list[Line]:
-    """Return the lines of a file; none where there is no file."""
-    if not path.exists():
-        return []
-    return [json.loads(text) for text in path.read_text(encoding="utf-8").splitlines()]
 
 
 # ---- tables -------------------------------------------------------------------------------------
@@ -179,17 +172,13 @@ def tables(lines: Iterable[Line]) -> str:
         own = [line for line in lines if belongs(line)]
         rows = [[read(line) for _, read in columns] for line in own]
         head = [name.strip() for name, _ in columns]
-        text += [f"### {title}", ""]
-        text += [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
-        text.append("")
+        text += [f"### {title}", "", *markdown([head, *rows]), ""]
     return "\n".join(text).rstrip()
 
 
 def page(lines: Iterable[Line]) -> str:
     """Return the documentation page with the tables of the lines in it."""
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{tables(lines)}\n\n{END}{after}"
+    return filled(PAGE, BEGIN, END, tables(lines))
 
 
 def main() -> int:

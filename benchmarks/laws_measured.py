@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 import libmpm
 from libmpm import FBar, Method, Transfer, boundaries, materials, sensors, shapes
+from libmpm._src.cases.settling import missing_depth
 from libmpm._src.field import Field
 
 Floats = npt.NDArray[np.float64]
@@ -256,24 +257,6 @@ def pressed(sim: libmpm.Simulation) -> tuple[Floats, Floats, Floats]:
     return time[keep], length[keep], -np.asarray(series.values)[keep, 0] / full
 
 
-def missing(cells: int) -> float:
-    """Return the depth, in cells, that water lacks whose lowest nodes are held.
-
-    In one dimension, two particles a cell on a lattice and small strains, the settled column
-    solves a linear system: weight of the nodes against ∫ ε², with the strain that APIC gathers.
-    """
-    x = (np.arange(2 * cells) + 0.5) / 2
-    row, cell = np.arange(len(x)), np.floor(x).astype(int)
-    xi = x - cell - 0.5
-    weight, strain = np.zeros((2, len(x), cells + 2))  # nodes -1, 0, ..., cells
-    for k, n in ((-1, 0.5 * (0.5 - xi) ** 2), (0, 0.75 - xi**2), (1, 0.5 * (0.5 + xi) ** 2)):
-        weight[row, cell + k + 1] = n
-        strain[row, cell + k + 1] = 4 * n * (k - xi)
-    mass, b = weight.sum(axis=0)[2:], strain[:, 2:]  # nodes -1 and 0 are held
-    settled = np.linalg.solve(b.T @ b, mass)
-    return float(cells - np.sqrt(np.sum(b @ settled)))
-
-
 def settled_force(compression: float) -> float:
     """Return the force at equilibrium by the equation of state, parts of ρgH²/2.
 
@@ -309,7 +292,7 @@ def equilibrium(chosen: dict[str, Any]) -> Numbers:
     swings = [np.ptp(force[(time > n * period) & (time <= (n + 1) * period)]) / 2 for n in whole]
     found = _mean(time[late], length[late], force[late], max(swings)) - 1
     # Averaging the volume over neighbours takes the misfit of the held cells away.
-    lacks = missing(cells) if chosen["walls"] == "held" and not chosen["fbar"] else 0.0
+    lacks = missing_depth(cells) if chosen["walls"] == "held" and not chosen["fbar"] else 0.0
     part = 1 - lacks / cells
     return {
         "predicted": -2 / 3 * compression,
@@ -371,7 +354,7 @@ def acoustic(chosen: dict[str, Any]) -> Numbers:
     time, length, force = pressed(sim)
     at = time - length / 2
     first = at < period
-    lacks = missing(cells) if chosen["walls"] == "held" else 0.0
+    lacks = missing_depth(cells) if chosen["walls"] == "held" else 0.0
     depth = DEPTH * (1 - lacks / cells)
     faster = speed * (1 + (STIFFNESS + 1) / 4 * DENSITY * GRAVITY * DEPTH / modulus)
     # The force of the column, whatever its depth, rises through its mean at ct = H and 5 H.

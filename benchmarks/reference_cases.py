@@ -29,6 +29,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from result_pages import Line, load
+
 import libmpm
 from libmpm import cases
 from libmpm._src import bench
@@ -40,8 +42,6 @@ STEP_S, PARTICLE_STEP_S = 1.5e-5, 2.5e-10
 
 #: Seconds between two lines of progress, and between two checkpoints.
 TELL, KEEP = 10.0, 60.0
-
-Line = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -177,13 +177,6 @@ class Watch:
 def kind(line: Line) -> str:
     """Return "cpu" or "cuda" of the device that a line names."""
     return "cpu" if "threads" in line["device"] else "cuda"
-
-
-def load(path: Path) -> list[Line]:
-    """Return the lines of a file, if there is one."""
-    if not path.exists():
-        return []
-    return [json.loads(text) for text in path.read_text(encoding="utf-8").splitlines() if text]
 
 
 def lines_of(job: Job, level: str, device: str, lines: Sequence[Line]) -> list[Line]:

@@ -40,12 +40,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from atlas_data import DATA, shipped
 from atlas_page import ATLAS, atlas_page
+from result_pages import Line, load
 from tradeoff_cases import MEASURED, Measured
 from tradeoff_options import BASELINE, OPTIONS, Option
-from tradeoff_table import PAGE, RESULTS, Line, load, page, seconds, tables
+from tradeoff_table import PAGE, RESULTS, page, seconds, tables
 
 import libmpm
 from libmpm._src import bench
+from libmpm._src.cases.choices import energies
 
 #: Options between two runs of the baseline.
 BETWEEN = 6
@@ -80,13 +82,6 @@ def patience(processor: bool) -> Iterator[None]:
 # ---- running ------------------------------------------------------------------------------------
 
 
-def energy_of(simulation: libmpm.Simulation) -> np.ndarray[Any, Any]:
-    """Return the mechanical energy at each sample, J/m."""
-    series = simulation.sensors["energy"]
-    columns = dict(zip(series.components, np.asarray(series.values).T, strict=True))
-    return np.asarray(columns["kinetic"] + columns["elastic"] + columns["potential"])
-
-
 def read_energy(
     simulation: libmpm.Simulation, measured: Measured, parameters: Mapping[str, Any]
 ) -> Line:
@@ -96,7 +91,7 @@ def read_energy(
     """
     if measured.energy is None:
         return {"energy_drift": None, "energy_gain": None}
-    energy = energy_of(simulation)
+    energy = energies(simulation)["total"]
     scale = measured.energy(parameters, float(energy[0]))
     change = (energy - energy[0]) / scale
     return {

@@ -17,6 +17,7 @@ import numpy as np
 
 import libmpm
 from libmpm import boundaries, cases, materials, sensors, shapes
+from libmpm._src.cases.choices import energies
 from libmpm._src.field import Field
 
 Parameters = Mapping[str, Any]
@@ -76,9 +77,8 @@ def _swings(simulation: libmpm.Simulation, period: float, count: float) -> dict[
     period, parts of the kinetic energy at the start.
     """
     simulation.run(until=count * period, progress=False)
-    series = simulation.sensors["energy"]
-    time = np.asarray(series.time)
-    columns = dict(zip(series.components, np.asarray(series.values).T, strict=True))
+    time = np.asarray(simulation.sensors["energy"].time)
+    columns = energies(simulation)
     excess, total = columns["kinetic"] - columns["elastic"], columns["kinetic"] + columns["elastic"]
     turn = np.flatnonzero(excess[:-1] * excess[1:] < 0)
     part = excess[turn] / (excess[turn] - excess[turn + 1])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
-from typing import Any
 
+from result_pages import Line, filled, markdown
 from tradeoff_cases import CHANGING, MEASURED
 from tradeoff_options import BASELINE, OPTIONS
 
@@ -15,15 +14,6 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/tradeoff.jsonl"
 PAGE = ROOT / "docs/choosing-a-method.md"
 BEGIN, END = "<!-- table: benchmarks/tradeoff.py write -->", "<!-- end of table -->"
-
-Line = dict[str, Any]
-
-
-def load(path: Path) -> list[Line]:
-    """Return the lines of a file; none where there is no file."""
-    if not path.exists():
-        return []
-    return [json.loads(text) for text in path.read_text(encoding="utf-8").splitlines()]
 
 
 def seconds(line: Line) -> float:
@@ -91,12 +81,6 @@ def rows_of(kind: str, lines: Mapping[tuple[str, str], Line]) -> Iterator[list[s
         yield row
 
 
-def markdown(rows: Iterable[list[str]]) -> list[str]:
-    """Return rows as a table."""
-    head, *rest = rows
-    return [f"| {' | '.join(r)} |" for r in (head, ["---"] * len(head), *rest)]
-
-
 def broken(lines: Iterable[Line]) -> list[str]:
     """Return what failed, an entry for each option and message."""
     found: dict[tuple[str, str], list[str]] = {}
@@ -152,6 +136,4 @@ def tables(lines: Sequence[Line]) -> str:
 
 def page(lines: Sequence[Line]) -> str:
     """Return the documentation page with the table of the lines in it."""
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{tables(lines)}\n\n{END}{after}"
+    return filled(PAGE, BEGIN, END, tables(lines))

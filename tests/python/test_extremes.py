@@ -7,26 +7,25 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import time
-from pathlib import Path
 
 import pytest
 
 import libmpm
 from libmpm import materials, shapes
+from support.extremes import CPU, FOLDER, ends, expect_holds, expect_outcome
 
-FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
+ALONE = ()
 
 pytestmark = pytest.mark.skipif(not FOLDER.exists(), reason="needs the source tree")
 if FOLDER.exists():
-    sys.path.insert(0, str(FOLDER))
     import extremes
     import extremes_page
     import extremes_water
     from extremes_axis import FORBIDDEN, Axis, Trial, probe
 
-CPU = {"device": "cpu", "threads": 1}
+    #: Axes of water alone.
+    ALONE = [a for a in extremes_water.AXES if a.group == "water"]
 
 
 def axis(name):
@@ -34,21 +33,10 @@ def axis(name):
     return next(a for a in extremes.AXES if a.name == name)
 
 
-def ends():
-    """Both ends of the envelope of every short axis of water alone."""
-    found = []
-    for one in extremes_water.AXES if FOLDER.exists() else ():
-        if one.cheap and one.envelope is not None and one.group == "water":
-            values = dict.fromkeys((*one.envelope, *one.also))
-            found += [pytest.param(one, v, id=f"{one.name}-{v:g}") for v in values]
-    return found
-
-
 @pytest.mark.filterwarnings("ignore::libmpm.ModelWarning")
-@pytest.mark.parametrize(("one", "value"), ends())
+@pytest.mark.parametrize(("one", "value"), ends(ALONE, single=True))
 def test_envelope_holds(one, value):
-    found = probe(one, value, precision="single", **CPU)
-    assert found.outcome == "holds", found.message
+    expect_holds(one, value)
 
 
 #: Axis, value outside its envelope, outcome, and what the program says.
@@ -71,11 +59,7 @@ OUTSIDE = [
 
 @pytest.mark.parametrize(("name", "value", "outcome", "says"), OUTSIDE)
 def test_outside_is_named(name, value, outcome, says):
-    import re
-
-    found = probe(axis(name), value, precision="single", **CPU)
-    assert found.outcome == outcome, found.message
-    assert re.search(says, found.message, re.DOTALL), found.message
+    expect_outcome(extremes.AXES, name, value, outcome, says)
 
 
 def block(**options):
@@ -165,7 +149,7 @@ def test_broken_promise_is_reported():
 
 def test_map_is_whole_and_keeps_its_promises():
     """Every axis has its lines in both precisions; inside nothing breaks, outside all is named."""
-    lines = [x for x in extremes.load(extremes.RESULTS) if x["device_kind"] == "cpu"]
+    lines = [x for x in extremes.newest(extremes.RESULTS) if x["device_kind"] == "cpu"]
     have = {(x["axis"], x["side"], x["precision"]) for x in lines}
     for one in extremes.chosen([]):
         for side in extremes.sides(one):
@@ -181,5 +165,5 @@ def test_map_is_whole_and_keeps_its_promises():
 
 
 def test_page_is_that_of_the_lines():
-    lines = extremes.load(extremes.RESULTS)
+    lines = extremes.newest(extremes.RESULTS)
     assert extremes_page.PAGE.read_text(encoding="utf-8") == extremes_page.page(lines)

@@ -5,47 +5,31 @@ The whole sweep is `benchmarks/extremes.py`.
 
 from __future__ import annotations
 
-import re
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import libmpm
 from libmpm import boundaries, materials, shapes
 from support import scenes
+from support.extremes import FOLDER, ends, expect_holds, expect_outcome
 
-FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
+AXES = ()
 
 pytestmark = pytest.mark.skipif(not FOLDER.exists(), reason="needs the source tree")
 if FOLDER.exists():
-    sys.path.insert(0, str(FOLDER))
     import extremes_motion
     import extremes_solids
     import extremes_widths
-    from extremes_axis import probe
 
     AXES = extremes_solids.AXES + extremes_motion.AXES + extremes_widths.AXES
 
-CPU = {"device": "cpu", "threads": 1}
 ELASTIC = {"density": 1000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.3}
 
 
-def ends():
-    """Both ends of the envelope of every short axis."""
-    found = []
-    for one in AXES if FOLDER.exists() else ():
-        if one.cheap and one.envelope is not None:
-            found += [pytest.param(one, v, id=f"{one.name}-{v:g}") for v in one.envelope]
-    return found
-
-
 @pytest.mark.filterwarnings("ignore::libmpm.ModelWarning")
-@pytest.mark.parametrize(("one", "value"), ends())
+@pytest.mark.parametrize(("one", "value"), ends(AXES))
 def test_envelope_holds(one, value):
-    found = probe(one, value, precision="single", **CPU)
-    assert found.outcome == "holds", found.message
+    expect_holds(one, value)
 
 
 #: Axis, value outside its envelope, outcome, and what the program says.
@@ -72,10 +56,7 @@ OUTSIDE = [
 @pytest.mark.filterwarnings("ignore::libmpm.ModelWarning")
 @pytest.mark.parametrize(("name", "value", "outcome", "says"), OUTSIDE)
 def test_outside_is_named(name, value, outcome, says):
-    one = next(a for a in AXES if a.name == name)
-    found = probe(one, value, precision="single", **CPU)
-    assert found.outcome == outcome, found.message
-    assert re.search(says, found.message, re.DOTALL), found.message
+    expect_outcome(AXES, name, value, outcome, says)
 
 
 def box(dimension=2, cells=10, dx=0.1, *, velocity=None, **options):

@@ -25,6 +25,7 @@ if SCRIPT.exists():
     sys.path.insert(0, str(FOLDER))
     import atlas_data
     import atlas_page
+    import result_pages
     import tradeoff_table
     from tradeoff_cases import CHANGING, MEASURED, wave_speed
     from tradeoff_options import BASELINE, BY_LENGTH, OPTIONS, SHORT
@@ -42,9 +43,7 @@ def wanted():
 
 def lines():
     """The newest lines of the CPU's rows, by names of option and case."""
-    some = [
-        line for line in tradeoff_table.load(tradeoff_table.RESULTS) if line["level"] == "small"
-    ]
+    some = [line for line in result_pages.load(tradeoff_table.RESULTS) if line["level"] == "small"]
     return tradeoff_table.newest(some)
 
 
@@ -234,7 +233,7 @@ def test_the_pages_and_the_atlas_are_up_to_date():
 
 
 def test_another_line_changes_pages_and_atlas():
-    found = tradeoff_table.load(tradeoff_table.RESULTS)
+    found = result_pages.load(tradeoff_table.RESULTS)
     slower = [{**line, "cost": line["cost"] and line["cost"] + 1} for line in found]
     assert tradeoff_table.page(found) == tradeoff_table.PAGE.read_text(encoding="utf-8")
     for make in (tradeoff_table.page, atlas_page.atlas_page, atlas_data.shipped):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import libmpm
+from libmpm._src.cases.settling import missing_depth
 from support import scenes
 from support.tolerances import ACOUSTIC, ACOUSTIC_ORDER, WALL_FORCE
 
@@ -26,24 +27,6 @@ def acoustic(time, speed, depth=DEPTH):
     sign = (-1.0) ** ((n + 1) // 2 + 1)
     series = sign * np.cos(n * np.pi * speed * time / (2 * depth)) / n**3
     return (depth / DEPTH) ** 2 * (1 - 32 / np.pi**3 * series.sum(axis=0))
-
-
-def missing(per_axis=2, cells=64):
-    """Depth in cells that a column of quadratic splines lacks because its lowest nodes are held.
-
-    In one dimension, with particles on a lattice and small strains, the settled column follows
-    from a linear system: weight of the nodes against ∫ ε², with the strain that APIC gathers.
-    """
-    x = (np.arange(cells * per_axis) + 0.5) / per_axis
-    row, cell = np.arange(len(x)), np.floor(x).astype(int)
-    xi = x - cell - 0.5
-    weight, strain = np.zeros((2, len(x), cells + 2))  # nodes -1, 0, ..., cells
-    for k, n in ((-1, 0.5 * (0.5 - xi) ** 2), (0, 0.75 - xi**2), (1, 0.5 * (0.5 + xi) ** 2)):
-        weight[row, cell + k + 1] = n
-        strain[row, cell + k + 1] = 4 * n * (k - xi)
-    mass, b = weight.sum(axis=0)[2:], strain[:, 2:]  # nodes -1 and 0 are held
-    settlement = np.linalg.solve(b.T @ b, mass)
-    return cells - np.sqrt(2 * np.sum(b @ settlement) / per_axis)  # the force is half the square
 
 
 def column(modulus, cell_size, periods, device, fbar="default", samples=0, width=4):
@@ -78,13 +61,13 @@ def test_acoustic_stage(cell_size, device, figure):
     """One period against the closed form of the depth that the held nodes leave."""
     time, step, force, speed = column(2.2e8, cell_size, 1.0, device, fbar=None)
     middle = time - step / 2
-    expected = acoustic(middle, speed, DEPTH - missing() * cell_size)
+    expected = acoustic(middle, speed, DEPTH - missing_depth(cells=64) * cell_size)
     error = np.abs(force - expected).max()
     bound = ACOUSTIC[cell_size]
     _, axes = figure.new()
     axes.plot(middle * speed / DEPTH, force, label="libmpm")
     axes.plot(middle * speed / DEPTH, expected, "k--",
-              label=f"closed form, depth H - {missing():.3f} Δx")  # fmt: skip
+              label=f"closed form, depth H - {missing_depth(cells=64):.3f} Δx")  # fmt: skip
     axes.fill_between(middle * speed / DEPTH, expected - bound, expected + bound, alpha=0.2,
                       color="r", label="bound")  # fmt: skip
     axes.set(xlabel="c t / H", ylabel="f / f_H", title=f"Δx {cell_size}: error {error:.4f}")

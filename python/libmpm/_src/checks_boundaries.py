@@ -56,10 +56,9 @@ def check_motion(check: Checker, scene: Scene, boundary: Boundary) -> None:
 def check_responses(check: Checker, scene: Scene, boundary: Boundary) -> None:
     """Refuse responses where they mean nothing."""
     given = boundary.response
-    responses = list(given.values()) if isinstance(given, Mapping) else [given]
-    if any(isinstance(r, Mirror) for r in responses):
+    if any(isinstance(r, Mirror) for r in boundary.responses):
         _check_mirror(check, scene, boundary)
-    if any(isinstance(r, Prescribed) for r in responses):
+    if any(isinstance(r, Prescribed) for r in boundary.responses):
         if scene.grid is not None or not isinstance(boundary.shape, Solid):
             check.fail(
                 f"response is {given!r} with {type(boundary.shape).__name__}; expected the region "
@@ -142,20 +141,20 @@ def check_surface(check: Checker, scene: Scene, boundary: Boundary) -> bool:
 def check_reaction(scene: Scene, placed: PlacedSensor, doubts: list[str]) -> None:
     """Say where a load cell counts more or less momentum than the particles lose."""
     cell = placed.sensor
-    found = [b for b in scene.boundaries if isinstance(cell, LoadCell) and b.name == cell.boundary]
-    if not found:
+    if not isinstance(cell, LoadCell):
+        return
+    boundary = next((b for b in scene.boundaries if b.name == cell.boundary), None)
+    if boundary is None:
         return
     transfer = scene.method.transfer_choice
-    given = found[0].response
-    responses = given.values() if isinstance(given, Mapping) else [given]
     if transfer.scheme == "FMPM":
         why = "passes over what walls have changed"
-    elif transfer.stores_velocity and any(isinstance(r, Mirror) for r in responses):
+    elif transfer.stores_velocity and any(isinstance(r, Mirror) for r in boundary.responses):
         why = "gives particles only a share of what a mirror turns round"
     else:
         return
     doubts.append(
-        f"sensor '{placed.name}': the force on boundary '{found[0].name}' with transfer "
+        f"sensor '{placed.name}': the force on boundary '{boundary.name}' with transfer "
         f"'{transfer.scheme}', which {why}; the momentum of the particles and that which the cell "
         "counts differ, by 2 to 30 % in small scenes; expected 'APIC', or Slip walls with the "
         "FLIP family"

@@ -13,7 +13,7 @@ from libmpm._src.field import Field
 from libmpm._src.filling import BOXES, body_lattice
 from libmpm._src.shapes import DomainWalls, Solid
 from libmpm._src.surfaces import motion_of
-from libmpm._src.timetable import TimeTable
+from libmpm._src.timetable import TimeTable, largest
 from libmpm._src.values import Checker
 
 if TYPE_CHECKING:
@@ -201,14 +201,14 @@ def _fastest(boundary: Boundary) -> float:
     speed = 0.0
     table, of_places = motion_of(boundary)
     if table is not None:
-        speed = _largest(table, of_places)
+        speed = largest(table, of_places)
     turning = boundary.rotation
     if turning is None:
         return speed
     if turning.angle is not None:
-        rate = _largest(turning.angle, True)
+        rate = largest(turning.angle, True)
     elif isinstance(turning.rate, TimeTable):
-        rate = _largest(turning.rate, False)
+        rate = largest(turning.rate)
     else:
         rate = abs(float(turning.rate or 0.0))
     assert isinstance(boundary.shape, Solid)
@@ -220,14 +220,3 @@ def _fastest(boundary: Boundary) -> float:
     if len(about) == 3 and (axis is None or isinstance(axis, str)):
         arm[2 if axis is None else "xyz".index(axis)] = 0.0
     return speed + rate * float(np.linalg.norm(arm)) if rate else speed
-
-
-def _largest(table: TimeTable, of_places: bool) -> float:
-    """Return the largest value of a table, or the steepest slope between its rows."""
-    time, value = table.arrays()
-    value = value.reshape(len(time), -1)
-    if of_places:
-        if len(time) < 2:
-            return 0.0
-        value = np.diff(value, axis=0) / np.diff(time)[:, None]
-    return max(math.hypot(*row) for row in value.tolist())

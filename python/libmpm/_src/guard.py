@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from libmpm._src.boundaries import Prescribed
@@ -84,11 +83,9 @@ def opened_by(scene: Scene) -> list[str]:
     """
     found = []
     for boundary in scene.boundaries:
-        responses = boundary.response
-        each = responses.values() if isinstance(responses, Mapping) else [responses]
         if any(x is not None for x in (boundary.motion, boundary.rotation)):
             found.append(f"boundary '{boundary.name}' moves")
-        elif any(isinstance(r, Prescribed) for r in each):
+        elif any(isinstance(r, Prescribed) for r in boundary.responses):
             found.append(f"boundary '{boundary.name}' prescribes velocities")
     found += [f"flow '{placed.name}'" for placed in scene.flows]
     if isinstance(scene.gravity, TimeTable):

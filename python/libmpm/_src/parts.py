@@ -191,6 +191,12 @@ class Boundary(Value):
         return isinstance(self.shape, Solid)
 
     @property
+    def responses(self) -> tuple[Response, ...]:
+        """Its response, or those of its faces."""
+        given = self.response
+        return tuple(given.values()) if isinstance(given, Mapping) else (given,)
+
+    @property
     def window(self) -> tuple[float, float]:
         """Start and end of the time in which the boundary acts, in s; (0, inf) is always."""
         return (0.0, math.inf) if self.time is None else self.time

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from libmpm._src.foreign import real_array
 from libmpm._src.values import Checker, Value, value
 
-__all__ = ["TimeTable", "check_vector_table", "constant"]
+__all__ = ["TimeTable", "check_vector_table", "constant", "largest"]
 
 
 @value(kw_only=False)
@@ -120,6 +120,17 @@ class TimeTable(Value):
 def constant(vector: Sequence[float]) -> TimeTable:
     """Return the table of a vector that never changes."""
     return TimeTable((0.0,), (tuple(vector),))
+
+
+def largest(table: TimeTable, of_places: bool = False) -> float:
+    """Return the largest magnitude of a table's rows, or of the slopes between rows of places."""
+    time, value = table.arrays()
+    value = value.reshape(len(time), -1)
+    if of_places:
+        if len(time) < 2:
+            return 0.0
+        value = np.diff(value, axis=0) / np.diff(time)[:, None]
+    return max(math.hypot(*row) for row in value.tolist())
 
 
 def _array(check: Checker, name: str, item: Any) -> npt.NDArray[np.float64] | None:

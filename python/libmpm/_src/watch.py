@@ -258,7 +258,7 @@ class Watch:
             before, ratio = memory.volumes[i], now["volume_ratio"][i]
             if before is None or math.isnan(ratio):
                 continue
-            if not body.material.table.stores_volume and not self._stores_shape(body):
+            if not body.material.table.stores_volume and not self._stores_shape(i):
                 continue
             # p/K of a column as high as the domain, and of the blow of what moves.
             mach = memory.speed / sound
@@ -302,9 +302,8 @@ class Watch:
             f"are not lost; Guard(packing=...) or {OFF}"
         )
 
-    def _stores_shape(self, body: Body) -> bool:
+    def _stores_shape(self, index: int) -> bool:
         """Whether the volume of a solid is elastic, and nothing from outside presses on it."""
-        index = list(self._simulation.particles).index(body.name)
         names = self._simulation.engine.attribute_names(index)
         return self._closed and "plastic_strain" not in names and "yields" not in names
 

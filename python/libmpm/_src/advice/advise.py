@@ -64,7 +64,7 @@ def advise(
     ]
     if not found:
         warnings.append("no case of the atlas fits this scene; nothing is proposed")
-    source = f"libmpm {measured.library}, commit {measured.commit}, {', '.join(measured.devices)}"
+    source = f"libmpm {measured.version}, commit {measured.commit}, {', '.join(measured.devices)}"
     made = candidates(rows, known, facts) if known else []
     if known and not made:
         names = ", ".join(m.case for m in known)

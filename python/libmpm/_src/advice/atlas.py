@@ -88,7 +88,7 @@ class Row:
 class Atlas:
     """All rows, with what they were measured by."""
 
-    library: str
+    version: str
     commit: str
     devices: tuple[str, ...]
     rows: tuple[Row, ...]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from libmpm._src.method import FBar
 from libmpm._src.parameters import wave_speed
 from libmpm._src.shapes import DomainWalls
 from libmpm._src.surfaces import motion_of
-from libmpm._src.timetable import TimeTable
+from libmpm._src.timetable import TimeTable, largest
 
 if TYPE_CHECKING:
     from libmpm._src.parts import Body, Boundary
@@ -113,14 +113,12 @@ class Facts:
     @cached_property
     def driven(self) -> float:
         """Largest speed of boundaries that move and of flows, m/s."""
-        found = [0.0]
-        for boundary in self.scene.boundaries:
-            found += _speeds(boundary)
+        found = [0.0, *(_speed(boundary) for boundary in self.scene.boundaries)]
         for placed in self.scene.flows:
             flow = placed.flow
             if isinstance(flow, Inflow | Outflow) and flow.velocity is not None:
                 given = flow.velocity
-                found.append(_largest(given) if isinstance(given, TimeTable) else given)
+                found.append(largest(given) if isinstance(given, TimeTable) else given)
         return max(found)
 
     @cached_property
@@ -165,8 +163,7 @@ class Facts:
 
     def _responses(self) -> Iterable[tuple[Boundary, Response]]:
         for boundary in self.scene.boundaries:
-            given = boundary.response
-            for one in given.values() if isinstance(given, Mapping) else (given,):
+            for one in boundary.responses:
                 yield boundary, one
 
     # ---- water ------------------------------------------------------------------------------
@@ -357,22 +354,9 @@ def _ends(body: Body) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(map(float, low)), tuple(map(float, high))
 
 
-def _largest(table: TimeTable) -> float:
-    values = table.arrays()[1]
-    return float(np.abs(values).max() if values.ndim == 1 else np.linalg.norm(values, axis=1).max())
-
-
-def _speeds(boundary: Boundary) -> list[float]:
-    """Return the largest speeds by which a boundary moves, m/s; of rotations none is known."""
+def _speed(boundary: Boundary) -> float:
+    """Return the largest speed by which a boundary moves, m/s; of rotations none is known."""
     if isinstance(boundary.motion, TimeTable):
-        return [_largest(boundary.motion)]
+        return largest(boundary.motion)
     table, holds_places = motion_of(boundary)
-    if table is None:
-        return []
-    if not holds_places:
-        return [_largest(table)]
-    time, place = table.arrays()
-    if len(time) < 2:
-        return []
-    slope = np.diff(place, axis=0) / np.diff(time)[:, None]
-    return [float(np.linalg.norm(slope, axis=1).max())]
+    return 0.0 if table is None else largest(table, holds_places)

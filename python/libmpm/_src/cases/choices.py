@@ -16,7 +16,7 @@ from libmpm._src.simulation import Simulation
 from libmpm._src.timetable import TimeTable
 from libmpm._src.transfer import Transfer
 
-__all__ = ["Slab", "advance", "fluid_fbar", "method_of", "solid_choices"]
+__all__ = ["Slab", "advance", "energies", "fluid_fbar", "method_of", "solid_choices"]
 
 
 def method_of(options: Options, cfl: float, flip: float = 0.0) -> Method:
@@ -43,6 +43,14 @@ def advance(simulation: Simulation, times: Iterable[float]) -> Iterator[float]:
     for time in times:
         simulation.run(until=float(time), progress=False)
         yield simulation.time
+
+
+def energies(simulation: Simulation, name: str = "energy") -> dict[str, Any]:
+    """Return the columns of an `Energy` sensor and their sum "total", J (J/m in 2D)."""
+    series = simulation.sensors[name]
+    columns = dict(zip(series.components, np.asarray(series.values).T, strict=True))
+    columns["total"] = columns["kinetic"] + columns["elastic"] + columns["potential"]
+    return columns
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from libmpm._src.boundaries import Mirror, Response, Separable, Slip
 from libmpm._src.cases.case import Bound, Case, Options
-from libmpm._src.cases.choices import Slab, advance, fluid_fbar, method_of
+from libmpm._src.cases.choices import Slab, advance, energies, fluid_fbar, method_of
 from libmpm._src.cases.coupled import CASES as _COUPLED
 from libmpm._src.field import Field
 from libmpm._src.materials_generated import TaitFluid
@@ -289,9 +289,7 @@ def _read_dam_break(sim: Simulation, p: Parameters) -> dict[str, float]:
         time.append(now / crossing)
         front.append(np.percentile(sim.particles["water"]["position"][:, 0], 99.5) / a)
     reached = [float(np.interp(z, np.maximum.accumulate(front), time)) for z in (1.5, 3.0)]
-    series = sim.sensors["energy"]
-    columns = dict(zip(series.components, np.asarray(series.values).T, strict=True))
-    energy = columns["kinetic"] + columns["elastic"] + columns["potential"]
+    energy = energies(sim)["total"]
     # What the fall can set free: from 2a high and a wide to a/2.5 all over the bed.
     released = 0.5 * _WATER * gravity * per_area * (a * (2 * a) ** 2 - 5 * a * (0.4 * a) ** 2)
     load = np.asarray(sim.sensors["wall"].values)[:, 0] / per_area

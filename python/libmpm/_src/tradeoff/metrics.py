@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.boundaries import Prescribed
 from libmpm._src.errors import SceneError
+from libmpm._src.guard import opened_by
 from libmpm._src.output.sensor_file import Series
 from libmpm._src.scene import Scene
 from libmpm._src.sensors import Energy
 from libmpm._src.study.case import Case
-from libmpm._src.timetable import TimeTable
 from libmpm._src.values import Checker, nearest
 
 __all__ = ["Metrics", "energy_drift", "take_metrics", "with_energy"]
@@ -182,19 +181,8 @@ def _column(check: Checker, text: str, scene: Scene | None) -> Callable[[Case], 
 
 def _is_closed(scene: Scene) -> bool:
     """Tell whether no energy can come into a scene while it runs."""
-    if scene.flows or isinstance(scene.gravity, TimeTable):
-        return False
-    if any(body.tractions for body in scene.bodies):
-        return False
-    for boundary in scene.boundaries:
-        given = boundary.response
-        responses = given.values() if isinstance(given, Mapping) else [given]
-        if boundary.motion is not None or boundary.rotation is not None:
-            return False
-        # What begins to act pushes out the material that is in its way.
-        if boundary.window[0] > 0 or any(isinstance(r, Prescribed) for r in responses):
-            return False
-    return True
+    # What begins to act pushes out the material that is in its way.
+    return not opened_by(scene) and all(b.window[0] <= 0 for b in scene.boundaries)
 
 
 def _energy_of(scene: Scene) -> str | None:

@@ -189,8 +189,7 @@ def check_boundary(scene: Scene, boundary: Boundary, problems: list[str]) -> Non
         check.fail("response is given by face; expected one for the whole of a shapes.Outline")
     if isinstance(boundary.shape, Outline) and not isinstance(scene.grid, TriangularGrid):
         check.fail("shapes.Outline needs a grid of triangles; use shapes.DomainWalls")
-    every = given.values() if isinstance(given, Mapping) else [given]
-    for response in every:
+    for response in boundary.responses:
         if isinstance(response, Separable):
             check.fail(
                 f"response is {response!r}, which is not built for grids of functions; use "
