@@ -123,7 +123,9 @@ def _spin(p: Parameters, options: cases.Options) -> libmpm.Scene:
     ratio = 0.3
     modulus = DENSITY * fastest**2 * (1 + ratio) * (1 - 2 * ratio) / (1 - ratio)
     velocity = Field(components=(f"-{SPIN} * y", f"{SPIN} * x"))
-    scene = _free("spin", p, options, _solid(p["material"], modulus, ratio), velocity)
+    # A corner swings 0.21 m beyond the edges at rest.
+    roomy = {**p, "margin": max(p["margin"], math.ceil(p["cells"] / 4))}
+    scene = _free("spin", roomy, options, _solid(p["material"], modulus, ratio), velocity)
     scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.1 / SPIN))
     return scene
 
