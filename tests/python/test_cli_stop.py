@@ -109,6 +109,24 @@ def test_a_stopped_run_goes_on_to_the_bits_of_one_never_stopped(quiet, tmp_path)
         np.testing.assert_array_equal(a["position"], b["position"])
 
 
+def test_a_run_without_guards_goes_on_without_them(quiet, tmp_path, monkeypatch):
+    made = []
+    begin_with = libmpm.Simulation.__init__
+
+    def noted(self, *a, **k):
+        begin_with(self, *a, **k)
+        made.append(self.guard)
+
+    monkeypatch.setattr(libmpm.Simulation, "__init__", noted)
+    stopping = ["--until", "60", "--wall-limit", "0"]
+    assert main([*quiet, *stopping, "--no-guard"]) == ExitCode.STOPPED
+    resumed = ["resume", str(tmp_path / "out"), "--quiet", "--no-picture", *stopping]
+    assert main(resumed) == ExitCode.STOPPED
+    assert main([*quiet, "--overwrite", *stopping]) == ExitCode.STOPPED
+    assert main([*resumed, "--no-guard"]) == ExitCode.STOPPED
+    assert made == [None, None, libmpm.Guard(), None]
+
+
 def test_the_wall_limit_stops_with_a_checkpoint(quiet, tmp_path, core, capsys):
     core.Engine.delay = 2e-3
     out = tmp_path / "out"

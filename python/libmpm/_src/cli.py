@@ -103,6 +103,10 @@ def _add_writing(parser: argparse.ArgumentParser) -> None:
         "the run stops with a checkpoint and exit code 6; leave room to write it",
     )  # fmt: skip
     parser.add_argument("--no-picture", action="store_true", help="do not draw report.png")
+    parser.add_argument(
+        "--no-guard", action="store_true",
+        help="do not look for energy from nowhere, crushed volumes and lost particles",
+    )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
@@ -296,7 +300,9 @@ def _run_source(
             return _go_on(folder, None, until, arguments)
         # What was cut off before its first checkpoint has nothing to go on from.
         overwrite = True
-    simulation = start(source, folder, overwrite=overwrite, **_execution(arguments))
+    simulation = start(
+        source, folder, overwrite=overwrite, guard=not arguments.no_guard, **_execution(arguments)
+    )
     return _finish(simulation, until, arguments)
 
 
@@ -332,7 +338,9 @@ def _go_on(
     from libmpm._src.simulation import Simulation
 
     device = None if arguments.device == "auto" else arguments.device
-    simulation = Simulation.resume(path, device=device)
+    simulation = Simulation.resume(
+        path, device=device, guard=None if arguments.no_guard else "same"
+    )
     recorded = simulation.recorded_output()
     folder = output or (path if path.is_dir() else None)
     if folder is None and recorded is not None:

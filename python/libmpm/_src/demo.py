@@ -32,6 +32,7 @@ def start(
     pipeline: str = "auto",
     threads: int = 0,
     overwrite: bool = False,
+    guard: bool = True,
 ) -> Simulation:
     """Return the simulation of a scene file that writes into `folder`."""
     simulation = Simulation(
@@ -40,6 +41,7 @@ def start(
         precision=precision,
         pipeline=pipeline,
         threads=threads,
+        guard=guard,
         output=source.settings.output(folder, overwrite=overwrite),
     )
     simulation.run_settings = source.settings.to_dict()
