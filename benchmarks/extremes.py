@@ -1,6 +1,7 @@
 """The extremes: one number of a scene at a time is pushed until the run fails or becomes wrong.
 
     python benchmarks/extremes.py run [--axes "cell size" film] [--device cuda] [--again]
+                                      [--workers 4] [--seconds 600]
     python benchmarks/extremes.py write      makes docs/extremes.md of the lines in --output
     python benchmarks/extremes.py check      exit 1 if the page is out of date, or a promise broken
     python benchmarks/extremes.py list       names all axes
@@ -8,9 +9,10 @@
 One JSON line for every axis (`extremes_water`, `extremes_solids`), side and precision. A side is
 tried at the base, at the end of its envelope and outwards by equal factors to the end of its reach,
 all of them whatever comes of it; then bisection narrows the gap between the last value that holds
-and the first that does not. Each probe is a process of its own with a time limit, so a crash or a
-hang is a result. A run goes on where an earlier one of the same device and version stopped;
-`--again` measures anew what is chosen.
+and the first that does not. Probes run beside this process (`extremes_workers`) with a time limit,
+so a crash or a hang is a result. A run goes on where an earlier one of the same device and version
+stopped; `--again` measures anew what is chosen. So many sides as `--workers` are pushed at the same
+time; after `--seconds` none is begun any more.
 """
 
 from __future__ import annotations
@@ -18,12 +20,10 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import multiprocessing
 import shlex
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from multiprocessing.connection import Connection
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +33,9 @@ import extremes_motion
 import extremes_solids
 import extremes_water
 import extremes_widths
-from extremes_axis import FORBIDDEN, OUTCOMES, Axis, Outcome, probe
+from extremes_axis import FORBIDDEN, OUTCOMES, Axis, Outcome
 from extremes_page import PAGE, page
+from extremes_workers import DeviceLostError, Task, Worker, together
 from result_pages import Line, load
 
 import libmpm
@@ -79,51 +80,15 @@ def outward(axis: Axis, side: str) -> list[float]:
     return sorted(kept, reverse=side == "lower")
 
 
-# ---- probes in processes of their own -----------------------------------------------------------
-
-
-def _answer(axis: Axis, value: float, options: dict[str, Any], reply: Connection) -> None:
-    reply.send(probe(axis, value, **options))
-
-
-def isolated(axis: Axis, value: float, limit: float, **options: Any) -> Outcome:
-    """Run a probe in a process of its own, for at most `limit` seconds."""
-    # This process never steps a scene, so a fork of it finds threads and devices untouched.
-    context = multiprocessing.get_context("fork")
-    receive, send = context.Pipe(duplex=False)
-    process = context.Process(target=_answer, args=(axis, value, options, send))
-    begun = time.monotonic()
-    process.start()
-    send.close()
-    try:
-        if not receive.poll(limit):
-            process.kill()
-            return Outcome("hang", f"not done after {limit:g} s", wall_s=limit)
-        return receive.recv()
-    except EOFError:
-        process.join()
-        wall = time.monotonic() - begun
-        return Outcome("crash", f"the process ended with code {process.exitcode}", wall_s=wall)
-    finally:
-        process.join()
-        receive.close()
-
-
 # ---- one side of an axis ------------------------------------------------------------------------
 
 
-def push(axis: Axis, side: str, limit: float, **options: Any) -> Line:
-    """Push an axis to one side and return what was found."""
+def push(axis: Axis, side: str) -> Generator[float, Outcome, Line]:
+    """Push an axis to one side: yields values, is sent their outcomes, returns what was found."""
     tried: dict[float, Outcome] = {}
-
-    def at(value: float) -> Outcome:
-        if value not in tried:
-            tried[value] = isolated(axis, value, limit, **options)
-        return tried[value]
-
     values = outward(axis, side)
     for value in values:
-        at(value)
+        tried[value] = yield value
     last = next((i for i, v in enumerate(values) if not tried[v].holds), len(values))
     holds_to = values[last - 1] if last > 0 else None
     breaks_at = values[last] if last < len(values) else None
@@ -133,13 +98,16 @@ def push(axis: Axis, side: str, limit: float, **options: Any) -> Line:
         middle = between(axis, holds_to, breaks_at, 0.5)
         if middle in (holds_to, breaks_at):
             break
-        if at(middle).holds:
+        if middle not in tried:
+            tried[middle] = yield middle
+        if tried[middle].holds:
             holds_to = middle
         else:
             breaks_at = middle
     if side == "upper":
         for value in axis.also:
-            at(value)
+            if value not in tried:
+                tried[value] = yield value
     shown = tried[values[-1] if breaks_at is None else breaks_at]
     worst = max(tried, key=lambda v: OUTCOMES.index(tried[v].outcome))
     inner = [] if holds_to is None else [v for v in tried if tried[v].holds]
@@ -195,33 +163,50 @@ def tidy(path: Path) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Measure what is missing, and keep each result as soon as it is there."""
+def missing(arguments: argparse.Namespace, until: float) -> Iterator[Task]:
+    """Yield the sides that have no line yet, none after the time `until`."""
     kind = arguments.device.partition(":")[0]
-    path: Path = arguments.output
-    path.parent.mkdir(parents=True, exist_ok=True)
-    done = set() if arguments.again else {key(line) for line in load(path)}
+    done = set() if arguments.again else {key(line) for line in load(arguments.output)}
+    of_run = {
+        "device_kind": kind, "version": libmpm.__version__, "commit": bench.commit(),
+        "command": shlex.join(["python", "benchmarks/extremes.py", *sys.argv[1:]]),
+    }  # fmt: skip
     for axis in chosen(arguments.axes):
         for precision in arguments.precision:
             for side in sides(axis):
-                head = {
-                    "precision": precision, "device_kind": kind, "version": libmpm.__version__,
-                    "commit": bench.commit(),
-                    "command": shlex.join(["python", "benchmarks/extremes.py", *sys.argv[1:]]),
-                }  # fmt: skip
+                if time.monotonic() > until:
+                    return
+                head = {"precision": precision, **of_run}
                 if key({"axis": axis.name, "side": side, **head}) in done:
                     continue
                 options = {"device": arguments.device, "precision": precision}
                 if kind == "cpu":
                     options["threads"] = arguments.threads
-                line = push(axis, side, arguments.limit or axis.limit, **options) | head
-                with path.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(line, ensure_ascii=False) + "\n")
-                print(
-                    f"{axis.name} ({side}, {precision}): holds to {line['holds_to']}, "
-                    f"then {line['breaks_at']}: {line['outcome']}; worst: {line['worst']}",
-                    flush=True,
-                )
+                limit = arguments.limit or axis.limit
+                yield Task(axis.name, push(axis, side), limit, options, head)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure what is missing, and keep each result as soon as it is there."""
+    path: Path = arguments.output
+    path.parent.mkdir(parents=True, exist_ok=True)
+    workers = [Worker({a.name: a for a in AXES}) for _ in range(arguments.workers)]
+    try:
+        for task, found in together(
+            missing(arguments, time.monotonic() + arguments.seconds), workers
+        ):
+            line = found | task.head
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line, ensure_ascii=False) + "\n")
+            print(
+                f"{line['axis']} ({line['side']}, {line['precision']}): "
+                f"holds to {line['holds_to']}, then {line['breaks_at']}: {line['outcome']}; "
+                f"worst: {line['worst']}",
+                flush=True,
+            )
+    except DeviceLostError as error:
+        print(f"{error}\nnothing is kept of the sides that were being pushed; run this again")
+        return 1
     return 0
 
 
@@ -251,6 +236,10 @@ def main() -> int:
     parser.add_argument("--precision", nargs="*", default=["single", "double"])
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--limit", type=float, default=None, help="seconds for each probe")
+    parser.add_argument("--workers", type=int, default=1, help="sides pushed at the same time")
+    parser.add_argument(
+        "--seconds", type=float, default=math.inf, help="after these no further side is begun"
+    )
     parser.add_argument("--again", action="store_true", help="measure anew what is chosen")
     parser.add_argument("--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()

@@ -2,7 +2,7 @@
 
 An `Axis` builds a `Trial` for any value in its reach: a scene with all else scaled, how far it
 runs, and a judge that says in words what is wrong with the result, or nothing. `probe` runs one
-trial in this process; `extremes.py` calls it in a process of its own for every value.
+trial in this process; `extremes_workers.py` calls it in processes that may crash or hang.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ def no_energy_gain(scale: Callable[[Mapping[str, Any]], float], part: float = 0.
 def probe(axis: Axis, value: float, **options: Any) -> Outcome:
     """Run one trial here, and say what it ended in. `options` go to `Simulation`.
 
-    What crashes or hangs takes this process with it: see `extremes.py`.
+    What crashes or hangs takes this process with it: see `extremes_workers.py`.
     """
     start = time.process_time()
     simulation: libmpm.Simulation | None = None

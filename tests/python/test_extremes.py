@@ -5,14 +5,17 @@ The whole sweep is `benchmarks/extremes.py`; here both ends of each short axis a
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import time
 
+import numpy as np
 import pytest
 
 import libmpm
 from libmpm import materials, shapes
+from support.devices import device  # noqa: F401
 from support.extremes import CPU, FOLDER, ends, expect_holds, expect_outcome
 
 ALONE = ()
@@ -22,7 +25,9 @@ if FOLDER.exists():
     import extremes
     import extremes_page
     import extremes_water
+    import extremes_workers
     from extremes_axis import FORBIDDEN, Axis, Trial, probe
+    from extremes_workers import DeviceLostError, Task, Worker, together
 
     #: Axes of water alone.
     ALONE = [a for a in extremes_water.AXES if a.group == "water"]
@@ -62,7 +67,38 @@ def test_outside_is_named(name, value, outcome, says):
     expect_outcome(extremes.AXES, name, value, outcome, says)
 
 
-def block(**options):
+@pytest.mark.parametrize("pipeline", ["auto", "two-pass", "phased"])
+@pytest.mark.parametrize("transfer", ["APIC", "FLIP", "FMPM"])
+def test_overflow_is_named(transfer, pipeline, device):  # noqa: F811
+    """A pressure beyond float32: whether sums are numbers or integers, none is silently lost."""
+    scene = block(
+        material=materials.TaitFluid(bulk_modulus=1e16, exponent=20.0),
+        method=libmpm.Method(transfer=transfer),
+    )
+    run = libmpm.Simulation(scene, device=device, precision="single", pipeline=pipeline)
+    if pipeline == "two-pass" and transfer != "APIC":
+        with pytest.raises(libmpm.SceneError, match="two-pass"):
+            run.step(1)
+        return
+    count = len(run.particles["water"])
+    pressure = 1e16 / 20 * math.expm1(-20 * math.log(0.06))
+    assert 3.5e38 < pressure < 1e40
+    run.particles["water"]["pressure"] = np.full(count, pressure)
+    with pytest.raises(libmpm.NumericalError, match="no longer finite at step 0"):
+        run.step(10)
+    assert run.steps == 0
+    assert np.isfinite(run.particles["water"]["position"]).all()
+
+
+def test_stress_beside_which_motion_rounds_away_is_named(device):  # noqa: F811
+    """Steps are 4000 times too long, yet forces of a full box cancel and velocities are lost."""
+    found = probe(axis("volume ratio, compressed"), 0.051, device=device, precision="single")
+    assert found.outcome == "named", found.message
+    assert "Remedy: lower Method.cfl" in found.message
+    assert found.steps <= 1
+
+
+def block(material=None, **options):
     """A free block of water of 4 cells without gravity."""
     scene = libmpm.Scene(
         dimension=2, cell_size=0.1, lower=(0.0, 0.0), upper=(1.0, 1.0),
@@ -70,7 +106,8 @@ def block(**options):
     )  # fmt: skip
     scene.add_body(
         name="water", shape=shapes.Box(lower=(0.2, 0.2), upper=(0.6, 0.6)),
-        material=materials.TaitFluid(bulk_modulus=1e5), velocity=options.get("velocity"),
+        material=material or materials.TaitFluid(bulk_modulus=1e5),
+        velocity=options.get("velocity"),
     )  # fmt: skip
     return scene
 
@@ -99,44 +136,139 @@ def test_slow_motion_that_rounds_away_is_doubted(recwarn):
 # ---- the harness --------------------------------------------------------------------------------
 
 
-def _made(build, **more):
+def _made(build, name="made", **more):
     return Axis(
-        name="made", unit="1", meaning="", base=1.0, envelope=(1.0, 2.0), reach=(1.0, 100.0),
+        name=name, unit="1", meaning="", base=1.0, envelope=(1.0, 2.0), reach=(1.0, 100.0),
         scale="log", build=build, **more,
     )  # fmt: skip
 
 
-def test_crash_and_hang_are_seen():
-    def crash(value):
-        os.kill(os.getpid(), signal.SIGKILL)
+def says_where(text="{}"):
+    """A trial that is refused with the id of the process that it was tried in."""
 
-    def hang(value):
-        time.sleep(60)
+    def build(value):
+        raise libmpm.SceneError(text.format(os.getpid()))
 
-    assert extremes.isolated(_made(crash), 1.0, 20.0).outcome == "crash"
-    assert extremes.isolated(_made(hang), 1.0, 0.5).outcome == "hang"
+    return build
 
 
-def test_bisection_finds_the_break_and_silent_errors_are_reported(monkeypatch):
-    """Of a trial that is wrong beyond 7, refused beyond 50: the gap shrinks to 2⁻⁵ of a part."""
-    monkeypatch.setattr(extremes, "isolated", lambda a, v, limit, **o: probe(a, v, **o))
+def crash(value):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def hang(value):
+    time.sleep(60)
+
+
+@pytest.fixture
+def worker():
+    """A worker for axes that do what their names say."""
+    axes = {
+        "here": says_where(), "crash": crash, "hang": hang,
+        "fault": says_where("cudaErrorIllegalAddress in {}"),
+        "full": says_where("out of device memory: {}"),
+    }  # fmt: skip
+    worker = Worker({name: _made(build, name) for name, build in axes.items()})
+    yield worker
+    worker.stop()
+
+
+def test_one_process_answers_until_it_fails(worker):
+    """A crash or a hang is the outcome of its own probe, and the next one finds a new process."""
+
+    def ask(name, limit=20.0):
+        return worker.probe(name, 1.0, limit, **CPU)
+
+    seen = []
+    for name, outcome in (("crash", "crash"), ("hang", "hang")):
+        one, two = ask("here").message, ask("here").message
+        assert one == two != str(os.getpid())
+        found = ask(name, 20.0 if name == "crash" else 0.5)
+        assert (found.outcome, found.holds) == (outcome, False)
+        seen.append(one)
+    assert "code -9" in ask("crash").message
+    seen.append(ask("here").message)
+    assert len(set(seen)) == 3
+    assert ask("hang", 0.2).wall_s == 0.2
+
+
+def test_what_may_have_spoilt_the_device_ends_its_process(worker):
+    """In a process that has probed before it is tried again in a new one, which ends as well."""
+    for name in ("fault", "full"):
+        before = worker.probe("here", 1.0, 20.0).message
+        fault = worker.probe(name, 1.0, 20.0).message.split()[-1]
+        after = worker.probe("here", 1.0, 20.0).message
+        assert len({before, fault, after}) == 3
+        alone = worker.probe(name, 1.0, 20.0).message.split()[-1]
+        assert alone != after
+
+
+def test_a_device_that_is_gone_is_no_outcome(monkeypatch):
+    monkeypatch.setattr(extremes_workers, "PAUSES", (0.0, 0.01))
+    gone = _made(says_where("device 'cuda' is not available: {}"))
+    worker = Worker({"made": gone})
+    with pytest.raises(DeviceLostError, match="is not available"):
+        worker.probe("made", 1.0, 20.0)
+    worker.stop()
+
+
+def test_a_process_ends_after_so_many_probes(monkeypatch, worker):
+    monkeypatch.setattr(extremes_workers, "PROBES_EACH", 3)
+    where = [worker.probe("here", 1.0, 20.0).message for _ in range(7)]
+    assert [len(set(where[k : k + 3])) for k in (0, 3)] == [1, 1]
+    assert len(set(where)) == 3
+
+
+def below(limit):
+    """A trial that is wrong beyond `limit`, refused beyond 50."""
 
     def build(value):
         if value > 50:
             raise libmpm.SceneError("too much")
         return Trial(
             scene=block(), steps=1, pieces=1,
-            judge=lambda simulation: "" if value <= 7 else "beyond 7",
+            judge=lambda simulation: "" if value <= limit else f"beyond {limit}",
         )  # fmt: skip
 
-    line = extremes.push(_made(build), "upper", 1.0, **CPU)
-    assert line["holds_to"] <= 7 < line["breaks_at"]
-    assert line["breaks_at"] / line["holds_to"] == pytest.approx(100 ** (1 / 6 / 2**5))
-    assert (line["outcome"], line["worst"]) == ("wrong", "wrong")
-    assert {o for _, o, _, _ in line["probes"]} == {"holds", "wrong", "refused"}
-    said = extremes.broken([line | {"precision": "single", "device_kind": "cpu"}])
-    assert any("is wrong: beyond 7" in text for text in said)
-    assert not any("promised" in text for text in said)
+    return build
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_bisection_finds_the_break_and_silent_errors_are_reported(workers):
+    """The gap shrinks to 2⁻⁵ of a part, however many sides are pushed at the same time."""
+    axes = {str(k): _made(below(k), str(k)) for k in (7, 30)[:workers]}
+    tasks = [Task(name, extremes.push(a, "upper"), 20.0, CPU) for name, a in axes.items()]
+    lines = {t.axis: x for t, x in together(iter(tasks), [Worker(axes) for _ in range(workers)])}
+    assert lines.keys() == axes.keys()
+    for name, line in lines.items():
+        assert line["axis"] == name
+        assert line["holds_to"] <= int(name) < line["breaks_at"]
+        assert line["breaks_at"] / line["holds_to"] == pytest.approx(100 ** (1 / 6 / 2**5))
+        assert (line["outcome"], line["worst"]) == ("wrong", "wrong")
+        assert {o for _, o, _, _ in line["probes"]} == {"holds", "wrong", "refused"}
+        said = extremes.broken([line | {"precision": "single", "device_kind": "cpu"}])
+        assert any(f"is wrong: beyond {name}" in text for text in said)
+        assert not any("promised" in text for text in said)
+
+
+def test_a_run_stops_in_time_and_goes_on(monkeypatch, tmp_path):
+    """Whole lines, none twice: what a run has left the same command measures."""
+    axes = tuple(_made(says_where(), str(k)) for k in (3, 7, 20))
+    monkeypatch.setattr(extremes, "AXES", axes)
+    path = tmp_path / "lines.jsonl"
+
+    def measured(*more):
+        argv = ["extremes.py", "run", "--precision", "single", "--output", str(path), *more]
+        monkeypatch.setattr("sys.argv", argv)
+        assert extremes.main() == 0
+        return [x["axis"] for x in extremes.load(path)]
+
+    assert measured("--seconds", "-1") == []
+    assert measured("--axes", "7") == ["7"]
+    found = measured("--workers", "2")
+    assert sorted(found) == ["20", "3", "7"] and found[0] == "7"
+    assert measured("--workers", "2") == found
+    assert len(measured("--again", "--workers", "2")) == 6
 
 
 def test_broken_promise_is_reported():

@@ -129,7 +129,8 @@ def scenes(draw: Any, *, plain: bool = False, closed: bool = False) -> libmpm.Sc
     )
     obstacle = draw(st.sampled_from(("none", "none", "box", "surface", "moving")))
     slots = draw(st.integers(1, 2 if obstacle != "none" or d == 3 else 3))
-    # The slope of linear functions jumps at nodes, so that there the last bit decides it.
+    # A particle on a node takes the slope of linear functions from its upper side. What it presses
+    # on the node there is lost where that has no mass: at the edge of a body.
     aside = 0.01 if method.kernel_choice.name == "linear" else 0.0
     laws = CONSERVATIVE if closed else tuple(LAWS)
     for i in range(slots):

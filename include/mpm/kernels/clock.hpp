@@ -199,6 +199,8 @@ struct Decide {
         if (fault != no_fault) return stop(FaultKind::particle, 0);
         for (int q = 0; q < quantities && sum_bits > 0; ++q)
             if (!(deposited[q] <= limit[q])) return stop(FaultKind::fixed_point, deposited[q]);
+        if (sum_bits > 0 && deposited[momentum_sum] * dt > coarsest_deposit(sum_bits) * cell_size)
+            return stop(FaultKind::fixed_point, deposited[momentum_sum]);
         const double moved = speed * dt / cell_size;
         if (!(moved <= 1.0)) return stop(FaultKind::outran, speed);
         for (int s = 0; s < supply_count; ++s) {

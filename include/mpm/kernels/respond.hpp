@@ -152,7 +152,8 @@ MPM_INLINE Responded<typename Pass<X, T, D>::Grid> respond_particle(
         }
         found.momentum = larger(
             found.momentum, absolute(G(kept[c])) + G(bound.reach) * tilt + G(bound.pull) * pull);
-        found.momentum = found.momentum + (tilt + pull) * G(0);  // keeps not-a-number
+        // Keeps not-a-number.
+        found.momentum = found.momentum + (absolute(G(kept[c])) + tilt + pull) * G(0);
     }
     if constexpr (C > D) {
         at(column.value(D)) = out.value[D];
@@ -199,10 +200,12 @@ MPM_INLINE Responded<typename Pass<X, T, D>::Grid> rest_particle(const Phase<X, 
                 pull = pull + absolute(u.slope[a][c]);
             }
         }
-        if (c < D)
-            found.momentum = larger(found.momentum, absolute(u.value[c]) + G(bound.pull) * pull);
-        else
+        if (c < D) {
+            const G size = absolute(u.value[c]) + G(bound.pull) * pull;
+            found.momentum = larger(found.momentum, size) + size * G(0);  // keeps not-a-number
+        } else {
             found.average = absolute(u.value[c]);
+        }
     }
     return found;
 }

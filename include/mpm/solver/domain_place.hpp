@@ -273,7 +273,7 @@ void Domain<X, T, D>::adopt_sums(const std::vector<double>& value) {
         double top[quantities] = {};
         for (std::size_t k = 0; k < value.size(); ++k) {
             double& most = top[scale_of_sum(k)];
-            most = std::max(most, std::abs(value[k]));
+            if (!(std::abs(value[k]) <= most)) most = std::abs(value[k]);  // not-a-number stays
         }
         // A layer of an inlet may come before the clock has chosen scales.
         top[mass_sum] += supplied_mass_;
@@ -285,9 +285,9 @@ void Domain<X, T, D>::adopt_sums(const std::vector<double>& value) {
             if (top[q] > 0)
                 scale = power_of_two_below(std::ldexp(1.0, X::template sum_bits<T> - 2) / top[q]);
             // The largest deposit is not known; no less than this by the largest sum.
-            if (q != mass_sum && top[mass_sum] > 0)
-                clock_.deposited[q] =
-                    std::max(clock_.deposited[q], deposit_growth * top[q] / top[mass_sum]);
+            const double known = deposit_growth * top[q] / top[mass_sum];
+            if (q != mass_sum && top[mass_sum] > 0 && !(known <= clock_.deposited[q]))
+                clock_.deposited[q] = known;  // not-a-number too: the clock refuses it
             clock_.deposit_limit[q] = std::numeric_limits<double>::infinity();
             clock_.unit_read[q] = 1 / scale;
             clock_.scale_write[q] = scale;
@@ -308,7 +308,7 @@ void Domain<X, T, D>::set_scales(double mass, double momentum_limit, double grou
             fixed_point(X::template sum_bits<T>, mass, momentum_limit, group_limit);
         for (int q = 0; q < quantities; ++q) {
             clock_.scale_write[q] = f.scale[q];
-            clock_.unit_read[q] = 1 / f.scale[q];
+            clock_.unit_read[q] = 1 / f.scale[q] + 0 * f.limit[q];  // keeps not-a-number
             clock_.deposit_limit[q] = f.limit[q];
             clock_.deposited[q] = 0;
         }

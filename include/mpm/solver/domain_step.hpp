@@ -301,10 +301,15 @@ Fault Domain<X, T, D>::describe_fault() {
         return f;
     }
     if (clock_.fault == FaultKind::fixed_point) {
-        f.code = "fixed-point";
-        f.message =
-            "what particles deposit grew more than 16-fold within one step and no longer fits its "
-            "fixed-point scale";
+        const double* limit = clock_.deposit_limit;
+        const bool grew = clock_.deposited[momentum_sum] > limit[momentum_sum] ||
+                          clock_.deposited[group_sum] > limit[group_sum];
+        f.code = std::isfinite(f.value) ? "fixed-point" : "non-finite";
+        f.message = !std::isfinite(f.value) ? "what particles deposit is not finite"
+                    : grew ? "what particles deposit grew more than 16-fold within one step and no "
+                             "longer fits its fixed-point scale"
+                           : "the stress of a particle is so large for the time step that all "
+                             "motion would round away beside it";
         return f;
     }
     const std::size_t b = clock_.fault_particle >> 40;

@@ -368,6 +368,26 @@ TEST(ClockDeposits, above_their_limit_are_a_fault_at_the_next_look) {
     }
 }
 
+/// Deposits so large for the step that what moves would round away, whatever their limit.
+TEST(ClockDeposits, beside_which_motion_rounds_away_are_a_fault) {
+    for (double cells : {255.0, 257.0, 1e7}) {
+        Deposits run(0.1);
+        run.clock.deposit_limit[momentum_sum] = HUGE_VAL;
+        const bool fits = cells < 256;
+        EXPECT_EQ(run.step(cells * dx / dt), fits ? Halt::none : Halt::fault) << cells;
+        EXPECT_EQ(run.clock.fault, fits ? FaultKind::none : FaultKind::fixed_point);
+        if (fits) {
+            // A node that crosses 2^-16 cells a step is told from rest.
+            const double mass = run.maxima[max_mass], slowest = std::ldexp(dx / dt, -16);
+            EXPECT_GT(mass * slowest * run.clock.scale_write[momentum_sum], 1);
+        }
+        run = Deposits(0.1);
+        run.sum_bits = 62;
+        run.clock.deposit_limit[momentum_sum] = HUGE_VAL;
+        EXPECT_EQ(run.step(cells * dx / dt), Halt::none) << "double precision holds both";
+    }
+}
+
 /// A fault of particles says more than what it does to the sums.
 TEST(ClockDeposits, particle_faults_come_first) {
     Deposits run(0.1);

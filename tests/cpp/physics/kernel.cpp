@@ -41,9 +41,25 @@ TEST(Kernel, partition_of_unity_linear_fields_and_gradients) {
                 EXPECT_NEAR(sum(s.weight[a], s.distance[a]), 0, 1e-15);
                 EXPECT_NEAR(sum(s.slope[a], one), 0, 1e-14);
             }
-            if (kernel == Kernel::linear && std::abs(x) < 1e-12) continue;  // a kink
             EXPECT_NEAR(sum(s.slope[0], s.distance[0]), 1, 1e-14) << int(kernel) << " " << x;
         }
+    }
+}
+
+/// Just beside a node distances round. The slopes are those of one side all the same, the lower one
+/// where the node there has weight.
+TEST(Kernel, linear_slopes_beside_a_node) {
+    for (float x : {-1e-3f, -1e-7f, -5e-8f, -1e-8f, -1e-30f, 0.0f, 1e-30f, 1e-8f, 1e-3f}) {
+        const auto s = at(choice(Kernel::linear), x);
+        const bool below = s.weight[0][1] > 0;
+        EXPECT_EQ(below, x < -4e-8f) << x;
+        const float lower[5] = {0, -1, 1, 0, 0}, upper[5] = {0, 0, -1, 1, 0};
+        float weights = 0;
+        for (int n = 0; n < 5; ++n) {
+            EXPECT_EQ(s.slope[0][n], below ? lower[n] : upper[n]) << x;
+            weights += s.weight[0][n];
+        }
+        EXPECT_EQ(weights, 1) << x;
     }
 }
 

@@ -2,7 +2,7 @@
 // particle's nodes one by one (the fused step has quadratic ones of its own, quadratic.hpp).
 // r = (x_p - x_i) / dx, all lengths in cells.
 //
-//   linear      1 - |r|
+//   linear      1 - |r|; its slope jumps at nodes: on one it is that of the upper side
 //   quadratic   3/4 - r^2, (3/2 - |r|)^2 / 2                  (Bonus 2023, eq. 2.28)
 //   cubic       2/3 - r^2 + |r|^3 / 2, (2 - |r|)^3 / 6
 //   GIMP        (H(r + l) - H(r - l)) / (2 l), H the integral of the linear one: the mean of the
@@ -81,8 +81,8 @@ template <class V>
 MPM_INLINE ShapeValue<V> shape_value(Kernel kernel, V r, V half) {
     const V d = absolute(r), sign = r < V(0) ? V(-1) : V(1);
     switch (kernel) {
-        case Kernel::linear:  // on a node all slopes are those towards its upper side
-            return {detail::hat(r), r >= V(-1) && r < V(1) ? -sign : V(0)};
+        case Kernel::linear:  // its slopes are `linear_slope`
+            return {detail::hat(r), d < V(1) ? -sign : V(0)};
         case Kernel::quadratic: {
             const V rest = V(1.5) - d;
             if (d <= V(0.5)) return {V(0.75) - r * r, V(-2) * r};
@@ -103,6 +103,16 @@ MPM_INLINE ShapeValue<V> shape_value(Kernel kernel, V r, V half) {
                     inverse * (detail::hat(r + half) - detail::hat(r - half))};
         }
     }
+}
+
+/// Slope of the linear function of node `node` (0: the centre of the cell) for a particle at offset
+/// `xi`. One side is chosen for all nodes, the lower one if the node there has any weight:
+/// distances from nodes round, so that by these alone a particle a rounding below a node would
+/// stand on it for one function and beside it for another, and slopes would not sum to zero.
+template <class V>
+MPM_INLINE V linear_slope(int node, V xi) {
+    const int low = V(1) + xi < V(1) ? -1 : 0;
+    return node == low ? V(-1) : (node == low + 1 ? V(1) : V(0));
 }
 
 /// What a scene's kernel is, uniform over its particles.
@@ -151,6 +161,7 @@ MPM_INLINE Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& x
                 for (int m = 1; m <= degree; ++m) away = away + knot[m] / V(degree);
             } else {
                 f = shape_value(k.kernel, -away, half[a]);
+                if (k.kernel == Kernel::linear) f.slope = linear_slope(n - W / 2, xi[a]);
             }
             s.weight[a][n] = f.value;
             s.slope[a][n] = f.slope;
