@@ -37,6 +37,11 @@ struct Pass {
     bool carry;        // F-bar: deposit the gradient of j
     bool stress_only;  // F-bar: only the pressure sees the blend
     Grid* scratch;     // two-pass: (channels * (1 + D), count), what a particle deposits
+    // CPU: to which slots a block's sums go, (slots, 3^D): those of its neighbours, but for blocks
+    // that other ranks hold too. Slots from `staged` on take them without the particle's mass
+    // (kernels/staging.hpp).
+    const std::int32_t* destinations;
+    std::int32_t staged;
     const std::int32_t* coloured;  // CPU: home blocks by colour; blocks of one colour share no node
     const std::int32_t* colour_start;  // (colours + 1)
     int colours;

@@ -1,0 +1,75 @@
+// What a rank of several knows beside its own state: who owns which blocks, which blocks others
+// hold too, and what goes to whom at the end of each step. A run on one rank has none of it.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "mpm/data/partition.hpp"
+#include "mpm/exec/communicator.hpp"
+#include "mpm/kernels/clock.hpp"
+
+namespace mpm {
+
+/// A particle of another rank has failed: this one has nothing to describe.
+inline constexpr std::uint64_t fault_elsewhere = no_fault - 1;
+
+/// What a home block costs beside its particles, in particles.
+inline constexpr std::uint64_t weight_of_block = 16;
+
+template <int D>
+struct RankShare {
+    /// What the blocks of one body and colour on one rank add to a block that others hold too.
+    struct Staged {
+        std::int32_t slot;          // of the block
+        std::int32_t body, colour;  // in whose order they are added
+        std::int32_t rank;          // whose it is
+        std::int32_t at;            // own: the slot that it is staged in; else its place in the
+                                    // message of that rank
+    };
+
+    Communicator* comm = nullptr;
+    BlockPartition<D> partition;
+    double rebalance_above = 0;
+
+    std::vector<std::vector<std::uint64_t>> keys;  // of each rank's table, ascending
+    std::vector<int> peers;                        // ranks that hold a block that this one holds
+    std::vector<std::int32_t> shared;              // slots that others hold too
+    std::vector<Staged> parts;                     // of each of them in turn, in order
+    std::vector<std::size_t> first_part;           // (shared + 1,)
+    std::int32_t staged = 0;                       // slots behind those of the table
+    std::vector<std::vector<std::int32_t>> send;   // to each rank, of these slots
+    std::vector<std::vector<std::int32_t>> destinations;  // of each body: (slots, 3^D)
+    // Of the ranks that hold a block one counts its nodes, where each is to count once.
+    std::vector<std::uint8_t> counts;
+
+    double wall_ends = 0;
+    bool wall_over = false;  // for any rank
+
+    // Since the start.
+    std::uint64_t rebalances = 0, migrated = 0, bytes_of_sums = 0;
+    std::vector<std::uint64_t> loads;  // of each rank, when they were last told
+
+    int rank() const { return comm->rank(); }
+    int ranks() const { return comm->ranks(); }
+    bool counts_slot(std::size_t slot) const { return counts[slot] != 0; }
+};
+
+/// What a rank tells the others before the clock decides.
+struct RankVote {
+    double maxima[maxima_count];
+    double deposited[quantities];
+    std::uint64_t strays;
+    std::int32_t fault;
+    std::int32_t wall_over;
+};
+
+/// How a Domain is made one of several.
+template <int D>
+struct RankLink {
+    Communicator* comm = nullptr;
+    BlockPartition<D> partition;
+    double rebalance_above = 0;
+};
+
+}  // namespace mpm
