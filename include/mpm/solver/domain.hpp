@@ -205,6 +205,8 @@ private:
     // domain_ranks.hpp
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
     void end_of_sums(int parity, bool first);
+    void list_mirrors();
+    void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void rebalance(const std::vector<std::uint64_t>& load);
     // domain_migrate.hpp
     bool anyone_stops(const std::vector<std::uint32_t>& left,
@@ -212,9 +214,9 @@ private:
     void adopt_table_of_ranks(Buffer<X, std::uint64_t>& keys,
                               const std::vector<std::vector<std::uint64_t>>& after);
     bool sort_among_ranks();
-    template <class Slot>
-    void admit(Body& body, const detail::Emigrants<T>& come, Buffer<X, std::uint32_t>& cell,
-               const std::vector<int>& owner, const Slot& slot_of, std::int64_t range);
+    void keep_own_arrivals(std::vector<std::uint64_t>& homes);
+    void admit(int number, const detail::Emigrants<T>& come, Buffer<X, std::uint32_t>& cell,
+               const std::vector<int>& owner, const BlockTableView<D>& table);
     /// Whether a block's nodes are this rank's to count, where every block counts once.
     bool counts_slot(std::size_t slot) const { return !share_ || share_->counts_slot(slot); }
 

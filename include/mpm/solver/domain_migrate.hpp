@@ -4,6 +4,7 @@
 #pragma once
 
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_scene.hpp"
 
 namespace mpm {
 
@@ -178,6 +179,7 @@ bool Domain<X, T, D>::sort_among_ranks() {
     for (std::size_t k = 0; k < slots; ++k)
         if (owner[k] == me && load[k] > 0) homes.push_back(table_.keys[k]);
     for (const auto& c : come) homes.insert(homes.end(), c.to.begin(), c.to.end());
+    keep_own_arrivals(homes);
     std::sort(homes.begin(), homes.end());
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
     Buffer<X, std::uint64_t> home_keys(exec_), keys(exec_);
@@ -187,11 +189,10 @@ bool Domain<X, T, D>::sort_among_ranks() {
     const auto& mine = after[std::size_t(me)];
 
     for (std::size_t b = 0; b < bodies; ++b) {
-        const auto in_new_table = [&](std::uint64_t key) {
-            return std::uint32_t(find_key(mine.data(), std::int32_t(mine.size()), key));
-        };
-        admit(bodies_[b], come[b], cells[b], owner, in_new_table,
-              std::int64_t(mine.size()) * block_cells);
+        BlockTableView<D> table = table_;
+        table.keys = mine.data();
+        table.slots = std::int32_t(mine.size());
+        admit(int(b), come[b], cells[b], owner, table);
     }
     adopt_table_of_ranks(keys, after);
     list_homes(find_homes());
@@ -205,13 +206,37 @@ bool Domain<X, T, D>::sort_among_ranks() {
     return true;
 }
 
-/// Particles that stay and those that came, into the order of the cells of the new table. `cell`:
-/// where those of the present table stand, of `range` cells there will be.
+/// Of the layers that inlets supply, the rows in blocks of this rank; `homes` gets these.
 template <class X, class T, int D>
-template <class Slot>
-void Domain<X, T, D>::admit(Body& body, const detail::Emigrants<T>& come,
+void Domain<X, T, D>::keep_own_arrivals(std::vector<std::uint64_t>& homes) {
+    for (Arrival& arrival : arrivals_) {
+        BodySpec& of = arrival.rows;
+        std::vector<std::uint64_t> rows;
+        std::vector<std::uint32_t> ids;
+        detail::for_each_key<D>(spec_, of, table_.keys_of,
+                                [&](std::uint64_t row, std::uint64_t key) {
+                                    if (share_->partition.owner(key) != share_->rank()) return;
+                                    rows.push_back(row);
+                                    ids.push_back(of.ids[row]);
+                                    homes.push_back(key);
+                                });
+        of.position = detail::chosen_rows(of.position, rows, D);
+        of.pressure = detail::chosen_rows(of.pressure, rows, 1);
+        of.ids = std::move(ids);
+        of.count = rows.size();
+    }
+}
+
+/// Particles that stay, those that came from other ranks and those of inlets, into the order of the
+/// cells of the new table. `cell`: where those of the present table stand, `owner`: of its slots.
+template <class X, class T, int D>
+void Domain<X, T, D>::admit(int number, const detail::Emigrants<T>& come,
                             Buffer<X, std::uint32_t>& cell, const std::vector<int>& owner,
-                            const Slot& slot_of, std::int64_t range) {
+                            const BlockTableView<D>& table) {
+    Body& body = bodies_[std::size_t(number)];
+    const auto slot_of = [&](std::uint64_t key) {
+        return std::uint32_t(find_key(table.keys, table.slots, key));
+    };
     const std::uint32_t before = body.count, more = std::uint32_t(come.id.size());
     const std::size_t rows = std::size_t(before) + more + column_padding;
     const auto append = [&]<class E>(Buffer<X, E>& column, const std::vector<E>& tail) {
@@ -259,8 +284,18 @@ void Domain<X, T, D>::admit(Body& body, const detail::Emigrants<T>& come,
         }
     }
     take_arrived(~std::uint64_t(0));
+    if (const std::uint32_t supplied = arriving(std::size_t(number)); supplied > 0) {
+        body.count = before + more;
+        cell.reserve_discard(std::size_t(body.count) + supplied);
+        append_arrivals(number, cell, table);
+        for (std::uint32_t p = before + more; p < body.count; ++p) {
+            place.push_back(p);
+            key.push_back(cell.data()[p]);
+        }
+    }
 
     cell.assign(key);
+    const std::int64_t range = std::int64_t(table.slots) * block_cells;
     body.cell_start.reserve_discard(std::size_t(range) + 2);
     arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data());
     for (std::size_t k = 0; k < key.size(); ++k) cell.data()[k] = place[cell.data()[k]];

@@ -47,6 +47,23 @@ struct DecideTogether {
     }
 };
 
+template <class X, class T, int D>
+void Domain<X, T, D>::list_mirrors() {
+    const auto block = [](std::int64_t cell) {
+        constexpr std::int64_t edge = Block<D>::edge, rim = BlockKeys<D>::rim;
+        return (cell + rim * edge) / edge - rim;
+    };
+    for (std::size_t k = 0; k < boundary_records_.size(); ++k) {
+        const BoundaryRecord<D>& r = boundary_records_.data()[k];
+        for (int f = 0; f < 2 * D && !r.is_box && r.surface == 0; ++f) {
+            if (!r.present[f] || !mirrors(r.law[f].response)) continue;
+            const std::int64_t plane = f % 2 == 0 ? r.lower[f / 2] : r.upper[f / 2];
+            const MirrorPlane sides{f / 2, block(plane - 1), block(plane)};
+            if (sides.low != sides.high) share_->mirrors.push_back(sides);
+        }
+    }
+}
+
 /// Who holds what of the present table, and with it where sums go. `keys`: of everyone's table.
 template <class X, class T, int D>
 void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
@@ -193,6 +210,85 @@ void Domain<X, T, D>::end_of_sums(int parity, bool first) {
     });
     exec_.zero(sums + std::size_t(table_.slots) * block,
                std::size_t(s.staged) * block * sizeof(Sum));
+}
+
+/// Gauges and probes that are due read nodes of several ranks: the blocks that they can read are
+/// told to all, and everyone takes the same sample.
+template <class X, class T, int D>
+void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) {
+    const RankShare<D>& s = *share_;
+    std::vector<std::uint64_t> wanted;
+    for (int k = 0; k < point_count_; ++k) {
+        const PointRecord<D>& point = points_.data()[k];
+        if (!sensor_records_.data()[point.sensor].due) continue;
+        std::int64_t low[D], high[D], at[D];  // blocks
+        for (int a = 0; a < D; ++a) {
+            const std::int64_t last = spec_.cells[std::size_t(a)] - 1,
+                               cell = std::clamp<std::int64_t>(
+                                   std::int64_t(std::floor(point.position[a] / spec_.cell_size)), 0,
+                                   last);
+            const std::int64_t rim = BlockKeys<D>::rim, edge = Block<D>::edge;
+            low[a] = at[a] = ((a == point.axis ? 0 : cell - 1) + rim * edge) / edge - rim;
+            high[a] = (a == point.axis ? last : cell + 1) / edge;
+        }
+        for (bool more = true; more;) {
+            wanted.push_back(table_.keys_of.key(at));
+            more = false;
+            for (int a = D - 1; a >= 0 && !more; --a) {
+                more = at[a] < high[a];
+                at[a] = more ? at[a] + 1 : low[a];
+            }
+        }
+    }
+    if (wanted.empty()) return;
+    std::sort(wanted.begin(), wanted.end());
+    wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
+
+    const std::size_t sums = std::size_t(plan_.sum_channels) * block_cells,
+                      velocities = std::size_t(plan_.velocity_channels) * block_cells;
+    std::vector<std::uint64_t> own;
+    for (std::uint64_t key : wanted) {
+        const std::int32_t slot = find_key(table_.keys, table_.slots, key);
+        if (slot >= 0 && counts_slot(std::size_t(slot))) own.push_back(key);
+    }
+    Packer packer;
+    packer.put(own);
+    for (std::uint64_t key : own) {
+        const std::size_t slot = std::size_t(find_key(table_.keys, table_.slots, key));
+        packer.put(sums_[parity()].data() + slot * sums, sums);
+        packer.put(velocity_.data() + slot * velocities, velocities);
+    }
+    const Bytes mine = packer.take();
+    auto in = s.comm->exchange(std::vector<Bytes>(s.keys.size(), mine), s.comm->others());
+    in[std::size_t(s.rank())] = mine;
+
+    struct Told {
+        std::vector<Sum> sums;
+        std::vector<Grid> velocities;
+    };
+    std::map<std::uint64_t, Told> told;
+    for (const Bytes& bytes : in) {
+        Unpacker unpacker(bytes);
+        for (std::uint64_t key : unpacker.list<std::uint64_t>()) {
+            Told& t = told[key];
+            t.sums.resize(sums);
+            t.velocities.resize(velocities);
+            unpacker.get(t.sums.data(), sums);
+            unpacker.get(t.velocities.data(), velocities);
+        }
+    }
+    std::vector<std::uint64_t> keys;
+    Told all;
+    for (const auto& [key, t] : told) {
+        keys.push_back(key);
+        all.sums.insert(all.sums.end(), t.sums.begin(), t.sums.end());
+        all.velocities.insert(all.velocities.end(), t.velocities.begin(), t.velocities.end());
+    }
+    auto& grid = points.node.grid;
+    grid.table = {table_.keys_of, std::int32_t(keys.size()), keys.data(), nullptr, nullptr};
+    grid.sums = all.sums.data();
+    grid.velocity = all.velocities.data();
+    for (int k = 0; k < point_count_; ++k) points(k);
 }
 
 /// Blocks are dealt anew where the work has become too uneven: by all ranks alike, from what all

@@ -70,6 +70,9 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     gravity_ = upload_table(spec_.gravity, D);
 
     set_boundaries();
+    if constexpr (!X::is_device) {
+        if (share_) list_mirrors();
+    }
     set_supplies();
     place_particles(spec_);
     set_sensors();

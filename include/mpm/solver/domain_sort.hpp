@@ -314,6 +314,13 @@ void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
     }
     keys.reserve_discard(slots);
     exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
+    if constexpr (!X::is_device) {
+        if (share_ && !share_->mirrors.empty()) {
+            auto with_images = keys.host();
+            add_images<D>(table_.keys_of, share_->mirrors, with_images);
+            keys.assign(with_images);
+        }
+    }
     // As large as this, it would weigh on the sort that follows.
     const bool heavy = all.bytes() > (std::size_t(16) << 20);
     all = Buffer<X, std::uint64_t>(exec_);

@@ -101,7 +101,7 @@ void Domain<X, T, D>::load(const State& whole) {
     if (share_) {
         share_->partition.cut(weigh_state(whole, bodies_.size()), share_->ranks());
         own = share_of_state<D>(whole, bodies_.size(), share_->partition, table_.keys_of,
-                                share_->rank());
+                                share_->mirrors, share_->rank());
     }
     const State& state = share_ ? own : whole;
     const auto clock = detail::from_blob<Clock>(state, "clock");

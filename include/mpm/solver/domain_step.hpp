@@ -73,9 +73,12 @@ void Domain<X, T, D>::run_sensors() {
             MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
                                        spec_.cell_size},
             TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(), load_impulse_.data()},
-            load_partial_.data(), point_count_, points);
-    } else if (point_count_ > 0) {
+            load_partial_.data(), share_ ? 0 : point_count_, points);
+    } else if (point_count_ > 0 && !share_) {
         exec_.for_each_large(point_count_, points);
+    }
+    if constexpr (!X::is_device) {
+        if (share_) sample_points_together(points);
     }
     for (std::size_t k = 0; k < sensors_.size(); ++k) {
         Sensor& s = sensors_[k];

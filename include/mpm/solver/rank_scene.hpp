@@ -91,6 +91,11 @@ struct RankScenes {
         partition.cut(blocks, scene.ranks.count);
 
         spec.assign(std::size_t(scene.ranks.count), scene);
+        for (Spec& s : spec) {
+            for (InletSpec& inlet : s.inlets)  // ids go on above those of all ranks
+                inlet.next_id =
+                    std::max(inlet.next_id, scene.bodies.at(std::size_t(inlet.body)).count);
+        }
         for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
             const BodySpec& body = scene.bodies[b];
             std::vector<std::vector<std::uint64_t>> rows(spec.size());
@@ -131,10 +136,12 @@ inline std::vector<BlockWeight> weigh_state(const State& all, std::size_t bodies
 /// The part of a saved state that lies in the blocks of one rank, and the blocks around them.
 template <int D>
 State share_of_state(const State& all, std::size_t bodies, const BlockPartition<D>& partition,
-                     const BlockKeys<D>& keys_of, int rank) {
+                     const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& mirrors,
+                     int rank) {
     const auto keys = detail::from_blob<std::uint64_t>(all, "keys");
     const auto blocks = weigh_state(all, bodies);
     std::vector<bool> own(keys.size(), false), kept(keys.size(), false);
+    std::vector<std::uint64_t> table;
     for (std::size_t k = 0; k < keys.size(); ++k) {
         own[k] = blocks[k].weight > 0 && partition.owner(keys[k]) == rank;
         if (!own[k]) continue;
@@ -147,12 +154,12 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
                 b[a] = at[a] + rest % 3 - 1;
                 rest /= 3;
             }
-            const std::uint64_t key = keys_of.key(b);
-            const auto found = std::lower_bound(keys.begin(), keys.end(), key);
-            if (found != keys.end() && *found == key)
-                kept[std::size_t(found - keys.begin())] = true;
+            table.push_back(keys_of.key(b));
         }
     }
+    add_images<D>(keys_of, mirrors, table);
+    for (std::size_t k = 0; k < keys.size(); ++k)
+        kept[k] = std::binary_search(table.begin(), table.end(), keys[k]);
     // Rows of a blob, `per` elements each, of those blocks or particles that are chosen.
     const auto choose = [&](const std::string& name, const auto& ranges, std::size_t per) {
         const Blob& from = detail::find(all, name);

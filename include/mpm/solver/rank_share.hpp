@@ -2,6 +2,7 @@
 // hold too, and what goes to whom at the end of each step. A run on one rank has none of it.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -17,6 +18,32 @@ inline constexpr std::uint64_t fault_elsewhere = no_fault - 1;
 /// What a home block costs beside its particles, in particles.
 inline constexpr std::uint64_t weight_of_block = 16;
 
+/// Blocks on both sides of a mirrored wall, where these are not the same.
+struct MirrorPlane {
+    int axis;
+    std::int64_t low, high;  // number of the blocks along the axis
+};
+
+/// Adds to the keys of a table the blocks across mirrored walls from them: nodes on both sides
+/// share their sums, so whoever has those of one side must have those of the other.
+template <int D>
+void add_images(const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& planes,
+                std::vector<std::uint64_t>& keys) {
+    for (const MirrorPlane& plane : planes) {
+        const std::size_t n = keys.size();
+        for (std::size_t k = 0; k < n; ++k) {
+            std::int64_t b[D];
+            keys_of.block(keys[k], b);
+            std::int64_t& at = b[plane.axis];
+            if (at != plane.low && at != plane.high) continue;
+            at = at == plane.low ? plane.high : plane.low;
+            keys.push_back(keys_of.key(b));
+        }
+    }
+    std::sort(keys.begin(), keys.end());
+    keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+}
+
 template <int D>
 struct RankShare {
     /// What the blocks of one body and colour on one rank add to a block that others hold too.
@@ -31,6 +58,7 @@ struct RankShare {
     Communicator* comm = nullptr;
     BlockPartition<D> partition;
     double rebalance_above = 0;
+    std::vector<MirrorPlane> mirrors;
 
     std::vector<std::vector<std::uint64_t>> keys;  // of each rank's table, ascending
     std::vector<int> peers;                        // ranks that hold a block that this one holds

@@ -19,15 +19,7 @@ void check_ranks(const Spec& spec, const Plan& plan) {
                          std::to_string(spec.ranks.axis) + ", which the scene has not");
     if (plan.phased) refuse("pipeline 'phased'", "take one rank, or a transfer of the fused step");
     if (plan.sweeps > 0) refuse("a transfer that sweeps the grid", "take one rank or APIC");
-    if (!spec.inlets.empty()) refuse("an inlet", "take one rank");
     if (spec.start.given) refuse("going on from a run with other bodies", "take one rank");
-    for (const SensorSpec& s : spec.sensors)
-        if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe)
-            refuse("sensor '" + s.name + "', which reads the grid at a point,", "take one rank");
-    for (const BoundarySpec& b : spec.boundaries)
-        for (const SurfaceLaw& law : b.law)
-            if (mirrors(law.response))
-                refuse("boundary '" + b.name + "', which mirrors,", "take one rank");
 }
 
 namespace {
@@ -172,12 +164,14 @@ public:
         for (const auto& e : engines_) n += e->particle_count(body);
         return n;
     }
-    /// Every rank has a row at each time: its own part.
+    /// Every rank has a row at each time: its own part, or of a point the same as all.
     std::vector<Samples> drain() override {
         std::vector<Samples> out = engines_[0]->drain();
         for (std::size_t r = 1; r < engines_.size(); ++r) {
             const std::vector<Samples> more = engines_[r]->drain();
             for (std::size_t k = 0; k < out.size(); ++k) {
+                if (kinds_[k] == SensorKind::wave_gauge || kinds_[k] == SensorKind::velocity_probe)
+                    continue;
                 for (std::size_t i = 0; i < out[k].values.data.size(); ++i) {
                     double& value = out[k].values.data[i];
                     const double part = more[k].values.data.at(i);
