@@ -5,20 +5,20 @@
 
 #include <cstdint>
 #include <cstring>
-#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
+
+#include "mpm/core/error.hpp"
 
 namespace mpm {
 
 using Bytes = std::vector<unsigned char>;
 
 /// Thrown where a rank waits for another that has failed.
-class RankStopped : public std::runtime_error {
-public:
-    using std::runtime_error::runtime_error;
+struct RankStopped : Error {
+    using Error::Error;
 };
 
 class Communicator {
@@ -89,7 +89,7 @@ public:
     template <class E>
     void get(E* data, std::size_t n) {
         if (n * sizeof(E) > bytes_.size() - at_)
-            throw std::runtime_error("a message between ranks is shorter than what it should hold");
+            throw Error("a message between ranks is shorter than what it should hold");
         if (n > 0) std::memcpy(data, bytes_.data() + at_, n * sizeof(E));
         at_ += n * sizeof(E);
     }

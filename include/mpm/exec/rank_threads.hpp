@@ -18,7 +18,7 @@ namespace mpm {
 class RankThreads {
 public:
     explicit RankThreads(int ranks) {
-        for (int r = 0; r < ranks; ++r) ends_.push_back(std::make_unique<End>(*this, r));
+        for (int r = 0; r < ranks; ++r) ends_.push_back(std::make_unique<End>(*this, r, ranks));
     }
     RankThreads(const RankThreads&) = delete;
     RankThreads& operator=(const RankThreads&) = delete;
@@ -26,6 +26,16 @@ public:
 
     int ranks() const { return int(ends_.size()); }
     Communicator& of(int rank) { return *ends_.at(std::size_t(rank)); }
+
+    /// After a failure, while nobody is at work: ranks may begin anew, from a state that they are
+    /// given. What was on its way is lost.
+    void begin_anew() {
+        const std::lock_guard lock(mutex_);
+        box_.clear();
+        stopped_ = false;
+        ++begun_;
+        for (auto& end : ends_) end->begin(begun_ << 40);
+    }
 
     /// Runs work(rank) on a thread for each rank and waits for all. When one fails the others are
     /// stopped, and what it threw is thrown here; that of the lowest rank where several did.
@@ -85,21 +95,32 @@ protected:
 private:
     class End final : public Communicator {
     public:
-        End(RankThreads& all, int rank) : all_(all), rank_(rank) {}
+        End(RankThreads& all, int rank, int ranks)
+            : all_(all),
+              rank_(rank),
+              sent_(std::size_t(ranks), 0),
+              fetched_(std::size_t(ranks), 0) {}
         int rank() const override { return rank_; }
         int ranks() const override { return all_.ranks(); }
         std::vector<Bytes> exchange(std::vector<Bytes> to, const std::vector<int>& peers) override {
-            for (int p : peers) all_.send({rank_, p, sent_[p]++}, std::move(to.at(std::size_t(p))));
+            for (int p : peers)
+                all_.send({rank_, p, sent_[std::size_t(p)]++}, std::move(to.at(std::size_t(p))));
             std::vector<Bytes> in(all_.ends_.size());
-            for (int p : peers) in[std::size_t(p)] = all_.fetch({p, rank_, fetched_[p]++});
+            for (int p : peers)
+                in[std::size_t(p)] = all_.fetch({p, rank_, fetched_[std::size_t(p)]++});
             return in;
         }
         void stop(const std::string& why) noexcept override { all_.stop(why); }
+        /// Numbers of messages from here on.
+        void begin(std::uint64_t number) {
+            sent_.assign(sent_.size(), number);
+            fetched_.assign(fetched_.size(), number);
+        }
 
     private:
         RankThreads& all_;
         int rank_;
-        std::map<int, std::uint64_t> sent_, fetched_;
+        std::vector<std::uint64_t> sent_, fetched_;  // by rank
     };
 
     Bytes fetch(const Address& where) {
@@ -129,6 +150,7 @@ private:
     std::map<Address, Bytes> box_;
     bool stopped_ = false;
     std::string why_;
+    std::uint64_t begun_ = 0;
 };
 
 }  // namespace mpm

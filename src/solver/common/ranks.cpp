@@ -258,6 +258,7 @@ public:
         return join_states(states, bodies_);
     }
     void load(const State& state) override {
+        threads_->begin_anew();
         threads_->together([&](int r) { engines_[std::size_t(r)]->load(state); });
     }
     std::map<std::string, double> timings() const override {

@@ -276,6 +276,20 @@ TEST(RanksEnd, a_fault_stops_all) {
     EXPECT_THROW(many->save(), NumericalError);
 }
 
+/// What one rank cannot load none can, and all go on from the next state they are given.
+TEST(RanksEnd, a_state_that_is_refused) {
+    const Spec s = with_ranks(shaken(2, false), 3);
+    const auto one = make_cpu_engine(shaken(2, false)), many = make_cpu_engine(s);
+    State state = one->save(), cut = state;
+    cut["clock"].bytes.pop_back();
+    EXPECT_THROW(many->load(cut), SceneError);
+    EXPECT_THROW(go(*many, 1), Error);
+    many->load(state);
+    go(*one, parts[0]);
+    go(*many, parts[0]);
+    expect_same_particles(*many, *one, 1);
+}
+
 TEST(RanksEnd, more_ranks_than_blocks) {
     Spec s = test::empty_scene(2, false, {16, 16});
     s.gravity.value[1] = -9.81;
