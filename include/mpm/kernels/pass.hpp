@@ -2,6 +2,7 @@
 // functions. The solver never names a material, an instance never sees a scene.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,8 @@
 namespace mpm {
 
 inline constexpr int max_parameters = 16;
+/// `Pass::staged` where there is one rank alone.
+inline constexpr std::int32_t none_staged = std::numeric_limits<std::int32_t>::max();
 
 /// One body, one step: everything that a pass over its particles needs.
 template <class X, class T, int D>

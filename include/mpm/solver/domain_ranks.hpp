@@ -3,49 +3,13 @@
 #pragma once
 
 #include <cstring>
+#include <map>
+#include <tuple>
 
 #include "mpm/kernels/staging.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
-
-/// The clock decides alike on all ranks: by the largest of what they found.
-template <class X, class T, int D>
-struct DecideTogether {
-    Decide<D> decide;
-    Clock* clock;
-    RankShare<D>* share;
-    double now;
-
-    void operator()(const double* maxima) const {
-        RankVote mine{};
-        for (int m = 0; m < maxima_count; ++m) mine.maxima[m] = maxima[m];
-        for (int q = 0; q < quantities; ++q) mine.deposited[q] = clock->deposited[q];
-        mine.strays = clock->strays;
-        mine.fault = clock->fault_particle != no_fault;
-        mine.wall_over = now > share->wall_ends;
-        RankVote all{};
-        for (const auto& list : share->comm->all_gather(std::vector<RankVote>{mine})) {
-            const RankVote& v = list.at(0);
-            for (int m = 0; m < maxima_count; ++m)
-                all.maxima[m] = std::max(all.maxima[m], v.maxima[m]);
-            for (int q = 0; q < quantities; ++q)
-                all.deposited[q] = std::max(all.deposited[q], v.deposited[q]);
-            // A call for a sort is as many as there can be.
-            const std::uint64_t sum = all.strays + v.strays;
-            all.strays = sum < v.strays ? ~std::uint64_t(0) : sum;
-            all.fault = all.fault || v.fault;
-            all.wall_over = all.wall_over || v.wall_over;
-        }
-        const std::uint64_t own = clock->strays;
-        clock->strays = all.strays;
-        for (int q = 0; q < quantities; ++q) clock->deposited[q] = all.deposited[q];
-        if (all.fault && !mine.fault) clock->fault_particle = fault_elsewhere;
-        share->wall_over = all.wall_over;
-        decide(all.maxima);
-        clock->strays = own;  // each goes on counting its own
-    }
-};
 
 template <class X, class T, int D>
 void Domain<X, T, D>::list_mirrors() {

@@ -25,7 +25,7 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     if constexpr (X::is_device) p.arrivals = exec_.arrivals();
     p.scratch = body.scratch.data();
     p.destinations = share_ ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
-    p.staged = share_ ? table_.slots : std::numeric_limits<std::int32_t>::max();
+    p.staged = share_ ? table_.slots : none_staged;
     p.coloured = body.coloured.data();
     p.colour_start = body.colour_start.data();
     p.colours = int(body.colour_start.size()) - 1;
@@ -54,7 +54,7 @@ void Domain<X, T, D>::update_grid() {
     if constexpr (!X::is_device) {
         if (share_)
             return make_velocities(
-                DecideTogether<X, T, D>{decide, clock_buffer_.data(), share_.get(), now()});
+                DecideTogether<D>{decide, clock_buffer_.data(), share_.get(), now()});
     }
     make_velocities(decide);
 }

@@ -18,7 +18,7 @@ void check_ranks(const Spec& spec, const Plan& plan) {
         throw SceneError("ranks are dealt by planes across axis " +
                          std::to_string(spec.ranks.axis) + ", which the scene has not");
     if (plan.phased) refuse("pipeline 'phased'", "take one rank, or a transfer of the fused step");
-    if (plan.sweeps > 0) refuse("a transfer that sweeps the grid", "take one rank or APIC");
+    if (plan.keeps) refuse("a transfer that stores velocities", "take one rank or APIC");
     if (spec.start.given) refuse("going on from a run with other bodies", "take one rank");
 }
 

@@ -151,13 +151,8 @@ TEST_P(Ranks, resume_on_another_number) {
     expect_same_particles(*again, *straight, 3);
 }
 INSTANTIATE_TEST_SUITE_P(All, Ranks,
-#if defined(RANKS_ONE_KIND)
-                         ::testing::Values(Kind{RANKS_ONE_KIND, RANKS_ONE_KIND == 3})
-#else
                          ::testing::Values(Kind{2, true}, Kind{2, false}, Kind{3, true},
-                                           Kind{3, false})
-#endif
-);
+                                           Kind{3, false}));
 
 /// Water that is shaken about a closed box, so that every part of it comes by every cut.
 Spec shaken(int dimension, bool single) {
@@ -183,16 +178,12 @@ Spec shaken(int dimension, bool single) {
     return s;
 }
 
-TEST(RanksMixing, nobody_is_lost_or_doubled) {
-#if defined(RANKS_ONE_KIND)
-    const int dimension = RANKS_ONE_KIND;
-#else
-    const int dimension = 2;
-#endif
-    const bool single = dimension == 3;
+class RanksMixing : public ::testing::TestWithParam<int> {};
+
+TEST_P(RanksMixing, nobody_is_lost_or_doubled) {
     const int steps = whole_run < 100 ? 600 : 3000;
-    const auto one = make_cpu_engine(shaken(dimension, single));
-    const auto many = make_cpu_engine(with_ranks(shaken(dimension, single), 4, -1, 1.1));
+    const auto one = make_cpu_engine(shaken(GetParam(), true));
+    const auto many = make_cpu_engine(with_ranks(shaken(GetParam(), true), 4, -1, 1.1));
     std::set<std::uint64_t> all;
     const auto count = one->particle_count(0);
     for (std::uint64_t id = 0; id < count; ++id) all.insert(id);
@@ -209,8 +200,10 @@ TEST(RanksMixing, nobody_is_lost_or_doubled) {
     EXPECT_GT(statistics.at("rebalances"), 2);
 }
 
+INSTANTIATE_TEST_SUITE_P(All, RanksMixing, ::testing::Values(2, 3));
+
 /// All of the water begins in the blocks of one of four equal parts of the domain.
-TEST(RanksMixing, the_load_comes_out_even) {
+TEST(RanksFlow, the_load_comes_out_even) {
     Spec s = shaken(2, false);
     const auto many = make_cpu_engine(with_ranks(s, 4, 0));
     go(*many, whole_run);
@@ -220,7 +213,6 @@ TEST(RanksMixing, the_load_comes_out_even) {
     EXPECT_LT(curve->statistics().at("imbalance"), 1.25) << "blocks as large as a tenth of a part";
 }
 
-#if !defined(RANKS_ONE_KIND) || RANKS_ONE_KIND == 2
 TEST(RanksEnd, particles_that_leave) {
     for (Leaving policy : {Leaving::freeze, Leaving::remove, Leaving::stop}) {
         Spec s = shaken(2, false);
@@ -393,17 +385,22 @@ TEST(RanksEnd, what_is_not_built_is_refused) {
     const auto refused = [](auto change) {
         Spec s = shaken(2, false);
         change(s);
-        EXPECT_NO_THROW(make_cpu_engine(s));
-        EXPECT_THROW(make_cpu_engine(with_ranks(s, 2)), SceneError);
+        try {
+            make_cpu_engine(with_ranks(s, 2));
+            FAIL() << "accepted";
+        } catch (const SceneError& e) {
+            EXPECT_NE(std::string(e.what()).find("not built for several ranks"), std::string::npos)
+                << e.what();
+        }
     };
     refused([](Spec& s) { s.pipeline = "phased"; });
+    refused([](Spec& s) { s.transfer.scheme = "FLIP"; });
     Spec outside = with_ranks(shaken(2, false), 2);
     auto x = test::positions(outside.bodies[0], 2);
     x[0] = -1;
     outside.bodies[0].position = rows_of(x, 2);
     EXPECT_THROW(make_cpu_engine(outside), SceneError);
 }
-#endif
 
 }  // namespace
 }  // namespace mpm
