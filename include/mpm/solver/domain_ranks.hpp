@@ -270,16 +270,24 @@ void Domain<X, T, D>::rebalance(const std::vector<std::uint64_t>& load) {
     s.loads.assign(s.keys.size(), 0);
     for (const auto& theirs : s.comm->all_gather(loads))
         for (std::size_t r = 0; r < theirs.size(); ++r) s.loads[r] += theirs[r];
-    if (imbalance(s.loads) <= s.rebalance_above) return;
+    const double was = imbalance(s.loads);
+    if (was <= s.rebalance_above) return;
     std::vector<BlockWeight> all;
     for (const auto& theirs : s.comm->all_gather(blocks))
         all.insert(all.end(), theirs.begin(), theirs.end());
     const auto before = s.partition.cuts();
     s.partition.cut(all, s.ranks());
     if (s.partition.cuts() == before) return;
+    std::fill(loads.begin(), loads.end(), 0);
+    for (const BlockWeight& b : all) loads[std::size_t(s.partition.owner(b.key))] += b.weight;
+    // Few blocks are never even: cuts that are hardly better are not worth the way. Those who want
+    // new ones at any price have them.
+    if (s.rebalance_above > 0 && imbalance(loads) > 0.97 * was) {
+        s.partition.set_cuts(before);
+        return;
+    }
+    s.loads = loads;
     ++s.rebalances;
-    s.loads.assign(s.keys.size(), 0);
-    for (const BlockWeight& b : all) s.loads[std::size_t(s.partition.owner(b.key))] += b.weight;
 }
 
 }  // namespace mpm

@@ -233,7 +233,8 @@ struct KernelSpec {
 struct RanksSpec {
     int count = 1;
     int axis = -1;  // blocks are dealt by planes across it; -1: along a space-filling curve
-    // The largest load over the mean one at which a sort deals blocks anew.
+    // The largest load over the mean one at which a sort deals blocks anew, where that helps; 0: at
+    // every sort.
     double rebalance_above = 1.05;
 };
 
