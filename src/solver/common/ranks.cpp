@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <set>
 
 #include "mpm/core/error.hpp"
@@ -17,9 +18,26 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     if (spec.ranks.axis >= spec.dimension)
         throw SceneError("ranks are dealt by planes across axis " +
                          std::to_string(spec.ranks.axis) + ", which the scene has not");
-    if (plan.phased) refuse("pipeline 'phased'", "take one rank, or a transfer of the fused step");
-    if (plan.keeps) refuse("a transfer that stores velocities", "take one rank or APIC");
     if (spec.start.given) refuse("going on from a run with other bodies", "take one rank");
+    if (spec.pipeline == "phased")
+        refuse("pipeline 'phased'", "take one rank, or pipeline 'auto' with transfer APIC");
+    if (!plan.phased && !plan.keeps) return;
+    if (spec.transfer.scheme != "APIC")
+        refuse("transfer '" + spec.transfer.scheme + "'", "take one rank or APIC");
+    const KernelSpec& k = spec.kernel;
+    if (k.kernel != Kernel::quadratic || k.clamped || k.gradient != GradientForm::moments)
+        refuse("a kernel other than 'quadratic' with gradients from moments",
+               "take one rank or that kernel");
+    for (const BodySpec& b : spec.bodies) {
+        const MaterialInfo& law = material(b.material);
+        if (!law.fused)
+            refuse("material '" + b.material + "' of body '" + b.name + "'", "take one rank");
+        if (b.smoothing == SmoothingForm::split || b.smoothing == SmoothingForm::literal ||
+            (b.smoothing != SmoothingForm::none && !law.volumetric))
+            refuse("this form of F-bar on body '" + b.name + "'",
+                   "take one rank, or another form, which solids have not");
+    }
+    refuse("the phased step", "take one rank");
 }
 
 namespace {
@@ -250,6 +268,38 @@ public:
                 to.insert(to.end(), value.begin(), value.end());
             }
         }
+        return out;
+    }
+    /// Energies and masses are sums over ranks; means are weighted by what they are the means of.
+    Condition condition(int samples) override {
+        std::vector<double> here;
+        for (const auto& e : engines_) {
+            here.push_back(0);
+            for (std::size_t b = 0; b < bodies_; ++b)
+                here.back() += double(e->particle_count(int(b)));
+        }
+        const double all = std::max(std::accumulate(here.begin(), here.end(), 0.0), 1.0);
+        Condition out;
+        out.moving.assign(bodies_, 0);
+        std::vector<double> ratios(bodies_, 0.0);
+        double squares = 0;
+        for (std::size_t r = 0; r < engines_.size(); ++r) {
+            const Condition part = engines_[r]->condition(int(samples * here[r] / all));
+            out.kinetic += part.kinetic;
+            out.elastic += part.elastic;
+            out.potential += part.potential;
+            out.speed = std::max(out.speed, part.speed);
+            out.mass += part.mass;
+            if (part.mass > 0) squares += part.mass * part.density;
+            for (std::size_t b = 0; b < bodies_; ++b) {
+                if (part.moving[b] == 0) continue;
+                ratios[b] += double(part.moving[b]) * part.volume_ratio[b];
+                out.moving[b] += part.moving[b];
+            }
+        }
+        if (out.mass > 0) out.density = squares / out.mass;
+        for (std::size_t b = 0; b < bodies_; ++b)
+            out.volume_ratio.push_back(ratios[b] / double(out.moving[b]));
         return out;
     }
     State save() override {
