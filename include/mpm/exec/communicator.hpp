@@ -85,27 +85,34 @@ private:
 };
 class Unpacker {
 public:
-    explicit Unpacker(const Bytes& bytes) : bytes_(bytes) {}
+    explicit Unpacker(const Bytes& bytes) : at_(bytes.data()), left_(bytes.size()) {}
     template <class E>
     void get(E* data, std::size_t n) {
-        if (n * sizeof(E) > bytes_.size() - at_)
-            throw Error("a message between ranks is shorter than what it should hold");
-        if (n > 0) std::memcpy(data, bytes_.data() + at_, n * sizeof(E));
-        at_ += n * sizeof(E);
+        require(n, sizeof(E));
+        const std::size_t size = n * sizeof(E);
+        if (size > 0) std::memcpy(data, at_, size);
+        at_ += size;
+        left_ -= size;
     }
     template <class E>
     std::vector<E> list() {
         std::uint64_t n = 0;
         get(&n, 1);
+        require(n, sizeof(E));  // before memory is taken for them
         std::vector<E> out(n);
         get(out.data(), n);
         return out;
     }
-    bool empty() const { return at_ == bytes_.size(); }
+    bool empty() const { return left_ == 0; }
 
 private:
-    const Bytes& bytes_;
-    std::size_t at_ = 0;
+    void require(std::size_t n, std::size_t size) const {
+        if (n > left_ / size)
+            throw Error("a message between ranks is shorter than what it should hold");
+    }
+
+    Bytes::const_pointer at_;
+    std::size_t left_;
 };
 
 }  // namespace mpm

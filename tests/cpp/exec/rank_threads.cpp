@@ -87,6 +87,12 @@ TEST(RankThreads, a_message_that_is_too_short) {
     Unpacker unpacker(bytes);
     EXPECT_EQ(unpacker.list<int>(), (std::vector<int>{1, 2}));
     EXPECT_THROW(unpacker.list<int>(), Error);
+    Packer more;
+    const std::uint64_t count = std::uint64_t(1) << 62;  // of ints: their bytes wrap to none
+    more.put(&count, 1);
+    const Bytes wrong = more.take();
+    Unpacker other(wrong);
+    EXPECT_THROW(other.list<int>(), Error);
 }
 
 }  // namespace
