@@ -17,6 +17,7 @@ import libmpm.cases
 from libmpm import boundaries, materials, sensors, shapes
 from libmpm._src import backends
 from python import fake_engine
+from support import sensing_scenes
 
 #: Cases whose values come from particles, with smaller parameters than their own.
 CASES: dict[str, dict[str, Any]] = {
@@ -178,6 +179,22 @@ def test_arrays_of_other_libraries():
     columns = ("position", "mass", "velocity")
     nodes = [np.column_stack([s.grid[name] for name in columns]) for s in (one, many)]
     assert sorted(map(tuple, nodes[0])) == sorted(map(tuple, nodes[1]))
+
+
+def test_sensors_evaluated_in_python():
+    """Of grid, particles and bodies, each node and particle once."""
+    runs = []
+    for device in ("cpu", ["cpu"] * 3):
+        sim = libmpm.Simulation(sensing_scenes.busy_scene(), device=device, precision="double")
+        sim.run(until=0.08)
+        runs.append(sim)
+    one, many = runs
+    assert same(one, many) and len(one.sensors) > 10
+    for name, series in one.sensors.items():
+        x, y = np.asarray(series.values), np.asarray(many.sensors[name].values)
+        assert len(x) > 0 and np.isfinite(x).any(), name
+        size = np.nanmax(np.abs(x), initial=0)
+        np.testing.assert_allclose(y, x, rtol=0, atol=1e-9 * size, equal_nan=True, err_msg=name)
 
 
 @pytest.mark.parametrize("name", CASES)
