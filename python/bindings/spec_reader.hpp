@@ -471,6 +471,13 @@ inline Spec read_spec(const py::dict& d) {
     if (d.contains("shared_device")) s.shared_device = d["shared_device"].cast<bool>();
     s.pipeline = d["pipeline"].cast<std::string>();
     s.threads = d["threads"].cast<int>();
+    if (d.contains("ranks")) {
+        const py::dict r = d["ranks"];
+        s.ranks.count = r["count"].cast<int>();
+        if (r.contains("axis")) s.ranks.axis = r["axis"].cast<int>();
+        if (r.contains("rebalance_above"))
+            s.ranks.rebalance_above = r["rebalance_above"].cast<double>();
+    }
     s.cell_size = d["cell_size"].cast<double>();
     s.cells = d["cells"].cast<std::vector<std::int64_t>>();
     if (d.contains("grid")) s.functions = read_functions(d["grid"]);

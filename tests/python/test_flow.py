@@ -428,6 +428,23 @@ def test_body_must_fill_the_zone():
         libmpm.Scene.from_dict(data).validate()
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("at", [0.0, 0.3, 0.4, 0.8])
+def test_layers_start_at_the_face(dimension, at):
+    """A boundary at the face is in their way; one downstream is not, wherever it is."""
+    scene = channel(dimension)
+    thing = shapes.Sphere(centre=(at,) + (0.1,) * (dimension - 1), radius=0.1)
+    data = scene.to_dict()
+    data["bodies"][0]["shape"] = (scene.bodies[0].shape - thing).to_dict()
+    scene = libmpm.Scene.from_dict(data)
+    scene.add_boundary(name="thing", shape=thing, response=boundaries.Slip())
+    if at > 0.1:
+        scene.validate()
+        return
+    with pytest.raises(libmpm.SceneError, match="layers lie in boundary 'thing'"):
+        scene.validate()
+
+
 def test_layers_that_start_inside_a_bed_are_refused():
     """Of any shape; and a body that is no box has to fill the zone as well."""
     bed = shapes.HeightField(x=[0, 1, 2], z=[0.3, 0.3, 0.1], base=-1)

@@ -146,7 +146,7 @@ def test_scene_plan_asks_for_the_kind_of_the_device(
     assert scene.plan().device == "cpu"
 
 
-@pytest.mark.parametrize("device", ["gpu", "cuda:x", "cpu:1", ["cpu"]])
+@pytest.mark.parametrize("device", ["gpu", "cuda:x", "cpu:1", ["cpu", "cuda"]])
 def test_unknown_devices(device: Any) -> None:
     with pytest.raises(libmpm.DeviceError, match="device is"):
         backends.parse_device(device)

@@ -1,7 +1,7 @@
 """Random small scenes: what holds of every scene holds of them.
 
 `pytest tests/python/test_random_scenes.py --scenes 2000` tries more. Each is refused with its
-problems, runs, or ends by an error with a name; nothing else. Expected duration: 20 s.
+problems, runs, or ends by an error with a name; nothing else. Expected duration: 25 s.
 """
 
 from __future__ import annotations
@@ -125,6 +125,43 @@ def test_runs_or_says_why_and_nothing_changes_a_bit(folder, scene, options, part
     resumed.step(STEPS - part)
     assert resumed.time == sim.time
     same(found, state(resumed), "resumed")
+
+
+@examples(0.5)
+@given(
+    random_scenes.scenes(),
+    st.sampled_from((True, True, True, False)),
+    st.sampled_from(("double", "single")),
+    st.integers(2, 4),
+)
+def test_ranks_have_the_bits_of_one_or_are_refused(folder, scene, usual, precision, ranks):
+    """Whatever a scene has in it, several ranks do what one does, or say by name what they cannot.
+
+    Scenes span a few blocks: most of these are beside a cut.
+    """
+    if usual:  # most methods are those that are refused
+        data = scene.to_dict() | {"method": libmpm.Method(cfl=scene.method.cfl).to_dict()}
+        for body, described in zip(scene.bodies, data["bodies"], strict=True):
+            if not body.material.table.stores_volume:
+                described["fbar"] = None
+        scene = libmpm.Scene.from_dict(data)
+    one = ran(scene, {"precision": precision})
+    several = fuzzing.answer(
+        lambda: libmpm.Simulation(scene, device=["cpu"] * ranks, threads=ranks, precision=precision)
+    )
+    assert not isinstance(several, libmpm.Error)
+    refused = fuzzing.answer(lambda: several.step(1))
+    if isinstance(refused, libmpm.Error):
+        assert "is not built for several ranks; take one rank" in str(refused)
+        assert one.pipeline == "phased" or scene.method.transfer_choice.scheme != "APIC"
+        return
+    several.step(STEPS - 1)
+    assert several.time == one.time
+    same(state(one), state(several), f"on {ranks} ranks")
+    for name, series in one.sensors.items():
+        values = np.asarray(series.values)
+        slack = 1e-9 * max(np.abs(values).max(initial=0.0), 1e-30)
+        np.testing.assert_allclose(several.sensors[name].values, values, rtol=0, atol=slack)
 
 
 def counts_all(scene):

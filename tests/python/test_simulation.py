@@ -156,6 +156,8 @@ def test_progress_reports_time_and_speed():
         ("gpu", "expected 'auto', 'cpu', 'cuda'"),
         ("cuda:x", "expected 'auto'"),
         (["cuda:0", "cuda:1"], "several devices are not built"),
+        (["cpu", "cuda:0"], "several devices are not built"),
+        ([], "several devices are not built"),
     ],
 )
 def test_missing_devices_are_named(monkeypatch, device, message):

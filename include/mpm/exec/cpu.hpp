@@ -46,10 +46,14 @@ public:
         return p;
     }
     void release(void* p, std::size_t /*bytes*/) noexcept { std::free(p); }
-    void copy(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
-    void upload(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
-    void download(void* to, const void* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
-    void zero(void* p, std::size_t bytes) { std::memset(p, 0, bytes); }
+    void copy(void* to, const void* from, std::size_t bytes) {
+        if (bytes > 0) std::memcpy(to, from, bytes);  // a rank may hold nothing at all
+    }
+    void upload(void* to, const void* from, std::size_t bytes) { copy(to, from, bytes); }
+    void download(void* to, const void* from, std::size_t bytes) { copy(to, from, bytes); }
+    void zero(void* p, std::size_t bytes) {
+        if (bytes > 0) std::memset(p, 0, bytes);
+    }
     void wait() {}
     void wait_for_all() noexcept {}
     void trim() {}

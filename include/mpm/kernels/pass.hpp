@@ -2,6 +2,7 @@
 // functions. The solver never names a material, an instance never sees a scene.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,8 @@
 namespace mpm {
 
 inline constexpr int max_parameters = 16;
+/// `Pass::staged` where there is one rank alone.
+inline constexpr std::int32_t none_staged = std::numeric_limits<std::int32_t>::max();
 
 /// One body, one step: everything that a pass over its particles needs.
 template <class X, class T, int D>
@@ -37,6 +40,11 @@ struct Pass {
     bool carry;        // F-bar: deposit the gradient of j
     bool stress_only;  // F-bar: only the pressure sees the blend
     Grid* scratch;     // two-pass: (channels * (1 + D), count), what a particle deposits
+    // CPU: to which slots a block's sums go, (slots, 3^D): those of its neighbours, but for blocks
+    // that other ranks hold too. Slots from `staged` on take them without the particle's mass
+    // (kernels/staging.hpp).
+    const std::int32_t* destinations;
+    std::int32_t staged;
     const std::int32_t* coloured;  // CPU: home blocks by colour; blocks of one colour share no node
     const std::int32_t* colour_start;  // (colours + 1)
     int colours;

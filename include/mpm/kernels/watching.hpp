@@ -10,7 +10,9 @@ namespace mpm {
 template <class T, class Sum, int D>
 struct AddPacking {
     NodeUpdate<T, Sum, D> node;
+    const std::uint8_t* counts;  // which blocks count, where ranks hold some together; null: all
     MPM_INLINE void operator()(std::int64_t i, int /*set*/, double* sum) const {
+        if (counts && counts[i / block_cells] == 0) return;
         const double m = double(node.mass(std::int32_t(i / block_cells), int(i % block_cells)));
         if (!(m > 0)) return;
         sum[0] += m;

@@ -28,8 +28,14 @@
 #include "mpm/kernels/sweep.hpp"
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/engine.hpp"
+#include "mpm/solver/rank_share.hpp"
 
 namespace mpm {
+
+namespace detail {
+template <class T>
+struct Emigrants;
+}
 
 template <class X, class T, int D>
 class Domain final : public Engine {
@@ -38,7 +44,8 @@ public:
     using Sum = typename X::template Sum<T>;
 
     template <class FindOps>
-    Domain(const Spec& spec, const Plan& plan, X exec, const FindOps& find_ops);
+    Domain(const Spec& spec, const Plan& plan, X exec, const FindOps& find_ops,
+           const RankLink<D>& link = {});
 
     RunResult run(std::int64_t steps, double until, double wall) override;
     double time() const override { return clock_.time; }
@@ -195,6 +202,24 @@ private:
     void heavy_first(Body& body);
     void list_by_kind(Body& body, const Buffer<X, std::uint32_t>& position);
 
+    // domain_ranks.hpp
+    void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
+    void end_of_sums(int parity, bool first);
+    void list_mirrors();
+    void sample_points_together(SamplePoints<Grid, Sum, D> points);
+    void rebalance(const std::vector<std::uint64_t>& load);
+    // domain_migrate.hpp
+    bool anyone_stops(const std::vector<std::uint32_t>& left,
+                      const std::vector<Buffer<X, std::uint32_t>>& cells);
+    void adopt_table_of_ranks(Buffer<X, std::uint64_t>& keys,
+                              const std::vector<std::vector<std::uint64_t>>& after);
+    bool sort_among_ranks();
+    void keep_own_arrivals(std::vector<std::uint64_t>& homes);
+    void admit(int number, const detail::Emigrants<T>& come, Buffer<X, std::uint32_t>& cell,
+               const std::vector<int>& owner, const BlockTableView<D>& table);
+    /// Whether a block's nodes are this rank's to count, where every block counts once.
+    bool counts_slot(std::size_t slot) const { return !share_ || share_->counts_slot(slot); }
+
     /// Which scale a nodal sum has, by its index among all sums.
     int scale_of_sum(std::size_t k) const {
         const int c = int(k / block_cells % std::size_t(plan_.sum_channels));
@@ -297,13 +322,16 @@ private:
     std::vector<Flow> flows_;
     std::map<std::string, double> timings_;
     std::int64_t sorts_ = 0, last_sort_ = 0, sort_interval_ = 0;
+    std::unique_ptr<RankShare<D>> share_;  // null where this is the only rank
 };
 
 }  // namespace mpm
 
 #include "mpm/solver/domain_export.hpp"
+#include "mpm/solver/domain_migrate.hpp"
 #include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_place.hpp"
+#include "mpm/solver/domain_ranks.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_setup.hpp"
 #include "mpm/solver/domain_sort.hpp"

@@ -153,8 +153,9 @@ void Domain<X, T, D>::set_pressure(Body& body, const BodySpec& s, std::uint32_t 
 
 template <class X, class T, int D>
 void Domain<X, T, D>::first_deposit(const Spec& spec) {
+    const std::int32_t slots = table_.slots + (share_ ? share_->staged : 0);
     for (auto& s : sums_) {
-        s.reserve_discard(std::size_t(table_.slots) * plan_.sum_channels * block_cells);
+        s.reserve_discard(std::size_t(slots) * plan_.sum_channels * block_cells);
         s.zero();
     }
     const auto everyone = [](const BodySpec&) { return true; };
@@ -175,6 +176,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
     sums_[parity()].zero();
     if constexpr (!std::is_integral_v<Sum>) {
         deposit_all(spec, chosen);
+        if (share_) end_of_sums(parity(), true);
     } else {
         // Once to learn what is deposited, with a mass that cannot be exceeded: all particles of a
         // node's 3^D cells, each with the largest weight.
@@ -343,8 +345,9 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
             exec_.for_each(std::int64_t(n), Constant<Grid>{Grid(velocity[a]), to});
             continue;
         }
-        piece.resize(n);
-        for (std::size_t k = 0; k < n; ++k) piece[k] = Grid(velocity[k * D + a]);
+        // By id: of all particles of the body, also where a rank has some of them.
+        piece.resize(velocity.size() / D);
+        for (std::size_t k = 0; k < piece.size(); ++k) piece[k] = Grid(velocity[k * D + a]);
         given.assign(piece);
         exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
     }

@@ -263,6 +263,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
     const bool scalar = name == "mass";
     std::size_t n = 0;
     for (std::size_t slot = 0; slot < keys.size(); ++slot) {
+        if (!counts_slot(slot)) continue;
         std::int64_t block[D];
         table_.keys_of.block(keys[slot], block);
         for (int node = 0; node < block_cells; ++node) {
@@ -297,6 +298,7 @@ NodalSums Domain<X, T, D>::sums() {
     const auto value = sums_as_numbers(sums_[parity()].host());
     NodalSums out;
     for (std::size_t slot = 0; slot < keys.size(); ++slot) {
+        if (!counts_slot(slot)) continue;
         std::int64_t block[D];
         table_.keys_of.block(keys[slot], block);
         for (int node = 0; node < block_cells; ++node) {
@@ -367,6 +369,13 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
                         b.lone.bytes() + b.lone_slot.bytes() + b.scratch.bytes());
     }
     out["bytes"] = bytes;
+    if (share_) {
+        out["rebalances"] = double(share_->rebalances);
+        out["migrated"] = double(share_->migrated);
+        out["bytes_of_sums"] = double(share_->bytes_of_sums);
+        out["shared_blocks"] = double(share_->shared.size());
+        out["imbalance"] = imbalance(share_->loads);
+    }
     if constexpr (X::is_device) {
         const auto peak = exec_.peak();
         out["most_bytes_used"] = double(peak.used);

@@ -9,8 +9,15 @@ namespace mpm {
 
 template <class X, class T, int D>
 template <class FindOps>
-Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOps& find_ops)
+Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOps& find_ops,
+                        const RankLink<D>& link)
     : spec_(spec), plan_(plan), exec_(std::move(exec)) {
+    if (link.comm) {
+        share_ = std::make_unique<RankShare<D>>();
+        share_->comm = link.comm;
+        share_->partition = link.partition;
+        share_->rebalance_above = link.rebalance_above;
+    }
     for (int a = 0; a < D; ++a) {
         if (spec_.cells[a] < 1)
             throw SceneError("the domain has no cells along axis " + std::to_string(a));
@@ -63,6 +70,9 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     gravity_ = upload_table(spec_.gravity, D);
 
     set_boundaries();
+    if constexpr (!X::is_device) {
+        if (share_) list_mirrors();
+    }
     set_supplies();
     place_particles(spec_);
     set_sensors();
@@ -71,6 +81,9 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
                         spec_.start.load_impulse);
     link_table();
     list_homes(find_homes());
+    if constexpr (!X::is_device) {
+        if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
+    }
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {

@@ -21,7 +21,7 @@ void Domain<X, T, D>::link_table() {
                                   surfaces_.data(), spec_.cell_size, touched_.data()});
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
-    if (load_count_ > 0) list_measured();
+    if (load_count_ > 0 && !share_) list_measured();
 }
 
 /// The blocks that the boundary of each load cell touches, cell after cell.
@@ -36,6 +36,10 @@ void Domain<X, T, D>::list_measured() {
             exec_.for_each(slots,
                            TouchBoundaries<D>{table_, measured_boundaries_.data() + c, 1,
                                               surfaces_.data(), spec_.cell_size, flag.data()});
+            if constexpr (!X::is_device) {
+                for (std::int64_t k = 0; k < slots; ++k)
+                    if (!counts_slot(std::size_t(k))) flag.data()[k] = 0;
+            }
         });
     }
     std::vector<SumSet> sets;
@@ -310,6 +314,13 @@ void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
     }
     keys.reserve_discard(slots);
     exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
+    if constexpr (!X::is_device) {
+        if (share_ && !share_->mirrors.empty()) {
+            auto with_images = keys.host();
+            add_images<D>(table_.keys_of, share_->mirrors, with_images);
+            keys.assign(with_images);
+        }
+    }
     // As large as this, it would weigh on the sort that follows.
     const bool heavy = all.bytes() > (std::size_t(16) << 20);
     all = Buffer<X, std::uint64_t>(exec_);
@@ -399,6 +410,9 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
 /// untouched.
 template <class X, class T, int D>
 bool Domain<X, T, D>::sort() {
+    if constexpr (!X::is_device) {
+        if (share_) return sort_among_ranks();
+    }
     const double began = now();
     const std::int64_t slots = table_.slots;
     // Per body: particles that have left, homes; then whether the table lacks a block.

@@ -6,6 +6,7 @@
 
 #include "mpm/solver/blob.hpp"
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_scene.hpp"
 
 namespace mpm {
 
@@ -39,7 +40,8 @@ State Domain<X, T, D>::save() {
     State s;
     s["clock"] = detail::to_blob(std::vector<Clock>{clock_});
     s["keys"] = detail::to_blob(keys_.host());
-    s["sums"] = detail::to_blob(sums_[parity()].host());
+    s["sums"] = detail::to_blob(
+        sums_[parity()].host(std::size_t(table_.slots) * plan_.sum_channels * block_cells));
     s["sum_channels"] = detail::to_blob(std::vector<std::int32_t>{plan_.sum_channels});
     std::vector<std::int32_t> body_of(bodies_.size());
     std::iota(body_of.begin(), body_of.end(), 0);
@@ -94,7 +96,14 @@ State Domain<X, T, D>::save() {
 }
 
 template <class X, class T, int D>
-void Domain<X, T, D>::load(const State& state) {
+void Domain<X, T, D>::load(const State& whole) {
+    State own;
+    if (share_) {
+        share_->partition.cut(weigh_state(whole, bodies_.size()), share_->ranks());
+        own = share_of_state<D>(whole, bodies_.size(), share_->partition, table_.keys_of,
+                                share_->mirrors, share_->rank());
+    }
+    const State& state = share_ ? own : whole;
     const auto clock = detail::from_blob<Clock>(state, "clock");
     if (clock.size() != 1)
         throw SceneError(
@@ -172,6 +181,9 @@ void Domain<X, T, D>::load(const State& state) {
     clock_.halt = Halt::none;
     link_table();
     list_homes(find_homes());
+    if constexpr (!X::is_device) {
+        if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
+    }
     push_clock();
     dead_ = false;
 }

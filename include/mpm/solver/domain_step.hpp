@@ -24,6 +24,8 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     p.turn = turn_step();
     if constexpr (X::is_device) p.arrivals = exec_.arrivals();
     p.scratch = body.scratch.data();
+    p.destinations = share_ ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
+    p.staged = share_ ? table_.slots : none_staged;
     p.coloured = body.coloured.data();
     p.colour_start = body.colour_start.data();
     p.colours = int(body.colour_start.size()) - 1;
@@ -35,11 +37,26 @@ void Domain<X, T, D>::update_grid() {
     if constexpr (!X::is_device) exec_.single(begin_step());  // a device did at the last turn
     int bits = 0;
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
-    make_velocities(Decide<D>{clock_buffer_.data(), spec_.cell_size, constants_.data(),
-                              numbers_.data(), int(bodies_.size()), sensor_records_.data(),
-                              int(sensors_.size()), bits, least_mass_, plan_.wave_speed,
-                              plan_.beyond, supplies_.data(), int(spec_.inlets.size()),
-                              supplied_mass_});
+    const Decide<D> decide{clock_buffer_.data(),
+                           spec_.cell_size,
+                           constants_.data(),
+                           numbers_.data(),
+                           int(bodies_.size()),
+                           sensor_records_.data(),
+                           int(sensors_.size()),
+                           bits,
+                           least_mass_,
+                           plan_.wave_speed,
+                           plan_.beyond,
+                           supplies_.data(),
+                           int(spec_.inlets.size()),
+                           supplied_mass_};
+    if constexpr (!X::is_device) {
+        if (share_)
+            return make_velocities(
+                DecideTogether<D>{decide, clock_buffer_.data(), share_.get(), now()});
+    }
+    make_velocities(decide);
 }
 
 template <class X, class T, int D>
@@ -56,9 +73,12 @@ void Domain<X, T, D>::run_sensors() {
             MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
                                        spec_.cell_size},
             TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(), load_impulse_.data()},
-            load_partial_.data(), point_count_, points);
-    } else if (point_count_ > 0) {
+            load_partial_.data(), share_ ? 0 : point_count_, points);
+    } else if (point_count_ > 0 && !share_) {
         exec_.for_each_large(point_count_, points);
+    }
+    if constexpr (!X::is_device) {
+        if (share_) sample_points_together(points);
     }
     for (std::size_t k = 0; k < sensors_.size(); ++k) {
         Sensor& s = sensors_[k];
@@ -176,7 +196,10 @@ void Domain<X, T, D>::one_step() {
         const double t1 = now();
         run_sensors();
         const double t2 = now();
-        if (clock_buffer_.data()->halt == Halt::none) run_bodies();
+        if (clock_buffer_.data()->halt == Halt::none) {
+            run_bodies();
+            if (share_) end_of_sums(1 - parity(), false);
+        }
         exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});
         const double t3 = now();
         timings_["grid"] += t1 - t0;
@@ -207,6 +230,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
     clock_.steps_left = steps;  // negative: no limit
     clock_.halt = Halt::none;
     push_clock();
+    if (share_) share_->wall_ends = began + wall;
     while (true) {
         if constexpr (X::is_device) {
             // As many steps as there will probably be before the next sort; a wrong guess costs
@@ -248,7 +272,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             result.reason = "fault";
             result.fault = fault_;
             break;
-        } else if (now() - began > wall) {
+        } else if (share_ ? share_->wall_over : now() - began > wall) {
             result.reason = "wall";
             break;
         }
@@ -312,6 +336,7 @@ Fault Domain<X, T, D>::describe_fault() {
                              "motion would round away beside it";
         return f;
     }
+    if (clock_.fault_particle == fault_elsewhere) return f;
     const std::size_t b = clock_.fault_particle >> 40;
     const std::size_t k = clock_.fault_particle & ((std::uint64_t(1) << 40) - 1);
     Body& body = bodies_.at(b);

@@ -110,7 +110,8 @@ bool Domain<X, T, D>::supply() {
         supplies_.assign(records);
         supplied_ = std::move(layers);
         next_id_ = std::move(next_id);
-        flows_.insert(flows_.end(), flows.begin(), flows.end());
+        // All ranks know of whole layers; one tells.
+        if (!share_ || share_->rank() == 0) flows_.insert(flows_.end(), flows.begin(), flows.end());
         deposit_arrivals();
     }
     arrivals_.clear();
@@ -229,6 +230,9 @@ void Domain<X, T, D>::deposit_arrivals() {
                                                fresh.home.data()});
         if constexpr (!X::is_device) sort_by_colour(fresh);
         deposit_body(fresh, arrival.body, arrival.rows.velocity);
+        if constexpr (!X::is_device) {
+            if (share_) end_of_sums(parity(), true);
+        }
     }
     fetch_clock();
     for (int q = 0; q < quantities; ++q) clock_.scale_write[q] = kept.scale_write[q];

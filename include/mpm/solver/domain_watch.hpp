@@ -38,9 +38,10 @@ Condition Domain<X, T, D>::condition(int samples) {
     set.assign({SumSet{0, nodes, 0, std::int32_t(parts)}});
     partial.reserve_discard(std::size_t(parts) * 2);
     packing.assign({0.0, 0.0});
-    exec_.template sum_each<2>(SumSets{set.data(), 1, std::int32_t(parts)},
-                               AddPacking<Grid, Sum, D>{node_update(parity())},
-                               KeepPacking{packing.data()}, partial.data(), 0, Nothing{});
+    exec_.template sum_each<2>(
+        SumSets{set.data(), 1, std::int32_t(parts)},
+        AddPacking<Grid, Sum, D>{node_update(parity()), share_ ? share_->counts.data() : nullptr},
+        KeepPacking{packing.data()}, partial.data(), 0, Nothing{});
     exec_.wait();
     clock_ = kept;
     push_clock();
@@ -59,6 +60,7 @@ Condition Domain<X, T, D>::condition(int samples) {
     for (const auto& b : bodies_) count += b.count;
     for (auto& body : bodies_) {
         out.volume_ratio.push_back(std::numeric_limits<double>::quiet_NaN());
+        out.moving.push_back(body.count);
         if (body.count == 0) continue;
         const int columns = body.plan.state_columns;
         const std::int64_t wanted = std::max<std::int64_t>(

@@ -86,6 +86,8 @@ struct Condition {
     // Mass-weighted mean density of the nodes, kg/m^3; not-a-number where there is none.
     double density = std::numeric_limits<double>::quiet_NaN();
     std::vector<double> volume_ratio;  // mean J of each body; not-a-number for an empty one
+    // How many particles of each body these are means of; for ranks, to take the mean of all.
+    std::vector<std::uint64_t> moving;
 };
 
 struct Attributes {

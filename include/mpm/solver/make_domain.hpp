@@ -4,6 +4,8 @@
 
 #include "mpm/kernels/model_headers.inc"
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_scene.hpp"
+#include "mpm/solver/ranks.hpp"
 
 namespace mpm {
 
@@ -25,6 +27,27 @@ std::unique_ptr<Engine> make_domain(const Spec& spec, const Plan& plan,
                                                  find_body_ops<X, T, D>);
     };
     return spec.dimension == 2 ? make.template operator()<2>() : make.template operator()<3>();
+}
+
+/// As many simulations as the scene has ranks, seen as one. `make_executor(rank)` is called once
+/// for each, on its thread.
+template <class X, class T, class MakeExecutor>
+std::unique_ptr<Engine> make_ranks(const Spec& scene, const Plan& plan,
+                                   std::unique_ptr<RankThreads> ranks,
+                                   const MakeExecutor& make_executor) {
+    const auto make = [&]<int D>() {
+        std::vector<std::unique_ptr<Engine>> engines(std::size_t(ranks->ranks()));
+        RankScenes<D> scenes(scene);
+        ranks->together([&](int r) {
+            const RankLink<D> link{&ranks->of(r), scenes.partition, scene.ranks.rebalance_above};
+            engines[std::size_t(r)] = std::make_unique<Domain<X, T, D>>(
+                scenes.spec[std::size_t(r)], plan, make_executor(r), find_body_ops<X, T, D>, link);
+        });
+        return engines;
+    };
+    auto engines =
+        scene.dimension == 2 ? make.template operator()<2>() : make.template operator()<3>();
+    return join_ranks(scene, std::move(ranks), std::move(engines));
 }
 
 }  // namespace mpm

@@ -229,13 +229,23 @@ struct KernelSpec {
     bool clamped = false;  // modified splines where the domain ends
 };
 
+/// Ranks that share the scene, each with its own blocks of cells and their particles.
+struct RanksSpec {
+    int count = 1;
+    int axis = -1;  // blocks are dealt by planes across it; -1: along a space-filling curve
+    // The largest load over the mean one at which a sort deals blocks anew, where that helps; 0: at
+    // every sort.
+    double rebalance_above = 1.05;
+};
+
 struct Spec {
     int dimension = 3;
     Precision precision = Precision::single;
     int device = 0;
     bool shared_device = false;  // other simulations run on it at the same time
     std::string pipeline = "auto";
-    int threads = 0;
+    int threads = 0;  // of all ranks together
+    RanksSpec ranks;
     double cell_size = 0;
     std::vector<std::int64_t> cells;
     FunctionsSpec functions;

@@ -26,11 +26,15 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Backend:
-    """A compiled module and one of its devices: `name` is "cpu" or "cuda:<index>"."""
+    """A compiled module and one of its devices: `name` is "cpu" or "cuda:<index>".
+
+    `ranks` share a scene, each with its own part of it.
+    """
 
     name: str
     module: Any
     index: int
+    ranks: int = 1
 
     @property
     def kind(self) -> str:
@@ -100,12 +104,15 @@ def cuda_status() -> CudaStatus:
 def parse_device(device: str | Sequence[str]) -> tuple[str, int]:
     """Return kind ("cpu" or "cuda") and index of a device name; the device need not exist.
 
-    "auto" is the first CUDA device if there is one and the CPU otherwise.
+    "auto" is the first CUDA device if there is one and the CPU otherwise. Several, which share a
+    scene, are all of them "cpu".
     """
     if not isinstance(device, str):
+        if len(device) > 0 and all(name == "cpu" for name in device):
+            return ("cpu", 0)
         raise DeviceError(
-            f"device is {device!r}: several devices are not built into this version; "
-            "give one, such as 'cuda:0'"
+            f"device is {device!r}: several devices are not built into this version but for the "
+            "CPU (['cpu', 'cpu']); give one, such as 'cuda:0'"
         )
     if device == "auto":
         return ("cuda" if cuda_status().devices else "cpu", 0)
@@ -116,13 +123,13 @@ def parse_device(device: str | Sequence[str]) -> tuple[str, int]:
 
 
 def select(device: str | Sequence[str] = "auto") -> Backend:
-    """Return the backend of "auto", "cpu", "cuda" or "cuda:<index>".
+    """Return the backend of "auto", "cpu", "cuda", "cuda:<index>", or of ranks: ["cpu", "cpu"].
 
     A missing device is a `DeviceError` that says what was found and what to do.
     """
     kind, index = parse_device(device)
     if kind == "cpu":
-        return Backend("cpu", core(), 0)
+        return Backend("cpu", core(), 0, 1 if isinstance(device, str) else len(device))
     status = cuda_status()
     if not status.devices:
         raise DeviceError(

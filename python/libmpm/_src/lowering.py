@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -95,7 +95,7 @@ def choose_precision(scene: Scene, precision: str) -> str:
     return "double"
 
 
-def choose_device(scene: Scene, device: str) -> str:
+def choose_device(scene: Scene, device: str | Sequence[str]) -> str | Sequence[str]:
     """Return the device of a scene: the CPU for grids of functions, else as asked for."""
     if scene.grid is None or device == "cpu":
         return device

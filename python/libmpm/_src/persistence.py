@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -103,6 +103,7 @@ class Persistent(Looking):
             "scene": storable(run._scene),
             "run": run.run_settings,
             "device": run.device,
+            "ranks": run.ranks,
             "precision": run.precision,
             "pipeline": run.pipeline,
             "threads": run._requested["threads"],
@@ -127,24 +128,27 @@ class Persistent(Looking):
         cls,
         path: str | Path,
         *,
-        device: str | None = None,
+        device: str | Sequence[str] | None = None,
         output: Output | str | Path | None = None,
         functions: Mapping[str, Callable[[Any], Any]] | None = None,
         guard: Guard | bool | Literal["same"] | None = "same",
     ) -> Simulation:
         """Continue from a checkpoint file, or from the newest whole one in a run's folder.
 
-        `device` None takes the checkpoint's own. On the same backend, pipeline and precision the
-        continued run is bit-equal to one never stopped; elsewhere it agrees to rounding. An
-        `output` folder that holds the same run is first cut to the checkpoint's time: samples,
-        frames and checkpoints after it are removed. `functions` are those of `sensors.Custom`
-        sensors, by name. `guard` "same" goes on watching as the run before did.
+        `device` None takes the checkpoint's own, and as many ranks. On the same backend, pipeline
+        and precision the continued run is bit-equal to one never stopped, on any number of ranks;
+        elsewhere it agrees to rounding. An `output` folder that holds the same run is first cut to
+        the checkpoint's time: samples, frames and checkpoints after it are removed. `functions`
+        are those of `sensors.Custom` sensors, by name. `guard` "same" goes on watching as the run
+        before did.
         """
         _, source = checkpoints.find_newest(Path(path), checkpoints.load_checkpoint)
         header = source.header
         scene = Scene.from_dict(header["scene"])
         recorded = header["device"].partition(":")[0]
         chosen = header["device"] if device is None else device
+        if device is None and header.get("ranks", 1) > 1:
+            chosen = [chosen] * header["ranks"]
         same = backends.select(chosen).kind == recorded
         if guard == "same":
             recorded_guard = header.get("guard", Guard().to_dict())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,9 @@ class Simulation(Persistent):
     scene
         The description; a copy is kept.
     device
-        "auto" (CUDA if there is a device, else the CPU), "cpu", "cuda" or "cuda:<index>".
+        "auto" (CUDA if there is a device, else the CPU), "cpu", "cuda" or "cuda:<index>". Several,
+        such as ["cpu", "cpu"], share the scene as ranks, each with its own part of it: the results
+        have the bits of one. So far on the CPU alone.
     precision
         "single", "double", or on CUDA devices "mixed": particles double, grid single. "auto" is
         single, and double on grids of functions, which have no other.
@@ -90,7 +92,7 @@ class Simulation(Persistent):
         self,
         scene: Scene,
         *,
-        device: str = "auto",
+        device: str | Sequence[str] = "auto",
         precision: str = "auto",
         pipeline: str = "auto",
         output: Output | str | Path | None = None,
@@ -295,6 +297,11 @@ class Simulation(Persistent):
             f"{self.time:g} s, step {self.steps}>"
         )
 
+    @property
+    def ranks(self) -> int:
+        """How many ranks share the scene."""
+        return self._backend.ranks
+
     # Construction on first use ----------------------------------------------------------------
 
     @property
@@ -313,6 +320,8 @@ class Simulation(Persistent):
                     shell=start is not None and self._loads_state, **self._requested,
                 )  # fmt: skip
             self._initial.into(specification)
+            if self.ranks > 1:
+                specification["ranks"] = {"count": self.ranks}
             saved = self._restored if self._loads_state else None
             if saved is not None:
                 specification |= saved.stored_as()

@@ -313,7 +313,9 @@ def _check_inflow(check: Checker, scene: Scene, name: str, flow: Inflow, doubts:
             )
     if check.problems:
         return
-    made = layer(scene, flow, 1.0)
+    # About as heavy as its particles will be: the layer begins half its spacing behind the face.
+    density, cell = body.material.parameters()["density"], scene.cell_size**d
+    made = layer(scene, flow, density * cell / body.particles_per_cell)
     if len(made.points) == 0:
         check.fail("no point of its layers lies outside the bed; expected some; raise the level")
         return

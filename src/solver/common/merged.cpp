@@ -162,6 +162,7 @@ public:
         Condition c = inner_->condition(samples);
         const auto merged = std::move(c.volume_ratio);
         c.volume_ratio.clear();
+        c.moving.clear();
         for (int m : body_of_) c.volume_ratio.push_back(merged[std::size_t(m)]);
         return c;
     }

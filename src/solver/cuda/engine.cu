@@ -5,6 +5,8 @@
 namespace mpm {
 
 std::unique_ptr<Engine> make_cuda_engine(const Spec& spec) {
+    if (spec.ranks.count != 1)
+        throw SceneError("several ranks are not built for CUDA; take one device");
     return make_merged(spec, [](const Spec& s) {
         const Plan plan = make_plan(s, cuda_traits(s.precision));
         const auto executor = [&] { return Cuda(s.device, s.shared_device); };

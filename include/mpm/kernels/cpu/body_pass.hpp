@@ -11,17 +11,9 @@
 #include <memory>
 
 #include "mpm/kernels/cpu/arena.hpp"
+#include "mpm/kernels/cpu/clones.hpp"
 #include "mpm/kernels/cpu/phases.hpp"
 #include "mpm/kernels/keep.hpp"
-
-// 32-byte packs widen with the clone they are inlined into; the loader picks the clone for the
-// processor.
-#if defined(LIBMPM_SANITIZED) || defined(__clang__)
-#define MPM_CLONES
-#else
-#define MPM_CLONES \
-    __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4"), flatten, noinline))
-#endif
 
 namespace mpm::cpu {
 
@@ -306,10 +298,13 @@ struct BlockPass {
         });
     }
 
-    MPM_INLINE void flush(const std::int32_t* neighbours) const {
+    /// `several`: there may be staged slots among the destinations.
+    template <bool several>
+    MPM_INLINE void flush(const std::int32_t* destinations) const {
         const auto& g = pass.grid;
-        const T m = T(pass.body.particle_mass);
-        for_each_run<D>(neighbours, [&](int at, std::int32_t slot, int node, int length) {
+        const T whole = T(pass.body.particle_mass);
+        for_each_run<D>(destinations, [&](int at, std::int32_t slot, int node, int length) {
+            const T m = several && slot >= pass.staged ? T(1) : whole;
             T* to = g.sums + std::int64_t(slot) * g.sum_channels * block_cells + node;
             const auto add = [&](int channel, int from) {
                 for (int k = 0; k < length; ++k)
@@ -332,7 +327,13 @@ struct BlockPass {
         const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
         for (int c = 0; c < block_cells; ++c)
             if (start[c] < start[c + 1]) cell(c, start[c], start[c + 1]);
-        if constexpr (adds) flush(neighbours);
+        if constexpr (adds) {
+            const std::int32_t* to = pass.destinations + std::int64_t(slot) * Block<D>::neighbours;
+            if (pass.staged == none_staged)
+                flush<false>(to);
+            else
+                flush<true>(to);
+        }
     }
 };
 

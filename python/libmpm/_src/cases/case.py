@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -83,7 +83,7 @@ class Case:
         level: str = "reduced",
         options: Options | None = None,
         *,
-        device: str = "cpu",
+        device: str | Sequence[str] = "cpu",
         precision: str = "auto",
         pipeline: str = "auto",
         threads: int = 0,

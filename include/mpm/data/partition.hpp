@@ -1,0 +1,125 @@
+// Who owns which blocks where several ranks share a scene. Blocks are put in a row, along a Hilbert
+// curve or by planes across one axis, and the row is cut into a piece for each rank. A partition is
+// a few numbers, the same on every rank, and covers all blocks there are, particles or not: nobody
+// has to ask who owns a block.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "mpm/data/blocks.hpp"
+
+namespace mpm {
+
+/// Place of a block along a Hilbert curve through a cube of 2^bits blocks an edge: Skilling (2004),
+/// "Programming the Hilbert curve". Neighbours along it share a face.
+template <int D>
+std::uint64_t hilbert_place(const std::int64_t (&block)[D], int bits) {
+    std::uint64_t x[D];
+    for (int a = 0; a < D; ++a) x[a] = std::uint64_t(block[a]);
+    const std::uint64_t top = std::uint64_t(1) << (bits - 1);
+    for (std::uint64_t q = top; q > 1; q >>= 1) {
+        const std::uint64_t below = q - 1;
+        for (int a = 0; a < D; ++a) {
+            if (x[a] & q) {
+                x[0] ^= below;
+            } else {
+                const std::uint64_t t = (x[0] ^ x[a]) & below;
+                x[0] ^= t;
+                x[a] ^= t;
+            }
+        }
+    }
+    for (int a = 1; a < D; ++a) x[a] ^= x[a - 1];
+    std::uint64_t flip = 0;
+    for (std::uint64_t q = top; q > 1; q >>= 1)
+        if (x[D - 1] & q) flip ^= q - 1;
+    std::uint64_t place = 0;
+    for (int b = bits - 1; b >= 0; --b)
+        for (int a = 0; a < D; ++a) place = place << 1 | ((x[a] ^ flip) >> b & 1);
+    return place;
+}
+
+/// A block and what it costs, in any unit.
+struct BlockWeight {
+    std::uint64_t key, weight;
+};
+
+template <int D>
+class BlockPartition {
+public:
+    static constexpr int curve = -1;
+
+    BlockPartition() = default;
+    /// Along the curve, or by planes across an axis.
+    BlockPartition(const BlockKeys<D>& keys, int axis) : keys_(keys), axis_(axis) {
+        std::int64_t most = 1;
+        for (std::int64_t n : keys_.counts) most = std::max(most, n);
+        while ((std::int64_t(1) << bits_) < most) ++bits_;
+    }
+
+    /// Place in the row that is cut.
+    std::uint64_t place(std::uint64_t key) const {
+        std::int64_t block[D];
+        keys_.block(key, block);
+        for (int a = 0; a < D; ++a) block[a] += BlockKeys<D>::rim;
+        return axis_ == curve ? hilbert_place<D>(block, bits_) : std::uint64_t(block[axis_]);
+    }
+    int owner(std::uint64_t key) const {
+        return int(std::upper_bound(cuts_.begin(), cuts_.end(), place(key)) - cuts_.begin());
+    }
+    int ranks() const { return int(cuts_.size()) + 1; }
+    /// Where each rank but the first begins.
+    const std::vector<std::uint64_t>& cuts() const { return cuts_; }
+    void set_cuts(std::vector<std::uint64_t> cuts) { cuts_ = std::move(cuts); }
+
+    /// Pieces as even as whole blocks, or planes of them, allow. Weights are integers and blocks
+    /// are put in order first, so every rank that knows the same blocks finds the same cuts.
+    void cut(const std::vector<BlockWeight>& blocks, int ranks) {
+        std::vector<std::pair<std::uint64_t, std::uint64_t>> row;  // place, weight
+        row.reserve(blocks.size());
+        std::uint64_t total = 0;
+        for (const BlockWeight& b : blocks) {
+            row.emplace_back(place(b.key), b.weight);
+            total += b.weight;
+        }
+        std::sort(row.begin(), row.end());
+        cuts_.clear();
+        std::uint64_t before = 0;
+        std::size_t k = 0;
+        for (int r = 1; r < ranks; ++r) {
+            // A place goes to the side of the cut on which more than half of it lies.
+            const double wanted = double(total) * r / ranks;
+            while (k < row.size()) {
+                std::size_t end = k;
+                std::uint64_t here = 0;
+                while (end < row.size() && row[end].first == row[k].first)
+                    here += row[end++].second;
+                if (double(before) + 0.5 * double(here) > wanted) break;
+                before += here;
+                k = end;
+            }
+            cuts_.push_back(k < row.size() ? row[k].first : ~std::uint64_t(0));
+        }
+    }
+
+private:
+    BlockKeys<D> keys_{};
+    int axis_ = curve;
+    int bits_ = 1;
+    std::vector<std::uint64_t> cuts_;
+};
+
+/// The largest load over the mean one; 1 where there is none.
+inline double imbalance(const std::vector<std::uint64_t>& loads) {
+    std::uint64_t total = 0, most = 0;
+    for (std::uint64_t load : loads) {
+        total += load;
+        most = std::max(most, load);
+    }
+    return total == 0 ? 1.0 : double(most) * double(loads.size()) / double(total);
+}
+
+}  // namespace mpm

@@ -1,0 +1,306 @@
+// Domain: the sort of one rank of several. Particles go to the rank that owns the block they are in
+// now. Their order is that of one rank: by cell, and in a cell by the block and place that they
+// come from, whichever rank that was.
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_scene.hpp"
+
+namespace mpm {
+
+namespace detail {
+
+/// Particles of one body on their way to another rank, in the order in which they were stored.
+template <class T>
+struct Emigrants {
+    std::vector<std::uint64_t> from, to;  // keys of their blocks, before and now
+    std::vector<std::uint32_t> cell;      // in the block where they are now
+    std::vector<std::uint32_t> id;
+    std::vector<std::vector<T>> column;  // offsets, from the cell they come from, then state
+
+    void pack(Packer& packer) const {
+        packer.put(from);
+        packer.put(to);
+        packer.put(cell);
+        packer.put(id);
+        for (const auto& c : column) packer.put(c);
+    }
+    void unpack(Unpacker& unpacker, std::size_t columns) {
+        const auto append = [&](auto& list) {
+            using E = typename std::decay_t<decltype(list)>::value_type;
+            const auto more = unpacker.list<E>();
+            list.insert(list.end(), more.begin(), more.end());
+        };
+        column.resize(columns);
+        append(from);
+        append(to);
+        append(cell);
+        append(id);
+        for (auto& c : column) append(c);
+    }
+};
+
+inline bool holds(const std::vector<std::uint64_t>& keys, std::uint64_t key) {
+    return std::binary_search(keys.begin(), keys.end(), key);
+}
+
+}  // namespace detail
+
+/// Whether particles of any rank have left where the policy is to stop. Nothing has changed then.
+template <class X, class T, int D>
+bool Domain<X, T, D>::anyone_stops(const std::vector<std::uint32_t>& left,
+                                   const std::vector<Buffer<X, std::uint32_t>>& cells) {
+    std::vector<int> stops = {0};
+    for (std::size_t b = 0; b < bodies_.size() && spec_.leaving == Leaving::stop; ++b) {
+        if (left[b] == 0) continue;
+        for (const Leaver<D>& who : list_left(bodies_[b], left[b], cells[b]))
+            stops[0] = stops[0] || outlet_of(who) < 0;
+    }
+    bool any = false;
+    for (const auto& theirs : share_->comm->all_gather(stops)) any = any || theirs.at(0);
+    if (!any) return false;
+    fault_ = {};
+    if (stops[0]) remove_left(left, cells);  // says who, and changes nothing
+    return true;
+}
+
+/// The present table's sums into the new one, `keys`, with those of blocks that only others held.
+template <class X, class T, int D>
+void Domain<X, T, D>::adopt_table_of_ranks(Buffer<X, std::uint64_t>& keys,
+                                           const std::vector<std::vector<std::uint64_t>>& after) {
+    const RankShare<D>& s = *share_;
+    const int me = s.rank(), ranks = s.ranks();
+    const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
+    // Whoever holds a block has all of its sums: the first who does hands them on.
+    const auto provider = [&](std::uint64_t key) {
+        for (int r = 0; r < ranks; ++r)
+            if (detail::holds(s.keys[std::size_t(r)], key)) return r;
+        return -1;
+    };
+    std::vector<Bytes> out(std::size_t(ranks), Bytes{});
+    for (int r = 0; r < ranks; ++r) {
+        if (r == me) continue;
+        Packer packer;
+        for (std::uint64_t key : after[std::size_t(r)]) {
+            if (detail::holds(s.keys[std::size_t(r)], key) || provider(key) != me) continue;
+            const std::int32_t slot = find_key(table_.keys, table_.slots, key);
+            packer.put(sums_[parity()].data() + std::size_t(slot) * block, block);
+        }
+        out[std::size_t(r)] = packer.take();
+    }
+    const auto in = s.comm->exchange(std::move(out), s.comm->others());
+    adopt_table(keys);
+    std::vector<Unpacker> messages(in.begin(), in.end());
+    for (std::uint64_t key : after[std::size_t(me)]) {
+        const int from = detail::holds(s.keys[std::size_t(me)], key) ? -1 : provider(key);
+        if (from < 0) continue;
+        const std::int32_t slot = find_key(table_.keys, table_.slots, key);
+        messages[std::size_t(from)].get(sums_[parity()].data() + std::size_t(slot) * block, block);
+    }
+}
+
+template <class X, class T, int D>
+bool Domain<X, T, D>::sort_among_ranks() {
+    const double began = now();
+    RankShare<D>& s = *share_;
+    const int me = s.rank();
+    const std::size_t slots = std::size_t(table_.slots), bodies = bodies_.size();
+    using Find = FindCells<X, T, D>;
+    Buffer<X, std::uint32_t> flag(exec_), count(exec_);
+    flag.reserve_discard(slots);
+    flag.zero();
+    std::vector<Buffer<X, std::uint32_t>> cells;
+    std::vector<std::uint32_t> left;
+    for (Body& body : bodies_) {
+        auto& cell = cells.emplace_back(exec_);
+        cell.reserve_discard(body.count);
+        count.assign({0});
+        Find find{table_, body.view(), {}, flag.data(), cell.data(), count.data()};
+        for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
+        exec_.for_each(std::int64_t(body.homes) * Find::lanes, find);
+        left.push_back(count.host()[0]);
+    }
+    if (anyone_stops(left, cells)) return false;
+    remove_left(left, cells);
+
+    std::vector<std::uint64_t> load(slots, 0);
+    for (std::size_t b = 0; b < bodies; ++b)
+        for (std::uint32_t p = 0; p < bodies_[b].count; ++p)
+            if (cells[b].data()[p] != Find::outside) ++load[cells[b].data()[p] / block_cells];
+    rebalance(load);
+    std::vector<int> owner(slots);
+    for (std::size_t k = 0; k < slots; ++k) owner[k] = s.partition.owner(table_.keys[k]);
+
+    // Those of others, out and in.
+    std::vector<detail::Emigrants<T>> come(bodies);
+    std::vector<Packer> packers(s.keys.size());
+    for (std::size_t b = 0; b < bodies; ++b) {
+        const Body& body = bodies_[b];
+        const std::uint32_t* cell = cells[b].data();
+        std::vector<detail::Emigrants<T>> go(s.keys.size());
+        std::vector<std::vector<std::uint32_t>> places(s.keys.size());
+        for (std::int32_t h = 0; h < body.homes; ++h) {
+            const std::int32_t home = body.home.data()[h];
+            const std::uint32_t* start = body.cell_start.data() + std::size_t(home) * block_cells;
+            for (std::uint32_t p = start[0]; p < start[block_cells]; ++p) {
+                if (cell[p] == Find::outside) continue;
+                const std::size_t to = cell[p] / block_cells, r = std::size_t(owner[to]);
+                if (int(r) == me) continue;
+                places[r].push_back(p);
+                go[r].from.push_back(table_.keys[home]);
+                go[r].to.push_back(table_.keys[to]);
+                go[r].cell.push_back(cell[p] % block_cells);
+                go[r].id.push_back(body.id.data()[p]);
+            }
+        }
+        for (std::size_t r = 0; r < go.size(); ++r) {
+            if (int(r) == me) continue;
+            const auto take = [&](const Buffer<X, T>& column) {
+                auto& out = go[r].column.emplace_back();
+                for (std::uint32_t p : places[r]) out.push_back(column.data()[p]);
+            };
+            for (const auto& column : body.offset) take(column);
+            for (const auto& column : body.state) take(column);
+            go[r].pack(packers[r]);
+            s.migrated += places[r].size();
+        }
+    }
+    std::vector<Bytes> out;
+    for (Packer& packer : packers) out.push_back(packer.take());
+    const auto in = s.comm->exchange(std::move(out), s.comm->others());
+    for (int r : s.comm->others()) {
+        Unpacker unpacker(in[std::size_t(r)]);
+        for (std::size_t b = 0; b < bodies; ++b)
+            come[b].unpack(unpacker, bodies_[b].offset.size() + bodies_[b].state.size());
+    }
+
+    // The table of the blocks that this rank now has particles in.
+    std::vector<std::uint64_t> homes;
+    for (std::size_t k = 0; k < slots; ++k)
+        if (owner[k] == me && load[k] > 0) homes.push_back(table_.keys[k]);
+    for (const auto& c : come) homes.insert(homes.end(), c.to.begin(), c.to.end());
+    keep_own_arrivals(homes);
+    std::sort(homes.begin(), homes.end());
+    homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
+    Buffer<X, std::uint64_t> home_keys(exec_), keys(exec_);
+    home_keys.assign(homes);
+    set_neighbourhood(home_keys, keys);
+    auto after = s.comm->all_gather(keys.host());
+    const auto& mine = after[std::size_t(me)];
+
+    for (std::size_t b = 0; b < bodies; ++b) {
+        BlockTableView<D> table = table_;
+        table.keys = mine.data();
+        table.slots = std::int32_t(mine.size());
+        admit(int(b), come[b], cells[b], owner, table);
+    }
+    adopt_table_of_ranks(keys, after);
+    list_homes(find_homes());
+    link_ranks(std::move(after));
+    clock_.drift = 0;
+    clock_.strays = 0;
+    ++sorts_;
+    sort_interval_ = clock_.step - last_sort_;
+    last_sort_ = clock_.step;
+    timings_["sort"] += now() - began;
+    return true;
+}
+
+/// Of the layers that inlets supply, the rows in blocks of this rank; `homes` gets these.
+template <class X, class T, int D>
+void Domain<X, T, D>::keep_own_arrivals(std::vector<std::uint64_t>& homes) {
+    for (Arrival& arrival : arrivals_) {
+        BodySpec& of = arrival.rows;
+        std::vector<std::uint64_t> rows;
+        std::vector<std::uint32_t> ids;
+        detail::for_each_key<D>(spec_, of, table_.keys_of,
+                                [&](std::uint64_t row, std::uint64_t key) {
+                                    if (share_->partition.owner(key) != share_->rank()) return;
+                                    rows.push_back(row);
+                                    ids.push_back(of.ids[row]);
+                                    homes.push_back(key);
+                                });
+        of.position = detail::chosen_rows(of.position, rows, D);
+        of.pressure = detail::chosen_rows(of.pressure, rows, 1);
+        of.ids = std::move(ids);
+        of.count = rows.size();
+    }
+}
+
+/// Particles that stay, those that came from other ranks and those of inlets, into the order of the
+/// cells of the new table. `cell`: where those of the present table stand, `owner`: of its slots.
+template <class X, class T, int D>
+void Domain<X, T, D>::admit(int number, const detail::Emigrants<T>& come,
+                            Buffer<X, std::uint32_t>& cell, const std::vector<int>& owner,
+                            const BlockTableView<D>& table) {
+    Body& body = bodies_[std::size_t(number)];
+    const auto slot_of = [&](std::uint64_t key) {
+        return std::uint32_t(find_key(table.keys, table.slots, key));
+    };
+    const std::uint32_t before = body.count, more = std::uint32_t(come.id.size());
+    const std::size_t rows = std::size_t(before) + more + column_padding;
+    const auto append = [&]<class E>(Buffer<X, E>& column, const std::vector<E>& tail) {
+        if (rows > column.size()) {
+            Buffer<X, E> larger(exec_);
+            larger.reserve_discard(rows + rows / 8);
+            exec_.zero(larger.data(), larger.size() * sizeof(E));
+            exec_.copy(larger.data(), column.data(), before * sizeof(E));
+            column.swap(larger);
+        }
+        exec_.upload(column.data() + before, tail.data(), tail.size() * sizeof(E));
+    };
+    std::size_t c = 0;
+    for (auto& column : body.offset) append(column, come.column[c++]);
+    for (auto& column : body.state) append(column, come.column[c++]);
+    append(body.id, come.id);
+
+    // By the block they come from: one rank had all particles of a block, in order.
+    std::vector<std::uint32_t> arrived(more);
+    for (std::uint32_t k = 0; k < more; ++k) arrived[k] = k;
+    std::stable_sort(arrived.begin(), arrived.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return come.from[a] < come.from[b]; });
+    std::vector<std::uint32_t> place, key;
+    place.reserve(rows);
+    key.reserve(rows);
+    std::size_t next = 0;
+    const auto take_arrived = [&](std::uint64_t below) {
+        for (; next < arrived.size() && come.from[arrived[next]] < below; ++next) {
+            const std::uint32_t k = arrived[next];
+            place.push_back(before + k);
+            key.push_back(slot_of(come.to[k]) * block_cells + come.cell[k]);
+        }
+    };
+    std::vector<std::uint32_t> slot_after(owner.size());
+    for (std::size_t k = 0; k < owner.size(); ++k) slot_after[k] = slot_of(table_.keys[k]);
+    for (std::int32_t h = 0; h < body.homes; ++h) {
+        const std::int32_t home = body.home.data()[h];
+        take_arrived(table_.keys[home]);
+        const std::uint32_t* start = body.cell_start.data() + std::size_t(home) * block_cells;
+        for (std::uint32_t p = start[0]; p < start[block_cells]; ++p) {
+            const std::uint32_t to = cell.data()[p];
+            if (to == ~0u || owner[to / block_cells] != share_->rank()) continue;
+            place.push_back(p);
+            key.push_back(slot_after[to / block_cells] * block_cells + to % block_cells);
+        }
+    }
+    take_arrived(~std::uint64_t(0));
+    if (const std::uint32_t supplied = arriving(std::size_t(number)); supplied > 0) {
+        body.count = before + more;
+        cell.reserve_discard(std::size_t(body.count) + supplied);
+        append_arrivals(number, cell, table);
+        for (std::uint32_t p = before + more; p < body.count; ++p) {
+            place.push_back(p);
+            key.push_back(cell.data()[p]);
+        }
+    }
+
+    cell.assign(key);
+    const std::int64_t range = std::int64_t(table.slots) * block_cells;
+    body.cell_start.reserve_discard(std::size_t(range) + 2);
+    arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data());
+    for (std::size_t k = 0; k < key.size(); ++k) cell.data()[k] = place[cell.data()[k]];
+    body.count = std::uint32_t(key.size());
+    permute(body, cell.data());
+}
+
+}  // namespace mpm

@@ -1,0 +1,293 @@
+// Domain: one rank of several. Within a step ranks meet twice: when sums are complete, and before
+// the clock decides. Everything else, readers included, is each rank's own.
+#pragma once
+
+#include <cstring>
+#include <map>
+#include <tuple>
+
+#include "mpm/kernels/staging.hpp"
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+template <class X, class T, int D>
+void Domain<X, T, D>::list_mirrors() {
+    const auto block = [](std::int64_t cell) {
+        constexpr std::int64_t edge = Block<D>::edge, rim = BlockKeys<D>::rim;
+        return (cell + rim * edge) / edge - rim;
+    };
+    for (std::size_t k = 0; k < boundary_records_.size(); ++k) {
+        const BoundaryRecord<D>& r = boundary_records_.data()[k];
+        for (int f = 0; f < 2 * D && !r.is_box && r.surface == 0; ++f) {
+            if (!r.present[f] || !mirrors(r.law[f].response)) continue;
+            const std::int64_t plane = f % 2 == 0 ? r.lower[f / 2] : r.upper[f / 2];
+            const MirrorPlane sides{f / 2, block(plane - 1), block(plane)};
+            if (sides.low != sides.high) share_->mirrors.push_back(sides);
+        }
+    }
+}
+
+/// Who holds what of the present table, and with it where sums go. `keys`: of everyone's table.
+template <class X, class T, int D>
+void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
+    RankShare<D>& s = *share_;
+    s.keys = std::move(keys);
+    const int me = s.rank(), ranks = s.ranks();
+    const std::size_t slots = std::size_t(table_.slots);
+    std::vector<std::vector<std::int32_t>> common(s.keys.size());  // the same blocks on both sides
+    std::vector<std::uint8_t> is_shared(slots, 0);
+    s.counts.assign(slots, 1);
+    s.peers.clear();
+    for (int r = 0; r < ranks; ++r) {
+        if (r == me) continue;
+        auto& list = common[std::size_t(r)];
+        const auto& theirs = s.keys[std::size_t(r)];
+        std::size_t k = 0;
+        for (std::size_t slot = 0; slot < slots; ++slot) {
+            while (k < theirs.size() && theirs[k] < table_.keys[slot]) ++k;
+            if (k == theirs.size()) break;
+            if (theirs[k] != table_.keys[slot]) continue;
+            list.push_back(std::int32_t(slot));
+            is_shared[slot] = 1;
+            if (r < me) s.counts[slot] = 0;
+        }
+        if (!list.empty()) s.peers.push_back(r);
+    }
+    s.shared.clear();
+    for (std::size_t slot = 0; slot < slots; ++slot)
+        if (is_shared[slot]) s.shared.push_back(std::int32_t(slot));
+
+    // A slot behind the table for all blocks of one body and colour that add to a shared block.
+    using Staged = typename RankShare<D>::Staged;
+    s.parts.clear();
+    s.staged = 0;
+    s.destinations.assign(bodies_.size(), {});
+    std::vector<std::int32_t> stage(slots, -1);
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        const Body& body = bodies_[b];
+        auto& to = s.destinations[b];
+        to.assign(neighbours_.data(), neighbours_.data() + slots * Block<D>::neighbours);
+        for (std::size_t colour = 0; colour + 1 < body.colour_start.size(); ++colour) {
+            const std::size_t first = s.parts.size();
+            for (std::int32_t k = body.colour_start[colour]; k < body.colour_start[colour + 1];
+                 ++k) {
+                std::int32_t* row =
+                    to.data() + std::size_t(body.coloured.data()[k]) * Block<D>::neighbours;
+                for (int side = 0; side < Block<D>::neighbours; ++side) {
+                    const std::int32_t slot = row[side];
+                    if (slot < 0 || !is_shared[std::size_t(slot)]) continue;
+                    std::int32_t& at = stage[std::size_t(slot)];
+                    if (at < 0) {
+                        at = table_.slots + s.staged++;
+                        s.parts.push_back({slot, std::int32_t(b), std::int32_t(colour), me, at});
+                    }
+                    row[side] = at;
+                }
+            }
+            for (std::size_t k = first; k < s.parts.size(); ++k)
+                stage[std::size_t(s.parts[k].slot)] = -1;
+        }
+    }
+
+    // Everyone learns what the messages of each step will hold.
+    s.send.assign(s.keys.size(), {});
+    std::vector<Bytes> out(s.keys.size());
+    const std::size_t own = s.parts.size();
+    for (int r : s.peers) {
+        const auto& list = common[std::size_t(r)];
+        std::vector<Staged> told;
+        for (std::size_t k = 0; k < own; ++k) {
+            const Staged& part = s.parts[k];
+            const auto found = std::lower_bound(list.begin(), list.end(), part.slot);
+            if (found == list.end() || *found != part.slot) continue;
+            told.push_back({std::int32_t(found - list.begin()), part.body, part.colour, me,
+                            std::int32_t(told.size())});
+            s.send[std::size_t(r)].push_back(part.at);
+        }
+        Packer packer;
+        packer.put(told);
+        out[std::size_t(r)] = packer.take();
+    }
+    const auto in = s.comm->exchange(std::move(out), s.peers);
+    for (int r : s.peers) {
+        Unpacker unpacker(in[std::size_t(r)]);
+        for (Staged part : unpacker.list<Staged>()) {
+            part.slot = common[std::size_t(r)].at(std::size_t(part.slot));
+            s.parts.push_back(part);
+        }
+    }
+    std::sort(s.parts.begin(), s.parts.end(), [](const Staged& a, const Staged& b) {
+        return std::tie(a.slot, a.body, a.colour, a.rank) <
+               std::tie(b.slot, b.body, b.colour, b.rank);
+    });
+    s.first_part.assign(s.shared.size() + 1, s.parts.size());
+    for (std::size_t k = 0, part = 0; k < s.shared.size(); ++k) {
+        s.first_part[k] = part;
+        while (part < s.parts.size() && s.parts[part].slot == s.shared[k]) ++part;
+    }
+
+    const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
+    for (auto& sums : sums_) {
+        const std::size_t before = std::min(sums.size(), slots * block),
+                          size = (slots + std::size_t(s.staged)) * block;
+        Buffer<X, Sum> larger(exec_);
+        larger.reserve_discard(size);
+        exec_.copy(larger.data(), sums.data(), before * sizeof(Sum));
+        exec_.zero(larger.data() + before, (size - before) * sizeof(Sum));
+        sums.swap(larger);
+    }
+    if (load_count_ > 0) list_measured();
+}
+
+/// What ranks have staged comes to all who hold the block, and everyone adds it up in the same
+/// order. `first`: of a first deposit.
+template <class X, class T, int D>
+void Domain<X, T, D>::end_of_sums(int parity, bool first) {
+    RankShare<D>& s = *share_;
+    const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
+    Sum* sums = sums_[parity].data();
+    std::vector<Bytes> out(s.keys.size());
+    for (int r : s.peers) {
+        Bytes& bytes = out[std::size_t(r)];
+        const auto& list = s.send[std::size_t(r)];
+        bytes.resize(list.size() * block * sizeof(Sum));
+        for (std::size_t k = 0; k < list.size(); ++k) {
+            std::memcpy(bytes.data() + k * block * sizeof(Sum), sums + std::size_t(list[k]) * block,
+                        block * sizeof(Sum));
+        }
+        s.bytes_of_sums += bytes.size();
+    }
+    const auto in = s.comm->exchange(std::move(out), s.peers);
+    exec_.for_each_large(std::int64_t(s.shared.size()), [&](std::int64_t k) {
+        for (std::size_t p = s.first_part[std::size_t(k)]; p < s.first_part[std::size_t(k) + 1];
+             ++p) {
+            const auto& part = s.parts[p];
+            const Sum* from =
+                part.rank == s.rank()
+                    ? sums + std::size_t(part.at) * block
+                    : reinterpret_cast<const Sum*>(in[std::size_t(part.rank)].data()) +
+                          std::size_t(part.at) * block;
+            add_staged<Sum>(sums + std::size_t(part.slot) * block, from,
+                            Sum(bodies_[std::size_t(part.body)].particle_mass), block, first);
+        }
+    });
+    exec_.zero(sums + std::size_t(table_.slots) * block,
+               std::size_t(s.staged) * block * sizeof(Sum));
+}
+
+/// Gauges and probes that are due read nodes of several ranks: the blocks that they can read are
+/// told to all, and everyone takes the same sample.
+template <class X, class T, int D>
+void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) {
+    const RankShare<D>& s = *share_;
+    std::vector<std::uint64_t> wanted;
+    for (int k = 0; k < point_count_; ++k) {
+        const PointRecord<D>& point = points_.data()[k];
+        if (!sensor_records_.data()[point.sensor].due) continue;
+        std::int64_t low[D], high[D], at[D];  // blocks
+        for (int a = 0; a < D; ++a) {
+            const std::int64_t last = spec_.cells[std::size_t(a)] - 1,
+                               cell = std::clamp<std::int64_t>(
+                                   std::int64_t(std::floor(point.position[a] / spec_.cell_size)), 0,
+                                   last);
+            const std::int64_t rim = BlockKeys<D>::rim, edge = Block<D>::edge;
+            low[a] = at[a] = ((a == point.axis ? 0 : cell - 1) + rim * edge) / edge - rim;
+            high[a] = (a == point.axis ? last : cell + 1) / edge;
+        }
+        for (bool more = true; more;) {
+            wanted.push_back(table_.keys_of.key(at));
+            more = false;
+            for (int a = D - 1; a >= 0 && !more; --a) {
+                more = at[a] < high[a];
+                at[a] = more ? at[a] + 1 : low[a];
+            }
+        }
+    }
+    if (wanted.empty()) return;
+    std::sort(wanted.begin(), wanted.end());
+    wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
+
+    const std::size_t sums = std::size_t(plan_.sum_channels) * block_cells,
+                      velocities = std::size_t(plan_.velocity_channels) * block_cells;
+    std::vector<std::uint64_t> own;
+    for (std::uint64_t key : wanted) {
+        const std::int32_t slot = find_key(table_.keys, table_.slots, key);
+        if (slot >= 0 && counts_slot(std::size_t(slot))) own.push_back(key);
+    }
+    Packer packer;
+    packer.put(own);
+    for (std::uint64_t key : own) {
+        const std::size_t slot = std::size_t(find_key(table_.keys, table_.slots, key));
+        packer.put(sums_[parity()].data() + slot * sums, sums);
+        packer.put(velocity_.data() + slot * velocities, velocities);
+    }
+    const Bytes mine = packer.take();
+    auto in = s.comm->exchange(std::vector<Bytes>(s.keys.size(), mine), s.comm->others());
+    in[std::size_t(s.rank())] = mine;
+
+    struct Told {
+        std::vector<Sum> sums;
+        std::vector<Grid> velocities;
+    };
+    std::map<std::uint64_t, Told> told;
+    for (const Bytes& bytes : in) {
+        Unpacker unpacker(bytes);
+        for (std::uint64_t key : unpacker.list<std::uint64_t>()) {
+            Told& t = told[key];
+            t.sums.resize(sums);
+            t.velocities.resize(velocities);
+            unpacker.get(t.sums.data(), sums);
+            unpacker.get(t.velocities.data(), velocities);
+        }
+    }
+    std::vector<std::uint64_t> keys;
+    Told all;
+    for (const auto& [key, t] : told) {
+        keys.push_back(key);
+        all.sums.insert(all.sums.end(), t.sums.begin(), t.sums.end());
+        all.velocities.insert(all.velocities.end(), t.velocities.begin(), t.velocities.end());
+    }
+    auto& grid = points.node.grid;
+    grid.table = {table_.keys_of, std::int32_t(keys.size()), keys.data(), nullptr, nullptr};
+    grid.sums = all.sums.data();
+    grid.velocity = all.velocities.data();
+    for (int k = 0; k < point_count_; ++k) points(k);
+}
+
+/// Blocks are dealt anew where the work has become too uneven: by all ranks alike, from what all
+/// have told. `load`: particles that stand in each slot now.
+template <class X, class T, int D>
+void Domain<X, T, D>::rebalance(const std::vector<std::uint64_t>& load) {
+    RankShare<D>& s = *share_;
+    std::vector<std::uint64_t> loads(s.keys.size(), 0);
+    std::vector<BlockWeight> blocks;
+    for (std::size_t slot = 0; slot < load.size(); ++slot) {
+        if (load[slot] == 0) continue;
+        blocks.push_back({table_.keys[slot], load[slot] + weight_of_block});
+        loads[std::size_t(s.partition.owner(table_.keys[slot]))] += blocks.back().weight;
+    }
+    s.loads.assign(s.keys.size(), 0);
+    for (const auto& theirs : s.comm->all_gather(loads))
+        for (std::size_t r = 0; r < theirs.size(); ++r) s.loads[r] += theirs[r];
+    const double was = imbalance(s.loads);
+    if (was <= s.rebalance_above) return;
+    std::vector<BlockWeight> all;
+    for (const auto& theirs : s.comm->all_gather(blocks))
+        all.insert(all.end(), theirs.begin(), theirs.end());
+    const auto before = s.partition.cuts();
+    s.partition.cut(all, s.ranks());
+    if (s.partition.cuts() == before) return;
+    std::fill(loads.begin(), loads.end(), 0);
+    for (const BlockWeight& b : all) loads[std::size_t(s.partition.owner(b.key))] += b.weight;
+    // Few blocks are never even: cuts that are hardly better are not worth the way. Those who want
+    // new ones at any price have them.
+    if (s.rebalance_above > 0 && imbalance(loads) > 0.97 * was) {
+        s.partition.set_cuts(before);
+        return;
+    }
+    s.loads = loads;
+    ++s.rebalances;
+}
+
+}  // namespace mpm

@@ -1,0 +1,224 @@
+// A scene, or a saved state, cut into what each rank begins with.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "mpm/data/partition.hpp"
+#include "mpm/kernels/placing.hpp"
+#include "mpm/solver/blob.hpp"
+#include "mpm/solver/rank_share.hpp"
+#include "mpm/solver/spec.hpp"
+
+namespace mpm {
+
+namespace detail {
+
+/// Rows of a body that are held at a time.
+inline constexpr std::uint64_t rows_at_once = std::uint64_t(1) << 20;
+
+/// Calls f(row, key of its block) for all particles of a body; those outside the domain, which
+/// will be refused, count to its first block.
+template <int D, class F>
+void for_each_key(const Spec& spec, const BodySpec& body, const BlockKeys<D>& keys, const F& f) {
+    std::int64_t cells[D];
+    for (int a = 0; a < D; ++a) cells[a] = spec.cells[std::size_t(a)];
+    std::vector<double> x;
+    for (std::uint64_t first = 0; first < body.count; first += rows_at_once) {
+        const std::uint64_t last = std::min(first + rows_at_once, body.count);
+        x.resize((last - first) * D);
+        body.position(first, last, x.data());
+        for (std::uint64_t row = first; row < last; ++row) {
+            std::int64_t c[D];
+            if (!cell_of<D>(x.data() + (row - first) * D, spec.cell_size, cells, c))
+                for (std::int64_t& at : c) at = 0;
+            for (std::int64_t& at : c) at /= Block<D>::edge;
+            f(row, keys.key(c));
+        }
+    }
+}
+
+/// Some rows of an array that is asked for in pieces.
+inline Rows chosen_rows(const Rows& all, const std::vector<std::uint64_t>& rows, int width) {
+    if (!all) return {};
+    std::vector<double> out(rows.size() * std::size_t(width)), piece;
+    for (std::size_t k = 0; k < rows.size();) {
+        const std::uint64_t first = rows[k];
+        std::size_t end = k;
+        while (end < rows.size() && rows[end] < first + rows_at_once) ++end;
+        const std::uint64_t last = rows[end - 1] + 1;
+        piece.resize((last - first) * std::uint64_t(width));
+        all(first, last, piece.data());
+        for (; k < end; ++k)
+            std::copy_n(piece.begin() + std::ptrdiff_t((rows[k] - first) * std::uint64_t(width)),
+                        width, out.begin() + std::ptrdiff_t(k * std::size_t(width)));
+    }
+    return rows_of(std::move(out), width);
+}
+
+}  // namespace detail
+
+template <int D>
+BlockKeys<D> keys_of_domain(const Spec& spec) {
+    BlockKeys<D> keys{};
+    for (int a = 0; a < D; ++a) {
+        keys.counts[a] =
+            (std::max<std::int64_t>(spec.cells[std::size_t(a)], 1) + Block<D>::edge - 1) /
+                Block<D>::edge +
+            2 * BlockKeys<D>::rim;
+    }
+    return keys;
+}
+
+/// What each rank begins with: the same scene with its own particles, which keep their ids.
+template <int D>
+struct RankScenes {
+    BlockPartition<D> partition;
+    std::vector<Spec> spec;
+
+    explicit RankScenes(const Spec& scene) : partition(keys_of_domain<D>(scene), scene.ranks.axis) {
+        const BlockKeys<D> keys = keys_of_domain<D>(scene);
+        std::unordered_map<std::uint64_t, std::uint64_t> weight;
+        for (const BodySpec& body : scene.bodies)
+            detail::for_each_key<D>(scene, body, keys,
+                                    [&](std::uint64_t, std::uint64_t key) { ++weight[key]; });
+        std::vector<BlockWeight> blocks;
+        for (const auto& [key, particles] : weight)
+            blocks.push_back({key, particles + weight_of_block});
+        partition.cut(blocks, scene.ranks.count);
+
+        spec.assign(std::size_t(scene.ranks.count), scene);
+        for (Spec& s : spec) {
+            for (InletSpec& inlet : s.inlets)  // ids go on above those of all ranks
+                inlet.next_id =
+                    std::max(inlet.next_id, scene.bodies.at(std::size_t(inlet.body)).count);
+        }
+        for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
+            const BodySpec& body = scene.bodies[b];
+            std::vector<std::vector<std::uint64_t>> rows(spec.size());
+            detail::for_each_key<D>(scene, body, keys, [&](std::uint64_t row, std::uint64_t key) {
+                rows[std::size_t(partition.owner(key))].push_back(row);
+            });
+            for (std::size_t r = 0; r < spec.size(); ++r) {
+                BodySpec& own = spec[r].bodies[b];
+                own.count = rows[r].size();
+                own.id_count = ids_of(body);
+                own.ids.clear();
+                for (std::uint64_t row : rows[r])
+                    own.ids.push_back(body.ids.empty() ? std::uint32_t(row) : body.ids[row]);
+                own.position = detail::chosen_rows(body.position, rows[r], D);
+                own.pressure = detail::chosen_rows(body.pressure, rows[r], 1);
+                own.state = detail::chosen_rows(body.state, rows[r], body.state_width);
+            }
+        }
+    }
+};
+
+/// Blocks of a saved state by their particles.
+inline std::vector<BlockWeight> weigh_state(const State& all, std::size_t bodies) {
+    const auto keys = detail::from_blob<std::uint64_t>(all, "keys");
+    std::vector<BlockWeight> blocks;
+    for (std::uint64_t key : keys) blocks.push_back({key, 0});
+    for (std::size_t b = 0; b < bodies; ++b) {
+        const auto start =
+            detail::from_blob<std::uint32_t>(all, "body" + std::to_string(b) + "_cell_start");
+        for (std::size_t k = 0; k < blocks.size(); ++k)
+            blocks[k].weight += start.at((k + 1) * block_cells) - start.at(k * block_cells);
+    }
+    for (BlockWeight& block : blocks)
+        if (block.weight > 0) block.weight += weight_of_block;
+    return blocks;
+}
+
+/// The part of a saved state that lies in the blocks of one rank, and the blocks around them.
+template <int D>
+State share_of_state(const State& all, std::size_t bodies, const BlockPartition<D>& partition,
+                     const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& mirrors,
+                     int rank) {
+    const auto keys = detail::from_blob<std::uint64_t>(all, "keys");
+    const auto blocks = weigh_state(all, bodies);
+    std::vector<bool> own(keys.size(), false), kept(keys.size(), false);
+    std::vector<std::uint64_t> table;
+    for (std::size_t k = 0; k < keys.size(); ++k) {
+        own[k] = blocks[k].weight > 0 && partition.owner(keys[k]) == rank;
+        if (!own[k]) continue;
+        std::int64_t at[D];
+        keys_of.block(keys[k], at);
+        for (int n = 0; n < Block<D>::neighbours; ++n) {
+            std::int64_t b[D];
+            int rest = n;
+            for (int a = D - 1; a >= 0; --a) {
+                b[a] = at[a] + rest % 3 - 1;
+                rest /= 3;
+            }
+            table.push_back(keys_of.key(b));
+        }
+    }
+    add_images<D>(keys_of, mirrors, table);
+    for (std::size_t k = 0; k < keys.size(); ++k)
+        kept[k] = std::binary_search(table.begin(), table.end(), keys[k]);
+    // Rows of a blob, `per` elements each, of those blocks or particles that are chosen.
+    const auto choose = [&](const std::string& name, const auto& ranges, std::size_t per) {
+        const Blob& from = detail::find(all, name);
+        Blob to;
+        to.type = from.type;
+        const std::size_t rows = from.shape.at(0) / per,
+                          size = rows == 0 ? 0 : from.bytes.size() / rows;
+        for (const auto& [first, last] : ranges) {
+            to.bytes.insert(to.bytes.end(), from.bytes.begin() + std::ptrdiff_t(first * size),
+                            from.bytes.begin() + std::ptrdiff_t(last * size));
+        }
+        to.shape = {size == 0 ? 0 : to.bytes.size() / size * per};
+        return to;
+    };
+    using Ranges = std::vector<std::pair<std::size_t, std::size_t>>;
+    Ranges of_blocks;
+    for (std::size_t k = 0; k < keys.size(); ++k)
+        if (kept[k]) of_blocks.emplace_back(k, k + 1);
+
+    State s = all;
+    const std::size_t channels =
+        std::size_t(detail::from_blob<std::int32_t>(all, "sum_channels").at(0));
+    s["keys"] = choose("keys", of_blocks, 1);
+    s["sums"] = choose("sums", of_blocks, channels * block_cells);
+    for (std::size_t b = 0; b < bodies; ++b) {
+        const std::string p = "body" + std::to_string(b) + "_";
+        const auto start = detail::from_blob<std::uint32_t>(all, p + "cell_start");
+        Ranges of_particles;
+        std::vector<std::uint32_t> cell_start = {0};
+        for (std::size_t k = 0; k < keys.size(); ++k) {
+            if (!kept[k]) continue;
+            const std::size_t first = start[k * block_cells], last = start[(k + 1) * block_cells];
+            if (own[k]) of_particles.emplace_back(first, last);
+            const std::uint32_t before = cell_start.back();
+            for (std::size_t c = 1; c <= block_cells; ++c)
+                cell_start.push_back(
+                    own[k] ? before + (start[k * block_cells + c] - std::uint32_t(first)) : before);
+        }
+        for (const auto& [name, blob] : all) {
+            if (name.rfind(p, 0) != 0) continue;
+            const std::string column = name.substr(p.size());
+            const bool frozen = column.rfind("frozen", 0) == 0;
+            if (column == "cell_start")
+                s[name] = detail::to_blob(cell_start);
+            else if (!frozen)
+                s[name] = choose(name, of_particles, 1);
+            else if (rank > 0)  // the first rank lists them
+                s[name] = choose(name, Ranges{}, 1);
+        }
+    }
+    // What ranks add up is the first one's.
+    if (rank > 0) {
+        for (const char* name : {"load_impulse", "sensor_first"}) {
+            auto values = detail::from_blob<double>(all, name);
+            for (double& v : values) v = v == v ? 0.0 : v;
+            s[name] = detail::to_blob(values);
+        }
+    }
+    return s;
+}
+
+}  // namespace mpm

@@ -1,0 +1,141 @@
+// What a rank of several knows beside its own state: who owns which blocks, which blocks others
+// hold too, and what goes to whom at the end of each step. A run on one rank has none of it.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "mpm/data/partition.hpp"
+#include "mpm/exec/communicator.hpp"
+#include "mpm/kernels/clock.hpp"
+
+namespace mpm {
+
+/// A particle of another rank has failed: this one has nothing to describe.
+inline constexpr std::uint64_t fault_elsewhere = no_fault - 1;
+
+/// What a home block costs beside its particles, in particles.
+inline constexpr std::uint64_t weight_of_block = 16;
+
+/// Blocks on both sides of a mirrored wall, where these are not the same.
+struct MirrorPlane {
+    int axis;
+    std::int64_t low, high;  // number of the blocks along the axis
+};
+
+/// Adds to the keys of a table the blocks across mirrored walls from them: nodes on both sides
+/// share their sums, so whoever has those of one side must have those of the other.
+template <int D>
+void add_images(const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& planes,
+                std::vector<std::uint64_t>& keys) {
+    for (const MirrorPlane& plane : planes) {
+        const std::size_t n = keys.size();
+        for (std::size_t k = 0; k < n; ++k) {
+            std::int64_t b[D];
+            keys_of.block(keys[k], b);
+            std::int64_t& at = b[plane.axis];
+            if (at != plane.low && at != plane.high) continue;
+            at = at == plane.low ? plane.high : plane.low;
+            keys.push_back(keys_of.key(b));
+        }
+    }
+    std::sort(keys.begin(), keys.end());
+    keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+}
+
+template <int D>
+struct RankShare {
+    /// What the blocks of one body and colour on one rank add to a block that others hold too.
+    struct Staged {
+        std::int32_t slot;          // of the block
+        std::int32_t body, colour;  // in whose order they are added
+        std::int32_t rank;          // whose it is
+        std::int32_t at;            // own: the slot that it is staged in; else its place in the
+                                    // message of that rank
+    };
+
+    Communicator* comm = nullptr;
+    BlockPartition<D> partition;
+    double rebalance_above = 0;
+    std::vector<MirrorPlane> mirrors;
+
+    std::vector<std::vector<std::uint64_t>> keys;  // of each rank's table, ascending
+    std::vector<int> peers;                        // ranks that hold a block that this one holds
+    std::vector<std::int32_t> shared;              // slots that others hold too
+    std::vector<Staged> parts;                     // of each of them in turn, in order
+    std::vector<std::size_t> first_part;           // (shared + 1,)
+    std::int32_t staged = 0;                       // slots behind those of the table
+    std::vector<std::vector<std::int32_t>> send;   // to each rank, of these slots
+    std::vector<std::vector<std::int32_t>> destinations;  // of each body: (slots, 3^D)
+    // Of the ranks that hold a block one counts its nodes, where each is to count once.
+    std::vector<std::uint8_t> counts;
+
+    double wall_ends = 0;
+    bool wall_over = false;  // for any rank
+
+    // Since the start.
+    std::uint64_t rebalances = 0, migrated = 0, bytes_of_sums = 0;
+    std::vector<std::uint64_t> loads;  // of each rank, when they were last told
+
+    int rank() const { return comm->rank(); }
+    int ranks() const { return comm->ranks(); }
+    bool counts_slot(std::size_t slot) const { return counts[slot] != 0; }
+};
+
+/// What a rank tells the others before the clock decides.
+struct RankVote {
+    double maxima[maxima_count];
+    double deposited[quantities];
+    std::uint64_t strays;
+    std::int32_t fault;
+    std::int32_t wall_over;
+};
+
+/// The clock decides alike on all ranks: by the largest of what they found.
+template <int D>
+struct DecideTogether {
+    Decide<D> decide;
+    Clock* clock;
+    RankShare<D>* share;
+    double now;
+
+    void operator()(const double* maxima) const {
+        RankVote mine{};
+        for (int m = 0; m < maxima_count; ++m) mine.maxima[m] = maxima[m];
+        for (int q = 0; q < quantities; ++q) mine.deposited[q] = clock->deposited[q];
+        mine.strays = clock->strays;
+        mine.fault = clock->fault_particle != no_fault;
+        mine.wall_over = now > share->wall_ends;
+        RankVote all{};
+        for (const auto& list : share->comm->all_gather(std::vector<RankVote>{mine})) {
+            const RankVote& v = list.at(0);
+            for (int m = 0; m < maxima_count; ++m)
+                all.maxima[m] = std::max(all.maxima[m], v.maxima[m]);
+            for (int q = 0; q < quantities; ++q)
+                all.deposited[q] = std::max(all.deposited[q], v.deposited[q]);
+            // A call for a sort is as many as there can be.
+            const std::uint64_t sum = all.strays + v.strays;
+            all.strays = sum < v.strays ? ~std::uint64_t(0) : sum;
+            all.fault = all.fault || v.fault;
+            all.wall_over = all.wall_over || v.wall_over;
+        }
+        const std::uint64_t own = clock->strays;
+        clock->strays = all.strays;
+        for (int q = 0; q < quantities; ++q) clock->deposited[q] = all.deposited[q];
+        if (all.fault && !mine.fault) clock->fault_particle = fault_elsewhere;
+        share->wall_over = all.wall_over;
+        decide(all.maxima);
+        clock->strays = own;  // each goes on counting its own
+    }
+};
+
+/// How a Domain is made one of several.
+template <int D>
+struct RankLink {
+    Communicator* comm = nullptr;
+    BlockPartition<D> partition;
+    double rebalance_above = 0;
+};
+
+}  // namespace mpm
