@@ -10,6 +10,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -208,6 +209,24 @@ private:
     void list_mirrors();
     void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void rebalance(const std::vector<std::uint64_t>& load);
+    void deal_anew(const std::vector<BlockWeight>& blocks, double was);
+    // domain_devices.hpp
+    void link_devices(std::vector<std::vector<std::uint64_t>> keys);
+    void link_sums();
+    void open_devices();
+    void meet_hosts();
+    double largest_of_all(double x) const;
+    void run_together(std::int64_t& steps, bool& wall_over);
+    // domain_migrate_devices.hpp
+    bool sort_among_devices();
+    void rebalance_devices(const std::vector<std::uint32_t>& left);
+    void exchange_sums(Buffer<X, std::uint64_t>& keys,
+                       const std::vector<std::vector<std::uint64_t>>& after);
+    std::vector<detail::Emigrants<T>> exchange_emigrants(
+        std::vector<Buffer<X, std::uint32_t>>& cells, const Buffer<X, std::int32_t>& owner);
+    void admit_arrived(int number, const detail::Emigrants<T>& come, Buffer<X, std::uint32_t>& cell,
+                       const Buffer<X, std::int32_t>& map, const BlockTableView<D>& table,
+                       const std::vector<std::uint64_t>& keys);
     // domain_migrate.hpp
     bool anyone_stops(const std::vector<std::uint32_t>& left,
                       const std::vector<Buffer<X, std::uint32_t>>& cells);
@@ -323,12 +342,22 @@ private:
     std::map<std::string, double> timings_;
     std::int64_t sorts_ = 0, last_sort_ = 0, sort_interval_ = 0;
     std::unique_ptr<RankShare<D>> share_;  // null where this is the only rank
+
+    // Devices that share the scene.
+    std::unique_ptr<typename X::Meeting> meeting_;
+    Buffer<X, RankVote> votes_{exec_};  // of all ranks, by rank
+    Buffer<X, RankVote*> boxes_{exec_};
+    Buffer<X, std::int32_t> copies_{exec_};         // Copies::slot
+    Buffer<X, Copies<Sum>> copies_of_sums_{exec_};  // of both sets of sums
+    Buffer<X, std::uint8_t> counts_{exec_};         // RankShare::counts
 };
 
 }  // namespace mpm
 
+#include "mpm/solver/domain_devices.hpp"
 #include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_migrate.hpp"
+#include "mpm/solver/domain_migrate_devices.hpp"
 #include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_place.hpp"
 #include "mpm/solver/domain_ranks.hpp"

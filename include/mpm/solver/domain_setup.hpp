@@ -70,9 +70,8 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     gravity_ = upload_table(spec_.gravity, D);
 
     set_boundaries();
-    if constexpr (!X::is_device) {
-        if (share_) list_mirrors();
-    }
+    if (share_) list_mirrors();
+    if (share_) open_devices();
     set_supplies();
     place_particles(spec_);
     set_sensors();
@@ -81,9 +80,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
                         spec_.start.load_impulse);
     link_table();
     list_homes(find_homes());
-    if constexpr (!X::is_device) {
-        if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
-    }
+    if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {

@@ -36,7 +36,9 @@ void Domain<X, T, D>::list_measured() {
             exec_.for_each(slots,
                            TouchBoundaries<D>{table_, measured_boundaries_.data() + c, 1,
                                               surfaces_.data(), spec_.cell_size, flag.data()});
-            if constexpr (!X::is_device) {
+            if (share_ && X::is_device) {
+                exec_.for_each(slots, KeepCounted{counts_.data(), flag.data()});
+            } else if constexpr (!X::is_device) {
                 for (std::int64_t k = 0; k < slots; ++k)
                     if (!counts_slot(std::size_t(k))) flag.data()[k] = 0;
             }
@@ -106,6 +108,18 @@ template <class X, class T, int D>
 void Domain<X, T, D>::list_homes(const Homes& homes) {
     const std::int64_t slots = table_.slots;
     join_homes(homes, occupied_);
+    // Of each body on all ranks: what changes bits is decided by these.
+    std::vector<std::uint64_t> all_homes(homes.count.begin(), homes.count.end()), all_particles;
+    for (const Body& body : bodies_) all_particles.push_back(body.count);
+    const auto of_all = [&](std::vector<std::uint64_t>& numbers) {
+        if (!share_ || !X::is_device) return;
+        const auto told = share_->comm->all_gather(numbers);
+        std::fill(numbers.begin(), numbers.end(), 0);
+        for (const auto& theirs : told)
+            for (std::size_t b = 0; b < numbers.size(); ++b) numbers[b] += theirs.at(b);
+    };
+    of_all(all_homes);
+    of_all(all_particles);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::uint32_t count = homes.count[b];
@@ -113,8 +127,8 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
         body.lone_count = 0;
         body.home.reserve_discard(count);
         const bool sparse = body.ops.lone && plan_.fused && !plan_.keeps &&
-                            count >= least_of_sparse &&
-                            body.count < 4 * least_of_block * std::uint64_t(count);
+                            all_homes[b] >= least_of_sparse &&
+                            all_particles[b] < 4 * least_of_block * all_homes[b];
         if (X::is_device && sparse) {
             list_by_kind(body, homes.position[b]);
         } else {
@@ -128,8 +142,14 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
     }
     if constexpr (X::is_device) {
         std::uint64_t particles = 0;
-        for (const Body& body : bodies_) particles += body.count;
+        for (std::uint64_t n : all_particles) particles += n;
         clock_.stray_limit = X::stray_limit(particles);
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            all_homes[b] = std::uint64_t(bodies_[b].full_homes);
+        of_all(all_homes);
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            bodies_[b].all_full_homes = std::int32_t(
+                std::min<std::uint64_t>(all_homes[b], std::numeric_limits<std::int32_t>::max()));
     }
 }
 
@@ -314,12 +334,10 @@ void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
     }
     keys.reserve_discard(slots);
     exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
-    if constexpr (!X::is_device) {
-        if (share_ && !share_->mirrors.empty()) {
-            auto with_images = keys.host();
-            add_images<D>(table_.keys_of, share_->mirrors, with_images);
-            keys.assign(with_images);
-        }
+    if (share_ && !share_->mirrors.empty()) {
+        auto with_images = keys.host();
+        add_images<D>(table_.keys_of, share_->mirrors, with_images);
+        keys.assign(with_images);
     }
     // As large as this, it would weigh on the sort that follows.
     const bool heavy = all.bytes() > (std::size_t(16) << 20);
@@ -410,7 +428,9 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
 /// untouched.
 template <class X, class T, int D>
 bool Domain<X, T, D>::sort() {
-    if constexpr (!X::is_device) {
+    if constexpr (X::is_device) {
+        if (share_) return sort_among_devices();
+    } else {
         if (share_) return sort_among_ranks();
     }
     const double began = now();
