@@ -211,7 +211,25 @@ private:
     void rebalance(const std::vector<std::uint64_t>& load);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
     // domain_devices.hpp
-    void link_devices(std::vector<std::vector<std::uint64_t>> keys);
+    /// Particles of a body on their way to other ranks.
+    struct Emigrating {
+        Buffer<X, std::uint64_t> key;     // of the block they stand in
+        Buffer<X, std::uint32_t> in, id;  // the cell of it
+        Buffer<X, T> column;              // (columns, all): offsets from the old cell, states
+        std::vector<std::uint32_t> first, count;  // of each rank
+        std::uint32_t all = 0;
+        explicit Emigrating(X& x) : key(x), in(x), id(x), column(x) {}
+    };
+    /// The same, in the memory of the rank that they come from.
+    struct Coming {
+        const std::uint64_t* key;
+        const std::uint32_t *in, *id;
+        const T* column;
+        std::uint32_t first, count, all;
+    };
+    void link_table_of_ranks();
+    std::vector<HeldBlock> list_held(const Buffer<X, std::uint64_t>& keys, bool all);
+    void link_devices(std::vector<std::vector<HeldBlock>> held);
     void link_sums();
     void open_devices();
     void meet_hosts();
@@ -219,14 +237,14 @@ private:
     void run_together(std::int64_t& steps, bool& wall_over);
     // domain_migrate_devices.hpp
     bool sort_among_devices();
-    void rebalance_devices(const std::vector<std::uint32_t>& left);
-    void exchange_sums(Buffer<X, std::uint64_t>& keys,
-                       const std::vector<std::vector<std::uint64_t>>& after);
-    std::vector<detail::Emigrants<T>> exchange_emigrants(
-        std::vector<Buffer<X, std::uint32_t>>& cells, const Buffer<X, std::int32_t>& owner);
-    void admit_arrived(int number, const detail::Emigrants<T>& come, Buffer<X, std::uint32_t>& cell,
-                       const Buffer<X, std::int32_t>& map, const BlockTableView<D>& table,
-                       const std::vector<std::uint64_t>& keys);
+    bool rebalance_devices(const std::vector<std::uint32_t>& left);
+    Emigrating list_emigrants(const Body& body, Buffer<X, std::uint32_t>& cell,
+                              const Buffer<X, std::int32_t>& owner);
+    void adopt_table_of_devices(Buffer<X, std::uint64_t>& keys,
+                                const std::vector<std::vector<HeldBlock>>& before,
+                                const std::vector<std::vector<HeldBlock>>& after);
+    void admit_arrived(int number, const std::vector<Coming>& come, Buffer<X, std::uint32_t>& cell,
+                       const Buffer<X, std::int32_t>& map, const BlockTableView<D>& table);
     // domain_migrate.hpp
     bool anyone_stops(const std::vector<std::uint32_t>& left,
                       const std::vector<Buffer<X, std::uint32_t>>& cells);
@@ -349,6 +367,7 @@ private:
     Buffer<X, RankVote*> boxes_{exec_};
     Buffer<X, std::int32_t> copies_{exec_};         // Copies::slot
     Buffer<X, Copies<Sum>> copies_of_sums_{exec_};  // of both sets of sums
+    std::vector<std::array<Sum*, 2>> sums_of_;      // of each rank
     Buffer<X, std::uint8_t> counts_{exec_};         // RankShare::counts
 };
 

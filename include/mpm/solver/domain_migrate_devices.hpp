@@ -1,6 +1,6 @@
 // Domain: the sort of one rank of several on devices. Particles go to the rank that owns the block
-// they are in now; those who go travel by way of the host, those who stay do not leave the device.
-// Within a cell the order is that of the ids, whoever they come from.
+// they are in now: who goes is listed where it was, and the rank that it goes to fetches it. Within
+// a cell the order is that of the ids, whoever they come from.
 #pragma once
 
 #include "mpm/solver/domain.hpp"
@@ -8,18 +8,13 @@
 
 namespace mpm {
 
-/// Which rank owns each block of a table.
 template <int D>
 struct FindOwners {
     BlockTableView<D> table;
-    int axis, bits, cuts;
-    std::uint64_t cut[most_devices];  // where each rank but the first begins
+    RowCuts<D> cuts;
     std::int32_t* owner;
     MPM_INLINE void operator()(std::int64_t slot) const {
-        const std::uint64_t place = place_in_row(table.keys_of, table.keys[slot], axis, bits);
-        int r = 0;
-        while (r < cuts && cut[r] <= place) ++r;
-        owner[slot] = r;
+        owner[slot] = cuts.owner(table.keys_of, table.keys[slot]);
     }
 };
 
@@ -51,10 +46,12 @@ template <class X>
 struct ListEmigrants {
     std::uint32_t* cell;
     const std::int32_t* owner;
+    const std::uint64_t* keys;
     std::int32_t me;
-    std::uint32_t* next;  // (ranks,)
-    std::uint32_t* place;
-    std::uint32_t* to;  // the cell it stands in
+    std::uint32_t* next;   // (ranks,)
+    std::uint32_t* place;  // where it is stored
+    std::uint64_t* key;    // of the block it stands in
+    std::uint32_t* in;     // the cell of that
     MPM_INLINE void operator()(std::int64_t p) const {
         const std::uint32_t c = cell[p];
         if (c == ~0u) return;
@@ -62,18 +59,24 @@ struct ListEmigrants {
         if (r == me) return;
         const std::uint32_t k = X::fetch_add(next + r, 1);
         place[k] = std::uint32_t(p);
-        to[k] = c;
+        key[k] = keys[c / block_cells];
+        in[k] = c % block_cells;
         cell[p] = ~0u;
     }
 };
-struct KeysOfCells {
+/// Cells of those who have come, in the new table.
+struct CellsOfArrived {
     const std::uint64_t* keys;
-    const std::uint32_t* cell;
-    std::uint64_t* out;
-    MPM_INLINE void operator()(std::int64_t k) const { out[k] = keys[cell[k] / block_cells]; }
+    std::int32_t slots;
+    const std::uint64_t* key;
+    const std::uint32_t* in;
+    std::uint32_t* cell;
+    MPM_INLINE void operator()(std::int64_t k) const {
+        cell[k] = std::uint32_t(find_key(keys, slots, key[k])) * block_cells + in[k];
+    }
 };
 
-/// Sums of chosen blocks into one piece, and back.
+/// Sums of chosen blocks, which may be another device's, into one piece, and from it into a table.
 template <class Sum>
 struct PackBlocks {
     const Sum* sums;
@@ -105,8 +108,9 @@ struct AddLoad {
 };
 
 /// As `rebalance`, by where particles were at the last sort: that costs nothing where all is even.
+/// Whether there are new cuts.
 template <class X, class T, int D>
-void Domain<X, T, D>::rebalance_devices(const std::vector<std::uint32_t>& left) {
+bool Domain<X, T, D>::rebalance_devices(const std::vector<std::uint32_t>& left) {
     RankShare<D>& s = *share_;
     std::uint64_t own = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b)
@@ -115,161 +119,114 @@ void Domain<X, T, D>::rebalance_devices(const std::vector<std::uint32_t>& left) 
     for (const auto& theirs : s.comm->all_gather(std::vector<std::uint64_t>{own}))
         s.loads.push_back(theirs.at(0));
     const double was = imbalance(s.loads);
-    if (was <= s.rebalance_above) return;
+    if (was <= s.rebalance_above) return false;
     Buffer<X, std::uint32_t> load(exec_);
     load.reserve_discard(std::size_t(table_.slots));
     load.zero();
     for (const Body& body : bodies_)
         exec_.for_each(table_.slots, AddLoad{body.cell_start.data(), load.data()});
     const auto loads = load.host();
-    const auto& keys = s.keys[std::size_t(s.rank())];
+    const auto keys = keys_.host();
     std::vector<BlockWeight> blocks;
     for (std::size_t k = 0; k < loads.size(); ++k)
         if (loads[k] > 0) blocks.push_back({keys[k], loads[k] + weight_of_block});
+    const auto before = s.partition.cuts();
     deal_anew(blocks, was);
+    return s.partition.cuts() != before;
 }
 
-/// Those of others out, and in. In `cells` they are as particles that have left.
+/// Particles of a body that go to other ranks, which fetch them: in lists on this device, by rank.
+/// In `cell` they are from here on as those who have left.
 template <class X, class T, int D>
-std::vector<detail::Emigrants<T>> Domain<X, T, D>::exchange_emigrants(
-    std::vector<Buffer<X, std::uint32_t>>& cells, const Buffer<X, std::int32_t>& owner) {
+typename Domain<X, T, D>::Emigrating Domain<X, T, D>::list_emigrants(
+    const Body& body, Buffer<X, std::uint32_t>& cell, const Buffer<X, std::int32_t>& owner) {
     RankShare<D>& s = *share_;
-    const int me = s.rank();
-    const std::size_t ranks = std::size_t(s.ranks()), bodies = bodies_.size();
-    Buffer<X, std::uint32_t> counts(exec_);
-    counts.assign(std::vector<std::uint32_t>(ranks * bodies, 0));
-    for (std::size_t b = 0; b < bodies; ++b) {
-        exec_.for_each(bodies_[b].count, CountEmigrants<X>{cells[b].data(), owner.data(), me,
-                                                           counts.data() + b * ranks});
+    const std::size_t ranks = std::size_t(s.ranks());
+    Emigrating go(exec_);
+    Buffer<X, std::uint32_t> next(exec_), place(exec_);
+    next.assign(std::vector<std::uint32_t>(ranks, 0));
+    exec_.for_each(body.count, CountEmigrants<X>{cell.data(), owner.data(), s.rank(), next.data()});
+    go.count = next.host();
+    for (std::uint32_t n : go.count) {
+        go.first.push_back(go.all);
+        go.all += n;
     }
-    const auto counted = counts.host();
-    std::vector<Packer> packers(ranks);
-    for (std::size_t b = 0; b < bodies; ++b) {
-        const Body& body = bodies_[b];
-        std::vector<std::uint32_t> first(ranks + 1, 0);
-        for (std::size_t r = 0; r < ranks; ++r) first[r + 1] = first[r] + counted[b * ranks + r];
-        const std::size_t all = first[ranks];
-        std::vector<std::uint64_t> key(all);
-        std::vector<std::uint32_t> to(all), id(all);
-        std::vector<std::vector<T>> columns;
-        if (all > 0) {
-            Buffer<X, std::uint32_t> next(exec_), place(exec_), cell(exec_), number(exec_);
-            Buffer<X, std::uint64_t> keys(exec_);
-            Buffer<X, T> row(exec_);
-            next.assign(std::vector<std::uint32_t>(first.begin(), first.end() - 1));
-            for (auto* list : {&place, &cell, &number}) list->reserve_discard(all);
-            keys.reserve_discard(all);
-            row.reserve_discard(all);
-            exec_.for_each(body.count, ListEmigrants<X>{cells[b].data(), owner.data(), me,
-                                                        next.data(), place.data(), cell.data()});
-            const std::int64_t n = std::int64_t(all);
-            exec_.for_each(n, KeysOfCells{table_.keys, cell.data(), keys.data()});
-            exec_.for_each(n, Take<std::uint32_t>{place.data(), body.id.data(), number.data()});
-            key = keys.host();
-            to = cell.host();
-            id = number.host();
-            const auto take = [&](const Buffer<X, T>& column) {
-                exec_.for_each(n, Take<T>{place.data(), column.data(), row.data()});
-                columns.push_back(row.host());
-            };
-            for (const auto& column : body.offset) take(column);
-            for (const auto& column : body.state) take(column);
-            s.migrated += all;
-        } else {
-            columns.resize(body.offset.size() + body.state.size());
-        }
-        for (std::size_t r = 0; r < ranks; ++r) {
-            if (int(r) == me) continue;
-            detail::Emigrants<T> go;
-            const auto part = [&](const auto& list) {
-                return std::decay_t<decltype(list)>(list.begin() + first[r],
-                                                    list.begin() + first[r + 1]);
-            };
-            go.to = part(key);
-            go.cell = part(to);
-            for (std::uint32_t& c : go.cell) c %= block_cells;
-            go.id = part(id);
-            for (const auto& column : columns) go.column.push_back(part(column));
-            go.pack(packers[r]);
-        }
-    }
-    std::vector<Bytes> out;
-    for (Packer& packer : packers) out.push_back(packer.take());
-    const auto in = s.comm->exchange(std::move(out), s.comm->others());
-    std::vector<detail::Emigrants<T>> come(bodies);
-    for (int r : s.comm->others()) {
-        Unpacker unpacker(in[std::size_t(r)]);
-        for (std::size_t b = 0; b < bodies; ++b)
-            come[b].unpack(unpacker, bodies_[b].offset.size() + bodies_[b].state.size());
-    }
-    return come;
+    if (go.all == 0) return go;
+    const std::size_t columns = body.offset.size() + body.state.size();
+    next.assign(go.first);
+    for (auto* list : {&place, &go.in, &go.id}) list->reserve_discard(go.all);
+    go.key.reserve_discard(go.all);
+    go.column.reserve_discard(go.all * columns);
+    exec_.for_each(body.count,
+                   ListEmigrants<X>{cell.data(), owner.data(), table_.keys, s.rank(), next.data(),
+                                    place.data(), go.key.data(), go.in.data()});
+    const std::int64_t n = std::int64_t(go.all);
+    exec_.for_each(n, Take<std::uint32_t>{place.data(), body.id.data(), go.id.data()});
+    T* to = go.column.data();
+    const auto take = [&](const Buffer<X, T>& column) {
+        exec_.for_each(n, Take<T>{place.data(), column.data(), to});
+        to += n;
+    };
+    for (const auto& column : body.offset) take(column);
+    for (const auto& column : body.state) take(column);
+    s.migrated += go.all;
+    return go;
 }
 
-/// The present table's sums into the new one, `keys`, with those of blocks that only others held.
+/// Sums of blocks that are new to this rank's table, from the first who held them: whoever holds a
+/// block has all of its sums. `before`, `after`: what ranks held, and hold in their new tables.
 template <class X, class T, int D>
-void Domain<X, T, D>::exchange_sums(Buffer<X, std::uint64_t>& keys,
-                                    const std::vector<std::vector<std::uint64_t>>& after) {
+void Domain<X, T, D>::adopt_table_of_devices(Buffer<X, std::uint64_t>& keys,
+                                             const std::vector<std::vector<HeldBlock>>& before,
+                                             const std::vector<std::vector<HeldBlock>>& after) {
     const RankShare<D>& s = *share_;
     const int me = s.rank(), ranks = s.ranks();
     const std::int64_t block = std::int64_t(plan_.sum_channels) * block_cells;
-    // Blocks of a rank's new table that it did not hold, and of these those whose sums one rank
-    // hands on: whoever holds a block has all of them, and the first who does tells.
-    const auto told_by = [&](int r, int by) {
-        std::vector<std::uint64_t> fresh, told;
-        std::set_difference(after[std::size_t(r)].begin(), after[std::size_t(r)].end(),
-                            s.keys[std::size_t(r)].begin(), s.keys[std::size_t(r)].end(),
-                            std::back_inserter(fresh));
-        for (std::uint64_t key : fresh) {
-            for (int p = 0; p < ranks; ++p) {
-                if (!detail::holds(s.keys[std::size_t(p)], key)) continue;
-                if (p == by) told.push_back(key);
-                break;
-            }
+    const auto find = [&](int r, std::uint64_t key) -> const HeldBlock* {
+        const auto& list = before[std::size_t(r)];
+        const auto at =
+            std::lower_bound(list.begin(), list.end(), key,
+                             [](const HeldBlock& block, std::uint64_t k) { return block.key < k; });
+        return at != list.end() && at->key == key ? &*at : nullptr;
+    };
+    std::vector<std::vector<std::int32_t>> from(std::size_t(ranks), std::vector<std::int32_t>{});
+    auto to = from;
+    for (const HeldBlock& block : after[std::size_t(me)]) {
+        if (find(me, block.key)) continue;
+        for (int r = 0; r < ranks; ++r) {
+            const HeldBlock* theirs = find(r, block.key);
+            if (!theirs) continue;
+            from[std::size_t(r)].push_back(theirs->slot);
+            to[std::size_t(r)].push_back(block.slot);
+            break;
         }
-        return told;
-    };
-    const auto slots_of = [](const std::vector<std::uint64_t>& some,
-                             const std::vector<std::uint64_t>& all) {
-        std::vector<std::int32_t> slots;
-        for (std::uint64_t key : some)
-            slots.push_back(
-                std::int32_t(std::lower_bound(all.begin(), all.end(), key) - all.begin()));
-        return slots;
-    };
-    std::vector<Bytes> out(std::size_t(ranks), Bytes{});
-    for (int r : s.comm->others()) {
-        const auto told = told_by(r, me);
-        if (told.empty()) continue;
-        Buffer<X, std::int32_t> slots(exec_);
-        Buffer<X, Sum> piece(exec_);
-        slots.assign(slots_of(told, s.keys[std::size_t(me)]));
-        const std::int64_t n = std::int64_t(told.size()) * block;
-        piece.reserve_discard(std::size_t(n));
-        exec_.for_each(n,
-                       PackBlocks<Sum>{sums_[parity()].data(), slots.data(), block, piece.data()});
-        Bytes& bytes = out[std::size_t(r)];
-        bytes.resize(std::size_t(n) * sizeof(Sum));
-        exec_.download(bytes.data(), piece.data(), bytes.size());
     }
-    const auto in = s.comm->exchange(std::move(out), s.comm->others());
+    struct Piece {
+        Buffer<X, std::int32_t> slot;
+        Buffer<X, Sum> sums;
+        std::int64_t size;
+        int rank;
+    };
+    std::vector<Piece> pieces;
+    for (int r : s.comm->others()) {
+        const auto& slots = from[std::size_t(r)];
+        if (slots.empty()) continue;
+        pieces.push_back({Buffer<X, std::int32_t>(exec_), Buffer<X, Sum>(exec_),
+                          std::int64_t(slots.size()) * block, r});
+        Piece& p = pieces.back();
+        p.slot.assign(slots);
+        p.sums.reserve_discard(std::size_t(p.size));
+        exec_.for_each(p.size, PackBlocks<Sum>{sums_of_[std::size_t(r)][std::size_t(parity())],
+                                               p.slot.data(), block, p.sums.data()});
+    }
+    meet_hosts();  // theirs may go from here on
     adopt_table(keys);
-    for (int r : s.comm->others()) {
-        const auto told = told_by(me, r);
-        const Bytes& bytes = in[std::size_t(r)];
-        const std::int64_t n = std::int64_t(told.size()) * block;
-        if (bytes.size() != std::size_t(n) * sizeof(Sum))
-            throw Error("sums of " + std::to_string(told.size()) + " blocks were due from rank " +
-                        std::to_string(r) + " and " + std::to_string(bytes.size()) +
-                        " bytes have come");
-        if (told.empty()) continue;
-        Buffer<X, std::int32_t> slots(exec_);
-        Buffer<X, Sum> piece(exec_);
-        slots.assign(slots_of(told, after[std::size_t(me)]));
-        piece.reserve_discard(std::size_t(n));
-        exec_.upload(piece.data(), bytes.data(), bytes.size());
+    for (Piece& p : pieces) {
+        p.slot.assign(to[std::size_t(p.rank)]);
         exec_.for_each(
-            n, UnpackBlocks<Sum>{sums_[parity()].data(), slots.data(), block, piece.data()});
+            p.size, UnpackBlocks<Sum>{sums_[parity()].data(), p.slot.data(), block, p.sums.data()});
     }
+    exec_.wait();
 }
 
 template <class X, class T, int D>
@@ -298,40 +255,73 @@ bool Domain<X, T, D>::sort_among_devices() {
     if (anyone_stops(left, cells)) return false;
     remove_left(left, cells);
 
-    rebalance_devices(left);
+    const auto& comm = s.comm;
+    const bool dealt = rebalance_devices(left);
+    // Only what lies beside a cut concerns others, as long as the cuts stay.
+    const auto before = dealt ? comm->all_gather(list_held(keys_, true)) : s.held;
     Buffer<X, std::int32_t> owner(exec_);
     owner.reserve_discard(std::size_t(slots));
-    FindOwners<D> owners{
-        table_, s.partition.axis(), s.partition.bits(), int(s.partition.cuts().size()),
-        {},     owner.data()};
-    std::copy(s.partition.cuts().begin(), s.partition.cuts().end(), owners.cut);
-    exec_.for_each(slots, owners);
+    exec_.for_each(slots, FindOwners<D>{table_, RowCuts<D>(s.partition), owner.data()});
     exec_.for_each(slots, KeepOwned{owner.data(), me, occupied.data()});
-    const auto come = exchange_emigrants(cells, owner);
+    std::vector<Emigrating> go;
+    for (std::size_t b = 0; b < bodies; ++b)
+        go.push_back(list_emigrants(bodies_[b], cells[b], owner));
+
+    // Who comes: where their lists are.
+    exec_.wait();
+    std::vector<Bytes> out(std::size_t(s.ranks()));
+    for (int r : comm->others()) {
+        std::vector<Coming> told;
+        for (std::size_t b = 0; b < bodies; ++b)
+            told.push_back({go[b].key.data(), go[b].in.data(), go[b].id.data(), go[b].column.data(),
+                            go[b].first[std::size_t(r)], go[b].count[std::size_t(r)], go[b].all});
+        Packer packer;
+        packer.put(told);
+        out[std::size_t(r)] = packer.take();
+    }
+    const auto in = comm->exchange(std::move(out), comm->others());
+    std::vector<std::vector<Coming>> come(bodies);
+    std::uint64_t all = 0;
+    for (int r : comm->others()) {
+        Unpacker unpacker(in[std::size_t(r)]);
+        const auto told = unpacker.list<Coming>();
+        for (std::size_t b = 0; b < bodies; ++b) {
+            if (told.at(b).count > 0) come[b].push_back(told[b]);
+            all += told[b].count;
+        }
+    }
 
     // The table of the blocks that this rank now has particles in.
-    std::vector<std::uint64_t> more;
-    for (const auto& c : come) more.insert(more.end(), c.to.begin(), c.to.end());
-    keep_own_arrivals(more);
-    std::sort(more.begin(), more.end());
-    more.erase(std::unique(more.begin(), more.end()), more.end());
-    Buffer<X, std::uint64_t> more_keys(exec_), keys(exec_);
+    std::vector<std::uint64_t> supplied;
+    keep_own_arrivals(supplied);
+    Buffer<X, std::uint64_t> more(exec_), keys(exec_);
     Buffer<X, std::int32_t> map(exec_);
-    more_keys.assign(more);
-    rebuild_table(occupied, more_keys, keys, map);
-    auto after = s.comm->all_gather(keys.host());
+    more.reserve_discard(all + supplied.size());
+    if (!supplied.empty())
+        exec_.upload(more.data() + all, supplied.data(), supplied.size() * sizeof supplied[0]);
+    std::uint64_t at = 0;
+    for (const auto& of_body : come) {
+        for (const Coming& c : of_body) {
+            exec_.copy(more.data() + at, c.key + c.first, c.count * sizeof(std::uint64_t));
+            at += c.count;
+        }
+    }
+    more.shrink(std::size_t(
+        exec_.sort_unique(more.data(), std::int64_t(more.size()), table_.keys_of.bits())));
+    rebuild_table(occupied, more, keys, map);
     BlockTableView<D> table = table_;
     table.keys = keys.data();
     table.slots = std::int32_t(keys.size());
+    const auto after = comm->all_gather(list_held(keys, dealt));
     for (std::size_t b = 0; b < bodies; ++b) {
-        admit_arrived(int(b), come[b], cells[b], map, table, after[std::size_t(me)]);
+        admit_arrived(int(b), come[b], cells[b], map, table);
         cells[b] = Buffer<X, std::uint32_t>(exec_);
     }
-    exchange_sums(keys, after);
+    adopt_table_of_devices(keys, before, after);
     list_homes(find_homes());
-    link_ranks(std::move(after));
+    link_devices(dealt ? comm->all_gather(list_held(keys_, false)) : after);
     link_sums();
-    meet_hosts();
+    meet_hosts();  // nobody reads our lists any more
     clock_.drift = 0;
     clock_.strays = 0;
     ++sorts_;
@@ -341,52 +331,53 @@ bool Domain<X, T, D>::sort_among_devices() {
     return true;
 }
 
-/// Particles that stay, those that came from other ranks and those of inlets, into the order of the
+/// Particles that stay, those that come from other ranks and those of inlets, into the order of the
 /// cells of the new table.
 template <class X, class T, int D>
-void Domain<X, T, D>::admit_arrived(int number, const detail::Emigrants<T>& come,
+void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come,
                                     Buffer<X, std::uint32_t>& cell,
                                     const Buffer<X, std::int32_t>& map,
-                                    const BlockTableView<D>& table,
-                                    const std::vector<std::uint64_t>& keys) {
+                                    const BlockTableView<D>& table) {
     Body& body = bodies_[std::size_t(number)];
-    const std::uint32_t before = body.count, more = std::uint32_t(come.id.size());
+    const std::uint32_t before = body.count, supplied = arriving(std::size_t(number));
     const std::int64_t range = std::int64_t(table.slots) * block_cells;
     exec_.for_each(before, RenumberCells{cell.data(), map.data(), std::uint32_t(range)});
-    const std::uint32_t supplied = arriving(std::size_t(number));
-    const std::size_t rows = std::size_t(before) + more + supplied;
-    if (rows + column_padding >= (std::size_t(1) << 32) - 256)
+    std::size_t rows = std::size_t(before) + supplied;
+    for (const Coming& c : come) rows += c.count;
+    if (rows >= (std::size_t(1) << 32) - 256)
         throw CapacityError("body '" + body.plan.name +
-                            "' has more than 4294967039 particles on "
-                            "one rank; split it into several bodies");
+                            "' has more than 4294967039 particles on one rank; split it into "
+                            "several bodies");
     if (rows > before) {
-        Buffer<X, std::uint32_t> larger(exec_);
-        larger.reserve_discard(rows + column_padding);
-        larger.shrink(rows);
-        exec_.copy(larger.data(), cell.data(), before * sizeof(std::uint32_t));
-        cell.swap(larger);
-        const auto append = [&]<class E>(Buffer<X, E>& column, const std::vector<E>& tail) {
-            const std::size_t needed = rows + column_padding;
-            if (needed > column.size()) {
-                Buffer<X, E> wider(exec_);
-                wider.reserve_discard(needed + needed / 32);
-                exec_.copy(wider.data(), column.data(), before * sizeof(E));
-                column.swap(wider);
-            }
-            if (more > 0) exec_.upload(column.data() + before, tail.data(), more * sizeof(E));
+        const std::size_t needed = rows + column_padding;
+        const auto widen = [&]<class E>(Buffer<X, E>& column, std::size_t room) {
+            if (needed <= column.size()) return;
+            Buffer<X, E> wider(exec_);
+            wider.reserve_discard(room);
+            exec_.copy(wider.data(), column.data(), before * sizeof(E));
+            column.swap(wider);
         };
-        std::size_t c = 0;
-        for (auto& column : body.offset) append(column, come.column[c++]);
-        for (auto& column : body.state) append(column, come.column[c++]);
-        append(body.id, come.id);
-        if constexpr (X::is_device) body.cell.reserve_discard(body.id.size());
-        std::vector<std::uint32_t> to(more);
-        for (std::uint32_t k = 0; k < more; ++k) {
-            const auto slot = std::lower_bound(keys.begin(), keys.end(), come.to[k]) - keys.begin();
-            to[k] = std::uint32_t(slot) * block_cells + come.cell[k];
+        widen(cell, needed);
+        cell.shrink(rows);
+        const std::size_t room = needed + needed / 32;
+        for (auto& column : body.offset) widen(column, room);
+        for (auto& column : body.state) widen(column, room);
+        widen(body.id, room);
+        body.cell.reserve_discard(body.id.size());
+        for (const Coming& c : come) {
+            const std::uint32_t to = body.count;
+            exec_.for_each(c.count, CellsOfArrived{table.keys, table.slots, c.key + c.first,
+                                                   c.in + c.first, cell.data() + to});
+            exec_.copy(body.id.data() + to, c.id + c.first, c.count * sizeof(std::uint32_t));
+            const T* from = c.column + c.first;
+            const auto take = [&](Buffer<X, T>& column) {
+                exec_.copy(column.data() + to, from, c.count * sizeof(T));
+                from += c.all;
+            };
+            for (auto& column : body.offset) take(column);
+            for (auto& column : body.state) take(column);
+            body.count += c.count;
         }
-        if (more > 0) exec_.upload(cell.data() + before, to.data(), more * sizeof to[0]);
-        body.count = before + more;
         if (supplied > 0) append_arrivals(number, cell, table);
     }
     body.cell_start.reserve_discard(std::size_t(range) + 2);

@@ -30,120 +30,114 @@ void Domain<X, T, D>::list_mirrors() {
 /// Who holds what of the present table, and with it where sums go. `keys`: of everyone's table.
 template <class X, class T, int D>
 void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
-    if constexpr (X::is_device) {
-        link_devices(std::move(keys));
-    } else {
-        RankShare<D>& s = *share_;
-        s.keys = std::move(keys);
-        const int me = s.rank(), ranks = s.ranks();
-        const std::size_t slots = std::size_t(table_.slots);
-        std::vector<std::vector<std::int32_t>> common(
-            s.keys.size());  // the same blocks on both sides
-        std::vector<std::uint8_t> is_shared(slots, 0);
-        s.counts.assign(slots, 1);
-        s.peers.clear();
-        for (int r = 0; r < ranks; ++r) {
-            if (r == me) continue;
-            auto& list = common[std::size_t(r)];
-            const auto& theirs = s.keys[std::size_t(r)];
-            std::size_t k = 0;
-            for (std::size_t slot = 0; slot < slots; ++slot) {
-                while (k < theirs.size() && theirs[k] < table_.keys[slot]) ++k;
-                if (k == theirs.size()) break;
-                if (theirs[k] != table_.keys[slot]) continue;
-                list.push_back(std::int32_t(slot));
-                is_shared[slot] = 1;
-                if (r < me) s.counts[slot] = 0;
-            }
-            if (!list.empty()) s.peers.push_back(r);
+    RankShare<D>& s = *share_;
+    s.keys = std::move(keys);
+    const int me = s.rank(), ranks = s.ranks();
+    const std::size_t slots = std::size_t(table_.slots);
+    std::vector<std::vector<std::int32_t>> common(s.keys.size());  // the same blocks on both sides
+    std::vector<std::uint8_t> is_shared(slots, 0);
+    s.counts.assign(slots, 1);
+    s.peers.clear();
+    for (int r = 0; r < ranks; ++r) {
+        if (r == me) continue;
+        auto& list = common[std::size_t(r)];
+        const auto& theirs = s.keys[std::size_t(r)];
+        std::size_t k = 0;
+        for (std::size_t slot = 0; slot < slots; ++slot) {
+            while (k < theirs.size() && theirs[k] < table_.keys[slot]) ++k;
+            if (k == theirs.size()) break;
+            if (theirs[k] != table_.keys[slot]) continue;
+            list.push_back(std::int32_t(slot));
+            is_shared[slot] = 1;
+            if (r < me) s.counts[slot] = 0;
         }
-        counts_.assign(s.counts);
-        s.shared.clear();
-        for (std::size_t slot = 0; slot < slots; ++slot)
-            if (is_shared[slot]) s.shared.push_back(std::int32_t(slot));
-
-        // A slot behind the table for all blocks of one body and colour that add to a shared block.
-        using Staged = typename RankShare<D>::Staged;
-        s.parts.clear();
-        s.staged = 0;
-        s.destinations.assign(bodies_.size(), {});
-        std::vector<std::int32_t> stage(slots, -1);
-        for (std::size_t b = 0; b < bodies_.size(); ++b) {
-            const Body& body = bodies_[b];
-            auto& to = s.destinations[b];
-            to.assign(neighbours_.data(), neighbours_.data() + slots * Block<D>::neighbours);
-            for (std::size_t colour = 0; colour + 1 < body.colour_start.size(); ++colour) {
-                const std::size_t first = s.parts.size();
-                for (std::int32_t k = body.colour_start[colour]; k < body.colour_start[colour + 1];
-                     ++k) {
-                    std::int32_t* row =
-                        to.data() + std::size_t(body.coloured.data()[k]) * Block<D>::neighbours;
-                    for (int side = 0; side < Block<D>::neighbours; ++side) {
-                        const std::int32_t slot = row[side];
-                        if (slot < 0 || !is_shared[std::size_t(slot)]) continue;
-                        std::int32_t& at = stage[std::size_t(slot)];
-                        if (at < 0) {
-                            at = table_.slots + s.staged++;
-                            s.parts.push_back(
-                                {slot, std::int32_t(b), std::int32_t(colour), me, at});
-                        }
-                        row[side] = at;
-                    }
-                }
-                for (std::size_t k = first; k < s.parts.size(); ++k)
-                    stage[std::size_t(s.parts[k].slot)] = -1;
-            }
-        }
-
-        // Everyone learns what the messages of each step will hold.
-        s.send.assign(s.keys.size(), {});
-        std::vector<Bytes> out(s.keys.size());
-        const std::size_t own = s.parts.size();
-        for (int r : s.peers) {
-            const auto& list = common[std::size_t(r)];
-            std::vector<Staged> told;
-            for (std::size_t k = 0; k < own; ++k) {
-                const Staged& part = s.parts[k];
-                const auto found = std::lower_bound(list.begin(), list.end(), part.slot);
-                if (found == list.end() || *found != part.slot) continue;
-                told.push_back({std::int32_t(found - list.begin()), part.body, part.colour, me,
-                                std::int32_t(told.size())});
-                s.send[std::size_t(r)].push_back(part.at);
-            }
-            Packer packer;
-            packer.put(told);
-            out[std::size_t(r)] = packer.take();
-        }
-        const auto in = s.comm->exchange(std::move(out), s.peers);
-        for (int r : s.peers) {
-            Unpacker unpacker(in[std::size_t(r)]);
-            for (Staged part : unpacker.list<Staged>()) {
-                part.slot = common[std::size_t(r)].at(std::size_t(part.slot));
-                s.parts.push_back(part);
-            }
-        }
-        std::sort(s.parts.begin(), s.parts.end(), [](const Staged& a, const Staged& b) {
-            return std::tie(a.slot, a.body, a.colour, a.rank) <
-                   std::tie(b.slot, b.body, b.colour, b.rank);
-        });
-        s.first_part.assign(s.shared.size() + 1, s.parts.size());
-        for (std::size_t k = 0, part = 0; k < s.shared.size(); ++k) {
-            s.first_part[k] = part;
-            while (part < s.parts.size() && s.parts[part].slot == s.shared[k]) ++part;
-        }
-
-        const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
-        for (auto& sums : sums_) {
-            const std::size_t before = std::min(sums.size(), slots * block),
-                              size = (slots + std::size_t(s.staged)) * block;
-            Buffer<X, Sum> larger(exec_);
-            larger.reserve_discard(size);
-            exec_.copy(larger.data(), sums.data(), before * sizeof(Sum));
-            exec_.zero(larger.data() + before, (size - before) * sizeof(Sum));
-            sums.swap(larger);
-        }
-        if (load_count_ > 0) list_measured();
+        if (!list.empty()) s.peers.push_back(r);
     }
+    counts_.assign(s.counts);
+    s.shared.clear();
+    for (std::size_t slot = 0; slot < slots; ++slot)
+        if (is_shared[slot]) s.shared.push_back(std::int32_t(slot));
+
+    // A slot behind the table for all blocks of one body and colour that add to a shared block.
+    using Staged = typename RankShare<D>::Staged;
+    s.parts.clear();
+    s.staged = 0;
+    s.destinations.assign(bodies_.size(), {});
+    std::vector<std::int32_t> stage(slots, -1);
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        const Body& body = bodies_[b];
+        auto& to = s.destinations[b];
+        to.assign(neighbours_.data(), neighbours_.data() + slots * Block<D>::neighbours);
+        for (std::size_t colour = 0; colour + 1 < body.colour_start.size(); ++colour) {
+            const std::size_t first = s.parts.size();
+            for (std::int32_t k = body.colour_start[colour]; k < body.colour_start[colour + 1];
+                 ++k) {
+                std::int32_t* row =
+                    to.data() + std::size_t(body.coloured.data()[k]) * Block<D>::neighbours;
+                for (int side = 0; side < Block<D>::neighbours; ++side) {
+                    const std::int32_t slot = row[side];
+                    if (slot < 0 || !is_shared[std::size_t(slot)]) continue;
+                    std::int32_t& at = stage[std::size_t(slot)];
+                    if (at < 0) {
+                        at = table_.slots + s.staged++;
+                        s.parts.push_back({slot, std::int32_t(b), std::int32_t(colour), me, at});
+                    }
+                    row[side] = at;
+                }
+            }
+            for (std::size_t k = first; k < s.parts.size(); ++k)
+                stage[std::size_t(s.parts[k].slot)] = -1;
+        }
+    }
+
+    // Everyone learns what the messages of each step will hold.
+    s.send.assign(s.keys.size(), {});
+    std::vector<Bytes> out(s.keys.size());
+    const std::size_t own = s.parts.size();
+    for (int r : s.peers) {
+        const auto& list = common[std::size_t(r)];
+        std::vector<Staged> told;
+        for (std::size_t k = 0; k < own; ++k) {
+            const Staged& part = s.parts[k];
+            const auto found = std::lower_bound(list.begin(), list.end(), part.slot);
+            if (found == list.end() || *found != part.slot) continue;
+            told.push_back({std::int32_t(found - list.begin()), part.body, part.colour, me,
+                            std::int32_t(told.size())});
+            s.send[std::size_t(r)].push_back(part.at);
+        }
+        Packer packer;
+        packer.put(told);
+        out[std::size_t(r)] = packer.take();
+    }
+    const auto in = s.comm->exchange(std::move(out), s.peers);
+    for (int r : s.peers) {
+        Unpacker unpacker(in[std::size_t(r)]);
+        for (Staged part : unpacker.list<Staged>()) {
+            part.slot = common[std::size_t(r)].at(std::size_t(part.slot));
+            s.parts.push_back(part);
+        }
+    }
+    std::sort(s.parts.begin(), s.parts.end(), [](const Staged& a, const Staged& b) {
+        return std::tie(a.slot, a.body, a.colour, a.rank) <
+               std::tie(b.slot, b.body, b.colour, b.rank);
+    });
+    s.first_part.assign(s.shared.size() + 1, s.parts.size());
+    for (std::size_t k = 0, part = 0; k < s.shared.size(); ++k) {
+        s.first_part[k] = part;
+        while (part < s.parts.size() && s.parts[part].slot == s.shared[k]) ++part;
+    }
+
+    const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
+    for (auto& sums : sums_) {
+        const std::size_t before = std::min(sums.size(), slots * block),
+                          size = (slots + std::size_t(s.staged)) * block;
+        Buffer<X, Sum> larger(exec_);
+        larger.reserve_discard(size);
+        exec_.copy(larger.data(), sums.data(), before * sizeof(Sum));
+        exec_.zero(larger.data() + before, (size - before) * sizeof(Sum));
+        sums.swap(larger);
+    }
+    if (load_count_ > 0) list_measured();
 }
 
 /// What ranks have staged comes to all who hold the block, and everyone adds it up in the same
@@ -290,7 +284,7 @@ void Domain<X, T, D>::deal_anew(const std::vector<BlockWeight>& blocks, double w
     const auto before = s.partition.cuts();
     s.partition.cut(all, s.ranks());
     if (s.partition.cuts() == before) return;
-    std::vector<std::uint64_t> loads(s.keys.size(), 0);
+    std::vector<std::uint64_t> loads(std::size_t(s.ranks()), 0);
     for (const BlockWeight& b : all) loads[std::size_t(s.partition.owner(b.key))] += b.weight;
     // Few blocks are never even: cuts that are hardly better are not worth the way. Those who want
     // new ones at any price have them.

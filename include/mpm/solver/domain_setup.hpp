@@ -80,7 +80,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
                         spec_.start.load_impulse);
     link_table();
     list_homes(find_homes());
-    if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
+    if (share_) link_table_of_ranks();
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {

@@ -182,7 +182,7 @@ void Domain<X, T, D>::load(const State& whole) {
     clock_.halt = Halt::none;
     link_table();
     list_homes(find_homes());
-    if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
+    if (share_) link_table_of_ranks();
     if (share_) link_sums();
     push_clock();
     meet_hosts();

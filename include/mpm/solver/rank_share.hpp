@@ -44,6 +44,13 @@ void add_images(const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& pla
     keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
 }
 
+/// A block in a rank's table, as others are told of it.
+struct HeldBlock {
+    std::uint64_t key;
+    std::int32_t slot;
+    std::int32_t unused;
+};
+
 template <int D>
 struct RankShare {
     /// What the blocks of one body and colour on one rank add to a block that others hold too.
@@ -76,8 +83,11 @@ struct RankShare {
 
     // Since the start.
     std::uint64_t rebalances = 0, migrated = 0, bytes_of_sums = 0;
-    std::uint64_t bytes_a_step = 0;    // devices: at most, of the sums that others get
-    std::vector<std::uint64_t> loads;  // of each rank, when they were last told
+    // Devices: at most, of the sums that others get in a step.
+    std::uint64_t bytes_a_step = 0;
+    std::uint64_t shared_blocks = 0;           // devices
+    std::vector<std::vector<HeldBlock>> held;  // devices: of each rank, those beside a cut
+    std::vector<std::uint64_t> loads;          // of each rank, when they were last told
 
     int rank() const { return comm->rank(); }
     int ranks() const { return comm->ranks(); }
