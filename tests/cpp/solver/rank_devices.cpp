@@ -1,0 +1,171 @@
+// Ranks on devices against one, on a device that is none (support/slow_device.hpp): the same bits
+// whatever the number of ranks, the cuts, and their moving while the scene runs.
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "mpm/core/error.hpp"
+#include "mpm/physics/material/fixed_corotated.hpp"
+#include "mpm/physics/material/tait_fluid.hpp"
+#include "mpm/solver/domain.hpp"
+#include "mpm/solver/make_domain.hpp"
+#include "mpm/solver/rank_scene.hpp"
+#include "mpm/solver/ranks.hpp"
+#include "support/scene.hpp"
+#include "support/slow_device.hpp"
+
+namespace mpm {
+namespace {
+
+using test::forever;
+
+template <int D>
+BodyOps<SlowDevice, float, D> find_ops(const std::string& name, Smoothing s) {
+    if (name == "FixedCorotated") return test::slow_ops<FixedCorotated, Smoothing::none, D>();
+    return s == Smoothing::none ? test::slow_ops<TaitFluid, Smoothing::none, D>()
+                                : test::slow_ops<TaitFluid, Smoothing::one_volume, D>();
+}
+
+Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {
+    s.ranks.count = ranks;
+    s.ranks.devices.assign(std::size_t(ranks), 0);
+    s.ranks.axis = axis;
+    s.ranks.rebalance_above = rebalance_above;
+    return s;
+}
+
+template <int D>
+std::unique_ptr<Engine> make(const Spec& s) {
+    BackendTraits traits;
+    traits.device = true;
+    traits.name = "slow";
+    traits.precision = Precision::single;
+    const Plan plan = make_plan(s, traits);
+    if (s.ranks.count == 1)
+        return std::make_unique<Domain<SlowDevice, float, D>>(s, plan, SlowDevice(), find_ops<D>);
+    check_ranks(s, plan);
+    check_devices(s);
+    auto threads = std::make_unique<RankThreads>(s.ranks.count);
+    std::vector<std::unique_ptr<Engine>> engines(std::size_t(s.ranks.count));
+    const RankScenes<D> scenes(s);
+    threads->together([&](int r) {
+        const RankLink<D> link{&threads->of(r), scenes.partition, s.ranks.rebalance_above};
+        engines[std::size_t(r)] = std::make_unique<Domain<SlowDevice, float, D>>(
+            scenes.spec[std::size_t(r)], plan, SlowDevice(), find_ops<D>, link);
+    });
+    return join_ranks(s, std::move(threads), std::move(engines));
+}
+
+std::unique_ptr<Engine> make(const Spec& s) { return s.dimension == 2 ? make<2>(s) : make<3>(s); }
+
+RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
+
+void expect_same_particles(Engine& many, Engine& one, int bodies) {
+    EXPECT_EQ(many.step(), one.step());
+    EXPECT_EQ(many.time(), one.time());
+    EXPECT_EQ(many.time_step(), one.time_step());
+    for (int b = 0; b < bodies; ++b) {
+        const auto x = test::table(many, b), y = test::table(one, b);
+        ASSERT_EQ(many.attributes(b, {"mass"}).id.size(), x.size()) << "an id is there twice";
+        ASSERT_EQ(many.particle_count(b), one.particle_count(b));
+        std::size_t apart = 0;
+        for (const auto& [id, row] : y) apart += !x.contains(id) || x.at(id) != row;
+        EXPECT_EQ(apart, 0u) << "body " << b << " of " << y.size();
+    }
+}
+
+constexpr int half = 60;
+
+class RankDevices : public ::testing::TestWithParam<int> {
+protected:
+    Spec scene() {
+        Spec s = test::busy_scene(GetParam(), true);
+        s.bodies[0].velocity[0] = 5;
+        return s;
+    }
+};
+
+TEST_P(RankDevices, have_the_bits_of_one) {
+    const auto one = make(scene());
+    go(*one, 2 * half);
+    ASSERT_GT(one->statistics().at("sorts"), 1) << "the scene must sort to mean anything";
+    const auto samples = one->drain();
+    for (int ranks : {2, 3, 4}) {
+        for (int axis : {-1, 0}) {
+            const auto many = make(with_ranks(scene(), ranks, axis));
+            go(*many, half);
+            EXPECT_EQ(go(*many, half).steps, half);
+            EXPECT_GT(many->statistics().at("migrated"), 0);
+            EXPECT_GT(many->statistics().at("bytes_of_sums"), 0);
+            expect_same_particles(*many, *one, 3);
+            const auto load = many->drain();
+            ASSERT_EQ(load[1].time, samples[1].time);
+            for (std::size_t i = 0; i < load[1].values.data.size(); ++i)
+                ASSERT_NEAR(load[1].values.data[i], samples[1].values.data[i],
+                            1e-9 * (1 + std::abs(samples[1].values.data[i])));
+        }
+    }
+}
+
+TEST_P(RankDevices, may_cut_anew_at_every_sort) {
+    const auto one = make(scene());
+    go(*one, 2 * half);
+    const auto many = make(with_ranks(scene(), 3, -1, 0));
+    go(*many, 2 * half);
+    EXPECT_GT(many->statistics().at("rebalances"), 0);
+    expect_same_particles(*many, *one, 3);
+}
+
+TEST_P(RankDevices, share_nodes_across_mirrored_walls) {
+    Spec s = scene();
+    s.boundaries.erase(s.boundaries.begin() + 1);
+    for (auto& law : s.boundaries[0].law) law.response = Response::mirror;
+    const auto one = make(s);
+    go(*one, half);
+    const auto many = make(with_ranks(s, 3));
+    go(*many, half);
+    expect_same_particles(*many, *one, 3);
+}
+
+TEST_P(RankDevices, resume_on_another_number) {
+    const auto one = make(scene());
+    go(*one, half);
+    const State saved = one->save();
+    go(*one, half);
+    const auto three = make(with_ranks(scene(), 3));
+    three->load(saved);
+    go(*three, half / 2);
+    const State again = three->save();
+    const auto two = make(with_ranks(scene(), 2, 0));
+    two->load(again);
+    go(*two, half - half / 2);
+    expect_same_particles(*two, *one, 3);
+}
+
+TEST_P(RankDevices, stop_together_where_one_fails) {
+    Spec s = scene();
+    s.boundaries.clear();
+    s.sensors.clear();
+    const auto many = make(with_ranks(s, 3));
+    const RunResult result = many->run(5000, forever, forever);
+    EXPECT_EQ(result.reason, "fault");
+    EXPECT_EQ(result.fault.code, "left-domain");
+    EXPECT_GT(result.fault.ids.size(), 0u);
+}
+
+TEST_P(RankDevices, refuse_what_is_not_built) {
+    Spec s = with_ranks(scene(), 2);
+    SensorSpec gauge;
+    gauge.name = "gauge";
+    gauge.kind = SensorKind::wave_gauge;
+    s.sensors.push_back(gauge);
+    EXPECT_THROW(make(s), SceneError);
+    s.sensors.pop_back();
+    s.ranks.devices.pop_back();
+    EXPECT_THROW(make(s), SceneError);
+}
+
+INSTANTIATE_TEST_SUITE_P(Dimensions, RankDevices, ::testing::Values(2, 3));
+
+}  // namespace
+}  // namespace mpm
