@@ -257,9 +257,8 @@ void settle(const int (&home)[D], const Vec<float, D>& xi, NodesAround<D, C>& no
 }
 
 template <class Material, Smoothing S, int D>
-void deposit(const Pass<SlowDevice, float, D>& pass,
-             NodesAround<D, transfer_channels<D, S>>& nodes, const Vec<float, D>& local,
-             const Affine<float, D, transfer_channels<D, S>>& u) {
+void deposit(const Pass<SlowDevice, float, D>& pass, NodesAround<D, transfer_channels<D, S>>& nodes,
+             const Vec<float, D>& local, const Affine<float, D, transfer_channels<D, S>>& u) {
     constexpr int C = transfer_channels<D, S>;
     const auto larger = [&](int quantity, float x) {
         pass.deposited[quantity] = std::max(pass.deposited[quantity], double(x));
@@ -318,9 +317,9 @@ void rest_slowly(const Pass<SlowDevice, float, D>& pass) {
         for (int a = 0; a < D; ++a)
             velocity[a] = pass.scratch[a * std::size_t(pass.body.count) + q];
         settle<D, C>(home, xi, nodes, local);
-        deposit<Material, S, D>(pass, nodes, local,
-                                resting_particle<Material, S, float, D, float>(velocity, state,
-                                                                               numbers));
+        deposit<Material, S, D>(
+            pass, nodes, local,
+            resting_particle<Material, S, float, D, float>(velocity, state, numbers));
     });
 }
 
