@@ -6,7 +6,7 @@ the memory of other devices, at most. Cases on several devices say what part of 
 has of one alone in the same process (`efficiency`), where that was run.
 
 Run:  python benchmarks/many_gpus.py --devices cuda:0 cuda:1 --json FILE
-      python benchmarks/many_gpus.py --devices cuda:0 cuda:1 --cases weak strong --seconds 10
+      python benchmarks/many_gpus.py --cases weak strong --seconds 10 --fbar default
       LIBMPM_RANK_WAIT=flags python benchmarks/many_gpus.py ...
       python benchmarks/many_gpus.py --devices cpu cpu --scale 1e-4 --steps 40
 """
@@ -36,6 +36,7 @@ Line = dict[str, Any]
 Sized = tuple[libmpm.Scene, float]
 CHUNK = 50  # steps between two looks at the clock
 WARM = 20  # steps that are not measured
+WAITS = os.environ.get("LIBMPM_RANK_WAIT", "events")  # how devices wait for each other
 
 
 def slosh(particles: int, lengths: int, fbar: str) -> Sized:
@@ -141,7 +142,7 @@ class Runner:
                 "devices": names,
                 "hardware": devices_named(names),
                 "ranks": ranks,
-                "waits": os.environ.get("LIBMPM_RANK_WAIT", "events") if ranks > 1 else None,
+                "waits": None if "cpu" in names or ranks == 1 else WAITS,
                 "particles": count,
                 "particles_per_cell": scene.bodies[0].particles_per_cell,
                 "fbar": str(scene.bodies[0].fbar),
@@ -183,19 +184,27 @@ class Runner:
 
 def weak(runner: Runner) -> Iterator[Line]:
     """64 M particles a device, with F-bar and without."""
-    for fbar in ("default", "none"):
+    for fbar in runner.arguments.fbar:
         for ranks in runner.counts():
             sized = slosh(runner.size(64e6), ranks, fbar)
             yield runner.run("weak: 64 M each", sized, ranks, runner.arguments.steps or 1000)
 
 
+def split(runner: Runner, particles: float, name: str) -> Iterator[Line]:
+    """The same water on more and more devices."""
+    for ranks in runner.counts():
+        sized = slosh(runner.size(particles), 1, "default")
+        yield runner.run(f"strong: {name} in all", sized, ranks, runner.arguments.steps or 2000)
+
+
 def strong(runner: Runner) -> Iterator[Line]:
-    """The same water on more and more devices: 64 M, and 8 M."""
-    for particles, name in ((64e6, "64 M"), (8e6, "8 M")):
-        for ranks in runner.counts():
-            sized = slosh(runner.size(particles), 1, "default")
-            steps = runner.arguments.steps or 2000
-            yield runner.run(f"strong: {name} in all", sized, ranks, steps)
+    """64 M in all."""
+    yield from split(runner, 64e6, "64 M")
+
+
+def small(runner: Runner) -> Iterator[Line]:
+    """8 M in all."""
+    yield from split(runner, 8e6, "8 M")
 
 
 def mixing(runner: Runner) -> Iterator[Line]:
@@ -210,7 +219,7 @@ def mixing(runner: Runner) -> Iterator[Line]:
 
 
 CASES: dict[str, Callable[[Runner], Iterator[Line]]] = {
-    "mixing": mixing, "weak": weak, "strong": strong,
+    "mixing": mixing, "small": small, "strong": strong, "weak": weak,
 }  # fmt: skip
 
 
@@ -220,6 +229,8 @@ def main() -> int:
     parser.add_argument("--devices", nargs="+", default=["cuda:0", "cuda:1"])
     parser.add_argument("--counts", nargs="+", type=int, help="how many of them; 1 2 4 8")
     parser.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES))
+    parser.add_argument("--fbar", nargs="+", choices=["default", "none"],
+                        default=["default", "none"], help="forms that `weak` takes")  # fmt: skip
     parser.add_argument("--precision", default="single")
     parser.add_argument("--scale", type=float, default=1.0, help="factor on all sizes")
     parser.add_argument("--steps", type=int, help="at most, of the scaling cases")

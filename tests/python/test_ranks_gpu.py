@@ -27,10 +27,10 @@ def need_device():
         pytest.skip(reason)
 
 
-@pytest.fixture(params=["one device", "events", "flags"])
+@pytest.fixture(params=["shared", "events", "flags"])
 def pair(request, monkeypatch):
     """Two ranks: on one device, and on two in both ways in which they wait for each other."""
-    if request.param == "one device":
+    if request.param == "shared":
         return ["cuda:0", "cuda:0"]
     if len(cuda_status().devices) < 2:
         pytest.skip("needs two CUDA devices")
