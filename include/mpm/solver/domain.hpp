@@ -126,6 +126,7 @@ private:
     void update_grid();
     void run_sensors();
     void sample_energy(Sensor& sensor, SensorRecord* record);
+    void reserve_two_pass(Body& body);
     void run_bodies();
     // domain_phases.hpp
     Phase<X, T, D> phase(Body& body, int number, int parity_to);

@@ -144,6 +144,13 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
                                s.partial.data() + 3 * homes, 0, Nothing{});
 }
 
+/// What particles of the two-pass step deposit waits here.
+template <class X, class T, int D>
+void Domain<X, T, D>::reserve_two_pass(Body& body) {
+    const std::size_t columns = std::size_t(body.ops.channels) * (1 + D);
+    body.scratch.reserve_discard(columns * body.count + column_padding);
+}
+
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
     if (plan_.phased) return run_phases();
@@ -152,10 +159,7 @@ void Domain<X, T, D>::run_bodies() {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (bodies_[b].homes == 0) continue;
         moving.push_back(b);
-        if (!plan_.fused) {
-            const std::size_t columns = std::size_t(bodies_[b].ops.channels) * (1 + D);
-            bodies_[b].scratch.reserve_discard(columns * bodies_[b].count + column_padding);
-        }
+        if (!plan_.fused) reserve_two_pass(bodies_[b]);
         workers += plan_.fused ? std::uint64_t(bodies_[b].full_homes) +
                                      std::uint64_t(lone_blocks(bodies_[b].lone_count))
                                : std::uint64_t(bodies_[b].homes) *
@@ -265,7 +269,12 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
                     double(n), std::floor(std::max(0.0, until - clock_.time) / clock_.dt) + 2));
             }
             bool wall_over = false;
-            if (share_) run_together(n, wall_over);
+            if (share_) {
+                // Nobody asks for memory while another rank's kernels wait.
+                for (Body& body : bodies_)
+                    if (!plan_.fused) reserve_two_pass(body);
+                run_together(n, wall_over);
+            }
             const double t0 = now();
             exec_.single(begin_step());
             const std::int64_t before = clock_.step;
