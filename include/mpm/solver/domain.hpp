@@ -103,6 +103,7 @@ private:
     SurfaceRecord<D> surface(const SurfaceSpec& spec);
     MotionView upload_motion(const MotionSpec& motion, int components);
     void set_sensors();
+    void list_measured();
 
     // domain_place.hpp
     void place_particles(const Spec& spec);
@@ -194,7 +195,6 @@ private:
     void adopt_table(Buffer<X, std::uint64_t>& keys);
     void permute(Body& body, const std::uint32_t* order);
     void link_table();
-    void list_measured();
     Homes find_homes();
     template <class Flag>
     void add_homes(Homes& homes, std::uint32_t* count, const Flag& flag);
@@ -235,6 +235,7 @@ private:
     void open_devices();
     void meet_hosts();
     double largest_of_all(double x) const;
+    void sum_of_devices(std::vector<std::uint64_t>& numbers) const;
     void run_together(std::int64_t& steps, bool& wall_over);
     // domain_migrate_devices.hpp
     bool sort_among_devices();

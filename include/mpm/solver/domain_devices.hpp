@@ -138,6 +138,16 @@ double Domain<X, T, D>::largest_of_all(double x) const {
     return x;
 }
 
+/// Numbers of all ranks, added up. On the CPU nothing asks for them.
+template <class X, class T, int D>
+void Domain<X, T, D>::sum_of_devices(std::vector<std::uint64_t>& numbers) const {
+    if (!share_ || !X::is_device) return;
+    const auto told = share_->comm->all_gather(numbers);
+    std::fill(numbers.begin(), numbers.end(), 0);
+    for (const auto& theirs : told)
+        for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] += theirs.at(k);
+}
+
 /// How many steps all ranks queue, and whether the time of any is over.
 template <class X, class T, int D>
 void Domain<X, T, D>::run_together(std::int64_t& steps, bool& wall_over) {

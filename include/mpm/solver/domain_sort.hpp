@@ -24,46 +24,6 @@ void Domain<X, T, D>::link_table() {
     if (load_count_ > 0 && !share_) list_measured();
 }
 
-/// The blocks that the boundary of each load cell touches, cell after cell.
-template <class X, class T, int D>
-void Domain<X, T, D>::list_measured() {
-    const std::int64_t slots = table_.slots;
-    Buffer<X, std::uint32_t> counts(exec_);
-    counts.reserve_discard(load_count_);
-    Homes touched;  // of load cells in place of bodies
-    for (int c = 0; c < load_count_; ++c) {
-        add_homes(touched, counts.data() + c, [&](Buffer<X, std::uint32_t>& flag) {
-            exec_.for_each(slots,
-                           TouchBoundaries<D>{table_, measured_boundaries_.data() + c, 1,
-                                              surfaces_.data(), spec_.cell_size, flag.data()});
-            if (share_ && X::is_device) {
-                exec_.for_each(slots, KeepCounted{counts_.data(), flag.data()});
-            } else if constexpr (!X::is_device) {
-                for (std::int64_t k = 0; k < slots; ++k)
-                    if (!counts_slot(std::size_t(k))) flag.data()[k] = 0;
-            }
-        });
-    }
-    std::vector<SumSet> sets;
-    std::int64_t found = 0;
-    std::int32_t places = 0;
-    for (const std::uint32_t n : counts.host()) {
-        const std::int64_t nodes = std::int64_t(n) * block_cells;
-        sets.push_back({found * block_cells, nodes, places, std::int32_t(exec_.sum_parts(nodes))});
-        found += n;
-        places += sets.back().parts;
-    }
-    measured_slots_.reserve_discard(found);
-    for (int c = 0; c < load_count_; ++c) {
-        exec_.for_each(slots, ListHomes{touched.flag[c].data(), touched.position[c].data(),
-                                        measured_slots_.data() + sets[c].first / block_cells});
-    }
-    measured_.assign(sets);
-    measured_places_ = places;
-    load_partial_.reserve_discard(std::size_t(places) * load_columns<D>);
-    exec_.wait();
-}
-
 /// The homes of one more body: `flag(to)` queues what marks them, `count` gets their number.
 template <class X, class T, int D>
 template <class Flag>
@@ -111,15 +71,8 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
     // Of each body on all ranks: what changes bits is decided by these.
     std::vector<std::uint64_t> all_homes(homes.count.begin(), homes.count.end()), all_particles;
     for (const Body& body : bodies_) all_particles.push_back(body.count);
-    const auto of_all = [&](std::vector<std::uint64_t>& numbers) {
-        if (!share_ || !X::is_device) return;
-        const auto told = share_->comm->all_gather(numbers);
-        std::fill(numbers.begin(), numbers.end(), 0);
-        for (const auto& theirs : told)
-            for (std::size_t b = 0; b < numbers.size(); ++b) numbers[b] += theirs.at(b);
-    };
-    of_all(all_homes);
-    of_all(all_particles);
+    sum_of_devices(all_homes);
+    sum_of_devices(all_particles);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::uint32_t count = homes.count[b];
@@ -146,7 +99,7 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
         clock_.stray_limit = X::stray_limit(particles);
         for (std::size_t b = 0; b < bodies_.size(); ++b)
             all_homes[b] = std::uint64_t(bodies_[b].full_homes);
-        of_all(all_homes);
+        sum_of_devices(all_homes);
         for (std::size_t b = 0; b < bodies_.size(); ++b)
             bodies_[b].all_full_homes = std::int32_t(
                 std::min<std::uint64_t>(all_homes[b], std::numeric_limits<std::int32_t>::max()));
