@@ -474,6 +474,7 @@ inline Spec read_spec(const py::dict& d) {
     if (d.contains("ranks")) {
         const py::dict r = d["ranks"];
         s.ranks.count = r["count"].cast<int>();
+        if (r.contains("devices")) s.ranks.devices = r["devices"].cast<std::vector<int>>();
         if (r.contains("axis")) s.ranks.axis = r["axis"].cast<int>();
         if (r.contains("rebalance_above"))
             s.ranks.rebalance_above = r["rebalance_above"].cast<double>();

@@ -155,9 +155,10 @@ def test_progress_reports_time_and_speed():
         ("cuda", "is not available: .*use device='cpu'"),
         ("gpu", "expected 'auto', 'cpu', 'cuda'"),
         ("cuda:x", "expected 'auto'"),
-        (["cuda:0", "cuda:1"], "several devices are not built"),
-        (["cpu", "cuda:0"], "several devices are not built"),
-        ([], "several devices are not built"),
+        (["cuda:0", "cuda:1"], "is not available: .*use device='cpu'"),
+        (["cpu", "cuda:0"], "several devices share a scene where all"),
+        (["cuda:0", "cuda:x"], "several devices share a scene where all"),
+        ([], "several devices share a scene where all"),
     ],
 )
 def test_missing_devices_are_named(monkeypatch, device, message):
@@ -173,6 +174,10 @@ def test_devices_found_are_listed(monkeypatch):
     with pytest.raises(libmpm.DeviceError, match="found cuda:0 H"):
         backends.select("cuda:3")
     assert backends.select("auto").name == "cuda:0"
+    with pytest.raises(libmpm.DeviceError, match="'cuda:3' does not exist; found cuda:0 H"):
+        backends.select(["cuda:0", "cuda:3"])
+    twice = backends.select(["cuda:0", "cuda:0"])
+    assert (twice.ranks, twice.indices, twice.devices) == (2, (0, 0), ["cuda:0", "cuda:0"])
 
 
 def test_bad_precision_and_bad_arguments_are_named():

@@ -16,7 +16,7 @@ namespace mpm {
 /// Place of a block along a Hilbert curve through a cube of 2^bits blocks an edge: Skilling (2004),
 /// "Programming the Hilbert curve". Neighbours along it share a face.
 template <int D>
-std::uint64_t hilbert_place(const std::int64_t (&block)[D], int bits) {
+MPM_HD inline std::uint64_t hilbert_place(const std::int64_t (&block)[D], int bits) {
     std::uint64_t x[D];
     for (int a = 0; a < D; ++a) x[a] = std::uint64_t(block[a]);
     const std::uint64_t top = std::uint64_t(1) << (bits - 1);
@@ -42,6 +42,16 @@ std::uint64_t hilbert_place(const std::int64_t (&block)[D], int bits) {
     return place;
 }
 
+/// Place of a block in the row that is cut: along the curve, or by planes across an axis.
+template <int D>
+MPM_HD inline std::uint64_t place_in_row(const BlockKeys<D>& keys, std::uint64_t key, int axis,
+                                         int bits) {
+    std::int64_t block[D];
+    keys.block(key, block);
+    for (int a = 0; a < D; ++a) block[a] += BlockKeys<D>::rim;
+    return axis < 0 ? hilbert_place<D>(block, bits) : std::uint64_t(block[axis]);
+}
+
 /// A block and what it costs, in any unit.
 struct BlockWeight {
     std::uint64_t key, weight;
@@ -61,16 +71,13 @@ public:
     }
 
     /// Place in the row that is cut.
-    std::uint64_t place(std::uint64_t key) const {
-        std::int64_t block[D];
-        keys_.block(key, block);
-        for (int a = 0; a < D; ++a) block[a] += BlockKeys<D>::rim;
-        return axis_ == curve ? hilbert_place<D>(block, bits_) : std::uint64_t(block[axis_]);
-    }
+    std::uint64_t place(std::uint64_t key) const { return place_in_row(keys_, key, axis_, bits_); }
     int owner(std::uint64_t key) const {
         return int(std::upper_bound(cuts_.begin(), cuts_.end(), place(key)) - cuts_.begin());
     }
     int ranks() const { return int(cuts_.size()) + 1; }
+    int axis() const { return axis_; }
+    int bits() const { return bits_; }
     /// Where each rank but the first begins.
     const std::vector<std::uint64_t>& cuts() const { return cuts_; }
     void set_cuts(std::vector<std::uint64_t> cuts) { cuts_ = std::move(cuts); }

@@ -16,6 +16,9 @@ namespace mpm {
 
 using Bytes = std::vector<unsigned char>;
 
+/// Devices of one process that share a scene: at most as many as a host has.
+inline constexpr int most_devices = 16;
+
 /// Thrown where a rank waits for another that has failed.
 struct RankStopped : Error {
     using Error::Error;
@@ -34,6 +37,8 @@ public:
 
     /// Ends the work of all ranks: whoever waits now or later throws RankStopped with this text.
     virtual void stop(const std::string& why) noexcept = 0;
+    /// Throws RankStopped where the work of all ranks has been ended: for who waits elsewhere.
+    virtual void check() = 0;
 
     /// All ranks but this one.
     std::vector<int> others() const {

@@ -23,6 +23,12 @@ namespace mpm {
 class Cpu {
 public:
     static constexpr bool is_device = false;
+    /// Ranks on a CPU wait for each other's messages and for nothing else.
+    struct Meeting {
+        void meet() {}
+        void wait() {}
+        void give_up() noexcept {}
+    };
     /// In which numbers the grid is kept beside particles in T.
     template <class T>
     using Grid = T;

@@ -204,9 +204,13 @@ struct SumOf<double> {
 
 }  // namespace cuda
 
+class CudaMeeting;
+
 class Cuda {
 public:
     static constexpr bool is_device = true;
+    /// How ranks on devices wait for each other (exec/cuda_meeting.cuh).
+    using Meeting = CudaMeeting;
     /// In which numbers the grid is kept beside particles in T.
     template <class T>
     using Grid = T;
@@ -255,6 +259,12 @@ public:
     void join();
     int multiprocessors() const { return context_->multiprocessors; }
     bool shared() const { return context_->shared; }
+
+    /// Opens the memory of this device and another one to each other; throws DeviceError where that
+    /// cannot be, and where one cannot add there.
+    void reach(int other);
+    /// The stream waits for another: what comes next must not come to the device before.
+    void after_wait() { context_->order = Context::joined; }
 
     /// Queues a kernel of `blocks` x `rows` blocks.
     template <class... P, class... A>

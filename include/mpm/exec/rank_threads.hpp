@@ -111,6 +111,7 @@ private:
             return in;
         }
         void stop(const std::string& why) noexcept override { all_.stop(why); }
+        void check() override { all_.check(); }
         /// Numbers of messages from here on.
         void begin(std::uint64_t number) {
             sent_.assign(sent_.size(), number);
@@ -134,6 +135,10 @@ private:
         Bytes bytes = std::move(found->second);
         box_.erase(found);
         return bytes;
+    }
+    void check() {
+        const std::lock_guard lock(mutex_);
+        if (stopped_) throw RankStopped(why_);
     }
     void stop(const std::string& why) noexcept {
         {

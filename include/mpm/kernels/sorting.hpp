@@ -305,6 +305,14 @@ struct ListByKind {
         }
     }
 };
+/// Takes those from a list that another rank counts.
+struct KeepCounted {
+    const std::uint8_t* counts;
+    std::uint32_t* flag;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        if (counts[slot] == 0) flag[slot] = 0;
+    }
+};
 struct ListHomes {
     const std::uint32_t* flag;
     const std::uint32_t* position;

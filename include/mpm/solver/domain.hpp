@@ -10,6 +10,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -102,6 +103,7 @@ private:
     SurfaceRecord<D> surface(const SurfaceSpec& spec);
     MotionView upload_motion(const MotionSpec& motion, int components);
     void set_sensors();
+    void list_measured();
 
     // domain_place.hpp
     void place_particles(const Spec& spec);
@@ -125,6 +127,7 @@ private:
     void update_grid();
     void run_sensors();
     void sample_energy(Sensor& sensor, SensorRecord* record);
+    void reserve_two_pass(Body& body);
     void run_bodies();
     // domain_phases.hpp
     Phase<X, T, D> phase(Body& body, int number, int parity_to);
@@ -192,7 +195,6 @@ private:
     void adopt_table(Buffer<X, std::uint64_t>& keys);
     void permute(Body& body, const std::uint32_t* order);
     void link_table();
-    void list_measured();
     Homes find_homes();
     template <class Flag>
     void add_homes(Homes& homes, std::uint32_t* count, const Flag& flag);
@@ -208,6 +210,43 @@ private:
     void list_mirrors();
     void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void rebalance(const std::vector<std::uint64_t>& load);
+    void deal_anew(const std::vector<BlockWeight>& blocks, double was);
+    // domain_devices.hpp
+    /// Particles of a body on their way to other ranks.
+    struct Emigrating {
+        Buffer<X, std::uint64_t> key;     // of the block they stand in
+        Buffer<X, std::uint32_t> in, id;  // the cell of it
+        Buffer<X, T> column;              // (columns, all): offsets from the old cell, states
+        std::vector<std::uint32_t> first, count;  // of each rank
+        std::uint32_t all = 0;
+        explicit Emigrating(X& x) : key(x), in(x), id(x), column(x) {}
+    };
+    /// The same, in the memory of the rank that they come from.
+    struct Coming {
+        const std::uint64_t* key;
+        const std::uint32_t *in, *id;
+        const T* column;
+        std::uint32_t first, count, all;
+    };
+    void link_table_of_ranks();
+    std::vector<HeldBlock> list_held(const Buffer<X, std::uint64_t>& keys, bool all);
+    void link_devices(std::vector<std::vector<HeldBlock>> held);
+    void link_sums();
+    void open_devices();
+    void meet_hosts();
+    double largest_of_all(double x) const;
+    void sum_of_devices(std::vector<std::uint64_t>& numbers) const;
+    void run_together(std::int64_t& steps, bool& wall_over);
+    // domain_migrate_devices.hpp
+    bool sort_among_devices();
+    bool rebalance_devices(const std::vector<std::uint32_t>& left);
+    Emigrating list_emigrants(const Body& body, Buffer<X, std::uint32_t>& cell,
+                              const Buffer<X, std::int32_t>& owner);
+    void adopt_table_of_devices(Buffer<X, std::uint64_t>& keys,
+                                const std::vector<std::vector<HeldBlock>>& before,
+                                const std::vector<std::vector<HeldBlock>>& after);
+    void admit_arrived(int number, const std::vector<Coming>& come, Buffer<X, std::uint32_t>& cell,
+                       const Buffer<X, std::int32_t>& map, const BlockTableView<D>& table);
     // domain_migrate.hpp
     bool anyone_stops(const std::vector<std::uint32_t>& left,
                       const std::vector<Buffer<X, std::uint32_t>>& cells);
@@ -323,12 +362,23 @@ private:
     std::map<std::string, double> timings_;
     std::int64_t sorts_ = 0, last_sort_ = 0, sort_interval_ = 0;
     std::unique_ptr<RankShare<D>> share_;  // null where this is the only rank
+
+    // Devices that share the scene.
+    std::unique_ptr<typename X::Meeting> meeting_;
+    Buffer<X, RankVote> votes_{exec_};  // of all ranks, by rank
+    Buffer<X, RankVote*> boxes_{exec_};
+    Buffer<X, std::int32_t> copies_{exec_};         // Copies::slot
+    Buffer<X, Copies<Sum>> copies_of_sums_{exec_};  // of both sets of sums
+    std::vector<std::array<Sum*, 2>> sums_of_;      // of each rank
+    Buffer<X, std::uint8_t> counts_{exec_};         // RankShare::counts
 };
 
 }  // namespace mpm
 
+#include "mpm/solver/domain_devices.hpp"
 #include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_migrate.hpp"
+#include "mpm/solver/domain_migrate_devices.hpp"
 #include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_place.hpp"
 #include "mpm/solver/domain_ranks.hpp"

@@ -158,6 +158,7 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
         s.reserve_discard(std::size_t(slots) * plan_.sum_channels * block_cells);
         s.zero();
     }
+    if (share_) link_sums();
     const auto everyone = [](const BodySpec&) { return true; };
     if (spec.start.given)
         start_from(spec);
@@ -191,20 +192,26 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
             const double widths = plan_.phased || plan_.keeps
                                       ? std::pow(kernel_width(spec_.kernel.kernel), D)
                                       : stencil_nodes<D> * std::pow(0.75, D);
-            mass += body.particle_mass * std::max(found.host()[0], 1.0) * widths;
+            mass += body.particle_mass * std::max(largest_of_all(found.host()[0]), 1.0) * widths;
         }
         set_scales(std::max(mass, least_mass_) + supplied_mass_, 1, 1);
+        meet_hosts();
         deposit_all(spec, chosen);
+        meet_hosts();
         exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                    LargestNodeMass<Grid, Sum, D>{node_update(parity())},
                                    Keep{found.data()});
+        const double heaviest = largest_of_all(found.host()[0]);
         fetch_clock();
-        const double calm = 1e-6 * plan_.wave_speed;
-        set_scales(std::max(found.host()[0], least_mass_) + supplied_mass_,
-                   2 * std::max(clock_.deposited[momentum_sum], calm),
-                   2 * std::max(clock_.deposited[group_sum], 1e-7));
+        const double calm = 1e-6 * plan_.wave_speed,
+                     momentum = largest_of_all(clock_.deposited[momentum_sum]),
+                     group = largest_of_all(clock_.deposited[group_sum]);
+        set_scales(std::max(heaviest, least_mass_) + supplied_mass_, 2 * std::max(momentum, calm),
+                   2 * std::max(group, 1e-7));
         sums_[parity()].zero();
+        meet_hosts();
         deposit_all(spec, chosen);
+        meet_hosts();
         fetch_clock();
     }
 }
@@ -277,6 +284,7 @@ void Domain<X, T, D>::adopt_sums(const std::vector<double>& value) {
             double& most = top[scale_of_sum(k)];
             if (!(std::abs(value[k]) <= most)) most = std::abs(value[k]);  // not-a-number stays
         }
+        for (double& most : top) most = largest_of_all(most);
         // A layer of an inlet may come before the clock has chosen scales.
         top[mass_sum] += supplied_mass_;
         for (const InletSpec& inlet : spec_.inlets)

@@ -17,8 +17,7 @@ void Domain<X, T, D>::list_mirrors() {
         constexpr std::int64_t edge = Block<D>::edge, rim = BlockKeys<D>::rim;
         return (cell + rim * edge) / edge - rim;
     };
-    for (std::size_t k = 0; k < boundary_records_.size(); ++k) {
-        const BoundaryRecord<D>& r = boundary_records_.data()[k];
+    for (const BoundaryRecord<D>& r : boundary_records_.host()) {
         for (int f = 0; f < 2 * D && !r.is_box && r.surface == 0; ++f) {
             if (!r.present[f] || !mirrors(r.law[f].response)) continue;
             const std::int64_t plane = f % 2 == 0 ? r.lower[f / 2] : r.upper[f / 2];
@@ -54,6 +53,7 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
         }
         if (!list.empty()) s.peers.push_back(r);
     }
+    counts_.assign(s.counts);
     s.shared.clear();
     for (std::size_t slot = 0; slot < slots; ++slot)
         if (is_shared[slot]) s.shared.push_back(std::int32_t(slot));
@@ -271,14 +271,20 @@ void Domain<X, T, D>::rebalance(const std::vector<std::uint64_t>& load) {
     for (const auto& theirs : s.comm->all_gather(loads))
         for (std::size_t r = 0; r < theirs.size(); ++r) s.loads[r] += theirs[r];
     const double was = imbalance(s.loads);
-    if (was <= s.rebalance_above) return;
+    if (was > s.rebalance_above) deal_anew(blocks, was);
+}
+
+/// `blocks`: of this rank, `was`: how uneven the present cuts are; all ranks together.
+template <class X, class T, int D>
+void Domain<X, T, D>::deal_anew(const std::vector<BlockWeight>& blocks, double was) {
+    RankShare<D>& s = *share_;
     std::vector<BlockWeight> all;
     for (const auto& theirs : s.comm->all_gather(blocks))
         all.insert(all.end(), theirs.begin(), theirs.end());
     const auto before = s.partition.cuts();
     s.partition.cut(all, s.ranks());
     if (s.partition.cuts() == before) return;
-    std::fill(loads.begin(), loads.end(), 0);
+    std::vector<std::uint64_t> loads(std::size_t(s.ranks()), 0);
     for (const BlockWeight& b : all) loads[std::size_t(s.partition.owner(b.key))] += b.weight;
     // Few blocks are never even: cuts that are hardly better are not worth the way. Those who want
     // new ones at any price have them.

@@ -70,9 +70,8 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     gravity_ = upload_table(spec_.gravity, D);
 
     set_boundaries();
-    if constexpr (!X::is_device) {
-        if (share_) list_mirrors();
-    }
+    if (share_) list_mirrors();
+    if (share_) open_devices();
     set_supplies();
     place_particles(spec_);
     set_sensors();
@@ -81,9 +80,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
                         spec_.start.load_impulse);
     link_table();
     list_homes(find_homes());
-    if constexpr (!X::is_device) {
-        if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
-    }
+    if (share_) link_table_of_ranks();
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {
@@ -306,6 +303,46 @@ void Domain<X, T, D>::set_sensors() {
     point_count_ = int(points.size());
     points_.assign(points);
     load_impulse_.assign(std::vector<double>(std::size_t(load_count_) * load_columns<D>, 0.0));
+}
+
+/// The blocks that the boundary of each load cell touches, cell after cell.
+template <class X, class T, int D>
+void Domain<X, T, D>::list_measured() {
+    const std::int64_t slots = table_.slots;
+    Buffer<X, std::uint32_t> counts(exec_);
+    counts.reserve_discard(load_count_);
+    Homes touched;  // of load cells in place of bodies
+    for (int c = 0; c < load_count_; ++c) {
+        add_homes(touched, counts.data() + c, [&](Buffer<X, std::uint32_t>& flag) {
+            exec_.for_each(slots,
+                           TouchBoundaries<D>{table_, measured_boundaries_.data() + c, 1,
+                                              surfaces_.data(), spec_.cell_size, flag.data()});
+            if (share_ && X::is_device) {
+                exec_.for_each(slots, KeepCounted{counts_.data(), flag.data()});
+            } else if constexpr (!X::is_device) {
+                for (std::int64_t k = 0; k < slots; ++k)
+                    if (!counts_slot(std::size_t(k))) flag.data()[k] = 0;
+            }
+        });
+    }
+    std::vector<SumSet> sets;
+    std::int64_t found = 0;
+    std::int32_t places = 0;
+    for (const std::uint32_t n : counts.host()) {
+        const std::int64_t nodes = std::int64_t(n) * block_cells;
+        sets.push_back({found * block_cells, nodes, places, std::int32_t(exec_.sum_parts(nodes))});
+        found += n;
+        places += sets.back().parts;
+    }
+    measured_slots_.reserve_discard(found);
+    for (int c = 0; c < load_count_; ++c) {
+        exec_.for_each(slots, ListHomes{touched.flag[c].data(), touched.position[c].data(),
+                                        measured_slots_.data() + sets[c].first / block_cells});
+    }
+    measured_.assign(sets);
+    measured_places_ = places;
+    load_partial_.reserve_discard(std::size_t(places) * load_columns<D>);
+    exec_.wait();
 }
 
 }  // namespace mpm

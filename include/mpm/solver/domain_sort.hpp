@@ -24,44 +24,6 @@ void Domain<X, T, D>::link_table() {
     if (load_count_ > 0 && !share_) list_measured();
 }
 
-/// The blocks that the boundary of each load cell touches, cell after cell.
-template <class X, class T, int D>
-void Domain<X, T, D>::list_measured() {
-    const std::int64_t slots = table_.slots;
-    Buffer<X, std::uint32_t> counts(exec_);
-    counts.reserve_discard(load_count_);
-    Homes touched;  // of load cells in place of bodies
-    for (int c = 0; c < load_count_; ++c) {
-        add_homes(touched, counts.data() + c, [&](Buffer<X, std::uint32_t>& flag) {
-            exec_.for_each(slots,
-                           TouchBoundaries<D>{table_, measured_boundaries_.data() + c, 1,
-                                              surfaces_.data(), spec_.cell_size, flag.data()});
-            if constexpr (!X::is_device) {
-                for (std::int64_t k = 0; k < slots; ++k)
-                    if (!counts_slot(std::size_t(k))) flag.data()[k] = 0;
-            }
-        });
-    }
-    std::vector<SumSet> sets;
-    std::int64_t found = 0;
-    std::int32_t places = 0;
-    for (const std::uint32_t n : counts.host()) {
-        const std::int64_t nodes = std::int64_t(n) * block_cells;
-        sets.push_back({found * block_cells, nodes, places, std::int32_t(exec_.sum_parts(nodes))});
-        found += n;
-        places += sets.back().parts;
-    }
-    measured_slots_.reserve_discard(found);
-    for (int c = 0; c < load_count_; ++c) {
-        exec_.for_each(slots, ListHomes{touched.flag[c].data(), touched.position[c].data(),
-                                        measured_slots_.data() + sets[c].first / block_cells});
-    }
-    measured_.assign(sets);
-    measured_places_ = places;
-    load_partial_.reserve_discard(std::size_t(places) * load_columns<D>);
-    exec_.wait();
-}
-
 /// The homes of one more body: `flag(to)` queues what marks them, `count` gets their number.
 template <class X, class T, int D>
 template <class Flag>
@@ -106,6 +68,11 @@ template <class X, class T, int D>
 void Domain<X, T, D>::list_homes(const Homes& homes) {
     const std::int64_t slots = table_.slots;
     join_homes(homes, occupied_);
+    // Of each body on all ranks: what changes bits is decided by these.
+    std::vector<std::uint64_t> all_homes(homes.count.begin(), homes.count.end()), all_particles;
+    for (const Body& body : bodies_) all_particles.push_back(body.count);
+    sum_of_devices(all_homes);
+    sum_of_devices(all_particles);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::uint32_t count = homes.count[b];
@@ -113,8 +80,8 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
         body.lone_count = 0;
         body.home.reserve_discard(count);
         const bool sparse = body.ops.lone && plan_.fused && !plan_.keeps &&
-                            count >= least_of_sparse &&
-                            body.count < 4 * least_of_block * std::uint64_t(count);
+                            all_homes[b] >= least_of_sparse &&
+                            all_particles[b] < 4 * least_of_block * all_homes[b];
         if (X::is_device && sparse) {
             list_by_kind(body, homes.position[b]);
         } else {
@@ -128,8 +95,14 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
     }
     if constexpr (X::is_device) {
         std::uint64_t particles = 0;
-        for (const Body& body : bodies_) particles += body.count;
+        for (std::uint64_t n : all_particles) particles += n;
         clock_.stray_limit = X::stray_limit(particles);
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            all_homes[b] = std::uint64_t(bodies_[b].full_homes);
+        sum_of_devices(all_homes);
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            bodies_[b].all_full_homes = std::int32_t(
+                std::min<std::uint64_t>(all_homes[b], std::numeric_limits<std::int32_t>::max()));
     }
 }
 
@@ -314,12 +287,10 @@ void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
     }
     keys.reserve_discard(slots);
     exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
-    if constexpr (!X::is_device) {
-        if (share_ && !share_->mirrors.empty()) {
-            auto with_images = keys.host();
-            add_images<D>(table_.keys_of, share_->mirrors, with_images);
-            keys.assign(with_images);
-        }
+    if (share_ && !share_->mirrors.empty()) {
+        auto with_images = keys.host();
+        add_images<D>(table_.keys_of, share_->mirrors, with_images);
+        keys.assign(with_images);
     }
     // As large as this, it would weigh on the sort that follows.
     const bool heavy = all.bytes() > (std::size_t(16) << 20);
@@ -410,7 +381,9 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
 /// untouched.
 template <class X, class T, int D>
 bool Domain<X, T, D>::sort() {
-    if constexpr (!X::is_device) {
+    if constexpr (X::is_device) {
+        if (share_) return sort_among_devices();
+    } else {
         if (share_) return sort_among_ranks();
     }
     const double began = now();

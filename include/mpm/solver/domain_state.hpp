@@ -99,6 +99,7 @@ template <class X, class T, int D>
 void Domain<X, T, D>::load(const State& whole) {
     State own;
     if (share_) {
+        if constexpr (X::is_device) meeting_->begin_anew();
         share_->partition.cut(weigh_state(whole, bodies_.size()), share_->ranks());
         own = share_of_state<D>(whole, bodies_.size(), share_->partition, table_.keys_of,
                                 share_->mirrors, share_->rank());
@@ -181,10 +182,10 @@ void Domain<X, T, D>::load(const State& whole) {
     clock_.halt = Halt::none;
     link_table();
     list_homes(find_homes());
-    if constexpr (!X::is_device) {
-        if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
-    }
+    if (share_) link_table_of_ranks();
+    if (share_) link_sums();
     push_clock();
+    meet_hosts();
     dead_ = false;
 }
 

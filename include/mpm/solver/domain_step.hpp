@@ -24,8 +24,11 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     p.turn = turn_step();
     if constexpr (X::is_device) p.arrivals = exec_.arrivals();
     p.scratch = body.scratch.data();
-    p.destinations = share_ ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
-    p.staged = share_ ? table_.slots : none_staged;
+    const bool stages = share_ && !X::is_device;
+    p.destinations = stages ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
+    p.staged = stages ? table_.slots : none_staged;
+    p.copies = share_ && X::is_device ? copies_of_sums_.data() + parity_to : nullptr;
+    p.full_homes = body.all_full_homes;
     p.coloured = body.coloured.data();
     p.colour_start = body.colour_start.data();
     p.colours = int(body.colour_start.size()) - 1;
@@ -51,7 +54,16 @@ void Domain<X, T, D>::update_grid() {
                            supplies_.data(),
                            int(spec_.inlets.size()),
                            supplied_mass_};
-    if constexpr (!X::is_device) {
+    if constexpr (X::is_device) {
+        if (share_) {
+            make_velocities(
+                TellVote{clock_buffer_.data(), boxes_.data(), share_->rank(), share_->ranks()});
+            meeting_->meet();
+            exec_.single(
+                DecideByVotes<D>{decide, clock_buffer_.data(), votes_.data(), share_->ranks()});
+            return;
+        }
+    } else {
         if (share_)
             return make_velocities(
                 DecideTogether<D>{decide, clock_buffer_.data(), share_.get(), now()});
@@ -79,7 +91,7 @@ void Domain<X, T, D>::run_sensors() {
     }
     if constexpr (!X::is_device) {
         if (share_) sample_points_together(points);
-    }
+    }  // ranks on devices have no points to sample (check_devices)
     for (std::size_t k = 0; k < sensors_.size(); ++k) {
         Sensor& s = sensors_[k];
         SensorRecord* record = sensor_records_.data() + k;
@@ -132,6 +144,13 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
                                s.partial.data() + 3 * homes, 0, Nothing{});
 }
 
+/// What particles of the two-pass step deposit waits here.
+template <class X, class T, int D>
+void Domain<X, T, D>::reserve_two_pass(Body& body) {
+    const std::size_t columns = std::size_t(body.ops.channels) * (1 + D);
+    body.scratch.reserve_discard(columns * body.count + column_padding);
+}
+
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
     if (plan_.phased) return run_phases();
@@ -140,10 +159,7 @@ void Domain<X, T, D>::run_bodies() {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (bodies_[b].homes == 0) continue;
         moving.push_back(b);
-        if (!plan_.fused) {
-            const std::size_t columns = std::size_t(bodies_[b].ops.channels) * (1 + D);
-            bodies_[b].scratch.reserve_discard(columns * bodies_[b].count + column_padding);
-        }
+        if (!plan_.fused) reserve_two_pass(bodies_[b]);
         workers += plan_.fused ? std::uint64_t(bodies_[b].full_homes) +
                                      std::uint64_t(lone_blocks(bodies_[b].lone_count))
                                : std::uint64_t(bodies_[b].homes) *
@@ -189,6 +205,7 @@ void Domain<X, T, D>::one_step() {
         update_grid();
         run_sensors();
         run_bodies();
+        if (share_) meeting_->meet();
         ++clock_.step;  // what the queue assumes; fetch_clock() brings the truth
     } else {
         const double t0 = now();
@@ -224,6 +241,15 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
         return result;
     }
     const double began = now();
+    // What a rank that fails has queued shall not wait for the others.
+    struct GiveUp {
+        typename X::Meeting* meeting;
+        int before = std::uncaught_exceptions();
+        ~GiveUp() {
+            if (meeting && std::uncaught_exceptions() > before) meeting->give_up();
+        }
+    };
+    const GiveUp on_failure{meeting_.get()};
     fetch_clock();
     const std::int64_t first_step = clock_.step;
     clock_.until = until;
@@ -242,10 +268,27 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
                 n = std::int64_t(std::min(
                     double(n), std::floor(std::max(0.0, until - clock_.time) / clock_.dt) + 2));
             }
+            bool wall_over = false;
+            if (share_) {
+                // Nobody asks for memory while another rank's kernels wait.
+                for (Body& body : bodies_)
+                    if (!plan_.fused) reserve_two_pass(body);
+                run_together(n, wall_over);
+            }
             const double t0 = now();
             exec_.single(begin_step());
+            const std::int64_t before = clock_.step;
             for (std::int64_t k = 0; k < std::max<std::int64_t>(n, 1); ++k) one_step();
+            if (share_) meeting_->wait();
             fetch_clock();
+            if (share_) {
+                share_->bytes_of_sums += std::uint64_t(clock_.step - before) * share_->bytes_a_step;
+                // Nobody goes on to what frees memory while another rank's kernels wait.
+                wall_over = now() - began > wall;
+                std::int64_t none = 0;
+                run_together(none, wall_over);
+                share_->wall_over = wall_over;
+            }
             timings_["steps"] += now() - t0;
         } else {
             one_step();
@@ -291,7 +334,9 @@ std::int64_t Domain<X, T, D>::steps_to_sort() const {
     if (share > 0) n = std::min(n, std::floor((clock_.drift_limit - clock_.drift) / share) + 1);
     const double since = double(clock_.step - last_sort_);
     if (clock_.strays > 0 && since > 0) {
-        const double all = since * std::sqrt(double(clock_.stray_limit) / double(clock_.strays));
+        // Of several ranks each counts its own, and those of all call for a sort.
+        const double strays = double(clock_.strays) * (share_ ? share_->ranks() : 1);
+        const double all = since * std::sqrt(double(clock_.stray_limit) / strays);
         n = std::min(n, std::ceil(all - since) + 1);
     } else if (since == 0 && sort_interval_ > 0) {
         n = std::min(n, double(sort_interval_) + 1);

@@ -207,6 +207,7 @@ void Domain<X, T, D>::deposit_arrivals() {
     clock_.halt = Halt::none;
     for (int q = 0; q < quantities; ++q) clock_.scale_write[q] = 1 / clock_.unit_read[q];
     push_clock();
+    if constexpr (X::is_device) meet_hosts();
     for (Arrival& arrival : arrivals_) {
         const Body& body = bodies_[std::size_t(arrival.body)];
         Body fresh(exec_);
@@ -232,6 +233,8 @@ void Domain<X, T, D>::deposit_arrivals() {
         deposit_body(fresh, arrival.body, arrival.rows.velocity);
         if constexpr (!X::is_device) {
             if (share_) end_of_sums(parity(), true);
+        } else {
+            meet_hosts();
         }
     }
     fetch_clock();

@@ -40,7 +40,7 @@ Condition Domain<X, T, D>::condition(int samples) {
     packing.assign({0.0, 0.0});
     exec_.template sum_each<2>(
         SumSets{set.data(), 1, std::int32_t(parts)},
-        AddPacking<Grid, Sum, D>{node_update(parity()), share_ ? share_->counts.data() : nullptr},
+        AddPacking<Grid, Sum, D>{node_update(parity()), share_ ? counts_.data() : nullptr},
         KeepPacking{packing.data()}, partial.data(), 0, Nothing{});
     exec_.wait();
     clock_ = kept;

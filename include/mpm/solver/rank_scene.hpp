@@ -82,9 +82,15 @@ struct RankScenes {
     explicit RankScenes(const Spec& scene) : partition(keys_of_domain<D>(scene), scene.ranks.axis) {
         const BlockKeys<D> keys = keys_of_domain<D>(scene);
         std::unordered_map<std::uint64_t, std::uint64_t> weight;
-        for (const BodySpec& body : scene.bodies)
-            detail::for_each_key<D>(scene, body, keys,
-                                    [&](std::uint64_t, std::uint64_t key) { ++weight[key]; });
+        for (const BodySpec& body : scene.bodies) {
+            // Particles that follow each other mostly stand in one block.
+            std::uint64_t last = ~std::uint64_t(0), *here = nullptr;
+            detail::for_each_key<D>(scene, body, keys, [&](std::uint64_t, std::uint64_t key) {
+                if (key != last) here = &weight[key];
+                last = key;
+                ++*here;
+            });
+        }
         std::vector<BlockWeight> blocks;
         for (const auto& [key, particles] : weight)
             blocks.push_back({key, particles + weight_of_block});
@@ -99,8 +105,12 @@ struct RankScenes {
         for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
             const BodySpec& body = scene.bodies[b];
             std::vector<std::vector<std::uint64_t>> rows(spec.size());
+            std::uint64_t last = ~std::uint64_t(0);
+            std::size_t owner = 0;
             detail::for_each_key<D>(scene, body, keys, [&](std::uint64_t row, std::uint64_t key) {
-                rows[std::size_t(partition.owner(key))].push_back(row);
+                if (key != last) owner = std::size_t(partition.owner(key));
+                last = key;
+                rows[owner].push_back(row);
             });
             for (std::size_t r = 0; r < spec.size(); ++r) {
                 BodySpec& own = spec[r].bodies[b];
@@ -212,6 +222,9 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
     }
     // What ranks add up is the first one's.
     if (rank > 0) {
+        auto clock = detail::from_blob<Clock>(all, "clock");
+        for (Clock& c : clock) c.strays = 0;
+        s["clock"] = detail::to_blob(clock);
         for (const char* name : {"load_impulse", "sensor_first"}) {
             auto values = detail::from_blob<double>(all, name);
             for (double& v : values) v = v == v ? 0.0 : v;

@@ -44,6 +44,13 @@ void add_images(const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& pla
     keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
 }
 
+/// A block in a rank's table, as others are told of it.
+struct HeldBlock {
+    std::uint64_t key;
+    std::int32_t slot;
+    std::int32_t unused;
+};
+
 template <int D>
 struct RankShare {
     /// What the blocks of one body and colour on one rank add to a block that others hold too.
@@ -76,7 +83,11 @@ struct RankShare {
 
     // Since the start.
     std::uint64_t rebalances = 0, migrated = 0, bytes_of_sums = 0;
-    std::vector<std::uint64_t> loads;  // of each rank, when they were last told
+    // Devices: at most, of the sums that others get in a step.
+    std::uint64_t bytes_a_step = 0;
+    std::uint64_t shared_blocks = 0;           // devices
+    std::vector<std::vector<HeldBlock>> held;  // devices: of each rank, those beside a cut
+    std::vector<std::uint64_t> loads;          // of each rank, when they were last told
 
     int rank() const { return comm->rank(); }
     int ranks() const { return comm->ranks(); }
@@ -92,6 +103,66 @@ struct RankVote {
     std::int32_t wall_over;
 };
 
+/// Votes of all ranks into one: the largest of what they found.
+MPM_HD inline void add_vote(RankVote& all, const RankVote& v) {
+    // Not-a-number is the largest of all.
+    const auto larger = [](double& to, double x) {
+        if (x != x || x > to) to = x;
+    };
+    for (int m = 0; m < maxima_count; ++m) larger(all.maxima[m], v.maxima[m]);
+    for (int q = 0; q < quantities; ++q) larger(all.deposited[q], v.deposited[q]);
+    // A call for a sort is as many as there can be.
+    const std::uint64_t sum = all.strays + v.strays;
+    all.strays = sum < v.strays ? ~std::uint64_t(0) : sum;
+    all.fault = all.fault || v.fault;
+    all.wall_over = all.wall_over || v.wall_over;
+}
+
+/// What a clock and the maxima of its grid say; its wall time is the host's to know.
+MPM_HD inline RankVote vote_of(const Clock& clock, const double* maxima) {
+    RankVote mine{};
+    for (int m = 0; m < maxima_count; ++m) mine.maxima[m] = maxima[m];
+    for (int q = 0; q < quantities; ++q) mine.deposited[q] = clock.deposited[q];
+    mine.strays = clock.strays;
+    mine.fault = clock.fault_particle != no_fault;
+    return mine;
+}
+
+/// A clock decides by the votes of all as if they were its own.
+template <int D>
+MPM_HD inline void decide_by(const RankVote& all, Clock* clock, const Decide<D>& decide) {
+    const std::uint64_t own = clock->strays;
+    clock->strays = all.strays;
+    for (int q = 0; q < quantities; ++q) clock->deposited[q] = all.deposited[q];
+    if (all.fault && clock->fault_particle == no_fault) clock->fault_particle = fault_elsewhere;
+    decide(all.maxima);
+    clock->strays = own;  // each goes on counting its own
+}
+
+/// Devices: a rank's vote into the memory of all, after its grid update.
+struct TellVote {
+    const Clock* clock;
+    RankVote* const* boxes;  // (ranks,): where each keeps the votes, by rank
+    int rank, ranks;
+    MPM_HD void operator()(const double* maxima) const {
+        const RankVote mine = vote_of(*clock, maxima);
+        for (int r = 0; r < ranks; ++r) boxes[r][rank] = mine;
+    }
+};
+/// Devices: when all votes are there.
+template <int D>
+struct DecideByVotes {
+    Decide<D> decide;
+    Clock* clock;
+    const RankVote* votes;
+    int ranks;
+    MPM_HD void operator()() const {
+        RankVote all{};
+        for (int r = 0; r < ranks; ++r) add_vote(all, votes[r]);
+        decide_by(all, clock, decide);
+    }
+};
+
 /// The clock decides alike on all ranks: by the largest of what they found.
 template <int D>
 struct DecideTogether {
@@ -101,32 +172,13 @@ struct DecideTogether {
     double now;
 
     void operator()(const double* maxima) const {
-        RankVote mine{};
-        for (int m = 0; m < maxima_count; ++m) mine.maxima[m] = maxima[m];
-        for (int q = 0; q < quantities; ++q) mine.deposited[q] = clock->deposited[q];
-        mine.strays = clock->strays;
-        mine.fault = clock->fault_particle != no_fault;
+        RankVote mine = vote_of(*clock, maxima);
         mine.wall_over = now > share->wall_ends;
         RankVote all{};
-        for (const auto& list : share->comm->all_gather(std::vector<RankVote>{mine})) {
-            const RankVote& v = list.at(0);
-            for (int m = 0; m < maxima_count; ++m)
-                all.maxima[m] = std::max(all.maxima[m], v.maxima[m]);
-            for (int q = 0; q < quantities; ++q)
-                all.deposited[q] = std::max(all.deposited[q], v.deposited[q]);
-            // A call for a sort is as many as there can be.
-            const std::uint64_t sum = all.strays + v.strays;
-            all.strays = sum < v.strays ? ~std::uint64_t(0) : sum;
-            all.fault = all.fault || v.fault;
-            all.wall_over = all.wall_over || v.wall_over;
-        }
-        const std::uint64_t own = clock->strays;
-        clock->strays = all.strays;
-        for (int q = 0; q < quantities; ++q) clock->deposited[q] = all.deposited[q];
-        if (all.fault && !mine.fault) clock->fault_particle = fault_elsewhere;
+        for (const auto& list : share->comm->all_gather(std::vector<RankVote>{mine}))
+            add_vote(all, list.at(0));
         share->wall_over = all.wall_over;
-        decide(all.maxima);
-        clock->strays = own;  // each goes on counting its own
+        decide_by(all, clock, decide);
     }
 };
 

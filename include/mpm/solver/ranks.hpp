@@ -12,6 +12,8 @@ namespace mpm {
 
 /// Refuses what is not built for several ranks.
 void check_ranks(const Spec& spec, const Plan& plan);
+/// The same for ranks on devices, of which each needs one.
+void check_devices(const Spec& spec);
 
 /// One engine of many. `engines`: of each rank, made on `ranks` together.
 std::unique_ptr<Engine> join_ranks(const Spec& spec, std::unique_ptr<RankThreads> ranks,

@@ -232,6 +232,7 @@ struct KernelSpec {
 /// Ranks that share the scene, each with its own blocks of cells and their particles.
 struct RanksSpec {
     int count = 1;
+    std::vector<int> devices;  // CUDA: of each rank
     int axis = -1;  // blocks are dealt by planes across it; -1: along a space-filling curve
     // The largest load over the mean one at which a sort deals blocks anew, where that helps; 0: at
     // every sort.

@@ -28,18 +28,27 @@ __all__ = [
 class Backend:
     """A compiled module and one of its devices: `name` is "cpu" or "cuda:<index>".
 
-    `ranks` share a scene, each with its own part of it.
+    `ranks` share a scene, each with its own part of it; on CUDA `indices` are their devices and
+    `name` is that of the first.
     """
 
     name: str
     module: Any
     index: int
     ranks: int = 1
+    indices: tuple[int, ...] = ()
 
     @property
     def kind(self) -> str:
         """Either "cpu" or "cuda"."""
         return self.name.partition(":")[0]
+
+    @property
+    def devices(self) -> list[str]:
+        """The device of each rank."""
+        if self.kind == "cpu":
+            return ["cpu"] * self.ranks
+        return [f"cuda:{index}" for index in self.indices or (self.index,)]
 
 
 @dataclass(frozen=True)
@@ -65,7 +74,8 @@ def core() -> Any:
 def memory_free(backend: Backend) -> int | None:
     """Return the bytes that a device can still give, or None where that cannot be told."""
     if backend.kind == "cuda":
-        return int(backend.module.devices()[backend.index]["free"])
+        found = backend.module.devices()
+        return sum(int(found[index]["free"]) for index in {*backend.indices, backend.index})
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
     except OSError:
@@ -105,14 +115,16 @@ def parse_device(device: str | Sequence[str]) -> tuple[str, int]:
     """Return kind ("cpu" or "cuda") and index of a device name; the device need not exist.
 
     "auto" is the first CUDA device if there is one and the CPU otherwise. Several, which share a
-    scene, are all of them "cpu".
+    scene, are all of them "cpu" or all CUDA devices; the index is that of the first.
     """
     if not isinstance(device, str):
         if len(device) > 0 and all(name == "cpu" for name in device):
             return ("cpu", 0)
+        if len(device) > 0 and all(re.fullmatch("cuda(:[0-9]+)?", str(name)) for name in device):
+            return parse_device(device[0])
         raise DeviceError(
-            f"device is {device!r}: several devices are not built into this version but for the "
-            "CPU (['cpu', 'cpu']); give one, such as 'cuda:0'"
+            f"device is {device!r}: several devices share a scene where all are 'cpu' "
+            "(['cpu', 'cpu']) or all are CUDA devices (['cuda:0', 'cuda:1'])"
         )
     if device == "auto":
         return ("cuda" if cuda_status().devices else "cpu", 0)
@@ -125,6 +137,8 @@ def parse_device(device: str | Sequence[str]) -> tuple[str, int]:
 def select(device: str | Sequence[str] = "auto") -> Backend:
     """Return the backend of "auto", "cpu", "cuda", "cuda:<index>", or of ranks: ["cpu", "cpu"].
 
+    Ranks on CUDA are as many names, such as ["cuda:0", "cuda:1"]; a device may be named twice.
+
     A missing device is a `DeviceError` that says what was found and what to do.
     """
     kind, index = parse_device(device)
@@ -136,7 +150,12 @@ def select(device: str | Sequence[str] = "auto") -> Backend:
             f"device {device!r} is not available: {status.reason}. Found: the CPU only; "
             "use device='cpu' or 'auto'"
         )
-    if index >= len(status.devices):
-        listed = ", ".join(f"cuda:{i} {d['name']}" for i, d in enumerate(status.devices))
-        raise DeviceError(f"device {device!r} does not exist; found {listed}; use one of these")
-    return Backend(f"cuda:{index}", status.module, index)
+    names = [device] if isinstance(device, str) else list(device)
+    indices = [index] if isinstance(device, str) else [parse_device(name)[1] for name in names]
+    for name, wanted in zip(names, indices, strict=True):
+        if wanted >= len(status.devices):
+            listed = ", ".join(f"cuda:{i} {d['name']}" for i, d in enumerate(status.devices))
+            raise DeviceError(f"device {name!r} does not exist; found {listed}; use one of these")
+    if len(indices) == 1:
+        return Backend(f"cuda:{index}", status.module, index)
+    return Backend(f"cuda:{index}", status.module, index, len(indices), tuple(indices))

@@ -104,6 +104,7 @@ class Persistent(Looking):
             "run": run.run_settings,
             "device": run.device,
             "ranks": run.ranks,
+            "devices": run._backend.devices,
             "precision": run.precision,
             "pipeline": run.pipeline,
             "threads": run._requested["threads"],
@@ -148,7 +149,7 @@ class Persistent(Looking):
         recorded = header["device"].partition(":")[0]
         chosen = header["device"] if device is None else device
         if device is None and header.get("ranks", 1) > 1:
-            chosen = [chosen] * header["ranks"]
+            chosen = header.get("devices") or [chosen] * header["ranks"]
         same = backends.select(chosen).kind == recorded
         if guard == "same":
             recorded_guard = header.get("guard", Guard().to_dict())

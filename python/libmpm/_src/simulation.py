@@ -60,8 +60,9 @@ class Simulation(Persistent):
         The description; a copy is kept.
     device
         "auto" (CUDA if there is a device, else the CPU), "cpu", "cuda" or "cuda:<index>". Several,
-        such as ["cpu", "cpu"], share the scene as ranks, each with its own part of it: the results
-        have the bits of one. So far on the CPU alone.
+        such as ["cpu", "cpu"] or ["cuda:0", "cuda:1"], share the scene as ranks, each with its own
+        part of it: the results have the bits of one. CUDA devices must be alike and reach each
+        other's memory, as NVLink gives it; a device may be named twice.
     precision
         "single", "double", or on CUDA devices "mixed": particles double, grid single. "auto" is
         single, and double on grids of functions, which have no other.
@@ -322,6 +323,8 @@ class Simulation(Persistent):
             self._initial.into(specification)
             if self.ranks > 1:
                 specification["ranks"] = {"count": self.ranks}
+                if self._backend.indices:
+                    specification["ranks"]["devices"] = list(self._backend.indices)
             saved = self._restored if self._loads_state else None
             if saved is not None:
                 specification |= saved.stored_as()

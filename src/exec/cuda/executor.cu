@@ -212,17 +212,20 @@ void Cuda::release(void* p, std::size_t bytes) noexcept {
 }
 
 void Cuda::copy(void* to, const void* from, std::size_t bytes) {
+    if (bytes == 0) return;  // a rank may hold nothing at all
     const cuda::DeviceGuard guard(device());
     MPM_CUDA(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice, stream()));
 }
 
 void Cuda::upload(void* to, const void* from, std::size_t bytes) {
+    if (bytes == 0) return;  // a rank may hold nothing at all
     const cuda::DeviceGuard guard(device());
     MPM_CUDA(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream()));
     MPM_CUDA(cudaStreamSynchronize(stream()));
 }
 
 void Cuda::download(void* to, const void* from, std::size_t bytes) {
+    if (bytes == 0) return;  // a rank may hold nothing at all
     const cuda::DeviceGuard guard(device());
     const bool small = bytes <= staging_bytes;
     MPM_CUDA(cudaMemcpyAsync(small ? context_->staging : to, from, bytes, cudaMemcpyDeviceToHost,

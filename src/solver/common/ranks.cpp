@@ -40,6 +40,19 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     refuse("the phased step", "take one rank");
 }
 
+void check_devices(const Spec& spec) {
+    if (spec.ranks.devices.size() != std::size_t(std::max(spec.ranks.count, 0)))
+        throw SceneError("the scene has " + std::to_string(spec.ranks.count) + " ranks and names " +
+                         std::to_string(spec.ranks.devices.size()) +
+                         " devices; name one for each, such as ['cuda:0', 'cuda:1']");
+    for (const SensorSpec& s : spec.sensors) {
+        if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe)
+            throw SceneError("sensor '" + s.name +
+                             "': gauges and probes are not built for several devices; take one "
+                             "device, or read the grid between runs");
+    }
+}
+
 namespace {
 
 /// Rows of one array behind those of another.
@@ -130,6 +143,15 @@ State join_states(const std::vector<State>& ranks, std::size_t bodies) {
             blob = std::move(joined.out);
         }
     }
+    auto clock = detail::from_blob<Clock>(all, "clock");
+    for (std::size_t r = 1; r < ranks.size(); ++r) {
+        const auto other = detail::from_blob<Clock>(ranks[r], "clock");
+        // A device counts its own; the rest is the same on all.
+        clock.at(0).strays += other.at(0).strays;
+        for (int q = 0; q < quantities; ++q)
+            clock[0].deposited[q] = std::max(clock[0].deposited[q], other[0].deposited[q]);
+    }
+    all["clock"] = detail::to_blob(clock);
     for (const char* name : {"load_impulse", "sensor_first"}) {
         auto sum = detail::from_blob<double>(all, name);
         for (std::size_t r = 1; r < ranks.size(); ++r) {

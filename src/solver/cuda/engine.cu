@@ -1,21 +1,32 @@
 #include "mpm/exec/cuda.cuh"
+#include "mpm/exec/cuda_meeting.cuh"
 #include "mpm/solver/make_domain.hpp"
 #include "mpm/solver/merged.hpp"
 
 namespace mpm {
 
+namespace {
+
+/// With particles in T: one rank, or as many as there are devices.
+template <class X, class T>
+std::unique_ptr<Engine> make_on(const Spec& s, const Plan& plan) {
+    if (s.ranks.count == 1)
+        return make_domain<X, T>(s, plan, [&] { return X(s.device, s.shared_device); });
+    check_ranks(s, plan);
+    check_devices(s);
+    return make_ranks<X, T>(s, plan, std::make_unique<RankThreads>(s.ranks.count), [&](int rank) {
+        return X(s.ranks.devices[std::size_t(rank)], s.shared_device);
+    });
+}
+
+}  // namespace
+
 std::unique_ptr<Engine> make_cuda_engine(const Spec& spec) {
-    if (spec.ranks.count != 1)
-        throw SceneError("several ranks are not built for CUDA; take one device");
     return make_merged(spec, [](const Spec& s) {
         const Plan plan = make_plan(s, cuda_traits(s.precision));
-        const auto executor = [&] { return Cuda(s.device, s.shared_device); };
-        if (s.precision == Precision::mixed) {
-            return make_domain<CudaMixed, double>(
-                s, plan, [&] { return CudaMixed(s.device, s.shared_device); });
-        }
-        return s.precision == Precision::single ? make_domain<Cuda, float>(s, plan, executor)
-                                                : make_domain<Cuda, double>(s, plan, executor);
+        if (s.precision == Precision::mixed) return make_on<CudaMixed, double>(s, plan);
+        return s.precision == Precision::single ? make_on<Cuda, float>(s, plan)
+                                                : make_on<Cuda, double>(s, plan);
     });
 }
 

@@ -209,8 +209,9 @@ __global__ void __launch_bounds__(fused_threads, 1)
     end_pass(pass);
 }
 
-/// Threads that share a cell: enough for a few warps on every scheduler, of which other simulations
-/// on the same device bring their own.
+/// Threads that share a cell, which splits its sum and with it the bits, so `homes` are those of
+/// all ranks: enough for a few warps on every scheduler, of which other simulations on the same
+/// device bring their own.
 inline int threads_a_cell(std::int32_t homes, int multiprocessors, bool shared) {
     if (shared) return 1;
     return homes < multiprocessors * 3 / 2 ? 4 : (homes < multiprocessors * 4 ? 2 : 1);
@@ -218,9 +219,8 @@ inline int threads_a_cell(std::int32_t homes, int multiprocessors, bool shared) 
 
 template <class Material, Smoothing S, int D>
 void run_fused(const Pass<Cuda, float, D>& pass) {
-    const int threads =
-        block_cells *
-        threads_a_cell(pass.body.full_homes, pass.exec->multiprocessors(), pass.exec->shared());
+    const int threads = block_cells * threads_a_cell(pass.full_homes, pass.exec->multiprocessors(),
+                                                     pass.exec->shared());
     pass.exec->launch_next(&fused_step<Material, S, D>, pass.body.full_homes, 1, threads, pass,
                            Material::template constants<float>(pass.parameters));
 }

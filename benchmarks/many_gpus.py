@@ -1,0 +1,260 @@
+"""What several devices do with one scene: weak and strong scaling, and water that mixes.
+
+Each case runs on the first 1, 2, 4 ... of the devices that are given and appends a JSON line for
+each. Rates are wall time over the steps after the first ones; bytes are those that a step adds in
+the memory of other devices, at most. Cases on several devices say what part of the rate a device
+has of one alone in the same process (`efficiency`), where that was run.
+
+Run:  python benchmarks/many_gpus.py --devices cuda:0 cuda:1 --json FILE
+      python benchmarks/many_gpus.py --cases weak strong --seconds 10 --fbar default
+      LIBMPM_RANK_WAIT=flags python benchmarks/many_gpus.py ...
+      python benchmarks/many_gpus.py --devices cpu cpu --scale 1e-4 --steps 40
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import hashlib
+import json
+import os
+import shlex
+import subprocess
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import libmpm
+from libmpm._src.bench import COURANT, GRAVITY, HEIGHT, SOUND, collapse, commit, water
+
+Line = dict[str, Any]
+Sized = tuple[libmpm.Scene, float]
+CHUNK = 50  # steps between two looks at the clock
+WARM = 20  # steps that are not measured
+WAITS = os.environ.get("LIBMPM_RANK_WAIT", "events")  # how devices wait for each other
+
+
+def slosh(particles: int, lengths: int, fbar: str) -> Sized:
+    """Return a tank of `lengths` cubes of water in a row, about `particles` each, and a time step.
+
+    The water starts with a twentieth of the speed of sound along the row, runs up at its end and
+    comes back: it crosses every cut that is not along the row. Each cube adds the same work.
+    """
+    n = max(4, round((particles / 8) ** (1 / 3)))
+    dx = HEIGHT / n
+    scene = libmpm.Scene(
+        dimension=3, cell_size=dx, lower=(0, 0, 0),
+        upper=((lengths * n + n // 4) * dx, n * dx, (n + n // 2) * dx),
+        gravity=(0, 0, -GRAVITY), name="slosh",
+    )  # fmt: skip
+    scene.add_body(
+        name="water",
+        shape=libmpm.shapes.Box(lower=(0, 0, 0), upper=(lengths * n * dx, n * dx, n * dx)),
+        material=water(), particles_per_cell=8, velocity=(0.05 * SOUND, 0, 0),
+        hydrostatic=n * dx, fbar="default" if fbar == "default" else None,
+    )  # fmt: skip
+    slip = libmpm.boundaries.Slip()
+    scene.add_boundary(name="walls", shape=libmpm.shapes.DomainWalls(), response=slip)
+    return scene, COURANT * dx / SOUND
+
+
+def devices_named(names: list[str]) -> list[str]:
+    """Return what the devices are, for the line."""
+    if all(name == "cpu" for name in names):
+        return ["CPU"] * len(names)
+    try:
+        command = ["nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader"]
+        found = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+        listed = found.stdout.strip().splitlines()
+        return [listed[int(name.partition(":")[2] or 0)] for name in names]
+    except (OSError, IndexError, subprocess.SubprocessError):
+        return list(names)
+
+
+def digest(simulation: libmpm.Simulation) -> str:
+    """Return a hash of positions and ids, in the order of the ids."""
+    total = hashlib.sha256()
+    for body in simulation.particles.values():
+        ids = np.asarray(body["id"])
+        order = np.argsort(ids)
+        if not (ids[order] == ids[order[0]] + np.arange(len(ids))).all():
+            raise RuntimeError("a particle is lost or there twice")
+        total.update(np.ascontiguousarray(np.asarray(body["position"])[order]).tobytes())
+    return total.hexdigest()[:16]
+
+
+class Runner:
+    """Runs scenes on some of the devices, one at a time, and makes their lines."""
+
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        """Take the options of the command."""
+        self.arguments = arguments
+        self.command = shlex.join(["python", *sys.argv])
+        self._alone: dict[str, float] = {}
+
+    def size(self, particles: float) -> int:
+        """Return a number of particles after scaling."""
+        return max(8, round(particles * self.arguments.scale))
+
+    def counts(self) -> list[int]:
+        """Return how many devices to take, one after another."""
+        most = len(self.arguments.devices)
+        return [n for n in self.arguments.counts or (1, 2, 4, 8) if n <= most]
+
+    def run(self, case: str, sized: Sized, ranks: int, steps: int, *, bits: bool = False) -> Line:
+        """Run a scene on the first `ranks` devices until the steps or the seconds are over."""
+        scene, time_step = sized
+        names = self.arguments.devices[:ranks]
+        began = time.perf_counter()
+        simulation = libmpm.Simulation(
+            scene, device=names[0] if ranks == 1 else names, time_step=time_step,
+            precision=self.arguments.precision,
+        )  # fmt: skip
+        try:
+            _ = simulation.engine
+            constructed = time.perf_counter()
+            simulation.step(min(WARM, steps))
+            before, at = simulation.statistics, simulation.timings
+            started = time.perf_counter()
+            marks = [(0, 0.0)]
+            while marks[-1][0] < steps and (bits or marks[-1][1] < self.arguments.seconds):
+                simulation.step(min(CHUNK, steps - marks[-1][0]))
+                marks.append((simulation.steps - WARM, time.perf_counter() - started))
+            done, seconds = marks[-1]
+            after = simulation.statistics
+            count = sum(len(body) for body in simulation.particles.values())
+            rate = count * done / seconds
+
+            def since(name: str) -> float:
+                return float(after.get(name, 0.0)) - float(before.get(name, 0.0))
+
+            def part(first: int, last: int) -> float:
+                (a, s), (b, t) = marks[first], marks[last]
+                return count * (b - a) / (t - s)
+
+            line = {
+                "case": case,
+                "devices": names,
+                "hardware": devices_named(names),
+                "ranks": ranks,
+                "waits": None if "cpu" in names or ranks == 1 else WAITS,
+                "particles": count,
+                "particles_per_cell": scene.bodies[0].particles_per_cell,
+                "fbar": str(scene.bodies[0].fbar),
+                "precision": simulation.precision,
+                "pipeline": simulation.pipeline,
+                "cells": list(scene.cells),
+                "steps": done,
+                "seconds": seconds,
+                "step_s": seconds / done,
+                "particle_steps_per_s": rate,
+                "particle_steps_per_s_per_device": rate / ranks,
+                "first_chunk": part(0, 1),
+                "last_chunk": part(-2, -1),
+                "bytes_a_step": since("bytes_of_sums") / done,
+                "shared_blocks": after.get("shared_blocks", 0),
+                "migrated_a_step": since("migrated") / done,
+                "sorts": since("sorts"),
+                "sort_s": simulation.timings.get("sort", 0.0) - at.get("sort", 0.0),
+                "rebalances": after.get("rebalances", 0),
+                "imbalance": after.get("imbalance", 1.0),
+                "grid_blocks": after.get("blocks"),
+                "most_bytes_held": after.get("most_bytes_held"),
+                "construction_s": constructed - began,
+                "digest": digest(simulation) if bits else None,
+                "commit": commit(),
+                "version": libmpm.__version__,
+                "command": self.command,
+            }
+        finally:
+            del simulation
+            gc.collect()
+        key = f"{case} {line['fbar']}"
+        if ranks == 1:
+            self._alone[key] = rate
+        if key in self._alone:
+            line["efficiency"] = rate / ranks / self._alone[key]
+        return line
+
+
+def weak(runner: Runner) -> Iterator[Line]:
+    """64 M particles a device, with F-bar and without."""
+    for fbar in runner.arguments.fbar:
+        for ranks in runner.counts():
+            sized = slosh(runner.size(64e6), ranks, fbar)
+            yield runner.run("weak: 64 M each", sized, ranks, runner.arguments.steps or 1000)
+
+
+def split(runner: Runner, particles: float, name: str) -> Iterator[Line]:
+    """The same water on more and more devices."""
+    for ranks in runner.counts():
+        sized = slosh(runner.size(particles), 1, "default")
+        yield runner.run(f"strong: {name} in all", sized, ranks, runner.arguments.steps or 2000)
+
+
+def strong(runner: Runner) -> Iterator[Line]:
+    """64 M in all."""
+    yield from split(runner, 64e6, "64 M")
+
+
+def small(runner: Runner) -> Iterator[Line]:
+    """8 M in all."""
+    yield from split(runner, 8e6, "8 M")
+
+
+def mixing(runner: Runner) -> Iterator[Line]:
+    """A collapse of 1 M that runs long: ids checked, and the bits of one device."""
+    first = None
+    for ranks in runner.counts():
+        sized = collapse(runner.size(1e6))
+        steps = runner.arguments.mixing_steps
+        line = runner.run("mixing: 1 M", sized, ranks, steps, bits=True)
+        first = first or line["digest"]
+        yield line | {"bits_of_one": line["digest"] == first}
+
+
+CASES: dict[str, Callable[[Runner], Iterator[Line]]] = {
+    "mixing": mixing, "small": small, "strong": strong, "weak": weak,
+}  # fmt: skip
+
+
+def main() -> int:
+    """Run the chosen cases; a case that fails says so in a line and the others go on."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--devices", nargs="+", default=["cuda:0", "cuda:1"])
+    parser.add_argument("--counts", nargs="+", type=int, help="how many of them; 1 2 4 8")
+    parser.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES))
+    parser.add_argument("--fbar", nargs="+", choices=["default", "none"],
+                        default=["default", "none"], help="forms that `weak` takes")  # fmt: skip
+    parser.add_argument("--precision", default="single")
+    parser.add_argument("--scale", type=float, default=1.0, help="factor on all sizes")
+    parser.add_argument("--steps", type=int, help="at most, of the scaling cases")
+    parser.add_argument("--mixing-steps", type=int, default=4000)
+    parser.add_argument("--seconds", type=float, default=20.0, help="of a run at most")
+    parser.add_argument("--json", type=Path, help="file to append lines to")
+    arguments = parser.parse_args()
+    runner = Runner(arguments)
+    failed = 0
+    for name in arguments.cases:
+        lines = CASES[name](runner)
+        try:
+            for line in lines:
+                text = json.dumps(line)
+                print(text, flush=True)
+                if arguments.json:
+                    with arguments.json.open("a", encoding="utf-8") as file:
+                        file.write(text + "\n")
+        except Exception as error:
+            traceback.print_exc()
+            print(json.dumps({"case": name, "error": str(error)}), flush=True)
+            failed = 1
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main())

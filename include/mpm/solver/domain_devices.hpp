@@ -1,0 +1,249 @@
+// Domain: one rank of several on devices. What a block's particles add goes to all who hold the
+// block, straight into their memory while the pass runs (Copies); integers end alike everywhere. So
+// ranks only have to wait for each other twice a step: when the votes are there, by which also the
+// sums to come are cleared, and when the sums are complete.
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+/// Who owns a block, as kernels know it.
+template <int D>
+struct RowCuts {
+    int axis = 0, bits = 1, count = 0;
+    std::uint64_t at[most_devices] = {};  // where each rank but the first begins
+
+    RowCuts() = default;
+    explicit RowCuts(const BlockPartition<D>& p)
+        : axis(p.axis()), bits(p.bits()), count(int(p.cuts().size())) {
+        std::copy(p.cuts().begin(), p.cuts().end(), at);
+    }
+    MPM_INLINE int owner(const BlockKeys<D>& keys_of, std::uint64_t key) const {
+        const std::uint64_t place = place_in_row(keys_of, key, axis, bits);
+        int r = 0;
+        while (r < count && at[r] <= place) ++r;
+        return r;
+    }
+};
+
+template <int D>
+struct FlagBorder {
+    BlockKeys<D> keys_of;
+    const std::uint64_t* keys;
+    RowCuts<D> cuts;
+    int me;
+    bool all;
+    std::uint32_t* flag;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        std::int64_t at[D];
+        keys_of.block(keys[slot], at);
+        bool found = all;
+        for (int n = 0; n < Block<D>::neighbours && !found; ++n) {
+            std::int64_t b[D];
+            int rest = n;
+            bool inside = true;
+            for (int a = D - 1; a >= 0; --a) {
+                b[a] = at[a] + rest % 3 - 1;
+                rest /= 3;
+                inside = inside && b[a] >= -BlockKeys<D>::rim &&
+                         b[a] + BlockKeys<D>::rim < keys_of.counts[a];
+            }
+            found = inside && cuts.owner(keys_of, keys_of.key(b)) != me;
+        }
+        flag[slot] = found;
+    }
+};
+struct ListHeld {
+    const std::uint64_t* keys;
+    const std::uint32_t* flag;
+    const std::uint32_t* position;
+    HeldBlock* out;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        if (flag[slot]) out[position[slot]] = {keys[slot], std::int32_t(slot), 0};
+    }
+};
+
+/// Blocks of another rank that this one holds too.
+template <class X>
+struct LinkCopies {
+    const std::uint64_t* keys;
+    std::int32_t slots;
+    const HeldBlock* theirs;
+    int others, other;
+    bool they_count;  // its nodes, and not we
+    std::int32_t* copies;
+    std::uint8_t* counts;
+    std::uint32_t* found;
+    MPM_INLINE void operator()(std::int64_t k) const {
+        const std::int32_t slot = find_key(keys, slots, theirs[k].key);
+        if (slot < 0) return;
+        copies[std::int64_t(slot) * others + other] = theirs[k].slot;
+        if (they_count) counts[slot] = 0;
+        X::fetch_add(found, 1);
+    }
+};
+
+/// Counts the nodes of other ranks' blocks that a home's arena reaches.
+template <class X, int D>
+struct CountShared {
+    const std::int32_t* home;
+    const std::int32_t* neighbours;
+    const std::int32_t* copies;
+    int others;
+    std::uint32_t* nodes;
+    MPM_INLINE void operator()(std::int64_t h) const {
+        const std::int32_t* row = neighbours + std::int64_t(home[h]) * Block<D>::neighbours;
+        std::uint32_t found = 0;
+        for (int n = 0; n < Block<D>::neighbours; ++n) {
+            int rest = n, reached = 1;
+            for (int a = 0; a < D; ++a) {
+                reached *= rest % 3 == 1 ? Block<D>::edge : Block<D>::margin;
+                rest /= 3;
+            }
+            for (int o = 0; o < others; ++o)
+                if (copies[std::int64_t(row[n]) * others + o] >= 0) found += std::uint32_t(reached);
+        }
+        if (found > 0) X::fetch_add(nodes, found);
+    }
+};
+
+/// Where ranks vote, and how they wait for each other. All ranks together.
+template <class X, class T, int D>
+void Domain<X, T, D>::open_devices() {
+    if constexpr (X::is_device) {
+        Communicator& comm = *share_->comm;
+        meeting_ = std::make_unique<typename X::Meeting>(exec_, comm);
+        votes_.assign(std::vector<RankVote>(std::size_t(comm.ranks()), RankVote{}));
+        std::vector<RankVote*> boxes;
+        for (const auto& theirs : comm.all_gather(std::vector<RankVote*>{votes_.data()}))
+            boxes.push_back(theirs.at(0));
+        boxes_.assign(boxes);
+    }
+}
+
+/// Until what every rank has queued is done. Nothing where this is the only one.
+template <class X, class T, int D>
+void Domain<X, T, D>::meet_hosts() {
+    if (!share_) return;
+    exec_.wait();
+    share_->comm->all_gather(std::vector<int>{1});
+}
+
+template <class X, class T, int D>
+double Domain<X, T, D>::largest_of_all(double x) const {
+    if (!share_) return x;
+    for (const auto& theirs : share_->comm->all_gather(std::vector<double>{x}))
+        x = std::max(x, theirs.at(0));
+    return x;
+}
+
+/// Numbers of all ranks, added up. On the CPU nothing asks for them.
+template <class X, class T, int D>
+void Domain<X, T, D>::sum_of_devices(std::vector<std::uint64_t>& numbers) const {
+    if (!share_ || !X::is_device) return;
+    const auto told = share_->comm->all_gather(numbers);
+    std::fill(numbers.begin(), numbers.end(), 0);
+    for (const auto& theirs : told)
+        for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] += theirs.at(k);
+}
+
+/// How many steps all ranks queue, and whether the time of any is over.
+template <class X, class T, int D>
+void Domain<X, T, D>::run_together(std::int64_t& steps, bool& wall_over) {
+    struct Says {
+        std::int64_t steps;
+        std::int64_t over;
+    };
+    for (const auto& theirs : share_->comm->all_gather(std::vector<Says>{{steps, wall_over}})) {
+        steps = std::min(steps, theirs.at(0).steps);
+        wall_over = wall_over || theirs.at(0).over != 0;
+    }
+}
+
+/// The blocks of a table that others may hold too: those beside a block that another rank owns.
+/// With `all`, every block.
+template <class X, class T, int D>
+std::vector<HeldBlock> Domain<X, T, D>::list_held(const Buffer<X, std::uint64_t>& keys, bool all) {
+    const RankShare<D>& s = *share_;
+    const std::int64_t slots = std::int64_t(keys.size());
+    Buffer<X, std::uint32_t> flag(exec_), position(exec_);
+    flag.reserve_discard(std::size_t(slots));
+    position.reserve_discard(std::size_t(slots) + 1);
+    // Whoever has a block of one side of a mirrored wall has that of the other.
+    FlagBorder<D> border{table_.keys_of, keys.data(), {}, s.rank(), all || !s.mirrors.empty(),
+                         flag.data()};
+    border.cuts = RowCuts<D>(s.partition);
+    exec_.for_each(slots, border);
+    exec_.exclusive_scan(flag.data(), position.data(), slots);
+    std::uint32_t n = 0;
+    exec_.download(&n, position.data() + slots, sizeof n);
+    Buffer<X, HeldBlock> list(exec_);
+    list.reserve_discard(n);
+    exec_.for_each(slots, ListHeld{keys.data(), flag.data(), position.data(), list.data()});
+    return list.host();
+}
+
+/// Who holds what of the present table. `held`: of everyone's.
+template <class X, class T, int D>
+void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
+    RankShare<D>& s = *share_;
+    s.held = std::move(held);
+    const std::size_t slots = std::size_t(table_.slots), others = std::size_t(s.ranks() - 1);
+    copies_.assign(std::vector<std::int32_t>(slots * others, -1));
+    counts_.assign(std::vector<std::uint8_t>(slots, 1));
+    Buffer<X, std::uint32_t> found(exec_);  // blocks that others hold too; their nodes in reach
+    found.assign({0, 0});
+    Buffer<X, HeldBlock> theirs(exec_);
+    int other = 0;
+    for (int r : s.comm->others()) {
+        theirs.assign(s.held[std::size_t(r)]);
+        exec_.for_each(std::int64_t(theirs.size()),
+                       LinkCopies<X>{table_.keys, table_.slots, theirs.data(), int(others), other++,
+                                     r < s.rank(), copies_.data(), counts_.data(), found.data()});
+        exec_.wait();
+    }
+    for (const Body& body : bodies_) {
+        exec_.for_each(body.homes,
+                       CountShared<X, D>{body.home.data(), neighbours_.data(), copies_.data(),
+                                         int(others), found.data() + 1});
+    }
+    const auto counted = found.host();
+    s.shared_blocks = counted[0];
+    s.bytes_a_step = std::uint64_t(counted[1]) * std::uint64_t(plan_.sum_channels) * sizeof(Sum);
+    s.counts = counts_.host();
+    if (load_count_ > 0) list_measured();
+}
+
+/// After the table was made anew but for sorts. All ranks together.
+template <class X, class T, int D>
+void Domain<X, T, D>::link_table_of_ranks() {
+    if constexpr (X::is_device)
+        link_devices(share_->comm->all_gather(list_held(keys_, false)));
+    else
+        link_ranks(share_->comm->all_gather(keys_.host()));
+}
+
+/// Where everyone keeps its sums now. All ranks together, whenever they may have moved.
+template <class X, class T, int D>
+void Domain<X, T, D>::link_sums() {
+    if constexpr (X::is_device) {
+        const RankShare<D>& s = *share_;
+        using Both = std::array<Sum*, 2>;
+        sums_of_.clear();
+        for (const auto& theirs :
+             s.comm->all_gather(std::vector<Both>{{sums_[0].data(), sums_[1].data()}}))
+            sums_of_.push_back(theirs.at(0));
+        std::vector<Copies<Sum>> copies(2);
+        for (int p = 0; p < 2; ++p) {
+            copies[std::size_t(p)].slot = copies_.data();
+            copies[std::size_t(p)].others = s.ranks() - 1;
+            int other = 0;
+            for (int r : s.comm->others())
+                copies[std::size_t(p)].sums[other++] = sums_of_[std::size_t(r)][std::size_t(p)];
+        }
+        copies_of_sums_.assign(copies);
+    }
+}
+
+}  // namespace mpm

@@ -1,0 +1,390 @@
+// Domain: the sort of one rank of several on devices. Particles go to the rank that owns the block
+// they are in now: who goes is listed where it was, and the rank that it goes to fetches it. Within
+// a cell the order is that of the ids, whoever they come from.
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_scene.hpp"
+
+namespace mpm {
+
+template <int D>
+struct FindOwners {
+    BlockTableView<D> table;
+    RowCuts<D> cuts;
+    std::int32_t* owner;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        owner[slot] = cuts.owner(table.keys_of, table.keys[slot]);
+    }
+};
+
+/// Only what is this rank's.
+struct KeepOwned {
+    const std::int32_t* owner;
+    std::int32_t me;
+    std::uint32_t* flag;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        if (owner[slot] != me) flag[slot] = 0;
+    }
+};
+
+/// How many particles stand in blocks of each other rank.
+template <class X>
+struct CountEmigrants {
+    const std::uint32_t* cell;
+    const std::int32_t* owner;
+    std::int32_t me;
+    std::uint32_t* count;  // (ranks,)
+    MPM_INLINE void operator()(std::int64_t p) const {
+        if (cell[p] == ~0u) return;
+        const std::int32_t r = owner[cell[p] / block_cells];
+        if (r != me) X::fetch_add(count + r, 1);
+    }
+};
+/// Lists them, by rank, and takes them out.
+template <class X>
+struct ListEmigrants {
+    std::uint32_t* cell;
+    const std::int32_t* owner;
+    const std::uint64_t* keys;
+    std::int32_t me;
+    std::uint32_t* next;   // (ranks,)
+    std::uint32_t* place;  // where it is stored
+    std::uint64_t* key;    // of the block it stands in
+    std::uint32_t* in;     // the cell of that
+    MPM_INLINE void operator()(std::int64_t p) const {
+        const std::uint32_t c = cell[p];
+        if (c == ~0u) return;
+        const std::int32_t r = owner[c / block_cells];
+        if (r == me) return;
+        const std::uint32_t k = X::fetch_add(next + r, 1);
+        place[k] = std::uint32_t(p);
+        key[k] = keys[c / block_cells];
+        in[k] = c % block_cells;
+        cell[p] = ~0u;
+    }
+};
+/// Cells of those who have come, in the new table.
+struct CellsOfArrived {
+    const std::uint64_t* keys;
+    std::int32_t slots;
+    const std::uint64_t* key;
+    const std::uint32_t* in;
+    std::uint32_t* cell;
+    MPM_INLINE void operator()(std::int64_t k) const {
+        cell[k] = std::uint32_t(find_key(keys, slots, key[k])) * block_cells + in[k];
+    }
+};
+
+/// Sums of chosen blocks, which may be another device's, into one piece, and from it into a table.
+template <class Sum>
+struct PackBlocks {
+    const Sum* sums;
+    const std::int32_t* slot;
+    std::int64_t size;  // of a block
+    Sum* out;
+    MPM_INLINE void operator()(std::int64_t i) const {
+        out[i] = sums[slot[i / size] * size + i % size];
+    }
+};
+template <class Sum>
+struct UnpackBlocks {
+    Sum* sums;
+    const std::int32_t* slot;
+    std::int64_t size;
+    const Sum* in;
+    MPM_INLINE void operator()(std::int64_t i) const {
+        sums[slot[i / size] * size + i % size] = in[i];
+    }
+};
+
+/// Adds the particles of each slot.
+struct AddLoad {
+    const std::uint32_t* cell_start;
+    std::uint32_t* load;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        load[slot] += cell_start[(slot + 1) * block_cells] - cell_start[slot * block_cells];
+    }
+};
+
+/// As `rebalance`, by where particles were at the last sort: that costs nothing where all is even.
+/// Whether there are new cuts.
+template <class X, class T, int D>
+bool Domain<X, T, D>::rebalance_devices(const std::vector<std::uint32_t>& left) {
+    RankShare<D>& s = *share_;
+    std::uint64_t own = 0;
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+        own += bodies_[b].count - left[b] + weight_of_block * std::uint64_t(bodies_[b].homes);
+    s.loads.clear();
+    for (const auto& theirs : s.comm->all_gather(std::vector<std::uint64_t>{own}))
+        s.loads.push_back(theirs.at(0));
+    const double was = imbalance(s.loads);
+    if (was <= s.rebalance_above) return false;
+    Buffer<X, std::uint32_t> load(exec_);
+    load.reserve_discard(std::size_t(table_.slots));
+    load.zero();
+    for (const Body& body : bodies_)
+        exec_.for_each(table_.slots, AddLoad{body.cell_start.data(), load.data()});
+    const auto loads = load.host();
+    const auto keys = keys_.host();
+    std::vector<BlockWeight> blocks;
+    for (std::size_t k = 0; k < loads.size(); ++k)
+        if (loads[k] > 0) blocks.push_back({keys[k], loads[k] + weight_of_block});
+    const auto before = s.partition.cuts();
+    deal_anew(blocks, was);
+    return s.partition.cuts() != before;
+}
+
+/// Particles of a body that go to other ranks, which fetch them: in lists on this device, by rank.
+/// In `cell` they are from here on as those who have left.
+template <class X, class T, int D>
+typename Domain<X, T, D>::Emigrating Domain<X, T, D>::list_emigrants(
+    const Body& body, Buffer<X, std::uint32_t>& cell, const Buffer<X, std::int32_t>& owner) {
+    RankShare<D>& s = *share_;
+    const std::size_t ranks = std::size_t(s.ranks());
+    Emigrating go(exec_);
+    Buffer<X, std::uint32_t> next(exec_), place(exec_);
+    next.assign(std::vector<std::uint32_t>(ranks, 0));
+    exec_.for_each(body.count, CountEmigrants<X>{cell.data(), owner.data(), s.rank(), next.data()});
+    go.count = next.host();
+    for (std::uint32_t n : go.count) {
+        go.first.push_back(go.all);
+        go.all += n;
+    }
+    if (go.all == 0) return go;
+    const std::size_t columns = body.offset.size() + body.state.size();
+    next.assign(go.first);
+    for (auto* list : {&place, &go.in, &go.id}) list->reserve_discard(go.all);
+    go.key.reserve_discard(go.all);
+    go.column.reserve_discard(go.all * columns);
+    exec_.for_each(body.count,
+                   ListEmigrants<X>{cell.data(), owner.data(), table_.keys, s.rank(), next.data(),
+                                    place.data(), go.key.data(), go.in.data()});
+    const std::int64_t n = std::int64_t(go.all);
+    exec_.for_each(n, Take<std::uint32_t>{place.data(), body.id.data(), go.id.data()});
+    T* to = go.column.data();
+    const auto take = [&](const Buffer<X, T>& column) {
+        exec_.for_each(n, Take<T>{place.data(), column.data(), to});
+        to += n;
+    };
+    for (const auto& column : body.offset) take(column);
+    for (const auto& column : body.state) take(column);
+    s.migrated += go.all;
+    return go;
+}
+
+/// Sums of blocks that are new to this rank's table, from the first who held them: whoever holds a
+/// block has all of its sums. `before`, `after`: what ranks held, and hold in their new tables.
+template <class X, class T, int D>
+void Domain<X, T, D>::adopt_table_of_devices(Buffer<X, std::uint64_t>& keys,
+                                             const std::vector<std::vector<HeldBlock>>& before,
+                                             const std::vector<std::vector<HeldBlock>>& after) {
+    const RankShare<D>& s = *share_;
+    const int me = s.rank(), ranks = s.ranks();
+    const std::int64_t block = std::int64_t(plan_.sum_channels) * block_cells;
+    const auto find = [&](int r, std::uint64_t key) -> const HeldBlock* {
+        const auto& list = before[std::size_t(r)];
+        const auto at =
+            std::lower_bound(list.begin(), list.end(), key,
+                             [](const HeldBlock& block, std::uint64_t k) { return block.key < k; });
+        return at != list.end() && at->key == key ? &*at : nullptr;
+    };
+    std::vector<std::vector<std::int32_t>> from(std::size_t(ranks), std::vector<std::int32_t>{});
+    auto to = from;
+    for (const HeldBlock& block : after[std::size_t(me)]) {
+        if (find(me, block.key)) continue;
+        for (int r = 0; r < ranks; ++r) {
+            const HeldBlock* theirs = find(r, block.key);
+            if (!theirs) continue;
+            from[std::size_t(r)].push_back(theirs->slot);
+            to[std::size_t(r)].push_back(block.slot);
+            break;
+        }
+    }
+    struct Piece {
+        Buffer<X, std::int32_t> slot;
+        Buffer<X, Sum> sums;
+        std::int64_t size;
+        int rank;
+    };
+    std::vector<Piece> pieces;
+    for (int r : s.comm->others()) {
+        const auto& slots = from[std::size_t(r)];
+        if (slots.empty()) continue;
+        pieces.push_back({Buffer<X, std::int32_t>(exec_), Buffer<X, Sum>(exec_),
+                          std::int64_t(slots.size()) * block, r});
+        Piece& p = pieces.back();
+        p.slot.assign(slots);
+        p.sums.reserve_discard(std::size_t(p.size));
+        exec_.for_each(p.size, PackBlocks<Sum>{sums_of_[std::size_t(r)][std::size_t(parity())],
+                                               p.slot.data(), block, p.sums.data()});
+    }
+    meet_hosts();  // theirs may go from here on
+    adopt_table(keys);
+    for (Piece& p : pieces) {
+        p.slot.assign(to[std::size_t(p.rank)]);
+        exec_.for_each(
+            p.size, UnpackBlocks<Sum>{sums_[parity()].data(), p.slot.data(), block, p.sums.data()});
+    }
+    exec_.wait();
+}
+
+template <class X, class T, int D>
+bool Domain<X, T, D>::sort_among_devices() {
+    const double began = now();
+    RankShare<D>& s = *share_;
+    const int me = s.rank();
+    const std::int64_t slots = table_.slots;
+    const std::size_t bodies = bodies_.size();
+    Buffer<X, std::uint32_t> occupied(exec_), counts(exec_);
+    occupied.reserve_discard(std::size_t(slots));
+    occupied.zero();
+    counts.assign(std::vector<std::uint32_t>(bodies, 0));
+    std::vector<Buffer<X, std::uint32_t>> cells;
+    for (std::size_t b = 0; b < bodies; ++b) {
+        Body& body = bodies_[b];
+        auto& cell = cells.emplace_back(exec_);
+        cell.reserve_discard(std::size_t(body.count) + column_padding);
+        cell.shrink(body.count);
+        FindCells<X, T, D> find{table_,          body.view(), {},
+                                occupied.data(), cell.data(), counts.data() + b};
+        for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
+        exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
+    }
+    const auto left = counts.host();
+    if (anyone_stops(left, cells)) return false;
+    remove_left(left, cells);
+
+    const auto& comm = s.comm;
+    const bool dealt = rebalance_devices(left);
+    // Only what lies beside a cut concerns others, as long as the cuts stay.
+    const auto before = dealt ? comm->all_gather(list_held(keys_, true)) : s.held;
+    Buffer<X, std::int32_t> owner(exec_);
+    owner.reserve_discard(std::size_t(slots));
+    exec_.for_each(slots, FindOwners<D>{table_, RowCuts<D>(s.partition), owner.data()});
+    exec_.for_each(slots, KeepOwned{owner.data(), me, occupied.data()});
+    std::vector<Emigrating> go;
+    for (std::size_t b = 0; b < bodies; ++b)
+        go.push_back(list_emigrants(bodies_[b], cells[b], owner));
+
+    // Who comes: where their lists are.
+    exec_.wait();
+    std::vector<Bytes> out(std::size_t(s.ranks()));
+    for (int r : comm->others()) {
+        std::vector<Coming> told;
+        for (std::size_t b = 0; b < bodies; ++b)
+            told.push_back({go[b].key.data(), go[b].in.data(), go[b].id.data(), go[b].column.data(),
+                            go[b].first[std::size_t(r)], go[b].count[std::size_t(r)], go[b].all});
+        Packer packer;
+        packer.put(told);
+        out[std::size_t(r)] = packer.take();
+    }
+    const auto in = comm->exchange(std::move(out), comm->others());
+    std::vector<std::vector<Coming>> come(bodies);
+    std::uint64_t all = 0;
+    for (int r : comm->others()) {
+        Unpacker unpacker(in[std::size_t(r)]);
+        const auto told = unpacker.list<Coming>();
+        for (std::size_t b = 0; b < bodies; ++b) {
+            if (told.at(b).count > 0) come[b].push_back(told[b]);
+            all += told[b].count;
+        }
+    }
+
+    // The table of the blocks that this rank now has particles in.
+    std::vector<std::uint64_t> supplied;
+    keep_own_arrivals(supplied);
+    Buffer<X, std::uint64_t> more(exec_), keys(exec_);
+    Buffer<X, std::int32_t> map(exec_);
+    more.reserve_discard(all + supplied.size());
+    if (!supplied.empty())
+        exec_.upload(more.data() + all, supplied.data(), supplied.size() * sizeof supplied[0]);
+    std::uint64_t at = 0;
+    for (const auto& of_body : come) {
+        for (const Coming& c : of_body) {
+            exec_.copy(more.data() + at, c.key + c.first, c.count * sizeof(std::uint64_t));
+            at += c.count;
+        }
+    }
+    more.shrink(std::size_t(
+        exec_.sort_unique(more.data(), std::int64_t(more.size()), table_.keys_of.bits())));
+    rebuild_table(occupied, more, keys, map);
+    BlockTableView<D> table = table_;
+    table.keys = keys.data();
+    table.slots = std::int32_t(keys.size());
+    const auto after = comm->all_gather(list_held(keys, dealt));
+    for (std::size_t b = 0; b < bodies; ++b) {
+        admit_arrived(int(b), come[b], cells[b], map, table);
+        cells[b] = Buffer<X, std::uint32_t>(exec_);
+    }
+    adopt_table_of_devices(keys, before, after);
+    list_homes(find_homes());
+    link_devices(dealt ? comm->all_gather(list_held(keys_, false)) : after);
+    link_sums();
+    meet_hosts();  // nobody reads our lists any more
+    clock_.drift = 0;
+    clock_.strays = 0;
+    ++sorts_;
+    sort_interval_ = clock_.step - last_sort_;
+    last_sort_ = clock_.step;
+    timings_["sort"] += now() - began;
+    return true;
+}
+
+/// Particles that stay, those that come from other ranks and those of inlets, into the order of the
+/// cells of the new table.
+template <class X, class T, int D>
+void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come,
+                                    Buffer<X, std::uint32_t>& cell,
+                                    const Buffer<X, std::int32_t>& map,
+                                    const BlockTableView<D>& table) {
+    Body& body = bodies_[std::size_t(number)];
+    const std::uint32_t before = body.count, supplied = arriving(std::size_t(number));
+    const std::int64_t range = std::int64_t(table.slots) * block_cells;
+    exec_.for_each(before, RenumberCells{cell.data(), map.data(), std::uint32_t(range)});
+    std::size_t rows = std::size_t(before) + supplied;
+    for (const Coming& c : come) rows += c.count;
+    if (rows >= (std::size_t(1) << 32) - 256)
+        throw CapacityError("body '" + body.plan.name +
+                            "' has more than 4294967039 particles on one rank; split it into "
+                            "several bodies");
+    if (rows > before) {
+        const std::size_t needed = rows + column_padding;
+        const auto widen = [&]<class E>(Buffer<X, E>& column, std::size_t room) {
+            if (needed <= column.size()) return;
+            Buffer<X, E> wider(exec_);
+            wider.reserve_discard(room);
+            exec_.copy(wider.data(), column.data(), before * sizeof(E));
+            column.swap(wider);
+        };
+        widen(cell, needed);
+        cell.shrink(rows);
+        const std::size_t room = needed + needed / 32;
+        for (auto& column : body.offset) widen(column, room);
+        for (auto& column : body.state) widen(column, room);
+        widen(body.id, room);
+        body.cell.reserve_discard(body.id.size());
+        for (const Coming& c : come) {
+            const std::uint32_t to = body.count;
+            exec_.for_each(c.count, CellsOfArrived{table.keys, table.slots, c.key + c.first,
+                                                   c.in + c.first, cell.data() + to});
+            exec_.copy(body.id.data() + to, c.id + c.first, c.count * sizeof(std::uint32_t));
+            const T* from = c.column + c.first;
+            const auto take = [&](Buffer<X, T>& column) {
+                exec_.copy(column.data() + to, from, c.count * sizeof(T));
+                from += c.all;
+            };
+            for (auto& column : body.offset) take(column);
+            for (auto& column : body.state) take(column);
+            body.count += c.count;
+        }
+        if (supplied > 0) append_arrivals(number, cell, table);
+    }
+    body.cell_start.reserve_discard(std::size_t(range) + 2);
+    arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data());
+    // Behind the last cell are those who have left, for other ranks or altogether.
+    exec_.download(&body.count, body.cell_start.data() + range, sizeof body.count);
+    permute(body, cell.data());
+}
+
+}  // namespace mpm

@@ -1,0 +1,290 @@
+// Ranks on devices against one, on a device that is none (support/slow_device.hpp): the same bits
+// whatever the number of ranks, the cuts, and their moving while the scene runs.
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "mpm/core/error.hpp"
+#include "mpm/physics/material/fixed_corotated.hpp"
+#include "mpm/physics/material/tait_fluid.hpp"
+#include "mpm/solver/domain.hpp"
+#include "mpm/solver/make_domain.hpp"
+#include "mpm/solver/rank_scene.hpp"
+#include "mpm/solver/ranks.hpp"
+#include "support/scene.hpp"
+#include "support/slow_device.hpp"
+
+namespace mpm {
+namespace {
+
+using test::forever;
+
+template <int D>
+BodyOps<SlowDevice, float, D> find_ops(const std::string& name, Smoothing s) {
+    if (name == "FixedCorotated") return test::slow_ops<FixedCorotated, Smoothing::none, D>();
+    return s == Smoothing::none ? test::slow_ops<TaitFluid, Smoothing::none, D>()
+                                : test::slow_ops<TaitFluid, Smoothing::one_volume, D>();
+}
+
+Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {
+    s.ranks.count = ranks;
+    s.ranks.devices.assign(std::size_t(ranks), 0);
+    s.ranks.axis = axis;
+    s.ranks.rebalance_above = rebalance_above;
+    return s;
+}
+
+template <int D>
+std::unique_ptr<Engine> make(const Spec& s) {
+    BackendTraits traits;
+    traits.device = true;
+    traits.name = "slow";
+    traits.precision = Precision::single;
+    const Plan plan = make_plan(s, traits);
+    if (s.ranks.count == 1)
+        return std::make_unique<Domain<SlowDevice, float, D>>(s, plan, SlowDevice(), find_ops<D>);
+    check_ranks(s, plan);
+    check_devices(s);
+    auto threads = std::make_unique<RankThreads>(s.ranks.count);
+    std::vector<std::unique_ptr<Engine>> engines(std::size_t(s.ranks.count));
+    const RankScenes<D> scenes(s);
+    threads->together([&](int r) {
+        const RankLink<D> link{&threads->of(r), scenes.partition, s.ranks.rebalance_above};
+        engines[std::size_t(r)] = std::make_unique<Domain<SlowDevice, float, D>>(
+            scenes.spec[std::size_t(r)], plan, SlowDevice(), find_ops<D>, link);
+    });
+    return join_ranks(s, std::move(threads), std::move(engines));
+}
+
+std::unique_ptr<Engine> make(const Spec& s) { return s.dimension == 2 ? make<2>(s) : make<3>(s); }
+
+RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
+
+void expect_same_particles(Engine& many, Engine& one, int bodies) {
+    EXPECT_EQ(many.step(), one.step());
+    EXPECT_EQ(many.time(), one.time());
+    EXPECT_EQ(many.time_step(), one.time_step());
+    for (int b = 0; b < bodies; ++b) {
+        const auto x = test::table(many, b), y = test::table(one, b);
+        ASSERT_EQ(many.attributes(b, {"mass"}).id.size(), x.size()) << "an id is there twice";
+        ASSERT_EQ(many.particle_count(b), one.particle_count(b));
+        std::size_t apart = 0;
+        for (const auto& [id, row] : y) apart += !x.contains(id) || x.at(id) != row;
+        EXPECT_EQ(apart, 0u) << "body " << b << " of " << y.size();
+    }
+}
+
+class RankDevices : public ::testing::TestWithParam<int> {
+protected:
+    const int half = GetParam() == 2 ? 60 : 20;
+    Spec scene() {
+        Spec s = test::busy_scene(GetParam(), true);
+        s.bodies[0].velocity[0] = 5;
+        return s;
+    }
+};
+
+TEST_P(RankDevices, have_the_bits_of_one) {
+    const auto one = make(scene());
+    go(*one, 2 * half);
+    ASSERT_GT(one->statistics().at("sorts"), 1) << "the scene must sort to mean anything";
+    const auto samples = one->drain();
+    for (int ranks : {2, 4}) {
+        for (int axis : {-1, 0}) {
+            const auto many = make(with_ranks(scene(), ranks, axis));
+            go(*many, half);
+            EXPECT_EQ(go(*many, half).steps, half);
+            EXPECT_GT(many->statistics().at("migrated"), 0);
+            EXPECT_GT(many->statistics().at("bytes_of_sums"), 0);
+            expect_same_particles(*many, *one, 3);
+            const auto load = many->drain();
+            ASSERT_EQ(load[1].time, samples[1].time);
+            for (std::size_t i = 0; i < load[1].values.data.size(); ++i)
+                ASSERT_NEAR(load[1].values.data[i], samples[1].values.data[i],
+                            1e-9 * (1 + std::abs(samples[1].values.data[i])));
+        }
+    }
+}
+
+TEST_P(RankDevices, may_cut_anew_at_every_sort) {
+    const auto one = make(scene());
+    go(*one, 2 * half);
+    const auto many = make(with_ranks(scene(), 3, -1, 0));
+    go(*many, 2 * half);
+    EXPECT_GT(many->statistics().at("rebalances"), 0);
+    expect_same_particles(*many, *one, 3);
+}
+
+TEST_P(RankDevices, share_nodes_across_mirrored_walls) {
+    Spec s = scene();
+    s.boundaries.erase(s.boundaries.begin() + 1);
+    for (auto& law : s.boundaries[0].law) law.response = Response::mirror;
+    const auto one = make(s);
+    go(*one, half);
+    const auto many = make(with_ranks(s, 3));
+    go(*many, half);
+    expect_same_particles(*many, *one, 3);
+}
+
+TEST_P(RankDevices, resume_on_another_number) {
+    const auto one = make(scene());
+    go(*one, half);
+    const State saved = one->save();
+    go(*one, half);
+    const auto three = make(with_ranks(scene(), 3));
+    three->load(saved);
+    go(*three, half / 2);
+    const State again = three->save();
+    const auto two = make(with_ranks(scene(), 2, 0));
+    two->load(again);
+    go(*two, half - half / 2);
+    expect_same_particles(*two, *one, 3);
+}
+
+TEST_P(RankDevices, stop_together_where_one_fails) {
+    Spec s = scene();
+    s.boundaries.clear();
+    s.sensors.clear();
+    s.gravity.value[0] = -60;
+    const auto many = make(with_ranks(s, 3));
+    const RunResult result = many->run(5000, forever, forever);
+    EXPECT_EQ(result.reason, "fault");
+    EXPECT_EQ(result.fault.code, "left-domain");
+    EXPECT_GT(result.fault.ids.size(), 0u);
+}
+
+TEST_P(RankDevices, refuse_what_is_not_built) {
+    Spec s = with_ranks(scene(), 2);
+    SensorSpec gauge;
+    gauge.name = "gauge";
+    gauge.kind = SensorKind::wave_gauge;
+    s.sensors.push_back(gauge);
+    EXPECT_THROW(make(s), SceneError);
+    s.sensors.pop_back();
+    s.ranks.devices.pop_back();
+    EXPECT_THROW(make(s), SceneError);
+}
+
+TEST_P(RankDevices, go_on_from_a_state_after_one_that_is_refused) {
+    const auto one = make(scene()), many = make(with_ranks(scene(), 3));
+    const State state = one->save();
+    State cut = state;
+    cut["clock"].bytes.pop_back();
+    EXPECT_THROW(many->load(cut), SceneError);
+    EXPECT_THROW(go(*many, 1), Error);
+    many->load(state);
+    go(*one, 10);
+    go(*many, 10);
+    expect_same_particles(*many, *one, 3);
+}
+
+/// A box that tilts: every particle comes by every cut.
+TEST(RankDevicesMixing, nobody_is_lost_or_doubled) {
+    Spec s = test::empty_scene(2, true, {40, 40});
+    s.bodies.push_back(test::body(s, "water", "TaitFluid", test::fluid(2e5),
+                                  test::lattice(s, {0, 0}, {20, 20}, 2), 4));
+    test::add_walls(s, Response::separable);
+    s.gravity.time.clear();
+    s.gravity.value.clear();
+    for (int k = 0; k < 8; ++k) {
+        s.gravity.time.push_back(0.15 * k);
+        for (int a = 0; a < 2; ++a) s.gravity.value.push_back(20 * std::sin(2.4 * k + 1.3 * a));
+    }
+    s.gravity.end = TableEnd::repeat;
+    const auto one = make(s), many = make(with_ranks(s, 4, -1, 1.1));
+    const auto count = one->particle_count(0);
+    for (int part = 0; part < 4; ++part) {
+        go(*one, 400);
+        go(*many, 400);
+        EXPECT_EQ(many->attributes(0, {"mass"}).id.size(), count);
+        expect_same_particles(*many, *one, 1);
+    }
+    EXPECT_GT(many->statistics().at("migrated"), double(count)) << "it must mix to mean anything";
+    EXPECT_GT(many->statistics().at("rebalances"), 2);
+}
+
+TEST(RankDevicesEnd, more_ranks_than_blocks) {
+    Spec s = test::empty_scene(2, true, {16, 16});
+    s.gravity.value[1] = -9.81;
+    s.bodies.push_back(test::body(s, "block", "FixedCorotated", test::solid(),
+                                  test::lattice(s, {2, 9}, {5, 12}, 2), 4));
+    test::add_walls(s, Response::separable);
+    const auto one = make(s), many = make(with_ranks(s, 4));
+    go(*one, 400);
+    go(*many, 400);
+    expect_same_particles(*many, *one, 1);
+    EXPECT_EQ(many->grid("mass").data.size(), one->grid("mass").data.size());
+}
+
+/// A stream that layer after layer comes in by one face and leaves by the other.
+TEST(RankDevicesEnd, inlets_and_outlets) {
+    Spec s = test::empty_scene(2, true, {40, 12});
+    s.bodies.push_back(test::body(s, "water", "TaitFluid", test::fluid(2e5),
+                                  test::lattice(s, {0, 2}, {38, 8}, 2), 4));
+    s.bodies[0].velocity = {2, 0};
+    s.bodies[0].id_count = 100000;
+    InletSpec inlet;
+    inlet.name = "in";
+    inlet.body = 0;
+    inlet.spacing = 0.05;
+    for (int k = 4; k < 16; ++k) {
+        inlet.points.push_back(0.025);
+        inlet.points.push_back((k + 0.5) * 0.05);
+    }
+    inlet.velocity.time = {0};
+    inlet.velocity.value = {2};
+    s.inlets.push_back(inlet);
+    s.outlets.push_back({"out", 1});
+    s.leaving = Leaving::remove;
+    const auto one = make(s);
+    one->run(-1, 0.3, forever);
+    bool came = false, went = false;
+    for (const Flow& f : one->flows()) (f.inlet ? came : went) = true;
+    ASSERT_TRUE(came && went);
+    for (int axis : {-1, 0}) {
+        const auto many = make(with_ranks(s, 3, axis));
+        many->run(-1, 0.3, forever);
+        expect_same_particles(*many, *one, 1);
+    }
+}
+
+/// A particle of one rank breaks its law: all stop at the same step, and one says who it was.
+TEST(RankDevicesEnd, a_fault_stops_all) {
+    Spec s = test::empty_scene(2, true, {48, 24});
+    s.bodies.push_back(test::body(s, "rest", "TaitFluid", {1000, 1e-2, 7.15, 0},
+                                  test::lattice(s, {30, 4}, {44, 18}, 2), 4));
+    s.bodies.push_back(test::body(s, "crushed", "TaitFluid", {1000, 1e-2, 7.15, 0},
+                                  test::lattice(s, {4, 4}, {12, 12}, 2), 4));
+    auto& b = s.bodies[1];
+    b.velocity.clear();
+    const auto x = test::positions(b, 2);
+    for (double at : x) b.velocity.push_back(-20 * (at - 0.8));
+    const auto one = make(s), many = make(with_ranks(s, 3));
+    const auto a = go(*one, 20000), c = go(*many, 20000);
+    ASSERT_EQ(a.fault.body, "crushed");
+    ASSERT_EQ(c.reason, "fault");
+    EXPECT_EQ(c.fault.code, a.fault.code);
+    EXPECT_EQ(c.fault.body, "crushed");
+    EXPECT_EQ(c.fault.step, a.fault.step);
+    EXPECT_EQ(c.steps, a.steps);
+}
+
+/// Time that is over for one is over for all, at the same step.
+TEST(RankDevicesEnd, wall_time_stops_all_at_one_step) {
+    Spec s = test::busy_scene(2, true);
+    const auto many = make(with_ranks(s, 3));
+    std::int64_t done = 0;
+    while (done < 40) {
+        const auto r = many->run(40 - done, forever, 0.0);
+        ASSERT_GT(r.steps, 0);
+        done += r.steps;
+    }
+    const auto one = make(s);
+    go(*one, 40);
+    expect_same_particles(*many, *one, 3);
+}
+
+INSTANTIATE_TEST_SUITE_P(Dimensions, RankDevices, ::testing::Values(2, 3));
+
+}  // namespace
+}  // namespace mpm
