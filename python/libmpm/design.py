@@ -13,6 +13,7 @@ from libmpm._src.design.blocks import (
     contact_mass,
     net_area,
     plane_strain_modulus,
+    spread_height,
 )
 from libmpm._src.design.contact import Impact, kelvin_voigt, kelvin_voigt_peak
 from libmpm._src.design.flow import (
@@ -92,6 +93,7 @@ __all__ = [
     "prototype_time",
     "reflection_coefficient",
     "sound_speed",
+    "spread_height",
     "spreading_angle",
     "surf_similarity",
     "transmission_coefficient",
