@@ -146,7 +146,7 @@ def block_impact(
     # What a wall does not meet goes on past it.
     past = 0.0 if contact >= _HEIGHT else 4 * max(lengths) / _speed(p) * v
     left = (math.ceil(past / dx) + _MARGIN) * dx
-    pitch = _HEIGHT + 2 * _MARGIN * dx
+    pitch = math.ceil(_HEIGHT / dx) * dx + (2 * _MARGIN + 1) * dx
     scene = Scene(
         name="block-impact",
         dimension=2,
@@ -158,11 +158,15 @@ def block_impact(
     )
     for k, length in enumerate(lengths):
         bottom = k * pitch + _MARGIN * dx
-        middle = bottom + 0.5 * _HEIGHT + eccentricity
-        reach = 0.5 * contact + (2 * dx if contact >= _HEIGHT else 0.0)
+        face, reach = bottom - 2 * dx, _HEIGHT + 4 * dx
+        if contact < _HEIGHT:
+            # The wall's faces are cell faces; a block may be off them.
+            below = 0.5 * (_HEIGHT - contact) + eccentricity
+            face, reach = bottom + math.ceil(below / dx - 1e-9) * dx, contact
+            bottom = face - below
         scene.add_boundary(
             name=f"wall-{length:g}",
-            shape=Box(lower=(-left, middle - reach), upper=(0.0, middle + reach)),
+            shape=Box(lower=(-left, face), upper=(0.0, face + reach)),
             response=Separable(),
         )
         scene.add_body(
