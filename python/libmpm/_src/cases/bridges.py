@@ -1,6 +1,7 @@
 """Reference cases of debris against bridges, after Yang (2016): a spinning disc, blocks that hit.
 
-Plane strain, SI units, per metre of thickness. Reduced level on one core: disc 4 s, blocks 2 s.
+Plane strain, SI units, per metre of thickness. Reduced level on one core: disc 4 s, blocks 1 s,
+debris in water 2 s.
 """
 
 from __future__ import annotations
@@ -11,17 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from libmpm._src.boundaries import Separable
+from libmpm._src.boundaries import Separable, Slip
 from libmpm._src.cases.case import Bound, Case, Options
-from libmpm._src.cases.choices import advance, method_of, solid_choices
+from libmpm._src.cases.choices import advance, fluid_fbar, method_of, solid_choices
 from libmpm._src.design.blocks import block_force, plane_strain_modulus
 from libmpm._src.field import Field
+from libmpm._src.flow import Inflow, Outflow
+from libmpm._src.geometry.afloat import afloat
 from libmpm._src.geometry.primitives import Sphere
-from libmpm._src.materials_generated import FixedCorotated, Hypoelastic
+from libmpm._src.materials_generated import FixedCorotated, Hypoelastic, TaitFluid
 from libmpm._src.scene import Scene
 from libmpm._src.sensing.values import BodyTracker
 from libmpm._src.sensors import LoadCell
-from libmpm._src.shapes import Box
+from libmpm._src.shapes import Box, DomainWalls
 from libmpm._src.simulation import Simulation
 
 __all__ = ["CASES", "block_impact"]
@@ -248,4 +251,122 @@ _BLOCK_IMPACT = Case(
     measure=_measure_impact,
 )
 
-CASES: tuple[Case, ...] = (_SPINNING_DISC, _BLOCK_IMPACT)
+# ---- a block that floats against a deck (V13) ---------------------------------------------------
+
+_DECK, _DECK_LENGTH = 1.0, 5.0  # m: height of the deck, length along the flow
+_FACE = 16.0  # m, where the deck begins
+_ABOVE = 6.0  # m, of the block in air above the one in water
+_SIDES = ("water", "air")
+
+
+def _debris_in_water(p: Parameters, options: Options) -> Scene:
+    """A floating block that meets a deck at the speed of the flow, and the same one in air above.
+
+    Both touch at the start: a block that comes from afar is slowed down by a node whose share of
+    it grows over a cell, for longer than its pulse.
+    """
+    dx, depth, v = p["cell_size"], p["depth"], p["velocity"]
+    length = p["length"]
+    left = _FACE - length
+    afloat_ = afloat(
+        shape=Box(lower=(left, 0.0), upper=(_FACE, _HEIGHT)), density=p["density"], level=depth
+    )
+    draught = afloat_.draught
+    middle = depth - draught + 0.5 * _HEIGHT
+    low = round((middle - 0.5 * _DECK) / dx) * dx
+    rise = math.ceil((_HEIGHT + _ABOVE) / dx) * dx
+    scene = Scene(
+        name="debris-in-water",
+        dimension=2,
+        cell_size=dx,
+        lower=(0.0, 0.0),
+        upper=(2 * _FACE, depth + 2 * rise),
+        gravity=(0.0, -9.81),
+        method=method_of(options, 0.4),
+    )
+    decks = {
+        name: Box(
+            lower=(_FACE, low + k * rise), upper=(_FACE + _DECK_LENGTH, low + _DECK + k * rise)
+        )
+        for k, name in enumerate(_SIDES)
+    }
+    scene.add_body(
+        name="flow",
+        shape=Box(lower=(0.0, 0.0), upper=(2 * _FACE, depth)) - decks["water"],
+        material=TaitFluid(density=1000.0, bulk_modulus=p["bulk_modulus"], viscosity=1e-3),
+        particles_per_cell=9,
+        hydrostatic=depth,
+        velocity=(v, 0.0),
+        fbar=fluid_fbar(options),
+    )
+    solid = FixedCorotated(
+        density=p["density"],
+        youngs_modulus=p["youngs_modulus"],
+        poissons_ratio=p["poissons_ratio"],
+    )
+    for k, name in enumerate(_SIDES):
+        scene.add_body(
+            name=f"block-{name}",
+            shape=afloat_.shape.moved((0.0, k * rise)),
+            material=solid,
+            particles_per_cell=9,
+            velocity=(v, 0.0),
+            subtract_from=() if k else ("flow",),
+            **solid_choices(options),
+        )
+        scene.add_boundary(name=f"deck-{name}", shape=decks[name], response=Separable())
+        load = LoadCell(boundary=f"deck-{name}", interval=0)
+        scene.add_sensor(name=f"deck-{name}", sensor=load)
+        tracker = BodyTracker(body=f"block-{name}", quantities=("boundary_force",), interval=0)
+        scene.add_sensor(name=f"block-{name}", sensor=tracker)
+    scene.add_boundary(name="floor", shape=DomainWalls(faces=("y-",)), response=Slip())
+    scene.add_flow(name="inlet", flow=Inflow(body="flow", face="x-", velocity=v, level=depth))
+    scene.add_flow(name="outlet", flow=Outflow(face="x+", velocity=v))
+    return scene
+
+
+def _measure_in_water(simulation: Simulation, p: Parameters) -> dict[str, float]:
+    """Plateaus over (6.9): of the decks, and of the blocks' share; what water adds to both."""
+    pulse = 2 * p["length"] / _speed(p)
+    (_,) = advance(simulation, (pulse,))
+    whole = p["velocity"] * _HEIGHT * p["density"] * _speed(p)
+    values = {}
+    for kind, sign in (("deck", 1.0), ("block", -1.0)):
+        for name in _SIDES:
+            series = simulation.sensors[f"{kind}-{name}"]
+            time, force = series.time, sign * series.values[:, 0]
+            step = np.diff(time, prepend=0.0)
+            inside = (time > _MIDDLE[0] * pulse) & (time < _MIDDLE[1] * pulse)
+            mean = float(force[inside] @ step[inside] / step[inside].sum())
+            values[f"{kind}_{name}"] = mean / whole
+        values[f"{kind}_ratio"] = values[f"{kind}_water"] / values[f"{kind}_air"]
+    return values
+
+
+_WET = "Yang (2016) 6.2.4: 25 to 35 % above the block in air; here 7 to 40 % by its length"
+_WATER_BOUNDS = {
+    "deck_ratio": Bound(1.1, 1.4, "1", _WET),
+    "block_ratio": Bound(1.0, 1.4, "1", _WET),
+    "deck_air": Bound(0.8, 1.05, "1", "Yang (2016) eq. 6.10 with the load spread by 1 in 5"),
+}
+_FLOATING = _BLOCK | {
+    "velocity": 5.0, "density": 400.0, "youngs_modulus": 1e9, "length": 6.0, "depth": 6.0,
+    "bulk_modulus": 2.2e9,
+}  # fmt: skip
+
+_DEBRIS_IN_WATER = Case(
+    name="debris-in-water",
+    title="A floating block that hits a deck, beside the same block in air",
+    source="Yang (2016), 6.2.4 (V13)",
+    levels={
+        # 7,500 particles, 60 steps.
+        "reduced": _FLOATING | {"cell_size": 0.5},
+        # 1.2e5 particles, 240 steps.
+        "full": _FLOATING | {"cell_size": 0.125},
+    },
+    bounds={"reduced": _WATER_BOUNDS, "full": _WATER_BOUNDS},
+    build=_debris_in_water,
+    measure=_measure_in_water,
+)
+
+CASES: tuple[Case, ...] = (_SPINNING_DISC, _BLOCK_IMPACT, _DEBRIS_IN_WATER)
