@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -161,3 +163,23 @@ def test_means_and_norms_are_refused():
         signal.l2_error(Signal([0.0, 0.3], [1.0, 2.0], sampling="mean", start=-0.1))
     with pytest.raises(libmpm.SceneError, match="expected a time in the record"):
         signal.l2_error(Signal([0.1, 0.3], [1.0, 2.0]))
+
+
+def test_the_page_on_bridges_says_what_comes_out():
+    """Its scene gives the inlet's state at the gauge, its floating block the stated numbers."""
+    text = (Path(__file__).parents[2] / "docs" / "bridges.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.S)
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(block, names)
+    bore = names["bore"]
+    assert names["level"] == pytest.approx(bore.depth, rel=0.02)
+    assert names["speed"] == pytest.approx(bore.velocity, rel=0.04)
+    assert len(names["lift"]) in (59, 60, 61)
+    floats = names["floats"]
+    assert floats.draught == pytest.approx(0.06)
+    assert floats.metacentric_height == pytest.approx((0.080,), abs=5e-4)
+    assert floats.stable
+    square = shapes.Box(lower=(0, 0), upper=(1, 1))
+    with pytest.warns(libmpm.ModelWarning, match="turns over"):
+        shapes.afloat(shape=square, density=400, level=0)

@@ -18,7 +18,6 @@ from libmpm._src.cases.choices import advance, fluid_fbar, method_of, solid_choi
 from libmpm._src.design.blocks import block_force, plane_strain_modulus
 from libmpm._src.field import Field
 from libmpm._src.flow import Inflow, Outflow
-from libmpm._src.geometry.afloat import afloat
 from libmpm._src.geometry.primitives import Sphere
 from libmpm._src.materials_generated import FixedCorotated, Hypoelastic, TaitFluid
 from libmpm._src.scene import Scene
@@ -268,10 +267,8 @@ def _debris_in_water(p: Parameters, options: Options) -> Scene:
     dx, depth, v = p["cell_size"], p["depth"], p["velocity"]
     length = p["length"]
     left = _FACE - length
-    afloat_ = afloat(
-        shape=Box(lower=(left, 0.0), upper=(_FACE, _HEIGHT)), density=p["density"], level=depth
-    )
-    draught = afloat_.draught
+    draught = _HEIGHT * p["density"] / 1000.0
+    block = Box(lower=(left, depth - draught), upper=(_FACE, depth - draught + _HEIGHT))
     middle = depth - draught + 0.5 * _HEIGHT
     low = round((middle - 0.5 * _DECK) / dx) * dx
     rise = math.ceil((_HEIGHT + _ABOVE) / dx) * dx
@@ -307,7 +304,7 @@ def _debris_in_water(p: Parameters, options: Options) -> Scene:
     for k, name in enumerate(_SIDES):
         scene.add_body(
             name=f"block-{name}",
-            shape=afloat_.shape.moved((0.0, k * rise)),
+            shape=block.moved((0.0, k * rise)),
             material=solid,
             particles_per_cell=9,
             velocity=(v, 0.0),
