@@ -17,6 +17,7 @@ from libmpm._src.boundaries import (
     Slip,
     Sticky,
     Travel,
+    decay_thickness,
 )
 from libmpm._src.flow import Bore, Flow, Inflow, Outflow, riemann_inlet
 from libmpm._src.wave_makers import piston_stroke, stroke_from_file
@@ -36,6 +37,7 @@ __all__ = [
     "Slip",
     "Sticky",
     "Travel",
+    "decay_thickness",
     "piston_stroke",
     "riemann_inlet",
     "stroke_from_file",

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from libmpm._src.cases.bridges import CASES as _BRIDGES
 from libmpm._src.cases.case import Bound, Case, CaseResult, Options
 from libmpm._src.cases.fluids import CASES as _FLUIDS
 from libmpm._src.cases.locking import CASES as _LOCKING
@@ -23,7 +24,7 @@ from libmpm._src.values import nearest
 
 __all__ = ["Bound", "Case", "CaseResult", "Options", "case", "names", "run"]
 
-_CASES: dict[str, Case] = {c.name: c for c in (*_SOLIDS, *_LOCKING, *_FLUIDS, *_WAVES)}
+_CASES: dict[str, Case] = {c.name: c for c in (*_SOLIDS, *_LOCKING, *_FLUIDS, *_WAVES, *_BRIDGES)}
 
 
 def names() -> list[str]:

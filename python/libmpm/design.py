@@ -5,6 +5,16 @@ and return a float or an array. Impossible values raise `SceneError`; values out
 a source speaks of issue a `ModelWarning`. `formulas` lists all of them.
 """
 
+from libmpm._src.design.blocks import (
+    block_force,
+    block_force_partial,
+    block_force_pulse,
+    block_force_two_areas,
+    contact_mass,
+    net_area,
+    plane_strain_modulus,
+    spread_height,
+)
 from libmpm._src.design.contact import Impact, kelvin_voigt, kelvin_voigt_peak
 from libmpm._src.design.flow import (
     cauchy_number,
@@ -58,7 +68,12 @@ __all__ = [
     "bar_impulse",
     "bar_mass",
     "bar_stiffness",
+    "block_force",
+    "block_force_partial",
+    "block_force_pulse",
+    "block_force_two_areas",
     "cauchy_number",
+    "contact_mass",
     "drag_force",
     "elastic_impact_ratio",
     "formula_table",
@@ -71,11 +86,14 @@ __all__ = [
     "mach_number",
     "mach_ratio",
     "naito_half_width",
+    "net_area",
     "nistor_displacement",
     "nistor_spreading",
+    "plane_strain_modulus",
     "prototype_time",
     "reflection_coefficient",
     "sound_speed",
+    "spread_height",
     "spreading_angle",
     "surf_similarity",
     "transmission_coefficient",

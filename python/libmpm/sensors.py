@@ -2,10 +2,12 @@
 
 Evaluated by the engine, at hardly any cost: `LoadCell`, `WaveGauge`, `VelocityProbe`,
 `ParticleTracker`, `Energy`. Evaluated in Python at their due times: `GridSensor`, `ParticleSensor`,
-`AttributeTracker`, `BodyTracker`, `ContactForce`, `PressureProbe`, `ElevationGauge`, `Custom`.
+`AttributeTracker`, `BodyTracker`, `ContactForce`, `PressureProbe`, `ElevationGauge`,
+`ColumnGauge`, `Custom`.
 """
 
 from libmpm._src.sensing.attributes import names as attribute_names
+from libmpm._src.sensing.column import ColumnGauge
 from libmpm._src.sensing.values import (
     AttributeTracker,
     BodyTracker,
@@ -25,7 +27,7 @@ from libmpm._src.sensors import (
     WaveGauge,
 )
 
-__all__ = ["AttributeTracker", "BodyTracker", "ContactForce", "Custom", "ElevationGauge", "Energy"]
-__all__ += ["GridSensor"]
+__all__ = ["AttributeTracker", "BodyTracker", "ColumnGauge", "ContactForce", "Custom"]
+__all__ += ["ElevationGauge", "Energy", "GridSensor"]
 __all__ += ["LoadCell", "ParticleSensor", "ParticleTracker", "PressureProbe", "Sensor"]
 __all__ += ["VelocityProbe", "WaveGauge", "attribute_names"]

@@ -3,7 +3,8 @@
 Solids have an inside, a signed distance and bounds: `Box`, `OrientedBox`, `Sphere`, `Cylinder`,
 `Cone`, `Wedge`, `HalfSpace`, `Extrusion`, `HeightField`, `Mesh`. They are put together by `a | b`,
 `a & b` and `a - b` (`Union`, `Intersection`, `Difference`), moved, turned and repeated by methods
-(`Moved`, `Turned`, `Repeated`). `basin` is what water fills above a bed. `PointFile` takes the
+(`Moved`, `Turned`, `Repeated`). `basin` is what water fills above a bed,
+`afloat` puts a body where it floats. `PointFile` takes the
 particles of a body from a file; `Columns`, `Jitter` and `PoissonDisk` are ways to place those of
 a solid.
 
@@ -11,6 +12,7 @@ a solid.
 `Cells` and `Points` for bodies and `Outline` for boundaries.
 """
 
+from libmpm._src.geometry.afloat import Afloat, afloat
 from libmpm._src.geometry.arranged import Moved, Repeated, Turned
 from libmpm._src.geometry.choices import Columns, Jitter, PoissonDisk, Sampling
 from libmpm._src.geometry.combined import Difference, Intersection, Union
@@ -28,6 +30,7 @@ from libmpm._src.triangular.shapes import Cells, Outline, Points
 Mesh = SurfaceMesh
 
 __all__ = [
+    "Afloat",
     "Box",
     "Cells",
     "Columns",
@@ -56,5 +59,6 @@ __all__ = [
     "Turned",
     "Union",
     "Wedge",
+    "afloat",
     "basin",
 ]

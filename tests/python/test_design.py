@@ -293,6 +293,77 @@ def test_damping_raises_the_peak_only_when_strong() -> None:
     np.testing.assert_allclose(found[:2], 1, atol=1e-6)
 
 
+# Blocks against a bridge (Yang 2016) ---------------------------------------------------------
+
+#: Blocks B1 to B6: length, density, contact area and pulse as corrected, and table 6.4, kN.
+BLOCKS = np.array(
+    [
+        (0.15, 200, 0.050, 5.50e-3, 8.52, 1.11, 5.80, 1.47),
+        (0.15, 400, 0.050, 7.25e-3, 10.19, 1.69, 8.20, 1.24),
+        (0.15, 800, 0.005, 11.25e-3, 6.91, 2.17, 3.67, 1.88),
+        (0.30, 200, 0.050, 6.50e-3, 11.05, 1.88, 5.80, 1.91),
+        (0.30, 400, 0.050, 3.75e-3, 13.63, 6.52, 8.20, 1.66),
+        (0.60, 200, 0.050, 9.25e-3, 13.90, 2.64, 5.80, 2.40),
+    ]
+).T
+
+
+def test_impacts_of_table_6_4() -> None:
+    """Both formulas give the printed digits for all six blocks, and stiffness and mass the same."""
+    length, density, contact, pulse, force, by_pulse, by_areas, ratio = BLOCKS
+    v, area, modulus = 0.8645, 0.15, 0.03e9
+    mass = design.bar_mass(density=density, area=area, length=length)
+    np.testing.assert_allclose(mass, [4.5, 9, 18, 9, 18, 18])
+    found = design.block_force_pulse(mass=mass, velocity=v, duration=pulse)
+    np.testing.assert_allclose(found / 1e3, by_pulse, rtol=0, atol=5e-3)
+    found = design.block_force_two_areas(
+        velocity=v, contact_area=contact, area=area, density=density, youngs_modulus=modulus
+    )
+    np.testing.assert_allclose(found / 1e3, by_areas, rtol=0, atol=5e-3)
+    np.testing.assert_allclose(force * 1e3 / found, ratio, rtol=0, atol=6e-3)
+    stiffness = design.bar_stiffness(youngs_modulus=modulus, area=contact, length=length)
+    spring = design.bar_force(mass=mass, stiffness=stiffness, velocity=v)
+    np.testing.assert_allclose(spring, found, rtol=1e-14)
+    # What the source says of its runs: they follow the root of the contact mass.
+    part = design.contact_mass(mass=mass, contact_area=contact, area=area)
+    np.testing.assert_allclose(part, [1.5, 3, 0.6, 3, 6, 6])
+    slope, start = np.polyfit(np.sqrt(part), force, 1)
+    assert (slope, start) == pytest.approx((4.14, 3.54), abs=5e-3)
+    assert np.corrcoef(np.sqrt(part), force)[0, 1] ** 2 == pytest.approx(0.988, abs=5e-4)
+
+
+def test_block_in_plane_strain_is_a_bar_of_its_modulus() -> None:
+    modulus = design.plane_strain_modulus(youngs_modulus=10e9, poissons_ratio=np.array([0, 0.2]))
+    whole = design.block_force(velocity=3, height=3, width=1, density=1000, modulus=modulus)
+    bar = design.bar_force_of_material(velocity=3, area=3, density=1000, youngs_modulus=modulus)
+    np.testing.assert_allclose(whole, bar, rtol=1e-14)
+    part = design.block_force_partial(velocity=3, effective_area=1.5, density=1000, modulus=modulus)
+    np.testing.assert_allclose(part, whole / 2, rtol=1e-14)
+    both = design.block_force_two_areas(
+        velocity=3, contact_area=3, area=3, density=1000, youngs_modulus=modulus
+    )
+    np.testing.assert_allclose(both, whole, rtol=1e-14)
+
+
+def test_net_area_of_table_6_2() -> None:
+    """Models I and II, and the load that grows with the power 3.56 of it."""
+    one = design.net_area(
+        density=np.array([200, 400, 200, 400, 200]), height=0.15, width=1, depth=0.2,
+        clearance=0.225,
+    )  # fmt: skip
+    np.testing.assert_allclose(one, [0.170, 0.140, 0.170, 0.140, 0.170], atol=5e-4)
+    two = design.net_area(
+        density=np.array([400, 800, 400]), height=0.15, width=1, depth=0.3384, clearance=0.225
+    )
+    np.testing.assert_allclose(two, [0.225, 0.218, 0.225], atol=5e-4)
+    load = np.array([1.45, 0.73, 1.42, 0.85, 1.01, 4.83, 3.60, 3.42])
+    power, start = np.polyfit(np.log(np.append(one, two)), np.log(load), 1)
+    assert power == pytest.approx(3.55, abs=0.02)
+    assert math.exp(start) == pytest.approx(782, rel=0.02)
+    sunk = design.net_area(density=2000, height=0.15, width=1, depth=0.1, clearance=0.2)
+    assert sunk == 0.0
+
+
 # What is refused ---------------------------------------------------------------------------
 
 

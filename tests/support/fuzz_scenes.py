@@ -225,6 +225,9 @@ def _watched() -> libmpm.Scene:
             position=(0.5,), radius=0.1, method="percentile", percentile=90, body="water",
             interval=0.01,
         ),
+        "column": sensors.ColumnGauge(
+            position=(0.5,), width=0.1, bed=0.05, body="water", interval=0.01
+        ),
         "own": sensors.Custom(function="count", columns=("n",), units=("1",), interval=0.01),
     }  # fmt: skip
     for name, sensor in watching.items():

@@ -88,6 +88,8 @@ def busy_scene():
     scene.add_sensor(
         name="gauge", sensor=sensors.ElevationGauge(position=(1.5,), body="water", interval=0.01)
     )
+    column = sensors.ColumnGauge(position=(1.5,), body="water", interval=0.01)
+    scene.add_sensor(name="column", sensor=column)
     return scene
 
 

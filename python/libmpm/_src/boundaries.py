@@ -13,7 +13,7 @@ from libmpm._src.timetable import TimeTable
 from libmpm._src.values import Checker, Value, sequence, value
 
 __all__ = ["DecayLayer", "Displacement", "Mirror", "Prescribed", "Response", "Rotation"]
-__all__ += ["Separable", "Slip", "Sticky", "Travel"]
+__all__ += ["Separable", "Slip", "Sticky", "Travel", "decay_thickness"]
 
 #: Names of the axes, and of the components of a velocity.
 _AXES = ("x", "y", "z")
@@ -176,6 +176,28 @@ class DecayLayer(Value):
                 "thickness", self.thickness, lower=0, lower_open=True, upper=4, unit="cells"
             ),
         }
+
+
+def decay_thickness(cell: Sequence[float], normal: Sequence[float]) -> float:
+    """Return the thickness h, m, of one cell's decay layer along a normal, in rectangular cells.
+
+    h = √(Σ l² n²) with the edges l (d,) m of a cell and the unit normal n of the wall; `normal`
+    (d,) may have any length but 0. In square cells it is their edge at any angle, which is a
+    `DecayLayer` of thickness 1: the function is for what was done in other cells. Raises
+    `SceneError`. Source: Yang (2016), eq. 4.25, printed with n instead of its square.
+    """
+    check = Checker("boundaries.decay_thickness")
+    edges = check.vector("cell", cell, unit="m")
+    direction = check.vector("normal", normal)
+    if any(x <= 0 for x in edges):
+        check.fail(f"cell is {tuple(cell)!r}; expected edges > 0 m")
+    if direction and not any(direction):
+        check.fail("normal is 0; expected a direction")
+    if not check.problems and len(edges) != len(direction):
+        check.fail(f"cell has {len(edges)} numbers and normal {len(direction)}; expected as many")
+    check.finish()
+    length = math.hypot(*direction)
+    return math.hypot(*(x * n / length for x, n in zip(edges, direction, strict=True)))
 
 
 @value(kw_only=False)

@@ -157,6 +157,7 @@ UNITS: dict[str, dict[str, str]] = {
         "position": "m", "radius": "m", "method": TEXT, "percentile": "%", "body": TEXT,
         "interval": "s",
     },
+    "ColumnGauge": {"position": "m", "width": "m", "bed": "m", "body": TEXT, "interval": "s"},
     "Custom": {"function": TEXT, "columns": TEXT, "units": TEXT, "interval": "s"},
     # grids of functions
     "Mesh": {"vertices": "m", "triangles": TEXT},

@@ -9,6 +9,7 @@ import numpy as np
 
 from libmpm._src.analysis.peaks import Peak, local_maxima
 from libmpm._src.analysis.record import Floats, Record, crossing, from_series
+from libmpm._src.errors import SceneError
 from libmpm._src.optional import need
 from libmpm._src.values import Checker, keywords_only
 
@@ -21,6 +22,8 @@ __all__ = ["Signal", "responses"]
 _ARRIVAL = 0.05
 #: Shares of the largest value that a first peak must reach, and by which it must stand out.
 _HEIGHT, _PROMINENCE = 0.2, 0.1
+#: Part of an interval by which evenly spaced samples may differ.
+_EVEN = 1e-3
 #: Part of an interval by which rounding may make a record longer than a whole number of them.
 _ROUNDING = 1e-6
 
@@ -176,6 +179,70 @@ class Signal(Record):
         if self.filtered_at is None or cutoff <= self.filtered_at:
             stated = {"filtered_at": cutoff, "filter_order": order}
         return even._like(even.time, value, **stated)
+
+    def moving_mean(self, count: int, *, trim: int = 0) -> Signal:
+        """Return means of `count` ≥ 1 samples in a row, the `trim` largest and smallest left out.
+
+        Each stands at the middle of its samples, and there are count - 1 fewer of them. Samples
+        must be evenly spaced: take `resampled` first. Yang (2016) has ``moving_mean(11, trim=1)``
+        of samples 0.01 s apart for reactions of boundaries (5.2), ``moving_mean(10)`` for loads
+        of debris (6.1.3). 0 ≤ trim < count / 2. Raises `SceneError`.
+        """
+        check = Checker(f"{self.label}.moving_mean")
+        count = check.integer("count", count, lower=1)
+        trim = check.integer("trim", trim)
+        if not check.problems and 2 * trim >= count:
+            check.fail(
+                f"trim is {trim} of {count} samples; expected less than half of them at each end"
+            )
+        if not check.problems and count > len(self):
+            check.fail(f"count is {count}; expected ≤ {len(self)}, the samples that there are")
+        steps = np.diff(self._middle)
+        if count > 1 and len(steps) and np.ptp(steps) > _EVEN * float(np.median(steps)):
+            check.fail(
+                f"samples are {steps.min():g} to {steps.max():g} s apart; expected even spacing; "
+                f"take resampled({self.interval:g}).moving_mean(...)"
+            )
+        check.finish()
+        view = np.lib.stride_tricks.sliding_window_view
+        kept = np.sort(view(self.value, count), axis=1)[:, trim : count - trim]
+        return Signal(
+            view(self._middle, count).mean(axis=1), kept.mean(axis=1), unit=self.unit,
+            name=self.name,
+        )  # fmt: skip
+
+    def l2_error(
+        self, exact: float | Signal, start: float | None = None, end: float | None = None
+    ) -> float:
+        """Return √(∫ (f - g)² dt / T) between two times, s, by default over the record.
+
+        `exact` g is a number in the signal's unit, or a signal that covers the times; T is their
+        distance. Of means g is averaged over the same intervals. Divide by a scale of g for a
+        relative error: the reaction of a tank's bed over its weight has g = 1. Raises `SceneError`.
+        """
+        first, last = self._between("l2_error", start, end)
+        own = self.window(first, last)
+        if not isinstance(exact, Signal):
+            check = Checker(f"{self.label}.l2_error")
+            level = check.number("exact", exact, unit=self.unit)
+            check.finish()
+            away = own._like(own.time, own.value - level)
+        elif self.sampling == "mean":
+            ends = own._ends
+            exact._between("l2_error", first, last)
+            away = own._like(own.time, own.value - np.diff(exact._integral(ends)) / np.diff(ends))
+        else:
+            exact._between("l2_error", first, last)
+            if exact.sampling == "mean":
+                raise SceneError(
+                    f"{self.label}.l2_error: exact has means and the signal has points; expected "
+                    "both alike; take resampled() of the signal"
+                )
+            times = exact.time[(exact.time > first) & (exact.time < last)]
+            time = np.union1d(own.time, times)
+            value = np.interp(time, own.time, own.value) - np.interp(time, exact.time, exact.value)
+            away = own._like(time, value)
+        return math.sqrt(float(away._sums(2)[-1]) / (last - first))
 
     def normalised(self, by: float) -> Signal:
         """Return the signal divided by `by` > 0 in its unit, for instance one debris' load."""

@@ -13,9 +13,11 @@ from libmpm._src.errors import SceneError
 from libmpm._src.output.sensor_file import Series
 from libmpm._src.output.writer import due_index, due_time
 from libmpm._src.sensing.bodies import OfBody
+from libmpm._src.sensing.column import ColumnGauge
 from libmpm._src.sensing.custom import check_functions
 from libmpm._src.sensing.grid import OfGrid
 from libmpm._src.sensing.moment import Moment
+from libmpm._src.sensing.of_column import OfColumn
 from libmpm._src.sensing.pair import OfContact
 from libmpm._src.sensing.particles import OfAttributes, OfElevation, OfParticles, OfPressure
 from libmpm._src.sensing.reduce import Array
@@ -66,7 +68,7 @@ class OfFunction(Sampler):
 _SAMPLERS: dict[type[Sampled], Any] = {
     ParticleSensor: OfParticles, GridSensor: OfGrid, BodyTracker: OfBody,
     AttributeTracker: OfAttributes, PressureProbe: OfPressure, ElevationGauge: OfElevation,
-    ContactForce: OfContact, Custom: OfFunction,
+    ColumnGauge: OfColumn, ContactForce: OfContact, Custom: OfFunction,
 }  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from libmpm._src.checks import initial_gravity, vertical_axis
 from libmpm._src.sensing import attributes
+from libmpm._src.sensing.column import ColumnGauge
 from libmpm._src.sensing.sampler import bodies_of
 from libmpm._src.sensing.values import (
     AttributeTracker,
@@ -62,9 +63,11 @@ def check_sampled(check: Checker, scene: Scene, sensor: Sampled, counts: Mapping
         _check_contact(check, scene, sensor)
     elif isinstance(sensor, PressureProbe):
         _check_place(check, scene, sensor.position, list(range(d)), "the probe")
-    elif isinstance(sensor, ElevationGauge):
+    elif isinstance(sensor, ElevationGauge | ColumnGauge):
         axis = vertical_axis(scene)
-        _check_place(check, scene, sensor.position, [a for a in range(d) if a != axis], "the gauge")
+        if sensor.position is not None:
+            level = [a for a in range(d) if a != axis]
+            _check_place(check, scene, sensor.position, level, "the gauge")
         if (initial_gravity(scene) != 0).sum() > 1:
             check.fail(
                 "gravity is not along an axis; expected one axis to be vertical; use "
