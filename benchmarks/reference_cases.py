@@ -81,7 +81,7 @@ JOBS = (
     Job("domino-tip", 4.4e5, 1.1e5),
     Job("two-dominoes", 8.8e5, 5e4),
     # Contacts of soft discs are chaotic: in single precision the deepest overlap is by chance.
-    Job("discs", 6.6e5, 3.0e4, precision="double"),
+    Job("discs", 6.6e5, 1.02e5, precision="double"),
     Job("piston-flume", 9.2e5, 1.3e5),
     Job("ritter", 5.7e5, 3.2e4),
     Job("pump-current", 2.5e5, 2.7e5),

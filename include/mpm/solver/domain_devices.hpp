@@ -134,7 +134,7 @@ template <class X, class T, int D>
 double Domain<X, T, D>::largest_of_all(double x) const {
     if (!share_) return x;
     for (const auto& theirs : share_->comm->all_gather(std::vector<double>{x}))
-        x = std::max(x, theirs.at(0));
+        if (!(theirs.at(0) <= x)) x = theirs.at(0);  // not-a-number stays
     return x;
 }
 
