@@ -51,6 +51,25 @@ struct HeldBlock {
     std::int32_t unused;
 };
 
+/// Who owns a block, as kernels know it.
+template <int D>
+struct RowCuts {
+    int axis = 0, bits = 1, count = 0;
+    std::uint64_t at[most_devices] = {};  // where each rank but the first begins
+
+    RowCuts() = default;
+    explicit RowCuts(const BlockPartition<D>& p)
+        : axis(p.axis()), bits(p.bits()), count(int(p.cuts().size())) {
+        std::copy(p.cuts().begin(), p.cuts().end(), at);
+    }
+    MPM_INLINE int owner(const BlockKeys<D>& keys_of, std::uint64_t key) const {
+        const std::uint64_t place = place_in_row(keys_of, key, axis, bits);
+        int r = 0;
+        while (r < count && at[r] <= place) ++r;
+        return r;
+    }
+};
+
 template <int D>
 struct RankShare {
     /// What the blocks of one body and colour on one rank add to a block that others hold too.
