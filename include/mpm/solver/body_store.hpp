@@ -32,7 +32,7 @@ struct BodyStore {
     Buffer<X, std::int32_t> home;
     std::int32_t homes = 0, full_homes = 0;
     std::int32_t all_full_homes = 0;  // devices: of all ranks
-    Buffer<X, std::uint32_t> lone;  // devices: particles of the homes that are not full
+    Buffer<X, std::uint32_t> lone;    // devices: particles of the homes that are not full
     Buffer<X, std::int32_t> lone_slot;
     std::uint32_t lone_count = 0;
     Buffer<X, std::int32_t> coloured;                 // CPU: home blocks by colour

@@ -291,9 +291,8 @@ __global__ void __launch_bounds__(fused_threads, 1)
 template <class Material, Smoothing S, int D>
 void run_keeping(const Phase<Cuda, float, D>& phase) {
     const Pass<Cuda, float, D>& pass = phase.pass;
-    const int threads =
-        block_cells *
-        threads_a_cell(pass.full_homes, pass.exec->multiprocessors(), pass.exec->shared());
+    const int threads = block_cells * threads_a_cell(pass.full_homes, pass.exec->multiprocessors(),
+                                                     pass.exec->shared());
     pass.exec->launch_large(int(sizeof(KeepShared<D, transfer_channels<D, S>>)),
                             &fused_keeping<Material, S, D>, pass.body.full_homes, threads, pass,
                             Material::template constants<float>(pass.parameters),
