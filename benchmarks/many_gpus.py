@@ -17,6 +17,7 @@ import argparse
 import gc
 import hashlib
 import json
+import math
 import os
 import shlex
 import subprocess
@@ -39,11 +40,12 @@ WARM = 20  # steps that are not measured
 WAITS = os.environ.get("LIBMPM_RANK_WAIT", "events")  # how devices wait for each other
 
 
-def slosh(particles: int, lengths: int, fbar: str) -> Sized:
+def slosh(particles: int, lengths: int, fbar: str, *, bodies: int = 1) -> Sized:
     """Return a tank of `lengths` cubes of water in a row, about `particles` each, and a time step.
 
     The water starts with a twentieth of the speed of sound along the row, runs up at its end and
-    comes back: it crosses every cut that is not along the row. Each cube adds the same work.
+    comes back: it crosses every cut that is not along the row. Each cube adds the same work. It is
+    one body, or as many `bodies` one behind the other: ids of one body have 32 bits.
     """
     n = max(4, round((particles / 8) ** (1 / 3)))
     dx = HEIGHT / n
@@ -52,12 +54,14 @@ def slosh(particles: int, lengths: int, fbar: str) -> Sized:
         upper=((lengths * n + n // 4) * dx, n * dx, (n + n // 2) * dx),
         gravity=(0, 0, -GRAVITY), name="slosh",
     )  # fmt: skip
-    scene.add_body(
-        name="water",
-        shape=libmpm.shapes.Box(lower=(0, 0, 0), upper=(lengths * n * dx, n * dx, n * dx)),
-        material=water(), particles_per_cell=8, velocity=(0.05 * SOUND, 0, 0),
-        hydrostatic=n * dx, fbar="default" if fbar == "default" else None,
-    )  # fmt: skip
+    ends = [round(k * lengths * n / bodies) * dx for k in range(bodies + 1)]
+    for k in range(bodies):
+        scene.add_body(
+            name=f"water-{k}" if bodies > 1 else "water",
+            shape=libmpm.shapes.Box(lower=(ends[k], 0, 0), upper=(ends[k + 1], n * dx, n * dx)),
+            material=water(), particles_per_cell=8, velocity=(0.05 * SOUND, 0, 0),
+            hydrostatic=n * dx, fbar="default" if fbar == "default" else None,
+        )  # fmt: skip
     slip = libmpm.boundaries.Slip()
     scene.add_boundary(name="walls", shape=libmpm.shapes.DomainWalls(), response=slip)
     return scene, COURANT * dx / SOUND
@@ -164,6 +168,7 @@ class Runner:
                 "rebalances": after.get("rebalances", 0),
                 "imbalance": after.get("imbalance", 1.0),
                 "grid_blocks": after.get("blocks"),
+                "planned_bytes": simulation.plan.memory_total,
                 "most_bytes_held": after.get("most_bytes_held"),
                 "construction_s": constructed - began,
                 "digest": digest(simulation) if bits else None,
@@ -202,6 +207,21 @@ def strong(runner: Runner) -> Iterator[Line]:
     yield from split(runner, 64e6, "64 M")
 
 
+def large(runner: Runner) -> Iterator[Line]:
+    """512 M in all."""
+    yield from split(runner, 512e6, "512 M")
+
+
+def capacity(runner: Runner) -> Iterator[Line]:
+    """As many particles as are asked for on each device, on all of them, for 50 steps."""
+    ranks = runner.counts()[-1]
+    each = runner.size(runner.arguments.capacity)
+    # One body for every two billion: ids have 32 bits.
+    bodies = math.ceil(each * ranks / 2e9)
+    sized = slosh(each, ranks, "default", bodies=bodies)
+    yield runner.run(f"capacity: {each:.3g} each", sized, ranks, 50)
+
+
 def small(runner: Runner) -> Iterator[Line]:
     """8 M in all."""
     yield from split(runner, 8e6, "8 M")
@@ -219,7 +239,8 @@ def mixing(runner: Runner) -> Iterator[Line]:
 
 
 CASES: dict[str, Callable[[Runner], Iterator[Line]]] = {
-    "mixing": mixing, "small": small, "strong": strong, "weak": weak,
+    "mixing": mixing, "small": small, "strong": strong, "weak": weak, "large": large,
+    "capacity": capacity,
 }  # fmt: skip
 
 
@@ -228,7 +249,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--devices", nargs="+", default=["cuda:0", "cuda:1"])
     parser.add_argument("--counts", nargs="+", type=int, help="how many of them; 1 2 4 8")
-    parser.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES))
+    parser.add_argument(
+        "--cases", nargs="+", choices=list(CASES), default=["mixing", "small", "strong", "weak"]
+    )
     parser.add_argument("--fbar", nargs="+", choices=["default", "none"],
                         default=["default", "none"], help="forms that `weak` takes")  # fmt: skip
     parser.add_argument("--precision", default="single")
@@ -236,6 +259,9 @@ def main() -> int:
     parser.add_argument("--steps", type=int, help="at most, of the scaling cases")
     parser.add_argument("--mixing-steps", type=int, default=4000)
     parser.add_argument("--seconds", type=float, default=20.0, help="of a run at most")
+    parser.add_argument(
+        "--capacity", type=float, default=2e9, help="particles on each device, of that case"
+    )
     parser.add_argument("--json", type=Path, help="file to append lines to")
     arguments = parser.parse_args()
     runner = Runner(arguments)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Everything that is run on a machine with a GPU and no network, before a change to CUDA is done.
-# usage: device_check.sh build|test|sanitize|bench ...   (several may follow each other)
+# usage: device_check.sh build|test|sanitize|bench|ranks ...   (several may follow each other)
 #
 # Expected there: nvcc, Python 3.11 or newer with numpy, h5py, scikit-build-core, pybind11, cmake and
 # ninja, and
@@ -12,6 +12,8 @@
 #   LIBMPM_PYTEST         what to test (default: all that is marked gpu)
 #   LIBMPM_BENCH_SIZES    particles of the benchmarks (default: 100000 1000000 8000000)
 #   LIBMPM_SANITIZE_TOOLS, LIBMPM_SANITIZE_STEPS
+#   LIBMPM_RANK_CASES     cases of many_gpus.py (default: mixing weak strong large capacity)
+#   LIBMPM_RANK_SECONDS   of each of their runs at most (default: 3)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -154,14 +156,28 @@ bench() {
   nvidia-smi --query-gpu=name,driver_version,clocks.sm,memory.total --format=csv >"$results/gpu.csv"
 }
 
-[ $# -gt 0 ] || { sed -n '2,15s/^# \{0,1\}//p' "$0"; exit 2; }
+ranks() { # one scene on 1, 2, 4 ... of the devices that are here
+  local devices case
+  mapfile -t devices < <(nvidia-smi --query-gpu=index --format=csv,noheader | sed 's/^/cuda:/')
+  nvidia-smi topo -m >"$results/topology.txt"
+  "$python" -m pytest -q -p no:cacheprovider tests/python/test_ranks_gpu.py \
+    2>&1 | tee "$results/ranks.log"
+  for case in ${LIBMPM_RANK_CASES:-mixing weak strong large capacity}; do
+    # One that fails does not keep the others from running.
+    "$python" benchmarks/many_gpus.py --devices "${devices[@]}" --cases "$case" --fbar default \
+      --seconds "${LIBMPM_RANK_SECONDS:-3}" --json "$results/many_gpus.jsonl" \
+      2>&1 | tee "$results/ranks-$case.log" || echo "== $case failed"
+  done
+}
+
+[ $# -gt 0 ] || { sed -n '2,17s/^# \{0,1\}//p' "$0"; exit 2; }
 for part in "$@"; do
   case $part in
-    build | test | sanitize | bench)
+    build | test | sanitize | bench | ranks)
       start=$SECONDS
       "$part"
       echo "== $part: $((SECONDS - start)) s" | tee -a "$results/times.txt"
       ;;
-    *) echo "unknown part: $part (build, test, sanitize, bench)" >&2; exit 2 ;;
+    *) echo "unknown part: $part (build, test, sanitize, bench, ranks)" >&2; exit 2 ;;
   esac
 done
