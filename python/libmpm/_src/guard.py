@@ -24,7 +24,7 @@ class Guard(Value):
     =========  ====  =======  ==============================================================
     parameter  unit  range    meaning
     =========  ====  =======  ==============================================================
-    every      1     ≥ 1      steps between two looks; None = 1000 on a CPU, 4000 on a GPU
+    every      1     ≥ 1      steps between two looks; None = 1000
     energy     1     > 0      growth of the mechanical energy, in parts of what has been
                               released, of scenes on which nothing from outside does work
     volume     1     > 0      change of a body's mean volume ratio beyond what pressure does
