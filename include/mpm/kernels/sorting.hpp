@@ -347,10 +347,12 @@ struct MoveSums {
     MPM_INLINE void operator()(std::int64_t i) const {
         const std::int64_t slot = i / block_cells, old = old_slot[slot];
         Sum* out = to + slot * channels * block_cells + i % block_cells;
-        const Sum* in = from + old * channels * block_cells + i % block_cells;
-        for (int c = 0; c < channels; ++c) {
-            out[c * block_cells] = old < 0 ? Sum(0) : in[c * block_cells];
+        if (old < 0) {
+            for (int c = 0; c < channels; ++c) out[c * block_cells] = Sum(0);
+            return;
         }
+        const Sum* in = from + old * channels * block_cells + i % block_cells;
+        for (int c = 0; c < channels; ++c) out[c * block_cells] = in[c * block_cells];
     }
 };
 

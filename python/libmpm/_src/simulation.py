@@ -488,6 +488,9 @@ class Simulation(Persistent):
                 self._particle_steps += result["steps"] * self._count()
                 if steps > 0:
                     steps -= result["steps"]
+                if result["reason"] == "wall" and (steps == 0 or engine.time >= until):
+                    # What is due at the last step, a sort say, comes before anyone saves.
+                    result = engine.run(0, target, math.inf)
                 self._collect()
                 if result["reason"] == "fault":
                     raise NumericalError(describe_fault(result["fault"], engine.time_step))
