@@ -3,13 +3,12 @@
 Expected duration: 60 s on one GPU.
 """
 
-import os
-
 import numpy as np
 import pytest
 
 import libmpm
 from support import scenes
+from support.devices import need_device
 from support.tolerances import REFERENCE
 
 pytestmark = pytest.mark.gpu
@@ -23,13 +22,8 @@ EDGES = [1, 2, 31, 32, 33, 63, 64, 65, 127, 128, 129, 255, 256, 257, 511, 512, 5
 
 
 @pytest.fixture(autouse=True)
-def need_device():
-    from libmpm._src.backends import cuda_status
-
-    if reason := cuda_status().reason:
-        if os.environ.get("LIBMPM_REQUIRE_GPU") == "1":
-            pytest.fail(f"LIBMPM_REQUIRE_GPU=1 and {reason}")
-        pytest.skip(reason)
+def on_a_device():
+    need_device()
 
 
 def box_scene(dimension, material, fbar="default", n=16):

@@ -1,15 +1,14 @@
 """Inflow and outflow: supply at a stated rate and level, removal, the bore behind a broken dam."""
 
 import json
-import os
 
 import numpy as np
 import pytest
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src.backends import cuda_status
 from libmpm._src.output.sensor_file import read_sensors
+from support.devices import need_device
 
 LEVEL, SPEED, CELL = 0.3, 0.5, 0.05
 LENGTH = 1.0
@@ -395,10 +394,7 @@ def test_ids_of_bodies_beside_one_that_grows():
 @pytest.mark.parametrize("options", [{}, {"precision": "mixed"}, {"pipeline": "phased"}])
 def test_device(tmp_path, options):
     """A device supplies and removes the same particles, and its own bits again when resumed."""
-    if reason := cuda_status().reason:
-        if os.environ.get("LIBMPM_REQUIRE_GPU") == "1":
-            pytest.fail(f"LIBMPM_REQUIRE_GPU=1 and {reason}")
-        pytest.skip(reason)
+    need_device()
     scene, until = channel(3), 0.5
     host = simulate(scene, until, precision="double")
     device = libmpm.Simulation(scene, device="cuda", **options)

@@ -5,14 +5,13 @@ Expected duration: 60 s on two GPUs, 30 s on one.
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
 from libmpm._src.backends import cuda_status
+from support.devices import need_device
 
 pytestmark = pytest.mark.gpu
 
@@ -20,11 +19,8 @@ DX = 0.05
 
 
 @pytest.fixture(autouse=True)
-def need_device():
-    if reason := cuda_status().reason:
-        if os.environ.get("LIBMPM_REQUIRE_GPU") == "1":
-            pytest.fail(f"LIBMPM_REQUIRE_GPU=1 and {reason}")
-        pytest.skip(reason)
+def on_a_device():
+    need_device()
 
 
 @pytest.fixture(params=["shared", "events", "flags"])

@@ -6,7 +6,6 @@ Expected duration: 2 s.
 import contextlib
 import ctypes
 import gc
-import os
 import threading
 import time
 import warnings
@@ -17,6 +16,7 @@ import pytest
 
 import libmpm
 from libmpm._src.foreign import host_array
+from support.devices import need_device
 
 #: Derived by the host; all others are gathered where the particles are.
 DERIVED = {"pressure", "stress", "elastic_energy", "density", "volume"}
@@ -397,12 +397,7 @@ def test_scenes_take_arrays_of_any_library(tank):
 
 
 def device_simulation(new_scene, precision="single"):
-    from libmpm._src.backends import cuda_status
-
-    if reason := cuda_status().reason:
-        if os.environ.get("LIBMPM_REQUIRE_GPU") == "1":
-            pytest.fail(f"LIBMPM_REQUIRE_GPU=1 and {reason}")
-        pytest.skip(reason)
+    need_device()
     return simulation(new_scene, precision, device="cuda")
 
 

@@ -5,17 +5,19 @@ import os
 import pytest
 
 
+def need_device():
+    """Skip the test where there is no CUDA device, or fail it where LIBMPM_REQUIRE_GPU=1."""
+    from libmpm._src.backends import cuda_status
+
+    if reason := cuda_status().reason:
+        if os.environ.get("LIBMPM_REQUIRE_GPU") == "1":
+            pytest.fail(f"LIBMPM_REQUIRE_GPU=1 and {reason}")
+        pytest.skip(reason)
+
+
 @pytest.fixture(params=["cpu", pytest.param("cuda", marks=pytest.mark.gpu)])
 def device(request):
-    """Runs a test on the CPU and, where there is one, on a CUDA device.
-
-    Without one the second half is skipped, or fails where LIBMPM_REQUIRE_GPU=1.
-    """
+    """Runs a test on the CPU and, where there is one, on a CUDA device (`need_device`)."""
     if request.param == "cuda":
-        from libmpm._src.backends import cuda_status
-
-        if reason := cuda_status().reason:
-            if os.environ.get("LIBMPM_REQUIRE_GPU") == "1":
-                pytest.fail(f"LIBMPM_REQUIRE_GPU=1 and {reason}")
-            pytest.skip(reason)
+        need_device()
     return request.param
