@@ -11,6 +11,7 @@
 #include "mpm/kernels/placing.hpp"
 #include "mpm/solver/blob.hpp"
 #include "mpm/solver/rank_share.hpp"
+#include "mpm/solver/saved_clock.hpp"
 #include "mpm/solver/spec.hpp"
 
 namespace mpm {
@@ -222,9 +223,9 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
     }
     // What ranks add up is the first one's.
     if (rank > 0) {
-        auto clock = detail::from_blob<Clock>(all, "clock");
-        for (Clock& c : clock) c.strays = 0;
-        s["clock"] = detail::to_blob(clock);
+        Clock clock = saved_clock(all);
+        clock.strays = 0;
+        s["clock"] = detail::to_blob(std::vector<Clock>{clock});
         for (const char* name : {"load_impulse", "sensor_first"}) {
             auto values = detail::from_blob<double>(all, name);
             for (double& v : values) v = v == v ? 0.0 : v;

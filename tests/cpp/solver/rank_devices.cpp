@@ -178,6 +178,21 @@ TEST_P(RankDevices, go_on_from_a_state_after_one_that_is_refused) {
     expect_same_particles(*many, *one, 3);
 }
 
+/// Clocks grew at their end.
+TEST_P(RankDevices, go_on_from_a_state_of_an_earlier_version) {
+    const auto one = make(scene()), many = make(with_ranks(scene(), 3));
+    go(*one, 20);
+    State state = one->save();
+    auto& clock = state["clock"];
+    clock.bytes.resize(offsetof(Clock, deposited_before));
+    clock.shape = {clock.bytes.size()};
+    for (Engine* e : {one.get(), many.get()}) {
+        e->load(state);
+        go(*e, 20);
+    }
+    expect_same_particles(*many, *one, 3);
+}
+
 /// A box that tilts: every particle comes by every cut.
 TEST(RankDevicesMixing, nobody_is_lost_or_doubled) {
     Spec s = test::empty_scene(2, true, {40, 40});
