@@ -194,15 +194,16 @@ struct MapSlots {
     }
 };
 
-/// new_cell from the present table's numbering to the new one; particles outside sort behind
-/// everything.
+/// new_cell from the present table's numbering to the new one; particles outside, and those that go
+/// to other ranks, sort behind everything.
 struct RenumberCells {
     std::uint32_t* cell;
     const std::int32_t* map;  // null: the numbering stays
+    std::uint32_t cells;      // of the present table
     std::uint32_t behind;
     MPM_INLINE void operator()(std::int64_t p) const {
         const std::uint32_t c = cell[p];
-        if (c == ~0u)
+        if (c >= cells)
             cell[p] = behind;
         else if (map)
             cell[p] = std::uint32_t(map[c / block_cells]) * block_cells + c % block_cells;

@@ -80,7 +80,7 @@ struct RankScenes {
     BlockPartition<D> partition;
     std::vector<Spec> spec;
 
-    explicit RankScenes(const Spec& scene) : partition(keys_of_domain<D>(scene), scene.ranks.axis) {
+    explicit RankScenes(const Spec& scene) {
         const BlockKeys<D> keys = keys_of_domain<D>(scene);
         std::unordered_map<std::uint64_t, std::uint64_t> weight;
         for (const BodySpec& body : scene.bodies) {
@@ -95,7 +95,13 @@ struct RankScenes {
         std::vector<BlockWeight> blocks;
         for (const auto& [key, particles] : weight)
             blocks.push_back({key, particles + weight_of_block});
-        partition.cut(blocks, scene.ranks.count);
+        if (scene.ranks.axis == RanksSpec::chosen) {
+            partition = choose_partition<D>(keys, std::move(blocks), scene.ranks.count,
+                                            scene.ranks.rebalance_above);
+        } else {
+            partition = BlockPartition<D>(keys, scene.ranks.axis);
+            partition.cut(blocks, scene.ranks.count);
+        }
 
         spec.assign(std::size_t(scene.ranks.count), scene);
         for (Spec& s : spec) {

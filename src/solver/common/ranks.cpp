@@ -345,8 +345,8 @@ public:
     }
     std::map<std::string, double> statistics() const override {
         std::map<std::string, double> out = engines_[0]->statistics();
-        static const std::set<std::string> alike = {"sorts", "fastest_node", "drift", "rebalances",
-                                                    "imbalance"};
+        static const std::set<std::string> alike = {"sorts", "tables",     "fastest_node",
+                                                    "drift", "rebalances", "imbalance"};
         for (std::size_t r = 1; r < engines_.size(); ++r)
             for (const auto& [name, value] : engines_[r]->statistics())
                 if (!alike.contains(name)) out[name] += value;
