@@ -228,7 +228,8 @@ private:
         const T* column;
         std::uint32_t first, count, all;
     };
-    void link_table_of_ranks();
+    void link_homes();
+    void count_shared();
     std::vector<HeldBlock> list_held(const Buffer<X, std::uint64_t>& keys, bool all);
     void link_devices(std::vector<std::vector<HeldBlock>> held);
     void link_sums();

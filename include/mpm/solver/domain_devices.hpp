@@ -237,8 +237,8 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     find_owners();
     exec_.for_each(std::int64_t(slots),
                    FlagReady<D>{neighbours_.data(), owner_.data(), s.rank(), ready_.data()});
-    Buffer<X, std::uint32_t> found(exec_);  // blocks that others hold too; their nodes in reach
-    found.assign({0, 0});
+    Buffer<X, std::uint32_t> found(exec_);  // blocks that others hold too
+    found.assign({0});
     Buffer<X, HeldBlock> theirs(exec_);
     int other = 0;
     for (int r : s.comm->others()) {
@@ -248,25 +248,35 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
                                      r < s.rank(), owner_.data(), r, copies_.data(), counts_.data(),
                                      ready_.data(), found.data()});
     }
-    for (const Body& body : bodies_) {
-        exec_.for_each(body.homes,
-                       CountShared<X, D>{body.home.data(), neighbours_.data(), copies_.data(),
-                                         int(others), found.data() + 1});
-    }
-    const auto counted = found.host();
-    s.shared_blocks = counted[0];
-    s.bytes_a_step = std::uint64_t(counted[1]) * std::uint64_t(plan_.sum_channels) * sizeof(Sum);
+    s.shared_blocks = found.host()[0];
     s.counts = counts_.host();
     if (load_count_ > 0) list_measured();
 }
 
-/// After the table was made anew but for sorts. All ranks together.
+/// What the homes of a new table may add to other ranks' blocks in a step, at most.
 template <class X, class T, int D>
-void Domain<X, T, D>::link_table_of_ranks() {
-    if constexpr (X::is_device)
-        link_devices(share_->comm->all_gather(list_held(keys_, false)));
-    else
-        link_ranks(share_->comm->all_gather(keys_.host()));
+void Domain<X, T, D>::count_shared() {
+    const int others = share_->ranks() - 1;
+    Buffer<X, std::uint32_t> nodes(exec_);
+    nodes.assign({0});
+    for (const Body& body : bodies_)
+        exec_.for_each(body.homes, CountShared<X, D>{body.home.data(), neighbours_.data(),
+                                                     copies_.data(), others, nodes.data()});
+    share_->bytes_a_step =
+        std::uint64_t(nodes.host()[0]) * std::uint64_t(plan_.sum_channels) * sizeof(Sum);
+}
+
+/// Homes, and who shares what, after the table was made anew but for sorts. All ranks together.
+template <class X, class T, int D>
+void Domain<X, T, D>::link_homes() {
+    if constexpr (X::is_device) {
+        if (share_) link_devices(share_->comm->all_gather(list_held(keys_, false)));
+        list_homes(find_homes());
+        if (share_) count_shared();
+    } else {
+        list_homes(find_homes());
+        if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
+    }
 }
 
 /// Where everyone keeps its sums now. All ranks together, whenever they may have moved.

@@ -398,8 +398,9 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
     }
     adopt_table_of_devices(keys, all_before ? *all_before : s.held, after);
     if (all_before) after = s.comm->all_gather(list_held(keys_, false));
-    list_homes(find_homes());
     link_devices(std::move(after));
+    list_homes(find_homes());
+    count_shared();
     link_sums();
 }
 

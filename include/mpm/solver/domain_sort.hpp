@@ -65,7 +65,7 @@ void Domain<X, T, D>::join_homes(const Homes& homes, Buffer<X, std::uint32_t>& a
 }
 
 /// Lists the blocks that hold particles, of each body; on the CPU also by colour, on a device full
-/// ones and heavy ones first.
+/// ones, those beside a cut and heavy ones first. Several devices know by then who shares what.
 template <class X, class T, int D>
 void Domain<X, T, D>::list_homes(const Homes& homes) {
     const std::int64_t slots = table_.slots;
@@ -141,8 +141,10 @@ void Domain<X, T, D>::heavy_first(Body& body) {
         const std::uint32_t mean = (body.count - body.lone_count) / std::uint32_t(body.full_homes);
         Buffer<X, std::uint32_t> weight(exec_);
         weight.reserve_discard(body.full_homes);
-        exec_.for_each(body.full_homes, WeighHomes{body.home.data(), body.cell_start.data(),
-                                                   std::max(mean, 1u), weight.data()});
+        exec_.for_each(body.full_homes,
+                       WeighHomes{body.home.data(), body.cell_start.data(), std::max(mean, 1u),
+                                  weight.data(), neighbours_.data(), Block<D>::neighbours,
+                                  copies_.data(), share_ ? share_->ranks() - 1 : 0});
         exec_.sort_by_key(weight.data(), body.home.data(), body.full_homes, WeighHomes::bits);
     }
 }

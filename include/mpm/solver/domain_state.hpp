@@ -182,8 +182,7 @@ void Domain<X, T, D>::load(const State& whole) {
                     detail::from_blob<double>(state, "load_impulse"));
     clock_.halt = Halt::none;
     link_table();
-    list_homes(find_homes());
-    if (share_) link_table_of_ranks();
+    link_homes();
     if (share_) link_sums();
     push_clock();
     meet_hosts();
