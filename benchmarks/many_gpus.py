@@ -164,6 +164,7 @@ class Runner:
                 "shared_blocks": after.get("shared_blocks", 0),
                 "migrated_a_step": since("migrated") / done,
                 "sorts": since("sorts"),
+                "tables": since("tables"),
                 "sort_s": simulation.timings.get("sort", 0.0) - at.get("sort", 0.0),
                 "rebalances": after.get("rebalances", 0),
                 "imbalance": after.get("imbalance", 1.0),

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -127,6 +128,50 @@ inline double imbalance(const std::vector<std::uint64_t>& loads) {
         most = std::max(most, load);
     }
     return total == 0 ? 1.0 : double(most) * double(loads.size()) / double(total);
+}
+
+/// Faces between blocks of different owners, which is what ranks will have to share. `blocks`: by
+/// ascending key.
+template <int D>
+std::uint64_t cut_faces(const BlockKeys<D>& keys, const std::vector<BlockWeight>& blocks,
+                        const BlockPartition<D>& partition) {
+    std::vector<int> owner;
+    for (const BlockWeight& b : blocks) owner.push_back(partition.owner(b.key));
+    std::uint64_t faces = 0, stride = 1;
+    for (int a = D - 1; a >= 0; --a) {  // keys count blocks, the last axis fastest
+        std::size_t next = 0;           // the neighbour further along the axis
+        for (std::size_t k = 0; k < blocks.size(); ++k) {
+            while (next < blocks.size() && blocks[next].key < blocks[k].key + stride) ++next;
+            if (next == blocks.size()) break;
+            faces += blocks[next].key == blocks[k].key + stride && owner[next] != owner[k];
+        }
+        stride *= std::uint64_t(keys.counts[a]);
+    }
+    return faces;
+}
+
+/// The partition of a scene whose user names none: by planes across the longest axis of the domain
+/// where these cut through fewer faces of blocks than the curve does, and are even (`even` is the
+/// largest load over the mean one that is) or no less so than the curve. Flumes are cut so, cubes
+/// are not.
+template <int D>
+BlockPartition<D> choose_partition(const BlockKeys<D>& keys, std::vector<BlockWeight> blocks,
+                                   int ranks, double even) {
+    std::sort(blocks.begin(), blocks.end(),
+              [](const BlockWeight& a, const BlockWeight& b) { return a.key < b.key; });
+    const auto longest = std::max_element(std::begin(keys.counts), std::end(keys.counts));
+    BlockPartition<D> curve(keys, BlockPartition<D>::curve),
+        planes(keys, int(longest - std::begin(keys.counts)));
+    const auto unevenness = [&](BlockPartition<D>& partition) {
+        partition.cut(blocks, ranks);
+        std::vector<std::uint64_t> loads(std::size_t(ranks), 0);
+        for (const BlockWeight& b : blocks) loads[std::size_t(partition.owner(b.key))] += b.weight;
+        return imbalance(loads);
+    };
+    const double of_curve = unevenness(curve), of_planes = unevenness(planes);
+    const bool take = of_planes <= std::max(even, of_curve) &&
+                      cut_faces(keys, blocks, planes) < cut_faces(keys, blocks, curve);
+    return take ? planes : curve;
 }
 
 }  // namespace mpm

@@ -57,6 +57,9 @@ struct Clock {
     std::int64_t log_step[speed_log_size];
     double log_speed[speed_log_size];
     std::int32_t log_count, log_stride;
+    // Largest deposits of the step before that of `deposited`. Clocks that were saved by earlier
+    // versions end here (solver/saved_clock.hpp).
+    double deposited_before[quantities];
 };
 
 /// Brings the host's clock to where the steps are taken, in order with them and without a wait.
@@ -186,10 +189,11 @@ struct Decide {
                      numbers_dt = clock->numbers_dt, numbers_dt_next = clock->numbers_dt_next;
         const std::int64_t step = clock->step, steps_left = clock->steps_left;
         const double speed = maxima[max_speed], mass = maxima[max_mass];
-        double gravity[D], deposited[quantities], limit[quantities];
+        double gravity[D], deposited[quantities], before[quantities], limit[quantities];
         for (int a = 0; a < D; ++a) gravity[a] = clock->gravity[a];
         for (int q = 0; q < quantities; ++q) {
             deposited[q] = clock->deposited[q];
+            before[q] = clock->deposited_before[q];
             limit[q] = clock->deposit_limit[q];
         }
 
@@ -246,7 +250,7 @@ struct Decide {
         if (dt != numbers_dt || dt_next != numbers_dt_next) set_numbers(dt, dt_next);
         if (sum_bits > 0) {
             const double further = moved + beyond * deposited[momentum_sum] * dt / cell_size;
-            choose_scales(gravity, deposited, speed, mass + supplied_mass,
+            choose_scales(gravity, deposited, before, speed, mass + supplied_mass,
                           further < 1 ? further : 1.0, dt_next);
         }
         for (int s = 0; s < supply_count; ++s) supplies[s].advance(time, dt);
@@ -269,18 +273,22 @@ struct Decide {
 
     /// See kernels/fixed_point.hpp. A floor keeps rounding out of fluids at rest.
     MPM_HD void choose_scales(const double (&gravity)[D], const double (&deposited)[quantities],
-                              double speed, double mass, double moved, double dt_next) const {
-        double g = 0;
+                              const double (&before)[quantities], double speed, double mass,
+                              double moved, double dt_next) const {
+        double g = 0, recent[quantities];
+        for (int q = 0; q < quantities; ++q)
+            recent[q] = deposited[q] > before[q] ? deposited[q] : before[q];
         for (int a = 0; a < D; ++a) g += gravity[a] * gravity[a];
         const double calm = 1e-6 * wave_speed + sqrt(g) * dt_next;
         const FixedPoint f =
             fixed_point(sum_bits, (mass > least_mass ? mass : least_mass) * mass_growth(moved, D),
-                        deposit_growth * (deposited[momentum_sum] + calm) +
+                        deposit_growth * (recent[momentum_sum] + calm) +
                             deposit_of_blow(wave_speed * dt_next / cell_size) * speed,
-                        deposit_growth * (deposited[group_sum] + D * moved + 1e-7));
+                        deposit_growth * (recent[group_sum] + D * moved + 1e-7));
         for (int q = 0; q < quantities; ++q) {
             clock->scale_write[q] = f.scale[q];
             clock->deposit_limit[q] = f.limit[q];
+            clock->deposited_before[q] = deposited[q];
             clock->deposited[q] = 0;
         }
     }

@@ -11,6 +11,14 @@
 //   q   is measured while it is deposited and compared with the limit that the factor was chosen
 //       for: growth beyond it is an error of its own name, not a wrapped sum.
 //
+// The limit follows from the larger of the last two largest deposits. One alone does not do: what
+// motion and stress put into a deposit cancels for a step where an oscillation turns (a fluid
+// particle alone breathes at omega dt = 2 sqrt(d) C, C its Courant number). But an explicit step
+// takes an oscillation on by u(n+1) = (2 - omega^2 dt^2) u(n) - u(n-1), and where it is stable
+// omega dt < 2, so |u(n+1)| < 3 max(|u(n)|, |u(n-1)|): never two small ones in a row, and growth by
+// 16 leaves room. What it costs: the step after deposits have fallen keeps their scale for one step
+// more, so its sums have log2 of that fall fewer bits, and none where deposits last or grow.
+//
 // Factors are powers of two, so that conversion rounds once.
 #pragma once
 
@@ -30,7 +38,7 @@ struct FixedPoint {
     double limit[quantities];  // largest deposit that may be added; 0 for the mass
 };
 
-/// By how much a deposit may outgrow the last one, beyond what the speed of the nodes explains.
+/// By how much a deposit may outgrow the last two, beyond what the speed of the nodes explains.
 inline constexpr double deposit_growth = 16;
 
 /// What nodes that reach the speed 1 in one blow can put into a deposit, with the Courant number of

@@ -194,15 +194,16 @@ struct MapSlots {
     }
 };
 
-/// new_cell from the present table's numbering to the new one; particles outside sort behind
-/// everything.
+/// new_cell from the present table's numbering to the new one; particles outside, and those that go
+/// to other ranks, sort behind everything.
 struct RenumberCells {
     std::uint32_t* cell;
     const std::int32_t* map;  // null: the numbering stays
+    std::uint32_t cells;      // of the present table
     std::uint32_t behind;
     MPM_INLINE void operator()(std::int64_t p) const {
         const std::uint32_t c = cell[p];
-        if (c == ~0u)
+        if (c >= cells)
             cell[p] = behind;
         else if (map)
             cell[p] = std::uint32_t(map[c / block_cells]) * block_cells + c % block_cells;
@@ -241,7 +242,8 @@ struct Take {
     MPM_INLINE void operator()(std::int64_t k) const { to[k] = from[index[k]]; }
 };
 
-/// Is any occupied block new to the table's homes? Its neighbours may then be missing.
+/// Is any occupied block new to the table's homes? Its neighbours may then be missing. `before`: the
+/// blocks that were homes; with several devices those that may be.
 template <class X>
 struct FindNewHomes {
     const std::uint32_t* occupied;
@@ -322,18 +324,30 @@ struct ListHomes {
     }
 };
 
-/// How far behind the fullest a home block comes when blocks are handed to a device: heavy ones
-/// first, so that the last to finish are light.
+/// How far behind the first a home block comes when blocks are handed to a device: those that add
+/// to another device's blocks, so that what goes there is under way while the rest is at work; then
+/// heavy ones, so that the last to finish are light.
 struct WeighHomes {
     static constexpr int bits = 3;
     const std::int32_t* home;
     const std::uint32_t* cell_start;
     std::uint32_t mean;
     std::uint32_t* key;
+    const std::int32_t* neighbours;  // (slots, sides)
+    int sides;
+    const std::int32_t* copies;  // (slots, others), as Copies::slot
+    int others;                  // 0: this is the only device
     MPM_INLINE void operator()(std::int64_t h) const {
         const std::uint32_t* start = cell_start + std::int64_t(home[h]) * block_cells;
         const std::uint32_t weight = 4 * (start[block_cells] - start[0]) / mean;
         key[h] = weight < (1u << bits) ? (1u << bits) - 1 - weight : 0;
+        if (others == 0) return;
+        bool beside = false;
+        for (int n = 0; n < sides && !beside; ++n) {
+            const std::int64_t slot = neighbours[std::int64_t(home[h]) * sides + n];
+            for (int o = 0; o < others; ++o) beside = beside || copies[slot * others + o] >= 0;
+        }
+        key[h] = beside ? 0 : (key[h] > 0 ? key[h] : 1);
     }
 };
 

@@ -228,7 +228,8 @@ private:
         const T* column;
         std::uint32_t first, count, all;
     };
-    void link_table_of_ranks();
+    void link_homes();
+    void count_shared();
     std::vector<HeldBlock> list_held(const Buffer<X, std::uint64_t>& keys, bool all);
     void link_devices(std::vector<std::vector<HeldBlock>> held);
     void link_sums();
@@ -236,18 +237,33 @@ private:
     void meet_hosts();
     double largest_of_all(double x) const;
     void sum_of_devices(std::vector<std::uint64_t>& numbers) const;
+    void sum_of_homes(std::vector<std::uint64_t>& numbers);
     void run_together(std::int64_t& steps, bool& wall_over);
     // domain_migrate_devices.hpp
     bool sort_among_devices();
-    bool rebalance_devices(const std::vector<std::uint32_t>& left);
+    void find_owners();
+    void count_emigrants(const std::vector<Buffer<X, std::uint32_t>>& cells,
+                         Buffer<X, std::uint32_t>& counts);
+    bool deal_devices();
     Emigrating list_emigrants(const Body& body, Buffer<X, std::uint32_t>& cell,
-                              const Buffer<X, std::int32_t>& owner);
+                              const std::uint32_t* count);
+    std::vector<std::vector<Coming>> tell_emigrants(const std::vector<Emigrating>& go,
+                                                    SortWord& word);
+    void sort_into_new_table(const std::vector<std::vector<Coming>>& come,
+                             const std::vector<std::uint32_t>& gone,
+                             std::vector<Buffer<X, std::uint32_t>>& cells,
+                             Buffer<X, std::uint32_t>& occupied,
+                             const std::vector<std::vector<HeldBlock>>* all_before);
     void adopt_table_of_devices(Buffer<X, std::uint64_t>& keys,
                                 const std::vector<std::vector<HeldBlock>>& before,
                                 const std::vector<std::vector<HeldBlock>>& after);
-    void admit_arrived(int number, const std::vector<Coming>& come, Buffer<X, std::uint32_t>& cell,
-                       const Buffer<X, std::int32_t>& map, const BlockTableView<D>& table);
+    void admit_arrived(int number, const std::vector<Coming>& come, std::uint32_t gone,
+                       Buffer<X, std::uint32_t>& cell, const BlockTableView<D>& table);
     // domain_migrate.hpp
+    bool stops_here(const std::vector<std::uint32_t>& left,
+                    const std::vector<Buffer<X, std::uint32_t>>& cells);
+    bool refuse_to_sort(bool stops, const std::vector<std::uint32_t>& left,
+                        const std::vector<Buffer<X, std::uint32_t>>& cells);
     bool anyone_stops(const std::vector<std::uint32_t>& left,
                       const std::vector<Buffer<X, std::uint32_t>>& cells);
     void adopt_table_of_ranks(Buffer<X, std::uint64_t>& keys,
@@ -360,14 +376,17 @@ private:
     std::vector<Removed> removed_;
     std::vector<Flow> flows_;
     std::map<std::string, double> timings_;
-    std::int64_t sorts_ = 0, last_sort_ = 0, sort_interval_ = 0;
+    std::int64_t sorts_ = 0, tables_ = 0, last_sort_ = 0, sort_interval_ = 0;
     std::unique_ptr<RankShare<D>> share_;  // null where this is the only rank
 
     // Devices that share the scene.
     std::unique_ptr<typename X::Meeting> meeting_;
     Buffer<X, RankVote> votes_{exec_};  // of all ranks, by rank
     Buffer<X, RankVote*> boxes_{exec_};
-    Buffer<X, std::int32_t> copies_{exec_};         // Copies::slot
+    Buffer<X, std::int32_t> copies_{exec_};  // Copies::slot
+    Buffer<X, std::int32_t> owner_{exec_};   // (slots,)
+    // (slots,): its owner may have particles there without a new table.
+    Buffer<X, std::uint32_t> ready_{exec_};
     Buffer<X, Copies<Sum>> copies_of_sums_{exec_};  // of both sets of sums
     std::vector<std::array<Sum*, 2>> sums_of_;      // of each rank
     Buffer<X, std::uint8_t> counts_{exec_};         // RankShare::counts

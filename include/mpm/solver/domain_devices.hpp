@@ -4,6 +4,7 @@
 // sums to come are cleared, and when the sums are complete.
 #pragma once
 
+#include "mpm/kernels/placing.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
@@ -35,17 +36,50 @@ struct FlagBorder {
         flag[slot] = found;
     }
 };
+template <int D>
 struct ListHeld {
+    BlockKeys<D> keys_of;
     const std::uint64_t* keys;
+    std::int32_t slots;
     const std::uint32_t* flag;
     const std::uint32_t* position;
     HeldBlock* out;
     MPM_INLINE void operator()(std::int64_t slot) const {
-        if (flag[slot]) out[position[slot]] = {keys[slot], std::int32_t(slot), 0};
+        if (!flag[slot]) return;
+        std::int64_t at[D];
+        keys_of.block(keys[slot], at);
+        bool ready = true;
+        for (int n = 0; n < Block<D>::neighbours && ready; ++n) {
+            std::int64_t b[D];
+            int rest = n;
+            for (int a = D - 1; a >= 0; --a) {
+                b[a] = at[a] + rest % 3 - 1;
+                rest /= 3;
+                ready = ready && b[a] >= -BlockKeys<D>::rim &&
+                        b[a] + BlockKeys<D>::rim < keys_of.counts[a];
+            }
+            ready = ready && find_key(keys, slots, keys_of.key(b)) >= 0;
+        }
+        out[position[slot]] = {keys[slot], std::int32_t(slot), ready};
     }
 };
 
-/// Blocks of another rank that this one holds too.
+/// Blocks of this rank whose neighbours are all in the table: they may become homes in it.
+template <int D>
+struct FlagReady {
+    const std::int32_t* neighbours;
+    const std::int32_t* owner;
+    int me;
+    std::uint32_t* ready;
+    MPM_INLINE void operator()(std::int64_t slot) const {
+        bool all = owner[slot] == me;
+        for (int n = 0; n < Block<D>::neighbours && all; ++n)
+            all = neighbours[slot * Block<D>::neighbours + n] >= 0;
+        ready[slot] = all;
+    }
+};
+
+/// Blocks of another rank's table that this one holds too.
 template <class X>
 struct LinkCopies {
     const std::uint64_t* keys;
@@ -53,14 +87,18 @@ struct LinkCopies {
     const HeldBlock* theirs;
     int others, other;
     bool they_count;  // its nodes, and not we
+    const std::int32_t* owner;
+    int rank;  // whose table it is
     std::int32_t* copies;
     std::uint8_t* counts;
+    std::uint32_t* ready;
     std::uint32_t* found;
     MPM_INLINE void operator()(std::int64_t k) const {
         const std::int32_t slot = find_key(keys, slots, theirs[k].key);
         if (slot < 0) return;
         copies[std::int64_t(slot) * others + other] = theirs[k].slot;
         if (they_count) counts[slot] = 0;
+        if (owner[slot] == rank) ready[slot] = theirs[k].ready;
         X::fetch_add(found, 1);
     }
 };
@@ -129,6 +167,25 @@ void Domain<X, T, D>::sum_of_devices(std::vector<std::uint64_t>& numbers) const 
         for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] += theirs.at(k);
 }
 
+/// The same for the homes of all bodies and behind them their particles, which say what each rank
+/// has to do.
+template <class X, class T, int D>
+void Domain<X, T, D>::sum_of_homes(std::vector<std::uint64_t>& numbers) {
+    if (!share_ || !X::is_device) return;
+    const std::size_t bodies = bodies_.size();
+    share_->loads.clear();
+    const auto told = share_->comm->all_gather(numbers);
+    std::fill(numbers.begin(), numbers.end(), 0);
+    for (const auto& theirs : told) {
+        std::uint64_t load = 0;
+        for (std::size_t k = 0; k < numbers.size(); ++k) {
+            numbers[k] += theirs.at(k);
+            load += k < bodies ? weight_of_block * theirs[k] : theirs[k];
+        }
+        share_->loads.push_back(load);
+    }
+}
+
 /// How many steps all ranks queue, and whether the time of any is over.
 template <class X, class T, int D>
 void Domain<X, T, D>::run_together(std::int64_t& steps, bool& wall_over) {
@@ -161,7 +218,8 @@ std::vector<HeldBlock> Domain<X, T, D>::list_held(const Buffer<X, std::uint64_t>
     exec_.download(&n, position.data() + slots, sizeof n);
     Buffer<X, HeldBlock> list(exec_);
     list.reserve_discard(n);
-    exec_.for_each(slots, ListHeld{keys.data(), flag.data(), position.data(), list.data()});
+    exec_.for_each(slots, ListHeld<D>{table_.keys_of, keys.data(), std::int32_t(slots), flag.data(),
+                                      position.data(), list.data()});
     return list.host();
 }
 
@@ -171,38 +229,54 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     RankShare<D>& s = *share_;
     s.held = std::move(held);
     const std::size_t slots = std::size_t(table_.slots), others = std::size_t(s.ranks() - 1);
-    copies_.assign(std::vector<std::int32_t>(slots * others, -1));
-    counts_.assign(std::vector<std::uint8_t>(slots, 1));
-    Buffer<X, std::uint32_t> found(exec_);  // blocks that others hold too; their nodes in reach
-    found.assign({0, 0});
+    copies_.reserve_discard(slots * others);
+    counts_.reserve_discard(slots);
+    ready_.reserve_discard(slots);
+    exec_.for_each(std::int64_t(slots * others), Constant<std::int32_t>{-1, copies_.data()});
+    exec_.for_each(std::int64_t(slots), Constant<std::uint8_t>{1, counts_.data()});
+    find_owners();
+    exec_.for_each(std::int64_t(slots),
+                   FlagReady<D>{neighbours_.data(), owner_.data(), s.rank(), ready_.data()});
+    Buffer<X, std::uint32_t> found(exec_);  // blocks that others hold too
+    found.assign({0});
     Buffer<X, HeldBlock> theirs(exec_);
     int other = 0;
     for (int r : s.comm->others()) {
         theirs.assign(s.held[std::size_t(r)]);
         exec_.for_each(std::int64_t(theirs.size()),
                        LinkCopies<X>{table_.keys, table_.slots, theirs.data(), int(others), other++,
-                                     r < s.rank(), copies_.data(), counts_.data(), found.data()});
-        exec_.wait();
+                                     r < s.rank(), owner_.data(), r, copies_.data(), counts_.data(),
+                                     ready_.data(), found.data()});
     }
-    for (const Body& body : bodies_) {
-        exec_.for_each(body.homes,
-                       CountShared<X, D>{body.home.data(), neighbours_.data(), copies_.data(),
-                                         int(others), found.data() + 1});
-    }
-    const auto counted = found.host();
-    s.shared_blocks = counted[0];
-    s.bytes_a_step = std::uint64_t(counted[1]) * std::uint64_t(plan_.sum_channels) * sizeof(Sum);
+    s.shared_blocks = found.host()[0];
     s.counts = counts_.host();
     if (load_count_ > 0) list_measured();
 }
 
-/// After the table was made anew but for sorts. All ranks together.
+/// What the homes of a new table may add to other ranks' blocks in a step, at most.
 template <class X, class T, int D>
-void Domain<X, T, D>::link_table_of_ranks() {
-    if constexpr (X::is_device)
-        link_devices(share_->comm->all_gather(list_held(keys_, false)));
-    else
-        link_ranks(share_->comm->all_gather(keys_.host()));
+void Domain<X, T, D>::count_shared() {
+    const int others = share_->ranks() - 1;
+    Buffer<X, std::uint32_t> nodes(exec_);
+    nodes.assign({0});
+    for (const Body& body : bodies_)
+        exec_.for_each(body.homes, CountShared<X, D>{body.home.data(), neighbours_.data(),
+                                                     copies_.data(), others, nodes.data()});
+    share_->bytes_a_step =
+        std::uint64_t(nodes.host()[0]) * std::uint64_t(plan_.sum_channels) * sizeof(Sum);
+}
+
+/// Homes, and who shares what, after the table was made anew but for sorts. All ranks together.
+template <class X, class T, int D>
+void Domain<X, T, D>::link_homes() {
+    if constexpr (X::is_device) {
+        if (share_) link_devices(share_->comm->all_gather(list_held(keys_, false)));
+        list_homes(find_homes());
+        if (share_) count_shared();
+    } else {
+        list_homes(find_homes());
+        if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
+    }
 }
 
 /// Where everyone keeps its sums now. All ranks together, whenever they may have moved.

@@ -46,22 +46,36 @@ inline bool holds(const std::vector<std::uint64_t>& keys, std::uint64_t key) {
 
 }  // namespace detail
 
+/// Whether particles of this rank have left where the policy is to stop.
+template <class X, class T, int D>
+bool Domain<X, T, D>::stops_here(const std::vector<std::uint32_t>& left,
+                                 const std::vector<Buffer<X, std::uint32_t>>& cells) {
+    for (std::size_t b = 0; b < bodies_.size() && spec_.leaving == Leaving::stop; ++b) {
+        if (left[b] == 0) continue;
+        for (const Leaver<D>& who : list_left(bodies_[b], left[b], cells[b]))
+            if (outlet_of(who) < 0) return true;
+    }
+    return false;
+}
+
+/// Where particles of any rank have left so: nothing changes. `stops`: of this one.
+template <class X, class T, int D>
+bool Domain<X, T, D>::refuse_to_sort(bool stops, const std::vector<std::uint32_t>& left,
+                                     const std::vector<Buffer<X, std::uint32_t>>& cells) {
+    fault_ = {};
+    if (stops) remove_left(left, cells);  // says who, and changes nothing
+    return false;
+}
+
 /// Whether particles of any rank have left where the policy is to stop. Nothing has changed then.
 template <class X, class T, int D>
 bool Domain<X, T, D>::anyone_stops(const std::vector<std::uint32_t>& left,
                                    const std::vector<Buffer<X, std::uint32_t>>& cells) {
-    std::vector<int> stops = {0};
-    for (std::size_t b = 0; b < bodies_.size() && spec_.leaving == Leaving::stop; ++b) {
-        if (left[b] == 0) continue;
-        for (const Leaver<D>& who : list_left(bodies_[b], left[b], cells[b]))
-            stops[0] = stops[0] || outlet_of(who) < 0;
-    }
+    const bool stops = stops_here(left, cells);
     bool any = false;
-    for (const auto& theirs : share_->comm->all_gather(stops)) any = any || theirs.at(0);
-    if (!any) return false;
-    fault_ = {};
-    if (stops[0]) remove_left(left, cells);  // says who, and changes nothing
-    return true;
+    for (const auto& theirs : share_->comm->all_gather(std::vector<int>{stops}))
+        any = any || theirs.at(0);
+    return any && !refuse_to_sort(stops, left, cells);
 }
 
 /// The present table's sums into the new one, `keys`, with those of blocks that only others held.

@@ -44,6 +44,7 @@ struct CountEmigrants {
 /// Lists them, by rank, and takes them out.
 template <class X>
 struct ListEmigrants {
+    std::uint32_t behind;  // the last cell of the present table
     std::uint32_t* cell;
     const std::int32_t* owner;
     const std::uint64_t* keys;
@@ -61,7 +62,7 @@ struct ListEmigrants {
         place[k] = std::uint32_t(p);
         key[k] = keys[c / block_cells];
         in[k] = c % block_cells;
-        cell[p] = ~0u;
+        cell[p] = behind;
     }
 };
 /// Cells of those who have come, in the new table.
@@ -107,19 +108,16 @@ struct AddLoad {
     }
 };
 
-/// As `rebalance`, by where particles were at the last sort: that costs nothing where all is even.
-/// Whether there are new cuts.
 template <class X, class T, int D>
-bool Domain<X, T, D>::rebalance_devices(const std::vector<std::uint32_t>& left) {
-    RankShare<D>& s = *share_;
-    std::uint64_t own = 0;
-    for (std::size_t b = 0; b < bodies_.size(); ++b)
-        own += bodies_[b].count - left[b] + weight_of_block * std::uint64_t(bodies_[b].homes);
-    s.loads.clear();
-    for (const auto& theirs : s.comm->all_gather(std::vector<std::uint64_t>{own}))
-        s.loads.push_back(theirs.at(0));
-    const double was = imbalance(s.loads);
-    if (was <= s.rebalance_above) return false;
+void Domain<X, T, D>::find_owners() {
+    owner_.reserve_discard(std::size_t(table_.slots));
+    exec_.for_each(table_.slots,
+                   FindOwners<D>{table_, RowCuts<D>(share_->partition), owner_.data()});
+}
+
+/// As `rebalance`, by where particles were at the last sort. Whether there are new cuts.
+template <class X, class T, int D>
+bool Domain<X, T, D>::deal_devices() {
     Buffer<X, std::uint32_t> load(exec_);
     load.reserve_discard(std::size_t(table_.slots));
     load.zero();
@@ -130,36 +128,46 @@ bool Domain<X, T, D>::rebalance_devices(const std::vector<std::uint32_t>& left) 
     std::vector<BlockWeight> blocks;
     for (std::size_t k = 0; k < loads.size(); ++k)
         if (loads[k] > 0) blocks.push_back({keys[k], loads[k] + weight_of_block});
-    const auto before = s.partition.cuts();
-    deal_anew(blocks, was);
-    return s.partition.cuts() != before;
+    const auto before = share_->partition.cuts();
+    deal_anew(blocks, imbalance(share_->loads));
+    return share_->partition.cuts() != before;
+}
+
+/// `counts`: for each body one number that is not touched, then its emigrants to each rank.
+template <class X, class T, int D>
+void Domain<X, T, D>::count_emigrants(const std::vector<Buffer<X, std::uint32_t>>& cells,
+                                      Buffer<X, std::uint32_t>& counts) {
+    const std::size_t row = 1 + std::size_t(share_->ranks());
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+        exec_.for_each(bodies_[b].count,
+                       CountEmigrants<X>{cells[b].data(), owner_.data(), share_->rank(),
+                                         counts.data() + b * row + 1});
 }
 
 /// Particles of a body that go to other ranks, which fetch them: in lists on this device, by rank.
-/// In `cell` they are from here on as those who have left.
+/// In `cell` they are from here on behind the table. `count`: of each rank.
 template <class X, class T, int D>
-typename Domain<X, T, D>::Emigrating Domain<X, T, D>::list_emigrants(
-    const Body& body, Buffer<X, std::uint32_t>& cell, const Buffer<X, std::int32_t>& owner) {
-    RankShare<D>& s = *share_;
-    const std::size_t ranks = std::size_t(s.ranks());
+typename Domain<X, T, D>::Emigrating Domain<X, T, D>::list_emigrants(const Body& body,
+                                                                     Buffer<X, std::uint32_t>& cell,
+                                                                     const std::uint32_t* count) {
+    const RankShare<D>& s = *share_;
     Emigrating go(exec_);
-    Buffer<X, std::uint32_t> next(exec_), place(exec_);
-    next.assign(std::vector<std::uint32_t>(ranks, 0));
-    exec_.for_each(body.count, CountEmigrants<X>{cell.data(), owner.data(), s.rank(), next.data()});
-    go.count = next.host();
+    go.count.assign(count, count + s.ranks());
     for (std::uint32_t n : go.count) {
         go.first.push_back(go.all);
         go.all += n;
     }
     if (go.all == 0) return go;
     const std::size_t columns = body.offset.size() + body.state.size();
+    Buffer<X, std::uint32_t> next(exec_), place(exec_);
     next.assign(go.first);
     for (auto* list : {&place, &go.in, &go.id}) list->reserve_discard(go.all);
     go.key.reserve_discard(go.all);
     go.column.reserve_discard(go.all * columns);
     exec_.for_each(body.count,
-                   ListEmigrants<X>{cell.data(), owner.data(), table_.keys, s.rank(), next.data(),
-                                    place.data(), go.key.data(), go.in.data()});
+                   ListEmigrants<X>{std::uint32_t(table_.slots) * block_cells, cell.data(),
+                                    owner_.data(), table_.keys, s.rank(), next.data(), place.data(),
+                                    go.key.data(), go.in.data()});
     const std::int64_t n = std::int64_t(go.all);
     exec_.for_each(n, Take<std::uint32_t>{place.data(), body.id.data(), go.id.data()});
     T* to = go.column.data();
@@ -169,8 +177,40 @@ typename Domain<X, T, D>::Emigrating Domain<X, T, D>::list_emigrants(
     };
     for (const auto& column : body.offset) take(column);
     for (const auto& column : body.state) take(column);
-    s.migrated += go.all;
     return go;
+}
+
+/// All that ranks tell each other before they know what the sort will do: who goes, and a word of
+/// each, which becomes that of all. Returns who comes, of each body: where their lists are.
+template <class X, class T, int D>
+std::vector<std::vector<typename Domain<X, T, D>::Coming>> Domain<X, T, D>::tell_emigrants(
+    const std::vector<Emigrating>& go, SortWord& word) {
+    const auto& comm = share_->comm;
+    exec_.wait();
+    std::vector<Bytes> out(std::size_t(share_->ranks()));
+    for (int r : comm->others()) {
+        std::vector<Coming> told;
+        for (const Emigrating& g : go)
+            told.push_back({g.key.data(), g.in.data(), g.id.data(), g.column.data(),
+                            g.first[std::size_t(r)], g.count[std::size_t(r)], g.all});
+        Packer packer;
+        packer.put(&word, 1);
+        packer.put(told);
+        out[std::size_t(r)] = packer.take();
+    }
+    const auto in = comm->exchange(std::move(out), comm->others());
+    std::vector<std::vector<Coming>> come(go.size());
+    for (int r : comm->others()) {
+        Unpacker unpacker(in[std::size_t(r)]);
+        SortWord theirs{};
+        unpacker.get(&theirs, 1);
+        word.stops |= theirs.stops;
+        word.lacks |= theirs.lacks;
+        const auto told = unpacker.list<Coming>();
+        for (std::size_t b = 0; b < go.size(); ++b)
+            if (told.at(b).count > 0) come[b].push_back(told[b]);
+    }
+    return come;
 }
 
 /// Sums of blocks that are new to this rank's table, from the first who held them: whoever holds a
@@ -182,15 +222,15 @@ void Domain<X, T, D>::adopt_table_of_devices(Buffer<X, std::uint64_t>& keys,
     const RankShare<D>& s = *share_;
     const int me = s.rank(), ranks = s.ranks();
     const std::int64_t block = std::int64_t(plan_.sum_channels) * block_cells;
-    const auto find = [&](int r, std::uint64_t key) -> const HeldBlock* {
-        const auto& list = before[std::size_t(r)];
-        const auto at =
-            std::lower_bound(list.begin(), list.end(), key,
-                             [](const HeldBlock& block, std::uint64_t k) { return block.key < k; });
-        return at != list.end() && at->key == key ? &*at : nullptr;
-    };
     std::vector<std::vector<std::int32_t>> from(std::size_t(ranks), std::vector<std::int32_t>{});
     auto to = from;
+    std::vector<std::size_t> at(std::size_t(ranks), 0);  // lists ascend
+    const auto find = [&](int r, std::uint64_t key) -> const HeldBlock* {
+        const auto& list = before[std::size_t(r)];
+        std::size_t& k = at[std::size_t(r)];
+        while (k < list.size() && list[k].key < key) ++k;
+        return k < list.size() && list[k].key == key ? &list[k] : nullptr;
+    };
     for (const HeldBlock& block : after[std::size_t(me)]) {
         if (find(me, block.key)) continue;
         for (int r = 0; r < ranks; ++r) {
@@ -229,71 +269,107 @@ void Domain<X, T, D>::adopt_table_of_devices(Buffer<X, std::uint64_t>& keys,
     exec_.wait();
 }
 
+/// Where no rank needs a new block and none has new cuts, all keep their tables, what they know of
+/// each other's, and their sums: then particles change their ranks, and nothing else is told but
+/// how many homes there are.
 template <class X, class T, int D>
 bool Domain<X, T, D>::sort_among_devices() {
     const double began = now();
     RankShare<D>& s = *share_;
-    const int me = s.rank();
+    const std::size_t bodies = bodies_.size(), row = 1 + std::size_t(s.ranks());
     const std::int64_t slots = table_.slots;
-    const std::size_t bodies = bodies_.size();
+    // Of each body: particles that have left, and those in blocks of each rank; then whether any
+    // stands in a block that is not ready for it.
     Buffer<X, std::uint32_t> occupied(exec_), counts(exec_);
     occupied.reserve_discard(std::size_t(slots));
     occupied.zero();
-    counts.assign(std::vector<std::uint32_t>(bodies, 0));
+    counts.reserve_discard(bodies * row + 1);
+    counts.zero();
     std::vector<Buffer<X, std::uint32_t>> cells;
     for (std::size_t b = 0; b < bodies; ++b) {
         Body& body = bodies_[b];
         auto& cell = cells.emplace_back(exec_);
-        cell.reserve_discard(std::size_t(body.count) + column_padding);
-        cell.shrink(body.count);
+        // As much as the columns have, so that who comes mostly fits.
+        cell.reserve_discard(std::max(std::size_t(body.count) + column_padding, body.id.size()));
         FindCells<X, T, D> find{table_,          body.view(), {},
-                                occupied.data(), cell.data(), counts.data() + b};
+                                occupied.data(), cell.data(), counts.data() + b * row};
         for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
         exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
     }
-    const auto left = counts.host();
-    if (anyone_stops(left, cells)) return false;
-    remove_left(left, cells);
+    count_emigrants(cells, counts);
+    exec_.for_each(slots,
+                   FindNewHomes<X>{occupied.data(), ready_.data(), counts.data() + bodies * row});
+    auto counted = counts.host();
+    std::vector<std::uint32_t> left;
+    for (std::size_t b = 0; b < bodies; ++b) left.push_back(counted[b * row]);
+    const bool stops = stops_here(left, cells);
+    SortWord word{stops, counted.back()};
 
-    const auto& comm = s.comm;
-    const bool dealt = rebalance_devices(left);
-    // Only what lies beside a cut concerns others, as long as the cuts stay.
-    const auto before = dealt ? comm->all_gather(list_held(keys_, true)) : s.held;
-    Buffer<X, std::int32_t> owner(exec_);
-    owner.reserve_discard(std::size_t(slots));
-    exec_.for_each(slots, FindOwners<D>{table_, RowCuts<D>(s.partition), owner.data()});
-    exec_.for_each(slots, KeepOwned{owner.data(), me, occupied.data()});
+    // By what all told at the last sort: that costs nothing where all is even.
+    bool dealt = false;
+    std::vector<std::vector<HeldBlock>> all_before;
+    if (imbalance(s.loads) > s.rebalance_above) {
+        if (anyone_stops(left, cells)) return false;
+        dealt = deal_devices();
+    }
+    if (dealt) {
+        // Only what lies beside a cut concerns others, as long as the cuts stay.
+        all_before = s.comm->all_gather(list_held(keys_, true));
+        find_owners();
+        counts.zero();
+        count_emigrants(cells, counts);
+        counted = counts.host();
+    }
     std::vector<Emigrating> go;
-    for (std::size_t b = 0; b < bodies; ++b)
-        go.push_back(list_emigrants(bodies_[b], cells[b], owner));
-
-    // Who comes: where their lists are.
-    exec_.wait();
-    std::vector<Bytes> out(std::size_t(s.ranks()));
-    for (int r : comm->others()) {
-        std::vector<Coming> told;
-        for (std::size_t b = 0; b < bodies; ++b)
-            told.push_back({go[b].key.data(), go[b].in.data(), go[b].id.data(), go[b].column.data(),
-                            go[b].first[std::size_t(r)], go[b].count[std::size_t(r)], go[b].all});
-        Packer packer;
-        packer.put(told);
-        out[std::size_t(r)] = packer.take();
+    std::vector<std::uint32_t> gone = left;
+    for (std::size_t b = 0; b < bodies; ++b) {
+        go.push_back(list_emigrants(bodies_[b], cells[b], counted.data() + b * row + 1));
+        gone[b] += go[b].all;
     }
-    const auto in = comm->exchange(std::move(out), comm->others());
-    std::vector<std::vector<Coming>> come(bodies);
-    std::uint64_t all = 0;
-    for (int r : comm->others()) {
-        Unpacker unpacker(in[std::size_t(r)]);
-        const auto told = unpacker.list<Coming>();
+    const auto come = tell_emigrants(go, word);
+    if (word.stops) return refuse_to_sort(stops, left, cells);
+    remove_left(left, cells);
+    for (const Emigrating& g : go) s.migrated += g.all;
+
+    if (dealt || word.lacks || !arrivals_.empty() || ++sorts_of_table_ >= 16) {
+        sort_into_new_table(come, gone, cells, occupied, dealt ? &all_before : nullptr);
+        sorts_of_table_ = 0;
+    } else {
+        const std::uint32_t behind = std::uint32_t(slots * block_cells);
         for (std::size_t b = 0; b < bodies; ++b) {
-            if (told.at(b).count > 0) come[b].push_back(told[b]);
-            all += told[b].count;
+            if (left[b] > 0)
+                exec_.for_each(bodies_[b].count,
+                               RenumberCells{cells[b].data(), nullptr, behind, behind});
+            admit_arrived(int(b), come[b], gone[b], cells[b], table_);
+            cells[b] = Buffer<X, std::uint32_t>(exec_);
         }
+        list_homes(find_homes());  // after which nobody reads our lists any more
     }
+    clock_.drift = 0;
+    clock_.strays = 0;
+    ++sorts_;
+    sort_interval_ = clock_.step - last_sort_;
+    last_sort_ = clock_.step;
+    timings_["sort"] += now() - began;
+    return true;
+}
 
-    // The table of the blocks that this rank now has particles in.
+/// The table of the blocks that this rank now has particles in, and all that follows from it.
+/// `all_before`: what ranks held, where there are new cuts.
+template <class X, class T, int D>
+void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>& come,
+                                          const std::vector<std::uint32_t>& gone,
+                                          std::vector<Buffer<X, std::uint32_t>>& cells,
+                                          Buffer<X, std::uint32_t>& occupied,
+                                          const std::vector<std::vector<HeldBlock>>* all_before) {
+    RankShare<D>& s = *share_;
+    const std::int64_t slots = table_.slots;
+    exec_.for_each(slots, KeepOwned{owner_.data(), s.rank(), occupied.data()});
     std::vector<std::uint64_t> supplied;
     keep_own_arrivals(supplied);
+    std::uint64_t all = 0;
+    for (const auto& of_body : come)
+        for (const Coming& c : of_body) all += c.count;
     Buffer<X, std::uint64_t> more(exec_), keys(exec_);
     Buffer<X, std::int32_t> map(exec_);
     more.reserve_discard(all + supplied.size());
@@ -312,36 +388,31 @@ bool Domain<X, T, D>::sort_among_devices() {
     BlockTableView<D> table = table_;
     table.keys = keys.data();
     table.slots = std::int32_t(keys.size());
-    const auto after = comm->all_gather(list_held(keys, dealt));
-    for (std::size_t b = 0; b < bodies; ++b) {
-        admit_arrived(int(b), come[b], cells[b], map, table);
+    auto after = s.comm->all_gather(list_held(keys, all_before != nullptr));
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        exec_.for_each(bodies_[b].count, RenumberCells{cells[b].data(), map.data(),
+                                                       std::uint32_t(slots * block_cells),
+                                                       std::uint32_t(table.slots) * block_cells});
+        admit_arrived(int(b), come[b], gone[b], cells[b], table);
         cells[b] = Buffer<X, std::uint32_t>(exec_);
     }
-    adopt_table_of_devices(keys, before, after);
+    adopt_table_of_devices(keys, all_before ? *all_before : s.held, after);
+    if (all_before) after = s.comm->all_gather(list_held(keys_, false));
+    link_devices(std::move(after));
     list_homes(find_homes());
-    link_devices(dealt ? comm->all_gather(list_held(keys_, false)) : after);
+    count_shared();
     link_sums();
-    meet_hosts();  // nobody reads our lists any more
-    clock_.drift = 0;
-    clock_.strays = 0;
-    ++sorts_;
-    sort_interval_ = clock_.step - last_sort_;
-    last_sort_ = clock_.step;
-    timings_["sort"] += now() - began;
-    return true;
 }
 
 /// Particles that stay, those that come from other ranks and those of inlets, into the order of the
-/// cells of the new table.
+/// cells of a table, behind which those stand who are `gone`.
 template <class X, class T, int D>
-void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come,
+void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come, std::uint32_t gone,
                                     Buffer<X, std::uint32_t>& cell,
-                                    const Buffer<X, std::int32_t>& map,
                                     const BlockTableView<D>& table) {
     Body& body = bodies_[std::size_t(number)];
     const std::uint32_t before = body.count, supplied = arriving(std::size_t(number));
     const std::int64_t range = std::int64_t(table.slots) * block_cells;
-    exec_.for_each(before, RenumberCells{cell.data(), map.data(), std::uint32_t(range)});
     std::size_t rows = std::size_t(before) + supplied;
     for (const Coming& c : come) rows += c.count;
     if (rows >= (std::size_t(1) << 32) - 256)
@@ -358,7 +429,6 @@ void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come,
             column.swap(wider);
         };
         widen(cell, needed);
-        cell.shrink(rows);
         const std::size_t room = needed + needed / 32;
         for (auto& column : body.offset) widen(column, room);
         for (auto& column : body.state) widen(column, room);
@@ -380,10 +450,10 @@ void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come,
         }
         if (supplied > 0) append_arrivals(number, cell, table);
     }
+    cell.shrink(rows);
     body.cell_start.reserve_discard(std::size_t(range) + 2);
     arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data());
-    // Behind the last cell are those who have left, for other ranks or altogether.
-    exec_.download(&body.count, body.cell_start.data() + range, sizeof body.count);
+    body.count = std::uint32_t(rows) - gone;
     permute(body, cell.data());
 }
 

@@ -320,7 +320,7 @@ void Domain<X, T, D>::set_scales(double mass, double momentum_limit, double grou
             clock_.scale_write[q] = f.scale[q];
             clock_.unit_read[q] = 1 / f.scale[q] + 0 * f.limit[q];  // keeps not-a-number
             clock_.deposit_limit[q] = f.limit[q];
-            clock_.deposited[q] = 0;
+            clock_.deposited[q] = clock_.deposited_before[q] = 0;
         }
     }
 }

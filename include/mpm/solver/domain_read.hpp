@@ -353,6 +353,7 @@ template <class X, class T, int D>
 std::map<std::string, double> Domain<X, T, D>::statistics() const {
     std::map<std::string, double> out;
     out["sorts"] = double(sorts_);
+    out["tables"] = double(tables_);  // sorts that made a new one
     out["blocks"] = double(table_.slots);
     double lone = 0;
     for (const auto& b : bodies_) lone += b.lone_count;

@@ -79,8 +79,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         restore_sensors(spec_.start.sensor_next, spec_.start.sensor_last, spec_.start.sensor_first,
                         spec_.start.load_impulse);
     link_table();
-    list_homes(find_homes());
-    if (share_) link_table_of_ranks();
+    link_homes();
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {

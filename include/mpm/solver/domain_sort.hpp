@@ -1,6 +1,8 @@
 // Domain: sorting and the table of blocks.
 #pragma once
 
+#include <numeric>
+
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
@@ -63,25 +65,27 @@ void Domain<X, T, D>::join_homes(const Homes& homes, Buffer<X, std::uint32_t>& a
 }
 
 /// Lists the blocks that hold particles, of each body; on the CPU also by colour, on a device full
-/// ones and heavy ones first.
+/// ones, those beside a cut and heavy ones first. Several devices know by then who shares what.
 template <class X, class T, int D>
 void Domain<X, T, D>::list_homes(const Homes& homes) {
     const std::int64_t slots = table_.slots;
     join_homes(homes, occupied_);
-    // Of each body on all ranks: what changes bits is decided by these.
-    std::vector<std::uint64_t> all_homes(homes.count.begin(), homes.count.end()), all_particles;
-    for (const Body& body : bodies_) all_particles.push_back(body.count);
-    sum_of_devices(all_homes);
-    sum_of_devices(all_particles);
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    // Homes and particles of each body on all ranks: what changes bits is decided by these.
+    const std::size_t bodies = bodies_.size();
+    std::vector<std::uint64_t> all(homes.count.begin(), homes.count.end());
+    for (const Body& body : bodies_) all.push_back(body.count);
+    sum_of_homes(all);
+    bool any_sparse = false;
+    for (std::size_t b = 0; b < bodies; ++b) {
         Body& body = bodies_[b];
         const std::uint32_t count = homes.count[b];
         body.homes = body.full_homes = std::int32_t(count);
         body.lone_count = 0;
         body.home.reserve_discard(count);
         const bool sparse = body.ops.lone && plan_.fused && !plan_.keeps &&
-                            all_homes[b] >= least_of_sparse &&
-                            all_particles[b] < 4 * least_of_block * all_homes[b];
+                            all[b] >= least_of_sparse &&
+                            all[bodies + b] < 4 * least_of_block * all[b];
+        any_sparse = any_sparse || sparse;
         if (X::is_device && sparse) {
             list_by_kind(body, homes.position[b]);
         } else {
@@ -94,15 +98,16 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
             sort_by_colour(body);
     }
     if constexpr (X::is_device) {
-        std::uint64_t particles = 0;
-        for (std::uint64_t n : all_particles) particles += n;
-        clock_.stray_limit = X::stray_limit(particles);
-        for (std::size_t b = 0; b < bodies_.size(); ++b)
-            all_homes[b] = std::uint64_t(bodies_[b].full_homes);
-        sum_of_devices(all_homes);
-        for (std::size_t b = 0; b < bodies_.size(); ++b)
+        clock_.stray_limit = X::stray_limit(
+            std::accumulate(all.begin() + std::ptrdiff_t(bodies), all.end(), std::uint64_t(0)));
+        if (any_sparse) {  // else all homes are full
+            for (std::size_t b = 0; b < bodies; ++b) all[b] = std::uint64_t(bodies_[b].full_homes);
+            all.resize(bodies);
+            sum_of_devices(all);
+        }
+        for (std::size_t b = 0; b < bodies; ++b)
             bodies_[b].all_full_homes = std::int32_t(
-                std::min<std::uint64_t>(all_homes[b], std::numeric_limits<std::int32_t>::max()));
+                std::min<std::uint64_t>(all[b], std::numeric_limits<std::int32_t>::max()));
     }
 }
 
@@ -136,8 +141,10 @@ void Domain<X, T, D>::heavy_first(Body& body) {
         const std::uint32_t mean = (body.count - body.lone_count) / std::uint32_t(body.full_homes);
         Buffer<X, std::uint32_t> weight(exec_);
         weight.reserve_discard(body.full_homes);
-        exec_.for_each(body.full_homes, WeighHomes{body.home.data(), body.cell_start.data(),
-                                                   std::max(mean, 1u), weight.data()});
+        exec_.for_each(body.full_homes,
+                       WeighHomes{body.home.data(), body.cell_start.data(), std::max(mean, 1u),
+                                  weight.data(), neighbours_.data(), Block<D>::neighbours,
+                                  copies_.data(), share_ ? share_->ranks() - 1 : 0});
         exec_.sort_by_key(weight.data(), body.home.data(), body.full_homes, WeighHomes::bits);
     }
 }
@@ -292,8 +299,9 @@ void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
         add_images<D>(table_.keys_of, share_->mirrors, with_images);
         keys.assign(with_images);
     }
-    // As large as this, it would weigh on the sort that follows.
-    const bool heavy = all.bytes() > (std::size_t(16) << 20);
+    // As large as this, it would weigh on the sort that follows. Not with several devices: what is
+    // given back there has to be mapped into all of them again.
+    const bool heavy = all.bytes() > (std::size_t(16) << 20) && !share_;
     all = Buffer<X, std::uint64_t>(exec_);
     if (heavy) exec_.trim();
 }
@@ -345,6 +353,7 @@ void Domain<X, T, D>::adopt_table(Buffer<X, std::uint64_t>& keys) {
     keys_.swap(keys);
     table_.keys = keys_.data();
     table_.slots = new_slots;
+    ++tables_;
     link_table();
     if (grows) exec_.trim();
 }
@@ -433,7 +442,7 @@ bool Domain<X, T, D>::sort() {
         if (rebuild || left[b] > 0) {
             exec_.for_each(body.count,
                            RenumberCells{cells[b].data(), rebuild ? map.data() : nullptr,
-                                         std::uint32_t(range)});
+                                         std::uint32_t(slots * block_cells), std::uint32_t(range)});
         }
         if (arriving(b) > 0) {
             BlockTableView<D> table = table_;

@@ -7,6 +7,7 @@
 #include "mpm/solver/blob.hpp"
 #include "mpm/solver/domain.hpp"
 #include "mpm/solver/rank_scene.hpp"
+#include "mpm/solver/saved_clock.hpp"
 
 namespace mpm {
 
@@ -105,17 +106,14 @@ void Domain<X, T, D>::load(const State& whole) {
                                 share_->mirrors, share_->rank());
     }
     const State& state = share_ ? own : whole;
-    const auto clock = detail::from_blob<Clock>(state, "clock");
-    if (clock.size() != 1)
-        throw SceneError(
-            "the saved clock has another size; the state was saved by another version");
+    const Clock clock = saved_clock(state);
     const auto channels = detail::from_blob<std::int32_t>(state, "sum_channels");
     if (channels.size() != 1 || channels[0] != plan_.sum_channels) {
         throw SceneError("the saved state has other grid channels than this scene");
     }
     if (state.contains("body" + std::to_string(bodies_.size()) + "_id"))
         throw SceneError("the saved state has more bodies than this scene");
-    clock_ = clock[0];
+    clock_ = clock;
     // The table's age decides when blocks that emptied go, and with them the order of a load cell's
     // additions on a device.
     sorts_of_table_ = state.contains("sorts_of_table")
@@ -169,7 +167,10 @@ void Domain<X, T, D>::load(const State& whole) {
         const bool was_fixed = saved.type == 'i' || saved.type == 'l';
         for (std::size_t k = 0; was_fixed && k < value.size(); ++k)
             value[k] *= clock_.unit_read[scale_of_sum(k)];
-        if (!was_fixed) std::fill_n(clock_.deposited, quantities, 0.0);
+        if (!was_fixed) {
+            std::fill_n(clock_.deposited, quantities, 0.0);
+            std::fill_n(clock_.deposited_before, quantities, 0.0);
+        }
         adopt_sums(value);
     }
     sums_[1 - reading].reserve_discard(sums_[reading].size());
@@ -181,8 +182,7 @@ void Domain<X, T, D>::load(const State& whole) {
                     detail::from_blob<double>(state, "load_impulse"));
     clock_.halt = Halt::none;
     link_table();
-    list_homes(find_homes());
-    if (share_) link_table_of_ranks();
+    link_homes();
     if (share_) link_sums();
     push_clock();
     meet_hosts();

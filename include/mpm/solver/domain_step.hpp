@@ -375,10 +375,11 @@ Fault Domain<X, T, D>::describe_fault() {
                           clock_.deposited[group_sum] > limit[group_sum];
         f.code = std::isfinite(f.value) ? "fixed-point" : "non-finite";
         f.message = !std::isfinite(f.value) ? "what particles deposit is not finite"
-                    : grew ? "what particles deposit grew more than 16-fold within one step and no "
-                             "longer fits its fixed-point scale"
-                           : "the stress of a particle is so large for the time step that all "
-                             "motion would round away beside it";
+                    : grew
+                        ? "what particles deposit grew more than 16-fold beyond that of the last "
+                          "two steps and no longer fits its fixed-point scale"
+                        : "the stress of a particle is so large for the time step that all "
+                          "motion would round away beside it";
         return f;
     }
     if (clock_.fault_particle == fault_elsewhere) return f;

@@ -11,6 +11,7 @@
 #include "mpm/kernels/placing.hpp"
 #include "mpm/solver/blob.hpp"
 #include "mpm/solver/rank_share.hpp"
+#include "mpm/solver/saved_clock.hpp"
 #include "mpm/solver/spec.hpp"
 
 namespace mpm {
@@ -79,7 +80,7 @@ struct RankScenes {
     BlockPartition<D> partition;
     std::vector<Spec> spec;
 
-    explicit RankScenes(const Spec& scene) : partition(keys_of_domain<D>(scene), scene.ranks.axis) {
+    explicit RankScenes(const Spec& scene) {
         const BlockKeys<D> keys = keys_of_domain<D>(scene);
         std::unordered_map<std::uint64_t, std::uint64_t> weight;
         for (const BodySpec& body : scene.bodies) {
@@ -94,7 +95,13 @@ struct RankScenes {
         std::vector<BlockWeight> blocks;
         for (const auto& [key, particles] : weight)
             blocks.push_back({key, particles + weight_of_block});
-        partition.cut(blocks, scene.ranks.count);
+        if (scene.ranks.axis == RanksSpec::chosen) {
+            partition = choose_partition<D>(keys, std::move(blocks), scene.ranks.count,
+                                            scene.ranks.rebalance_above);
+        } else {
+            partition = BlockPartition<D>(keys, scene.ranks.axis);
+            partition.cut(blocks, scene.ranks.count);
+        }
 
         spec.assign(std::size_t(scene.ranks.count), scene);
         for (Spec& s : spec) {
@@ -222,9 +229,9 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
     }
     // What ranks add up is the first one's.
     if (rank > 0) {
-        auto clock = detail::from_blob<Clock>(all, "clock");
-        for (Clock& c : clock) c.strays = 0;
-        s["clock"] = detail::to_blob(clock);
+        Clock clock = saved_clock(all);
+        clock.strays = 0;
+        s["clock"] = detail::to_blob(std::vector<Clock>{clock});
         for (const char* name : {"load_impulse", "sensor_first"}) {
             auto values = detail::from_blob<double>(all, name);
             for (double& v : values) v = v == v ? 0.0 : v;

@@ -48,7 +48,13 @@ void add_images(const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& pla
 struct HeldBlock {
     std::uint64_t key;
     std::int32_t slot;
-    std::int32_t unused;
+    std::int32_t ready;  // all its neighbours are in the table too
+};
+
+/// What ranks on devices say of a sort before any of them has changed anything.
+struct SortWord {
+    std::uint32_t stops;  // particles have left, and the policy is to stop
+    std::uint32_t lacks;  // the tables lack a block that is now needed
 };
 
 /// Who owns a block, as kernels know it.

@@ -233,7 +233,10 @@ struct KernelSpec {
 struct RanksSpec {
     int count = 1;
     std::vector<int> devices;  // CUDA: of each rank
-    int axis = -1;  // blocks are dealt by planes across it; -1: along a space-filling curve
+    static constexpr int curve = -1, chosen = -2;
+    // Blocks are dealt by planes across it, along a space-filling curve, or as `choose_partition`
+    // has it.
+    int axis = chosen;
     // The largest load over the mean one at which a sort deals blocks anew, where that helps; 0: at
     // every sort.
     double rebalance_above = 1.05;

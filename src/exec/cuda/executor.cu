@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cstring>
 #include <thread>
 #include <vector>
@@ -149,8 +150,21 @@ void* Cuda::allocate(std::size_t bytes) {
     return p;
 }
 
+namespace {
+
+/// A size that fits kept pieces also where numbers of particles change a little from sort to sort,
+/// as they do on ranks: at most 1.6 % and 8 MiB more. A device gives memory by 2 MiB anyway.
+std::size_t rounded_large(std::size_t bytes) {
+    const std::size_t step =
+        std::clamp(std::bit_floor(bytes / 64), std::size_t(2) << 20, std::size_t(8) << 20);
+    return (bytes + step - 1) / step * step;
+}
+
+}  // namespace
+
 /// A kept piece of this size, or a new one. Whoever had it has queued all work on it before.
 void* Cuda::allocate_large(std::size_t bytes) {
+    bytes = rounded_large(bytes);
     Context& c = *context_;
     const auto same = std::ranges::find(c.kept, bytes, &Context::Kept::bytes);
     void* p = nullptr;
@@ -200,6 +214,7 @@ void Cuda::out_of_memory(std::size_t bytes) {
 
 void Cuda::release(void* p, std::size_t bytes) noexcept {
     if (bytes >= large) {
+        bytes = rounded_large(bytes);
         context_->now.used -= bytes;
         context_->kept.push_back({p, bytes, 0});
         return;

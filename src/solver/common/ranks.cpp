@@ -8,6 +8,7 @@
 #include "mpm/core/error.hpp"
 #include "mpm/data/blocks.hpp"
 #include "mpm/solver/blob.hpp"
+#include "mpm/solver/saved_clock.hpp"
 
 namespace mpm {
 
@@ -143,15 +144,16 @@ State join_states(const std::vector<State>& ranks, std::size_t bodies) {
             blob = std::move(joined.out);
         }
     }
-    auto clock = detail::from_blob<Clock>(all, "clock");
+    Clock clock = saved_clock(all);
     for (std::size_t r = 1; r < ranks.size(); ++r) {
-        const auto other = detail::from_blob<Clock>(ranks[r], "clock");
-        // A device counts its own; the rest is the same on all.
-        clock.at(0).strays += other.at(0).strays;
+        const Clock other = saved_clock(ranks[r]);
+        // A device counts its own, and finds its own deposits of the last step; the rest is the
+        // same on all.
+        clock.strays += other.strays;
         for (int q = 0; q < quantities; ++q)
-            clock[0].deposited[q] = std::max(clock[0].deposited[q], other[0].deposited[q]);
+            clock.deposited[q] = std::max(clock.deposited[q], other.deposited[q]);
     }
-    all["clock"] = detail::to_blob(clock);
+    all["clock"] = detail::to_blob(std::vector<Clock>{clock});
     for (const char* name : {"load_impulse", "sensor_first"}) {
         auto sum = detail::from_blob<double>(all, name);
         for (std::size_t r = 1; r < ranks.size(); ++r) {
@@ -343,8 +345,8 @@ public:
     }
     std::map<std::string, double> statistics() const override {
         std::map<std::string, double> out = engines_[0]->statistics();
-        static const std::set<std::string> alike = {"sorts", "fastest_node", "drift", "rebalances",
-                                                    "imbalance"};
+        static const std::set<std::string> alike = {"sorts", "tables",     "fastest_node",
+                                                    "drift", "rebalances", "imbalance"};
         for (std::size_t r = 1; r < engines_.size(); ++r)
             for (const auto& [name, value] : engines_[r]->statistics())
                 if (!alike.contains(name)) out[name] += value;

@@ -126,6 +126,56 @@ TEST(Partition, fewer_blocks_than_ranks) {
     EXPECT_LT(partition.owner(keys.key(b)), 4);
 }
 
+/// A full box, its blocks in no order.
+template <int D>
+std::pair<BlockKeys<D>, std::vector<BlockWeight>> box_of(const std::int64_t (&edge)[D]) {
+    BlockKeys<D> keys;
+    std::int64_t all = 1, b[D];
+    for (int a = 0; a < D; ++a) keys.counts[a] = edge[a] + 2 * BlockKeys<D>::rim;
+    for (std::int64_t n : edge) all *= n;
+    std::vector<BlockWeight> blocks;
+    for (std::int64_t k = 0; k < all; ++k) {
+        std::int64_t rest = (k * 7919) % all;
+        for (int a = 0; a < D; ++a) {
+            b[a] = rest % edge[a];
+            rest /= edge[a];
+        }
+        blocks.push_back({keys.key(b), 512});
+    }
+    return {keys, blocks};
+}
+
+TEST(Partition, faces_of_planes_are_those_of_the_planes) {
+    auto [keys, blocks] = box_of<3>({5, 6, 7});
+    std::sort(blocks.begin(), blocks.end(),
+              [](const auto& a, const auto& b) { return a.key < b.key; });
+    const std::uint64_t faces[3] = {6 * 7, 5 * 7, 5 * 6};
+    for (int axis = 0; axis < 3; ++axis) {
+        BlockPartition<3> planes(keys, axis);
+        planes.cut(blocks, 3);
+        EXPECT_EQ(cut_faces(keys, blocks, planes), 2 * faces[axis]);
+    }
+    BlockPartition<3> one(keys, BlockPartition<3>::curve);
+    one.cut(blocks, 1);
+    EXPECT_EQ(cut_faces(keys, blocks, one), 0u);
+}
+
+TEST(Partition, flumes_are_cut_by_planes_and_cubes_along_the_curve) {
+    const auto [flume, water] = box_of<3>({8, 40, 6});
+    for (int ranks : {2, 4, 8}) {
+        const auto chosen = choose_partition<3>(flume, water, ranks, 1.05);
+        EXPECT_EQ(chosen.axis(), 1) << ranks;
+        EXPECT_EQ(chosen.ranks(), ranks);
+    }
+    // Planes would be uneven: 40 of them for 16 ranks.
+    EXPECT_EQ(choose_partition<3>(flume, water, 16, 1.05).axis(), BlockPartition<3>::curve);
+    const auto [cube, full] = box_of<3>({8, 8, 8});
+    EXPECT_EQ(choose_partition<3>(cube, full, 8, 1.05).axis(), BlockPartition<3>::curve);
+    const auto [channel, flow] = box_of<2>({6, 100});
+    EXPECT_EQ(choose_partition<2>(channel, flow, 3, 1.05).axis(), 1);
+    EXPECT_EQ(choose_partition<2>(channel, {}, 3, 1.05).ranks(), 3);
+}
+
 TEST(Partition, imbalance_is_the_most_by_the_mean) {
     EXPECT_EQ(imbalance({}), 1.0);
     EXPECT_EQ(imbalance({0, 0}), 1.0);

@@ -90,12 +90,13 @@ TEST_P(RankDevices, have_the_bits_of_one) {
     ASSERT_GT(one->statistics().at("sorts"), 1) << "the scene must sort to mean anything";
     const auto samples = one->drain();
     for (int ranks : {2, 4}) {
-        for (int axis : {-1, 0}) {
+        for (int axis : {RanksSpec::chosen, RanksSpec::curve, 0}) {
             const auto many = make(with_ranks(scene(), ranks, axis));
             go(*many, half);
             EXPECT_EQ(go(*many, half).steps, half);
             EXPECT_GT(many->statistics().at("migrated"), 0);
             EXPECT_GT(many->statistics().at("bytes_of_sums"), 0);
+            EXPECT_EQ(many->statistics().at("sorts"), one->statistics().at("sorts"));
             expect_same_particles(*many, *one, 3);
             const auto load = many->drain();
             ASSERT_EQ(load[1].time, samples[1].time);
@@ -178,6 +179,21 @@ TEST_P(RankDevices, go_on_from_a_state_after_one_that_is_refused) {
     expect_same_particles(*many, *one, 3);
 }
 
+/// Clocks grew at their end.
+TEST_P(RankDevices, go_on_from_a_state_of_an_earlier_version) {
+    const auto one = make(scene()), many = make(with_ranks(scene(), 3));
+    go(*one, 20);
+    State state = one->save();
+    auto& clock = state["clock"];
+    clock.bytes.resize(offsetof(Clock, deposited_before));
+    clock.shape = {clock.bytes.size()};
+    for (Engine* e : {one.get(), many.get()}) {
+        e->load(state);
+        go(*e, 20);
+    }
+    expect_same_particles(*many, *one, 3);
+}
+
 /// A box that tilts: every particle comes by every cut.
 TEST(RankDevicesMixing, nobody_is_lost_or_doubled) {
     Spec s = test::empty_scene(2, true, {40, 40});
@@ -200,6 +216,7 @@ TEST(RankDevicesMixing, nobody_is_lost_or_doubled) {
         expect_same_particles(*many, *one, 1);
     }
     EXPECT_GT(many->statistics().at("migrated"), double(count)) << "it must mix to mean anything";
+    EXPECT_LT(many->statistics().at("tables"), 0.9 * many->statistics().at("sorts"));
     EXPECT_GT(many->statistics().at("rebalances"), 2);
 }
 
