@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import time as clock
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from libmpm._src.errors import (
     Error,
     ModelWarning,
     NumericalError,
+    SceneError,
 )
 from libmpm._src.faults import describe_fault, describe_removed, removed_rows
 from libmpm._src.guard import Guard, as_guard
@@ -36,10 +38,12 @@ from libmpm._src.output.sensor_file import Series
 from libmpm._src.output.writer import Output, Writer
 from libmpm._src.persistence import Persistent
 from libmpm._src.plan import Plan, build_plan
+from libmpm._src.processes import Link
 from libmpm._src.progress import Progress, State, reporter
 from libmpm._src.scene import Scene
 from libmpm._src.sensing.custom import with_functions
 from libmpm._src.sensing.loop import Measurements
+from libmpm._src.sensing.values import Sampled
 from libmpm._src.supply import OUTFLOW, Traffic
 from libmpm._src.values import warned_already
 from libmpm._src.views import GridView, ParticlesView, SensorsView
@@ -71,7 +75,11 @@ class Simulation(Persistent):
     output
         A folder (sensors only) or an `Output` with intervals for frames and checkpoints.
     threads
-        CPU threads; 0 takes the default.
+        CPU threads; 0 takes the default. Of ranks as processes: those of each.
+    ranks
+        "processes" shares the scene among the processes that `mpirun`, `srun` or `torchrun` has
+        started: each makes this simulation and all the same calls, and has a part of the particles.
+        None: by `device` alone, whatever has started this process.
     shared_device
         True where other simulations run on the same CUDA device at the same time: together they
         are faster, one alone is slower. Results differ from those without it by rounding, and are
@@ -102,6 +110,7 @@ class Simulation(Persistent):
         time_step: float | None = None,
         functions: Mapping[str, Callable[[Any], Any]] | None = None,
         guard: Guard | bool | None = True,
+        ranks: str | None = None,
     ) -> None:
         """Check the request; nothing is allocated yet."""
         self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
@@ -114,7 +123,7 @@ class Simulation(Persistent):
             "time_step": time_step,
         }
         lower(self._scene, with_particles=False, **self._requested)
-        self._backend = backends.select(choose_device(self._scene, device))
+        self._backend = self._select(device, ranks)
         check_backend(self._backend.kind, precision)
         self._guard = as_guard(guard)
         self._watch: Watch | None = None
@@ -132,6 +141,7 @@ class Simulation(Persistent):
         self._until = math.inf
         self._deadline = math.inf
         self._stopped = ""
+        self._totals: list[int] = []
         self._wall = 0.0
         self._processor = 0.0
         self._particle_steps = 0
@@ -141,6 +151,23 @@ class Simulation(Persistent):
         self.particles = ParticlesView(self)
         self.grid = GridView(self)
         self.sensors = SensorsView(self)
+
+    def _select(self, device: str | Sequence[str], ranks: str | None) -> backends.Backend:
+        if ranks is None:
+            return backends.select(choose_device(self._scene, device))
+        if ranks != "processes":
+            raise SceneError(f"ranks is {ranks!r}; expected 'processes' or None")
+        backend = backends.select_process(device)
+        assert backend.link is not None
+        self._requested["threads"] = backend.link.threads(self.threads)
+        for placed in self._scene.sensors:
+            if backend.ranks > 1 and isinstance(placed.sensor, Sampled):
+                raise SceneError(
+                    f"sensor '{placed.name}' is evaluated in Python, which is not built for ranks "
+                    "as processes; take ranks of one process, device=['cpu', 'cpu'], or a sensor "
+                    "of the engine"
+                )
+        return backend
 
     # What the simulation is -------------------------------------------------------------------
 
@@ -303,6 +330,27 @@ class Simulation(Persistent):
         """How many ranks share the scene."""
         return self._backend.ranks
 
+    @property
+    def rank(self) -> int:
+        """Which of the ranks this process is, from 0; 0 where they are not processes."""
+        return 0 if self._backend.link is None else self._backend.link.rank
+
+    @property
+    def _link(self) -> Link | None:
+        """The link to the other processes; None where there are none."""
+        return self._backend.link if self.ranks > 1 else None
+
+    def totals(self) -> list[int]:
+        """Return the number of particles of each body, on all ranks, at the last halt."""
+        if self._link is not None:
+            return list(self._totals)
+        return [self.particle_count(i) for i in range(len(self.particles))]
+
+    def _count_together(self, engine: Any) -> None:
+        if self._link is not None:
+            bodies = range(len(self._scene.bodies))
+            self._totals = self._link.add([int(engine.particle_count(i)) for i in bodies])
+
     # Construction on first use ----------------------------------------------------------------
 
     @property
@@ -323,6 +371,8 @@ class Simulation(Persistent):
             self._initial.into(specification)
             if self.ranks > 1:
                 specification["ranks"] = {"count": self.ranks}
+                if self._backend.link is not None:
+                    specification["ranks"]["processes"] = self._backend.link.process
                 if self._backend.indices:
                     specification["ranks"]["devices"] = list(self._backend.indices)
             saved = self._restored if self._loads_state else None
@@ -356,6 +406,7 @@ class Simulation(Persistent):
         self._measured = Measurements(self, engine, specification, self._restored)
         self._passed = Traffic(self._scene, state)
         self._engine = engine
+        self._count_together(engine)
         if self._guard is not None:
             saved = self._restored if self._loads_state else None
             remembered = saved.header.get("watch") if saved is not None else None
@@ -433,16 +484,18 @@ class Simulation(Persistent):
         self._deadline = math.inf if wall_limit is None else clock.monotonic() + wall_limit
         self._stopped = ""
         self._until = until
-        self._open()
+        with self._together():
+            self._open()
         title = self._scene.name or "libmpm"
         status, message = "stopped", ""
-        report = reporter(progress, self.time, until, title)
+        report = reporter(progress and self.rank == 0, self.time, until, title)
         try:
             self._advance(-1, until, report)
             if self._stopped:
                 status, message = "interrupted", f"stopped by {self._stopped}; it can be resumed"
                 if self._writer is not None:
-                    self._writer.checkpoint()
+                    with self._together():
+                        self._writer.checkpoint()
         except KeyboardInterrupt:
             status, message = "interrupted", "stopped by an interrupt; it can be resumed"
             if self._writer is not None and self._writer.output.checkpoint_interval:
@@ -459,7 +512,23 @@ class Simulation(Persistent):
 
     def _advance(self, steps: int, until: float, report: Progress) -> None:
         """Advance `steps` (-1: no limit) or to `until`, serving whatever falls due."""
-        self._open()
+        with self._together():
+            self._open()
+            self._loop(steps, until, report)
+
+    @contextmanager
+    def _together(self) -> Iterator[None]:
+        """What fails on one rank ends all; an interrupt is one that all have agreed upon."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            if self._link is not None:
+                self._link.stop(error)
+            raise
+
+    def _loop(self, steps: int, until: float, report: Progress) -> None:
         engine = self._engine
         measured, watch = self._measurements, self._watch
         if watch is not None:
@@ -470,7 +539,7 @@ class Simulation(Persistent):
                 self._writer.service()
             while steps != 0 and engine.time < until:
                 left = self._deadline - clock.monotonic()
-                self._stopped = "wall limit" if left <= 0 else asked_to_stop()
+                self._stopped = self._agreed("wall limit" if left <= 0 else asked_to_stop())
                 if self._stopped:
                     break
                 # The engine stops at the first boundary past the target and never shortens a
@@ -499,11 +568,15 @@ class Simulation(Persistent):
                 report.update(
                     State(engine.time, until, int(engine.step), self.particle_steps_per_s)
                 )
-                if interrupted():
+                if self._agreed("interrupt" if interrupted() else ""):
                     raise KeyboardInterrupt
 
+    def _agreed(self, word: str) -> str:
+        """Return why to stop, the same on all ranks."""
+        return word if self._link is None else self._link.first_word(word)
+
     def _count(self) -> int:
-        return sum(self.particle_count(i) for i in range(len(self.particles)))
+        return sum(self.totals())
 
     def _collect(self) -> None:
         """Take samples and removed particles from the engine."""
@@ -511,11 +584,12 @@ class Simulation(Persistent):
         self._measurements.drain(engine)
         self._traffic.take(engine)
         gone = list(engine.removed())
+        self._count_together(engine)
         if self._watch is not None:
             self._watch.removed(gone)
         # Those that left through an outlet are in its series.
         gone = [g for g in gone if not g[4].startswith(OUTFLOW)]
-        if not gone:
+        if not gone or self.rank > 0:
             return
         names = list(self.particles)
         if self._writer is not None:

@@ -3,92 +3,23 @@
 #include "mpm/exec/rank_processes.hpp"
 
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <functional>
 #include <map>
 
 #include "mpm/core/error.hpp"
+#include "support/processes.hpp"
 
 namespace mpm {
 namespace {
 
-/// A port that was free a moment ago.
-int free_port() {
-    const int s = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in at{};
-    at.sin_family = AF_INET;
-    at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t size = sizeof at;
-    EXPECT_EQ(::bind(s, reinterpret_cast<sockaddr*>(&at), size), 0);
-    ::getsockname(s, reinterpret_cast<sockaddr*>(&at), &size);
-    ::close(s);
-    return ntohs(at.sin_port);
-}
-
-Launch place(int rank, int ranks, int port) {
-    Launch l;
-    l.launcher = "a test";
-    l.rank = rank;
-    l.ranks = ranks;
-    l.port = port;
-    l.job = "test";
-    l.read = "RANK=" + std::to_string(rank);
-    return l;
-}
-
-using Work = std::function<std::string(Communicator&)>;
-
-/// What each of so many processes returned, or "threw ..." where it did. A process that returns
-/// "die" ends without a word.
-std::vector<std::string> run(int ranks, const Work& work, double seconds = 20,
-                             const std::vector<int>& absent = {}) {
-    const int port = free_port();
-    std::vector<int> pipes;
-    std::vector<pid_t> children;
-    for (int r = 0; r < ranks; ++r) {
-        int ends[2];
-        EXPECT_EQ(::pipe(ends), 0);
-        pipes.push_back(ends[0]);
-        const bool comes = std::find(absent.begin(), absent.end(), r) == absent.end();
-        const pid_t child = comes ? ::fork() : 0;
-        if (comes && child == 0) {
-            std::string said;
-            try {
-                RankProcesses comm(place(r, ranks, port), seconds);
-                said = work(comm);
-                if (said == "die") ::_exit(3);
-            } catch (const RankStopped& e) {
-                said = std::string("stopped: ") + e.what();
-            } catch (const std::exception& e) {
-                said = std::string("threw: ") + e.what();
-            }
-            if (::write(ends[1], said.data(), said.size()) != ssize_t(said.size())) ::_exit(4);
-            ::_exit(0);
-        }
-        ::close(ends[1]);
-        children.push_back(child);
-    }
-    std::vector<std::string> out;
-    for (int r = 0; r < ranks; ++r) {
-        std::string said;
-        char buffer[4096];
-        for (ssize_t n; (n = ::read(pipes[std::size_t(r)], buffer, sizeof buffer)) > 0;)
-            said.append(buffer, std::size_t(n));
-        ::close(pipes[std::size_t(r)]);
-        if (children[std::size_t(r)] > 0) ::waitpid(children[std::size_t(r)], nullptr, 0);
-        out.push_back(said);
-    }
-    return out;
-}
+using test::run_processes;
+using Link = std::shared_ptr<Communicator>;
 
 TEST(RankProcesses, everyone_gets_what_everyone_gave) {
     for (int n : {1, 2, 3, 4}) {
-        const auto said = run(n, [](Communicator& c) -> std::string {
+        const auto said = run_processes(n, [](const Link& link) -> std::string {
+            Communicator& c = *link;
             std::vector<int> peers;
             if (c.rank() > 0) peers.push_back(c.rank() - 1);
             if (c.rank() + 1 < c.ranks()) peers.push_back(c.rank() + 1);
@@ -124,7 +55,8 @@ TEST(RankProcesses, everyone_gets_what_everyone_gave) {
 
 TEST(RankProcesses, messages_larger_than_the_system_holds) {
     // Both send before either receives: neither may wait for the other to have received.
-    const auto said = run(3, [](Communicator& c) -> std::string {
+    const auto said = run_processes(3, [](const Link& link) -> std::string {
+        Communicator& c = *link;
         const std::size_t size = 8u << 20;
         for (int round = 0; round < 2; ++round) {
             std::vector<Bytes> to(3);
@@ -148,7 +80,8 @@ TEST(RankProcesses, messages_larger_than_the_system_holds) {
 
 TEST(RankProcesses, one_that_stops_stops_all) {
     for (int guilty : {0, 2}) {
-        const auto said = run(3, [&](Communicator& c) -> std::string {
+        const auto said = run_processes(3, [&](const Link& link) -> std::string {
+            Communicator& c = *link;
             for (int round = 0; round < 5; ++round) {
                 c.all_gather(std::vector<int>(100000, round));
                 if (c.rank() == guilty && round == 3) {
@@ -164,7 +97,8 @@ TEST(RankProcesses, one_that_stops_stops_all) {
 }
 
 TEST(RankProcesses, who_waits_elsewhere_hears_of_it) {
-    const auto said = run(2, [&](Communicator& c) -> std::string {
+    const auto said = run_processes(2, [&](const Link& link) -> std::string {
+        Communicator& c = *link;
         if (c.rank() == 0) {
             c.stop("enough");
             return "told";
@@ -180,7 +114,8 @@ TEST(RankProcesses, who_waits_elsewhere_hears_of_it) {
 
 TEST(RankProcesses, one_that_dies_stops_all) {
     // In a row: rank 0 knows of rank 2 only by what rank 1 says.
-    const auto said = run(3, [](Communicator& c) -> std::string {
+    const auto said = run_processes(3, [](const Link& link) -> std::string {
+        Communicator& c = *link;
         std::vector<int> peers;
         if (c.rank() > 0) peers.push_back(c.rank() - 1);
         if (c.rank() < 2) peers.push_back(c.rank() + 1);
@@ -198,7 +133,8 @@ TEST(RankProcesses, one_that_dies_stops_all) {
 
 TEST(RankProcesses, one_that_has_done_its_work_may_leave) {
     // Rank 2 is gone while the others still talk to each other.
-    const auto said = run(3, [](Communicator& c) -> std::string {
+    const auto said = run_processes(3, [](const Link& link) -> std::string {
+        Communicator& c = *link;
         c.all_gather(std::vector<int>{1});
         if (c.rank() == 2) return "right";
         for (int round = 0; round < 20; ++round) {
@@ -214,13 +150,13 @@ TEST(RankProcesses, one_that_has_done_its_work_may_leave) {
 }
 
 TEST(RankProcesses, who_does_not_come_is_named) {
-    const Work none = [](Communicator&) -> std::string { return "met"; };
-    const auto without_two = run(4, none, 0.5, {1, 3});
+    const test::Work none = [](const Link&) -> std::string { return "met"; };
+    const auto without_two = run_processes(4, none, 0.5, {1, 3});
     EXPECT_NE(without_two[0].find("nothing was heard in time of ranks 1, 3"), std::string::npos)
         << without_two[0];
     EXPECT_NE(without_two[0].find("RANK=0"), std::string::npos) << without_two[0];
     EXPECT_NE(without_two[2].find("rank 0"), std::string::npos) << without_two[2];
-    const auto without_first = run(2, none, 0.5, {0});
+    const auto without_first = run_processes(2, none, 0.5, {0});
     EXPECT_NE(without_first[1].find("cannot be reached in time"), std::string::npos)
         << without_first[1];
 }
