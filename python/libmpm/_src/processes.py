@@ -73,7 +73,8 @@ class Link:
     def gather(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]] | None:
         """Return the rows of all ranks one behind the other on rank 0; None on the others."""
         buffer = io.BytesIO()
-        np.savez(buffer, **{name: np.asarray(array) for name, array in arrays.items()})
+        given: dict[str, Any] = dict(arrays)
+        np.savez(buffer, **given)
         told = self.process.tell_first(buffer.getvalue())
         if told is None:
             return None

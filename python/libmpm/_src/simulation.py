@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from libmpm._src.errors import (
     Error,
     ModelWarning,
     NumericalError,
-    SceneError,
 )
 from libmpm._src.faults import describe_fault, describe_removed, removed_rows
 from libmpm._src.guard import Guard, as_guard
@@ -28,7 +26,6 @@ from libmpm._src.initial import Initial
 from libmpm._src.interrupts import asked_to_stop, deferred_interrupt
 from libmpm._src.lowering import (
     check_backend,
-    choose_device,
     choose_precision,
     lower,
     world_offset,
@@ -38,12 +35,11 @@ from libmpm._src.output.sensor_file import Series
 from libmpm._src.output.writer import Output, Writer
 from libmpm._src.persistence import Persistent
 from libmpm._src.plan import Plan, build_plan
-from libmpm._src.processes import Link
 from libmpm._src.progress import Progress, State, reporter
 from libmpm._src.scene import Scene
 from libmpm._src.sensing.custom import with_functions
 from libmpm._src.sensing.loop import Measurements
-from libmpm._src.sensing.values import Sampled
+from libmpm._src.sharing import Sharing
 from libmpm._src.supply import OUTFLOW, Traffic
 from libmpm._src.values import warned_already
 from libmpm._src.views import GridView, ParticlesView, SensorsView
@@ -55,7 +51,7 @@ __all__ = ["Simulation"]
 SLICE = 0.2
 
 
-class Simulation(Persistent):
+class Simulation(Persistent, Sharing):
     """Runs a scene on one device.
 
     Parameters
@@ -123,7 +119,9 @@ class Simulation(Persistent):
             "time_step": time_step,
         }
         lower(self._scene, with_particles=False, **self._requested)
-        self._backend = self._select(device, ranks)
+        self._backend, self._requested["threads"] = self._select(
+            self._scene, device, threads, ranks
+        )
         check_backend(self._backend.kind, precision)
         self._guard = as_guard(guard)
         self._watch: Watch | None = None
@@ -141,7 +139,6 @@ class Simulation(Persistent):
         self._until = math.inf
         self._deadline = math.inf
         self._stopped = ""
-        self._totals: list[int] = []
         self._wall = 0.0
         self._processor = 0.0
         self._particle_steps = 0
@@ -151,23 +148,6 @@ class Simulation(Persistent):
         self.particles = ParticlesView(self)
         self.grid = GridView(self)
         self.sensors = SensorsView(self)
-
-    def _select(self, device: str | Sequence[str], ranks: str | None) -> backends.Backend:
-        if ranks is None:
-            return backends.select(choose_device(self._scene, device))
-        if ranks != "processes":
-            raise SceneError(f"ranks is {ranks!r}; expected 'processes' or None")
-        backend = backends.select_process(device)
-        assert backend.link is not None
-        self._requested["threads"] = backend.link.threads(self.threads)
-        for placed in self._scene.sensors:
-            if backend.ranks > 1 and isinstance(placed.sensor, Sampled):
-                raise SceneError(
-                    f"sensor '{placed.name}' is evaluated in Python, which is not built for ranks "
-                    "as processes; take ranks of one process, device=['cpu', 'cpu'], or a sensor "
-                    "of the engine"
-                )
-        return backend
 
     # What the simulation is -------------------------------------------------------------------
 
@@ -329,27 +309,6 @@ class Simulation(Persistent):
     def ranks(self) -> int:
         """How many ranks share the scene."""
         return self._backend.ranks
-
-    @property
-    def rank(self) -> int:
-        """Which of the ranks this process is, from 0; 0 where they are not processes."""
-        return 0 if self._backend.link is None else self._backend.link.rank
-
-    @property
-    def _link(self) -> Link | None:
-        """The link to the other processes; None where there are none."""
-        return self._backend.link if self.ranks > 1 else None
-
-    def totals(self) -> list[int]:
-        """Return the number of particles of each body, on all ranks, at the last halt."""
-        if self._link is not None:
-            return list(self._totals)
-        return [self.particle_count(i) for i in range(len(self.particles))]
-
-    def _count_together(self, engine: Any) -> None:
-        if self._link is not None:
-            bodies = range(len(self._scene.bodies))
-            self._totals = self._link.add([int(engine.particle_count(i)) for i in bodies])
 
     # Construction on first use ----------------------------------------------------------------
 
@@ -516,18 +475,6 @@ class Simulation(Persistent):
             self._open()
             self._loop(steps, until, report)
 
-    @contextmanager
-    def _together(self) -> Iterator[None]:
-        """What fails on one rank ends all; an interrupt is one that all have agreed upon."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            if self._link is not None:
-                self._link.stop(error)
-            raise
-
     def _loop(self, steps: int, until: float, report: Progress) -> None:
         engine = self._engine
         measured, watch = self._measurements, self._watch
@@ -570,10 +517,6 @@ class Simulation(Persistent):
                 )
                 if self._agreed("interrupt" if interrupted() else ""):
                     raise KeyboardInterrupt
-
-    def _agreed(self, word: str) -> str:
-        """Return why to stop, the same on all ranks."""
-        return word if self._link is None else self._link.first_word(word)
 
     def _count(self) -> int:
         return sum(self.totals())
