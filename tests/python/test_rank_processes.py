@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import libmpm
+from libmpm._src.output import frames
 from python import fake_engine
 
 HEAD = """
@@ -118,8 +119,6 @@ def test_bits_and_files_of_one(one, tmp_path):
         x, y = series[name], one.sensors[name].values
         size = np.nanmax(np.abs(y), initial=0)
         assert np.allclose(x, y, rtol=0, atol=1e-10 * size, equal_nan=True), name
-    from libmpm._src.output import frames
-
     listed = [frames.list_frames(f / "frames") for f in (tmp_path / "one", folder)]
     assert listed[0].keys() == listed[1].keys()
     for body, numbered in listed[0].items():
@@ -169,6 +168,10 @@ def test_frames_open_in_vtk(one, tmp_path):
         assert mesh.n_points == like.n_points > 0
         assert np.allclose(mesh.bounds, like.bounds, rtol=0, atol=0)
         assert set(mesh.point_data) == set(like.point_data)
+    # Without its parts it is none: HDF5 alone would read zeros.
+    next((folder / "frames" / "parts").glob(f"{path.stem}.*")).unlink()
+    with pytest.raises(libmpm.OutputError, match="1 of its 2 parts are missing"):
+        frames.read_frame(path)
 
 
 def test_only_who_asks(tmp_path):

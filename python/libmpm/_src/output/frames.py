@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.errors import OutputError
 from libmpm._src.output.atomic import file_name, write_json
 from libmpm._src.output.image import new_file
 
@@ -205,10 +206,22 @@ def write_index(
 def read_frame(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return (arrays, metadata) of a frame; ``position`` is (n, 3) m, tensors are (n, d * d)."""
     with h5py.File(path, "r", locking=False) as file:
+        _require_parts(path, file["VTKHDF/Points"])
         arrays = {"position": file["VTKHDF/Points"][()]}
         for name, dataset in file["VTKHDF/PointData"].items():
             arrays[name] = dataset[()]
         return arrays, dict(file["libmpm"].attrs)
+
+
+def _require_parts(path: Path, points: h5py.Dataset) -> None:
+    """Refuse a frame without its parts: HDF5 would read zeros in their place."""
+    sources = points.virtual_sources() if points.is_virtual else []
+    gone = [s.file_name for s in sources if not (path.parent / s.file_name).exists()]
+    if gone:
+        raise OutputError(
+            f"{path}: {len(gone)} of its {len(sources)} parts are missing, the first {gone[0]}; "
+            "keep the folder 'parts' of a run on several processes beside its frames"
+        )
 
 
 def frame_time(path: Path) -> float:
