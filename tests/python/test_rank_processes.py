@@ -169,8 +169,9 @@ def test_frames_open_in_vtk(one, tmp_path):
         assert np.allclose(mesh.bounds, like.bounds, rtol=0, atol=0)
         assert set(mesh.point_data) == set(like.point_data)
     # Without its parts it is none: HDF5 alone would read zeros.
-    next((folder / "frames" / "parts").glob(f"{path.stem}.*")).unlink()
-    with pytest.raises(libmpm.OutputError, match="1 of its 2 parts are missing"):
+    for part in (folder / "frames" / "parts").glob(f"{path.stem}.*"):
+        part.unlink()
+    with pytest.raises(libmpm.OutputError, match="parts are missing"):
         frames.read_frame(path)
 
 
