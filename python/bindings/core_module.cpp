@@ -3,6 +3,7 @@
 
 #include "basis_binding.hpp"
 #include "engine_binding.hpp"
+#include "mpm/exec/rank_processes.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
 #include "mpm/solver/functions_engine.hpp"
 
@@ -35,6 +36,62 @@ py::array_t<T> equation_of_state(const py::array_t<T, py::array::c_style>& j, do
     return out;
 }
 
+/// The link of this process to the others of its job.
+void bind_processes(py::module_& m) {
+    using mpm::Bytes, mpm::RankProcesses;
+    const auto bytes_of = [](const py::bytes& given) {
+        const std::string_view text = given;
+        return Bytes(text.begin(), text.end());
+    };
+    const auto list_of = [](const std::vector<Bytes>& all) {
+        py::list out;
+        for (const Bytes& b : all)
+            out.append(py::bytes(reinterpret_cast<const char*>(b.data()), b.size()));
+        return out;
+    };
+    py::class_<RankProcesses, std::shared_ptr<RankProcesses>>(
+        m, "Processes", "This process among those of its job (design/ranks.md).")
+        .def(py::init([](double seconds) {
+                 const py::gil_scoped_release unlocked;
+                 return std::make_shared<RankProcesses>(mpm::read_launch(), seconds);
+             }),
+             py::arg("seconds"))
+        .def_property_readonly("rank", &RankProcesses::rank)
+        .def_property_readonly("ranks", &RankProcesses::ranks)
+        .def_property_readonly("local_rank", &RankProcesses::local_rank)
+        .def_property_readonly("local_ranks", &RankProcesses::local_ranks)
+        .def_property_readonly("launcher",
+                               [](const RankProcesses& p) { return p.launch().launcher; })
+        .def(
+            "tell_all",
+            [=](RankProcesses& p, const py::bytes& given) {
+                std::vector<Bytes> in, to(std::size_t(p.ranks()), bytes_of(given));
+                {
+                    const py::gil_scoped_release unlocked;
+                    in = p.exchange(to, p.others());
+                }
+                in[std::size_t(p.rank())] = to[std::size_t(p.rank())];
+                return list_of(in);
+            },
+            py::arg("given"), "What all gave, by rank.")
+        .def(
+            "tell_first",
+            [=](RankProcesses& p, const py::bytes& given) -> py::object {
+                std::vector<Bytes> in, to{std::size_t(p.ranks())};
+                if (p.rank() > 0) to[0] = bytes_of(given);
+                {
+                    const py::gil_scoped_release unlocked;
+                    in = p.exchange(std::move(to), p.rank() > 0 ? std::vector<int>{0} : p.others());
+                }
+                if (p.rank() > 0) return py::none();
+                in[0] = bytes_of(given);
+                return list_of(in);
+            },
+            py::arg("given"), "What all gave, by rank, on rank 0; None on the others.")
+        .def("stop", &RankProcesses::stop, py::arg("why"),
+             py::call_guard<py::gil_scoped_release>());
+}
+
 }  // namespace
 
 PYBIND11_MODULE(_core, m) {
@@ -43,6 +100,7 @@ PYBIND11_MODULE(_core, m) {
         return spec.functions.kind.empty() ? mpm::plan_scene(spec, backend)
                                            : mpm::plan_functions(spec);
     });
+    bind_processes(m);
     mpm::python::bind_basis(m);
     m.def("material_table", &mpm::python::material_table,
           "Descriptions of all materials and their parameters.");

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "mpm/core/error.hpp"
+#include "mpm/exec/rank_processes.hpp"
 #include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
 
@@ -475,6 +476,8 @@ inline Spec read_spec(const py::dict& d) {
         const py::dict r = d["ranks"];
         s.ranks.count = r["count"].cast<int>();
         if (r.contains("devices")) s.ranks.devices = r["devices"].cast<std::vector<int>>();
+        if (r.contains("processes"))
+            s.ranks.processes = r["processes"].cast<std::shared_ptr<RankProcesses>>();
         if (r.contains("axis")) s.ranks.axis = r["axis"].cast<int>();
         if (r.contains("rebalance_above"))
             s.ranks.rebalance_above = r["rebalance_above"].cast<double>();

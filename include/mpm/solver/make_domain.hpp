@@ -50,4 +50,22 @@ std::unique_ptr<Engine> make_ranks(const Spec& scene, const Plan& plan,
     return join_ranks(scene, std::move(ranks), std::move(engines));
 }
 
+/// The part of the scene that this process has, seen as all of it. `make_executor()` is called
+/// once.
+template <class X, class T, class MakeExecutor>
+std::unique_ptr<Engine> make_rank(const Spec& scene, const Plan& plan,
+                                  std::shared_ptr<Communicator> processes,
+                                  const MakeExecutor& make_executor) {
+    return join_processes(scene, processes, [&]() -> std::unique_ptr<Engine> {
+        const auto make = [&]<int D>() -> std::unique_ptr<Engine> {
+            const int rank = processes->rank();
+            RankScenes<D> scenes(scene, rank);
+            const RankLink<D> link{processes.get(), scenes.partition, scene.ranks.rebalance_above};
+            return std::make_unique<Domain<X, T, D>>(scenes.spec[std::size_t(rank)], plan,
+                                                     make_executor(), find_body_ops<X, T, D>, link);
+        };
+        return scene.dimension == 2 ? make.template operator()<2>() : make.template operator()<3>();
+    });
+}
+
 }  // namespace mpm

@@ -74,13 +74,14 @@ BlockKeys<D> keys_of_domain(const Spec& spec) {
     return keys;
 }
 
-/// What each rank begins with: the same scene with its own particles, which keep their ids.
+/// What each rank begins with: the same scene with its own particles, which keep their ids. Of one
+/// rank `only`, where the others are elsewhere; theirs are then without particles.
 template <int D>
 struct RankScenes {
     BlockPartition<D> partition;
     std::vector<Spec> spec;
 
-    explicit RankScenes(const Spec& scene) {
+    explicit RankScenes(const Spec& scene, int only = -1) {
         const BlockKeys<D> keys = keys_of_domain<D>(scene);
         std::unordered_map<std::uint64_t, std::uint64_t> weight;
         for (const BodySpec& body : scene.bodies) {
@@ -117,7 +118,7 @@ struct RankScenes {
             detail::for_each_key<D>(scene, body, keys, [&](std::uint64_t row, std::uint64_t key) {
                 if (key != last) owner = std::size_t(partition.owner(key));
                 last = key;
-                rows[owner].push_back(row);
+                if (only < 0 || int(owner) == only) rows[owner].push_back(row);
             });
             for (std::size_t r = 0; r < spec.size(); ++r) {
                 BodySpec& own = spec[r].bodies[b];

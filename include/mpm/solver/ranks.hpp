@@ -1,6 +1,8 @@
-// Ranks of one process, each a thread with an engine of its own, seen from outside as one engine.
+// Ranks, each with an engine of its own, seen from outside as one engine: as threads of one
+// process, or one of several processes.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -18,6 +20,13 @@ void check_devices(const Spec& spec);
 /// One engine of many. `engines`: of each rank, made on `ranks` together.
 std::unique_ptr<Engine> join_ranks(const Spec& spec, std::unique_ptr<RankThreads> ranks,
                                    std::vector<std::unique_ptr<Engine>> engines);
+
+/// The engine of this process, one of several that all make the same calls. `make`: its own part.
+/// Particles, their number and nodes are those of this rank; everything else is of all ranks, and
+/// the same on all, but for `save`: the whole state on rank 0, nothing on the others. What is
+/// thrown on one rank stops all.
+std::unique_ptr<Engine> join_processes(const Spec& spec, std::shared_ptr<Communicator> processes,
+                                       const std::function<std::unique_ptr<Engine>()>& make);
 
 /// As make_cpu_engine, with ranks that speak to each other through these threads.
 std::unique_ptr<Engine> make_cpu_engine(const Spec& spec, std::unique_ptr<RankThreads> ranks);

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,8 @@
 #include "mpm/physics/transfer/scheme.hpp"
 
 namespace mpm {
+
+class Communicator;
 
 struct TableSpec {
     std::vector<double> time;   // (n,)
@@ -240,6 +243,9 @@ struct RanksSpec {
     // The largest load over the mean one at which a sort deals blocks anew, where that helps; 0: at
     // every sort.
     double rebalance_above = 1.05;
+    // Ranks that are processes: this one's link to the others. `count` is then theirs, and
+    // `threads` those of this rank.
+    std::shared_ptr<Communicator> processes;
 };
 
 struct Spec {

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from libmpm._src.errors import DeviceError, Error
+from libmpm._src.processes import Link
 
 __all__ = [
     "Backend",
@@ -21,6 +22,7 @@ __all__ = [
     "memory_free",
     "parse_device",
     "select",
+    "select_process",
 ]
 
 
@@ -29,7 +31,8 @@ class Backend:
     """A compiled module and one of its devices: `name` is "cpu" or "cuda:<index>".
 
     `ranks` share a scene, each with its own part of it; on CUDA `indices` are their devices and
-    `name` is that of the first.
+    `name` is that of the first. Where they are processes, `link` is what this one tells the others
+    through.
     """
 
     name: str
@@ -37,6 +40,7 @@ class Backend:
     index: int
     ranks: int = 1
     indices: tuple[int, ...] = ()
+    link: Link | None = None
 
     @property
     def kind(self) -> str:
@@ -159,3 +163,20 @@ def select(device: str | Sequence[str] = "auto") -> Backend:
     if len(indices) == 1:
         return Backend(f"cuda:{index}", status.module, index)
     return Backend(f"cuda:{index}", status.module, index, len(indices), tuple(indices))
+
+
+def select_process(device: str | Sequence[str] = "auto") -> Backend:
+    """Return the backend of one process of a job, whose processes share a scene as ranks.
+
+    All of the job call this together. Where no launcher has started this process it is alone.
+    Raises `DeviceError`.
+    """
+    if device not in ("auto", "cpu"):
+        raise DeviceError(
+            f"device is {device!r} and ranks is 'processes'; expected device 'cpu' (or 'auto', "
+            "which is the CPU here). On CUDA devices of one host, name them: "
+            "device=['cuda:0', 'cuda:1']"
+        )
+    module = core()
+    link = Link.of_job(module)
+    return Backend("cpu", module, 0, link.ranks, link=link)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from libmpm._src.device_arrays import DeviceArrays
 from libmpm._src.html import simulation_html
 
@@ -28,6 +31,20 @@ class Looking:
         for unknown names, and `Error` where an array is used after the simulation has moved on.
         """
         return DeviceArrays(self._simulation(), body, fields)
+
+    def gather(self, body: str, *names: str) -> dict[str, NDArray[Any]] | None:
+        """Return attributes of all particles of a body on rank 0, in the order of ids.
+
+        Ranks that are processes call this together; the others get None. "id" comes along. On one
+        process it is ``sim.particles[body].read([...])``, sorted.
+        """
+        run = self._simulation()
+        read = dict(run.particles[body].read(["id", *names]))
+        found = read if run._link is None else run._link.gather(read)
+        if found is None:
+            return None
+        order = np.argsort(found["id"])
+        return {name: np.asarray(array)[order] for name, array in found.items()}
 
     def plot(
         self,

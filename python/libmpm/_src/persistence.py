@@ -16,6 +16,7 @@ from libmpm._src.errors import Error, ModelWarning
 from libmpm._src.guard import Guard
 from libmpm._src.looking import Looking
 from libmpm._src.output import checkpoint as checkpoints
+from libmpm._src.output.together import open_together
 from libmpm._src.output.writer import Output, Writer
 from libmpm._src.scene import Scene
 from libmpm._src.sensing.custom import storable
@@ -42,8 +43,12 @@ class Persistent(Looking):
         _ = run.engine
         if run._output is not None and run._writer is None:
             begun = 0 if run._scene.start is None else run._scene.start.step
-            run._writer = Writer(run._output, run, resumed=resumed or run.steps > begun)
-            if run._initial:
+            going_on = resumed or run.steps > begun
+            if run._link is None:
+                run._writer = Writer(run._output, run, resumed=going_on)
+            else:
+                run._writer = open_together(run._link, run._output, run, resumed=going_on)
+            if run._initial and run.rank == 0:
                 run._initial.save(run._output.path / "initial.npz")
 
     def _finish(self, status: str, message: str) -> None:
@@ -92,7 +97,8 @@ class Persistent(Looking):
     def save_checkpoint(self, path: str | Path) -> None:
         """Write the whole state to `path` (NumPy archive), atomically.
 
-        A state that the guard finds broken is not written. Raises `NumericalError`.
+        A state that the guard finds broken is not written. Raises `NumericalError`. Where ranks are
+        processes all call this, and rank 0 writes the state of all.
         """
         run = self._simulation()
         engine, watch = run.engine, run._watch
@@ -121,6 +127,8 @@ class Persistent(Looking):
         sensors = [(s.time, s.values, list(s.components), list(s.units)) for s in run.series()]
         state = dict(engine.save()) | run._traffic.state()
         memory = run._measurements.memory()
+        if run.rank > 0:  # the state of all is on rank 0
+            return
         checkpoint = checkpoints.Checkpoint(header, state, sensors, memory)
         checkpoints.save_checkpoint(Path(path), checkpoint)
 
@@ -133,6 +141,7 @@ class Persistent(Looking):
         output: Output | str | Path | None = None,
         functions: Mapping[str, Callable[[Any], Any]] | None = None,
         guard: Guard | bool | Literal["same"] | None = "same",
+        ranks: str | None = None,
     ) -> Simulation:
         """Continue from a checkpoint file, or from the newest whole one in a run's folder.
 
@@ -141,16 +150,18 @@ class Persistent(Looking):
         elsewhere it agrees to rounding. An `output` folder that holds the same run is first cut to
         the checkpoint's time: samples, frames and checkpoints after it are removed. `functions`
         are those of `sensors.Custom` sensors, by name. `guard` "same" goes on watching as the run
-        before did.
+        before did. `ranks` "processes" goes on in the processes that a launcher has started.
         """
         _, source = checkpoints.find_newest(Path(path), checkpoints.load_checkpoint)
         header = source.header
         scene = Scene.from_dict(header["scene"])
         recorded = header["device"].partition(":")[0]
         chosen = header["device"] if device is None else device
-        if device is None and header.get("ranks", 1) > 1:
+        if ranks is not None:
+            chosen = "auto" if device is None else device
+        elif device is None and header.get("ranks", 1) > 1:
             chosen = header.get("devices") or [chosen] * header["ranks"]
-        same = backends.select(chosen).kind == recorded
+        same = (backends.select(chosen).kind if ranks is None else "cpu") == recorded
         if guard == "same":
             recorded_guard = header.get("guard", Guard().to_dict())
             guard = None if recorded_guard is None else Guard.from_dict(recorded_guard)
@@ -166,6 +177,7 @@ class Persistent(Looking):
             time_step=header["time_step"],
             functions=functions,
             guard=guard,
+            ranks=ranks,
         )
         simulation._restored = source
         simulation.run_settings = header.get("run") or {}

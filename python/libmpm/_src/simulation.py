@@ -26,7 +26,6 @@ from libmpm._src.initial import Initial
 from libmpm._src.interrupts import asked_to_stop, deferred_interrupt
 from libmpm._src.lowering import (
     check_backend,
-    choose_device,
     choose_precision,
     lower,
     world_offset,
@@ -40,6 +39,7 @@ from libmpm._src.progress import Progress, State, reporter
 from libmpm._src.scene import Scene
 from libmpm._src.sensing.custom import with_functions
 from libmpm._src.sensing.loop import Measurements
+from libmpm._src.sharing import Sharing
 from libmpm._src.supply import OUTFLOW, Traffic
 from libmpm._src.values import warned_already
 from libmpm._src.views import GridView, ParticlesView, SensorsView
@@ -51,7 +51,7 @@ __all__ = ["Simulation"]
 SLICE = 0.2
 
 
-class Simulation(Persistent):
+class Simulation(Persistent, Sharing):
     """Runs a scene on one device.
 
     Parameters
@@ -71,7 +71,11 @@ class Simulation(Persistent):
     output
         A folder (sensors only) or an `Output` with intervals for frames and checkpoints.
     threads
-        CPU threads; 0 takes the default.
+        CPU threads; 0 takes the default. Of ranks as processes: those of each.
+    ranks
+        "processes" shares the scene among the processes that `mpirun`, `srun` or `torchrun` has
+        started: each makes this simulation and all the same calls, and has a part of the particles.
+        None: by `device` alone, whatever has started this process.
     shared_device
         True where other simulations run on the same CUDA device at the same time: together they
         are faster, one alone is slower. Results differ from those without it by rounding, and are
@@ -102,6 +106,7 @@ class Simulation(Persistent):
         time_step: float | None = None,
         functions: Mapping[str, Callable[[Any], Any]] | None = None,
         guard: Guard | bool | None = True,
+        ranks: str | None = None,
     ) -> None:
         """Check the request; nothing is allocated yet."""
         self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
@@ -114,7 +119,9 @@ class Simulation(Persistent):
             "time_step": time_step,
         }
         lower(self._scene, with_particles=False, **self._requested)
-        self._backend = backends.select(choose_device(self._scene, device))
+        self._backend, self._requested["threads"] = self._select(
+            self._scene, device, threads, ranks
+        )
         check_backend(self._backend.kind, precision)
         self._guard = as_guard(guard)
         self._watch: Watch | None = None
@@ -323,6 +330,8 @@ class Simulation(Persistent):
             self._initial.into(specification)
             if self.ranks > 1:
                 specification["ranks"] = {"count": self.ranks}
+                if self._backend.link is not None:
+                    specification["ranks"]["processes"] = self._backend.link.process
                 if self._backend.indices:
                     specification["ranks"]["devices"] = list(self._backend.indices)
             saved = self._restored if self._loads_state else None
@@ -356,6 +365,7 @@ class Simulation(Persistent):
         self._measured = Measurements(self, engine, specification, self._restored)
         self._passed = Traffic(self._scene, state)
         self._engine = engine
+        self._count_together(engine)
         if self._guard is not None:
             saved = self._restored if self._loads_state else None
             remembered = saved.header.get("watch") if saved is not None else None
@@ -433,16 +443,18 @@ class Simulation(Persistent):
         self._deadline = math.inf if wall_limit is None else clock.monotonic() + wall_limit
         self._stopped = ""
         self._until = until
-        self._open()
+        with self._together():
+            self._open()
         title = self._scene.name or "libmpm"
         status, message = "stopped", ""
-        report = reporter(progress, self.time, until, title)
+        report = reporter(progress and self.rank == 0, self.time, until, title)
         try:
             self._advance(-1, until, report)
             if self._stopped:
                 status, message = "interrupted", f"stopped by {self._stopped}; it can be resumed"
                 if self._writer is not None:
-                    self._writer.checkpoint()
+                    with self._together():
+                        self._writer.checkpoint()
         except KeyboardInterrupt:
             status, message = "interrupted", "stopped by an interrupt; it can be resumed"
             if self._writer is not None and self._writer.output.checkpoint_interval:
@@ -459,7 +471,11 @@ class Simulation(Persistent):
 
     def _advance(self, steps: int, until: float, report: Progress) -> None:
         """Advance `steps` (-1: no limit) or to `until`, serving whatever falls due."""
-        self._open()
+        with self._together():
+            self._open()
+            self._loop(steps, until, report)
+
+    def _loop(self, steps: int, until: float, report: Progress) -> None:
         engine = self._engine
         measured, watch = self._measurements, self._watch
         if watch is not None:
@@ -470,7 +486,7 @@ class Simulation(Persistent):
                 self._writer.service()
             while steps != 0 and engine.time < until:
                 left = self._deadline - clock.monotonic()
-                self._stopped = "wall limit" if left <= 0 else asked_to_stop()
+                self._stopped = self._agreed("wall limit" if left <= 0 else asked_to_stop())
                 if self._stopped:
                     break
                 # The engine stops at the first boundary past the target and never shortens a
@@ -502,11 +518,11 @@ class Simulation(Persistent):
                 report.update(
                     State(engine.time, until, int(engine.step), self.particle_steps_per_s)
                 )
-                if interrupted():
+                if self._agreed("interrupt" if interrupted() else ""):
                     raise KeyboardInterrupt
 
     def _count(self) -> int:
-        return sum(self.particle_count(i) for i in range(len(self.particles)))
+        return sum(self.totals())
 
     def _collect(self) -> None:
         """Take samples and removed particles from the engine."""
@@ -514,11 +530,12 @@ class Simulation(Persistent):
         self._measurements.drain(engine)
         self._traffic.take(engine)
         gone = list(engine.removed())
+        self._count_together(engine)
         if self._watch is not None:
             self._watch.removed(gone)
         # Those that left through an outlet are in its series.
         gone = [g for g in gone if not g[4].startswith(OUTFLOW)]
-        if not gone:
+        if not gone or self.rank > 0:
             return
         names = list(self.particles)
         if self._writer is not None:

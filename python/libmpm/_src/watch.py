@@ -131,7 +131,7 @@ class Watch:
         return dict(self._simulation.engine.condition(SAMPLES))
 
     def _counts(self) -> list[int]:
-        return [self._simulation.particle_count(i) for i in range(len(self._sound))]
+        return self._simulation.totals()
 
     def _supplied(self) -> list[int]:
         simulation = self._simulation

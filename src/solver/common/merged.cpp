@@ -168,6 +168,7 @@ public:
     }
     State save() override {
         State s = inner_->save();
+        if (s.empty()) return s;  // another rank has it
         s["body_of"] = detail::to_blob(std::vector<std::int32_t>(body_of_.begin(), body_of_.end()));
         return s;
     }

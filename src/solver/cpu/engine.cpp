@@ -8,6 +8,12 @@ std::unique_ptr<Engine> make_cpu_engine(const Spec& spec, std::unique_ptr<RankTh
     return make_merged(spec, [&](const Spec& s) {
         const Plan plan = make_plan(s, cpu_traits(s.precision));
         const bool single = s.precision == Precision::single;
+        if (const auto& processes = s.ranks.processes; processes && s.ranks.count > 1) {
+            check_ranks(s, plan);
+            const auto executor = [&] { return Cpu(s.threads); };
+            return single ? make_rank<Cpu, float>(s, plan, processes, executor)
+                          : make_rank<Cpu, double>(s, plan, processes, executor);
+        }
         if (!ranks) {
             const auto executor = [&] { return Cpu(s.threads); };
             return single ? make_domain<Cpu, float>(s, plan, executor)
@@ -30,8 +36,13 @@ std::unique_ptr<Engine> make_cpu_engine(const Spec& spec) {
             throw SceneError("functions over cells are not built for several ranks; take one");
         return make_functions_engine(spec);
     }
-    return make_cpu_engine(
-        spec, spec.ranks.count > 1 ? std::make_unique<RankThreads>(spec.ranks.count) : nullptr);
+    const bool threads = spec.ranks.count > 1 && !spec.ranks.processes;
+    if (spec.ranks.processes && spec.ranks.count != spec.ranks.processes->ranks())
+        throw SceneError("the scene has " + std::to_string(spec.ranks.count) +
+                         " ranks and the job " + std::to_string(spec.ranks.processes->ranks()) +
+                         " processes");
+    return make_cpu_engine(spec,
+                           threads ? std::make_unique<RankThreads>(spec.ranks.count) : nullptr);
 }
 
 }  // namespace mpm

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -18,16 +18,20 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.errors import OutputError
 from libmpm._src.output.atomic import file_name, write_json
 from libmpm._src.output.image import new_file
 
 __all__ = [
+    "cut_parts",
     "frame_path",
     "frame_time",
     "list_frames",
+    "part_path",
     "read_frame",
     "read_series",
     "write_frame",
+    "write_index",
     "write_series",
 ]
 
@@ -113,46 +117,111 @@ def write_frame(
     real
         Type of the stored floating-point attributes.
     """
-    count = len(position)
     size = position.nbytes + sum(values.nbytes for values in attributes.values())
     with new_file(path, size) as file:
-        root = file.create_group("VTKHDF")
-        root.attrs["Version"] = np.array([2, 0], np.int64)
-        root.attrs.create("Type", np.bytes_("PolyData"))
-        root.create_dataset("NumberOfPoints", data=np.array([count], np.int64))
-        root.create_dataset("Points", data=_three(np.asarray(position, np.float64)))
-        for name in ("Vertices", "Lines", "Polygons", "Strips"):
-            cells = count if name == "Vertices" else 0
-            group = root.create_group(name)
-            group.create_dataset("NumberOfCells", data=np.array([cells], np.int64))
-            group.create_dataset("NumberOfConnectivityIds", data=np.array([cells], np.int64))
-            # Counting numbers shrink to nothing; noise in the attributes would not.
-            packed: dict[str, Any] = (
-                {"compression": "gzip", "compression_opts": 1, "shuffle": True} if cells else {}
-            )
-            group.create_dataset("Connectivity", data=np.arange(cells), **packed)
-            group.create_dataset("Offsets", data=np.arange(cells + 1), **packed)
-        data = root.create_group("PointData")
+        data = _frame(file, len(position), ["position", *attributes], metadata)
+        file["VTKHDF"].create_dataset("Points", data=_three(np.asarray(position, np.float64)))
         for name, values in attributes.items():
             data.create_dataset(name, data=_point_data(values, real))
-        field = root.create_group("FieldData")
-        field.create_dataset("TimeValue", data=np.array([metadata["time"]], np.float64))
-        field.create_dataset("Step", data=np.array([metadata["step"]], np.int64))
-        about = file.create_group("libmpm")
-        for key, value in metadata.items():
-            about.attrs[key] = value
-        units = about.create_group("units")
-        for name in ("position", *attributes):
-            units.attrs[name] = UNITS.get(name, "")
+
+
+def _frame(
+    file: h5py.File, count: int, names: Sequence[str], metadata: Mapping[str, Any]
+) -> h5py.Group:
+    """Write all of a frame but its points; return the group that their data goes to."""
+    root = file.create_group("VTKHDF")
+    root.attrs["Version"] = np.array([2, 0], np.int64)
+    root.attrs.create("Type", np.bytes_("PolyData"))
+    root.create_dataset("NumberOfPoints", data=np.array([count], np.int64))
+    for kind in ("Vertices", "Lines", "Polygons", "Strips"):
+        cells = count if kind == "Vertices" else 0
+        group = root.create_group(kind)
+        group.create_dataset("NumberOfCells", data=np.array([cells], np.int64))
+        group.create_dataset("NumberOfConnectivityIds", data=np.array([cells], np.int64))
+        # Counting numbers shrink to nothing; noise in the attributes would not.
+        packed: dict[str, Any] = (
+            {"compression": "gzip", "compression_opts": 1, "shuffle": True} if cells else {}
+        )
+        group.create_dataset("Connectivity", data=np.arange(cells), **packed)
+        group.create_dataset("Offsets", data=np.arange(cells + 1), **packed)
+    field = root.create_group("FieldData")
+    field.create_dataset("TimeValue", data=np.array([metadata["time"]], np.float64))
+    field.create_dataset("Step", data=np.array([metadata["step"]], np.int64))
+    about = file.create_group("libmpm")
+    for key, value in metadata.items():
+        about.attrs[key] = value
+    units = about.create_group("units")
+    for name in names:
+        units.attrs[name] = UNITS.get(name, "")
+    return root.create_group("PointData")
+
+
+def part_path(folder: Path, body: str, index: int, rank: int) -> Path:
+    """Return the file of what one process has of a frame."""
+    path = frame_path(folder / "parts", body, index)
+    return path.with_name(f"{path.stem}.{rank:04d}.vtkhdf")
+
+
+def cut_parts(folder: Path, last: int) -> None:
+    """Remove the parts of frames after number `last`."""
+    for path in (folder / "parts").glob("*.vtkhdf"):
+        match = re.fullmatch(r".+_(\d{6,})\.\d{4,}\.vtkhdf", path.name)
+        if match and int(match[1]) > last:
+            path.unlink()
+
+
+def write_index(
+    path: Path, parts: Sequence[Path], counts: Sequence[int], metadata: Mapping[str, Any]
+) -> None:
+    """Write a frame whose points are those of `parts`, by reference, one file behind the other.
+
+    `counts` are the points of each. Readers see one frame; the parts must stay where they are,
+    relative to it.
+    """
+    with h5py.File(parts[0], "r", locking=False) as like:
+        points = {"Points": like["VTKHDF/Points"]} | {
+            f"PointData/{name}": data for name, data in like["VTKHDF/PointData"].items()
+        }
+        forms = {name: (data.shape[1:], data.dtype) for name, data in points.items()}
+    names = ["position", *(name.partition("/")[2] for name in forms if "/" in name)]
+    total = int(sum(counts))
+    with new_file(path, 16 * total) as file:
+        _frame(file, total, names, metadata)
+        for name, (width, dtype) in forms.items():
+            whole = h5py.VirtualLayout((total, *width), dtype)
+            at = 0
+            for part, count in zip(parts, counts, strict=True):
+                if count:
+                    source = part.relative_to(path.parent).as_posix()
+                    whole[at : at + count] = h5py.VirtualSource(
+                        source, f"VTKHDF/{name}", (count, *width), dtype
+                    )
+                at += count
+            if total:
+                file["VTKHDF"].create_virtual_dataset(name, whole)
+            else:
+                file["VTKHDF"].create_dataset(name, (0, *width), dtype)
 
 
 def read_frame(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return (arrays, metadata) of a frame; ``position`` is (n, 3) m, tensors are (n, d * d)."""
     with h5py.File(path, "r", locking=False) as file:
+        _require_parts(path, file["VTKHDF/Points"])
         arrays = {"position": file["VTKHDF/Points"][()]}
         for name, dataset in file["VTKHDF/PointData"].items():
             arrays[name] = dataset[()]
         return arrays, dict(file["libmpm"].attrs)
+
+
+def _require_parts(path: Path, points: h5py.Dataset) -> None:
+    """Refuse a frame without its parts: HDF5 would read zeros in their place."""
+    sources = points.virtual_sources() if points.is_virtual else []
+    gone = [s.file_name for s in sources if not (path.parent / s.file_name).exists()]
+    if gone:
+        raise OutputError(
+            f"{path}: {len(gone)} of its {len(sources)} parts are missing, the first {gone[0]}; "
+            "keep the folder 'parts' of a run on several processes beside its frames"
+        )
 
 
 def frame_time(path: Path) -> float:

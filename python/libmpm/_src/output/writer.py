@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from libmpm._src.errors import OutputError, SceneError
 from libmpm._src.output import checkpoint as checkpoints
@@ -255,6 +256,7 @@ class Writer:
             stale += self._folder.glob(f"*{TEMPORARY}")
             for name, patterns in (
                 ("frames", ("*.vtkhdf", "*.series", f"*{TEMPORARY}")),
+                ("frames/parts", ("*.vtkhdf", f"*{TEMPORARY}")),
                 ("checkpoints", ("step_*.npz", f"*{TEMPORARY}")),
                 ("csv", ("*.csv",)),
             ):
@@ -282,6 +284,7 @@ class Writer:
             for path in checkpoints.find_checkpoints(self._checkpoints):
                 if checkpoints.step_of(path) > step:
                     path.unlink()
+                frames.cut_parts(self._frames, reached)
             for folder in (self._folder, self._frames, self._checkpoints):
                 for part in folder.glob(f"*{TEMPORARY}"):
                     part.unlink()
@@ -330,8 +333,9 @@ class Writer:
                 continue
             arrays = particles.read(["position", *chosen])
             position = arrays["position"]
-            frames.write_frame(
-                frames.frame_path(self._frames, body, index),
+            self._put_frame(
+                body,
+                index,
                 position,
                 {name: arrays[name] for name in chosen if name != "position"},
                 {
@@ -342,10 +346,25 @@ class Writer:
                     "precision": simulation.precision,
                     "version": simulation.version,
                 },
-                real=np.float32 if simulation.precision == "single" else np.float64,
+                np.float32 if simulation.precision == "single" else np.float64,
             )
-            self._times[body][index] = simulation.time
-            frames.write_series(self._frames, body, self._times[body])
+            self._list_frame(body, index)
+
+    def _put_frame(
+        self,
+        body: str,
+        index: int,
+        position: NDArray[np.float64],
+        attributes: Mapping[str, NDArray[Any]],
+        metadata: Mapping[str, Any],
+        real: type,
+    ) -> None:
+        path = frames.frame_path(self._frames, body, index)
+        frames.write_frame(path, position, attributes, metadata, real=real)
+
+    def _list_frame(self, body: str, index: int) -> None:
+        self._times[body][index] = self._simulation.time
+        frames.write_series(self._frames, body, self._times[body])
 
     def checkpoint(self) -> Path:
         """Write a checkpoint of this moment and drop all but the newest two."""
@@ -404,7 +423,7 @@ class Writer:
             "wall_time": round(clock.monotonic() - self._started, 3),
             "time": simulation.time,
             "steps": simulation.steps,
-            "particles": {b: len(v) for b, v in simulation.particles.items()},
+            "particles": dict(zip(simulation.particles, simulation.totals(), strict=True)),
             "displaced": simulation.displaced,
             "particle_steps_per_s": simulation.particle_steps_per_s,
             "output": self.output.to_dict(),

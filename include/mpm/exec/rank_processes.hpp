@@ -1,0 +1,78 @@
+// Ranks that are processes, on one host or on several: a connection between each two of them, over
+// which messages go in the order in which they were given. No library but the system's sockets.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "mpm/exec/communicator.hpp"
+#include "mpm/exec/launcher.hpp"
+
+namespace mpm {
+
+class RankProcesses final : public Communicator {
+public:
+    /// All processes of the job together: rank 0 listens, the others find it, and each learns where
+    /// the others are. Throws DeviceError after `seconds`, which says who is missing.
+    RankProcesses(const Launch& launch, double seconds);
+    ~RankProcesses() override;
+    RankProcesses(const RankProcesses&) = delete;
+    RankProcesses& operator=(const RankProcesses&) = delete;
+
+    int rank() const override { return launch_.rank; }
+    int ranks() const override { return launch_.ranks; }
+    std::vector<Bytes> exchange(std::vector<Bytes> to, const std::vector<int>& peers) override;
+    void stop(const std::string& why) noexcept override;
+    void check() override;
+
+    const Launch& launch() const { return launch_; }
+    /// Processes on the host of this one, and which of them it is, in the order of ranks.
+    int local_ranks() const { return local_ranks_; }
+    int local_rank() const { return local_rank_; }
+
+private:
+    enum class Kind : std::uint32_t { message = 1, stop = 2 };
+    struct Header {
+        Kind kind = Kind::message;
+        std::uint32_t unused = 0;
+        std::uint64_t size = 0;
+    };
+    /// What is on its way out: what of it has gone is counted in bytes of the header and the body.
+    struct Outgoing {
+        Header header;
+        Bytes bytes;
+        std::size_t gone = 0;
+    };
+    struct Peer {
+        int socket = -1;
+        bool ended = false;  // it has closed the connection, or is out of reach
+        std::string how;     // it ended
+        std::deque<Outgoing> out;
+        std::deque<Bytes> in;  // whole messages that nobody has asked for yet
+        Header header;         // of the one that is coming
+        Bytes coming;
+        std::size_t come = 0;  // of header and body
+    };
+
+    void listen_first(double ends);
+    void find_first(double ends);
+    void join(int rank, int socket);
+    void find_locals(const std::vector<std::string>& hosts);
+    /// Sends and receives what is possible; waits for it at most so long, for ever below 0.
+    void move(int milliseconds);
+    void read(int rank);
+    void write(int rank);
+    void end(int rank, const std::string& how);
+    [[noreturn]] void missing(const std::vector<int>& ranks, const std::string& what) const;
+    void close_all() noexcept;
+
+    Launch launch_;
+    std::vector<Peer> peers_;  // by rank; of this one: nothing
+    int local_ranks_ = 1, local_rank_ = 0;
+    bool stopped_ = false, told_ = false;
+    std::string why_;
+};
+
+}  // namespace mpm

@@ -1,0 +1,33 @@
+// What ranks say of their own parts, made into what one engine would say. Lists are by rank.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "mpm/solver/engine.hpp"
+
+namespace mpm {
+
+/// Rows of one array behind those of another.
+void append_rows(Array& to, const Array& from);
+/// Particles of an engine, of all bodies.
+double particles_of(const Engine& engine, std::size_t bodies);
+
+/// All have halted for the same reason; of a fault the ranks tell that have its particles.
+RunResult join_results(const std::vector<RunResult>& ranks);
+/// Every rank has a row at each time: its own part, or of a point the same as all.
+std::vector<Samples> join_samples(const std::vector<SensorKind>& kinds,
+                                  const std::vector<std::vector<Samples>>& ranks);
+std::vector<Removed> join_removed(const std::vector<std::vector<Removed>>& ranks);
+std::vector<Flow> join_flows(const std::vector<std::vector<Flow>>& ranks);
+/// Energies and masses are sums over ranks; means are weighted by what they are the means of.
+Condition join_conditions(const std::vector<Condition>& ranks, std::size_t bodies);
+/// The slowest of each phase: that is what the others have waited for.
+std::map<std::string, double> join_timings(const std::vector<std::map<std::string, double>>& ranks);
+std::map<std::string, double> join_statistics(
+    const std::vector<std::map<std::string, double>>& ranks);
+/// What one rank would have saved, but for blocks without mass.
+State join_states(const std::vector<State>& ranks, std::size_t bodies);
+
+}  // namespace mpm

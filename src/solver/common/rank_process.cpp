@@ -1,0 +1,146 @@
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+#include "mpm/core/error.hpp"
+#include "mpm/solver/rank_join.hpp"
+#include "mpm/solver/rank_messages.hpp"
+#include "mpm/solver/ranks.hpp"
+
+namespace mpm {
+
+namespace {
+
+/// What one rank throws stops the others: nobody waits for a rank that does not come.
+template <class Work>
+auto guarded(Communicator& comm, const Work& work) {
+    const std::string name = "rank " + std::to_string(comm.rank());
+    try {
+        return work();
+    } catch (const RankStopped&) {
+        throw;
+    } catch (const std::exception& e) {
+        comm.stop(name + ": " + e.what());
+        throw;
+    } catch (...) {
+        comm.stop(name + " has failed");
+        throw;
+    }
+}
+
+/// What all processes must have alike, in numbers.
+std::vector<double> outline(const Spec& spec) {
+    std::vector<double> out = {double(spec.dimension),
+                               double(spec.precision),
+                               spec.cell_size,
+                               spec.cfl,
+                               spec.time_step,
+                               double(spec.leaving),
+                               double(spec.sensors.size()),
+                               double(spec.boundaries.size()),
+                               double(spec.inlets.size()),
+                               double(spec.ranks.axis),
+                               spec.ranks.rebalance_above};
+    for (const std::int64_t n : spec.cells) out.push_back(double(n));
+    for (const BodySpec& b : spec.bodies) {
+        out.insert(out.end(), {double(b.count), b.particle_mass, double(b.first_id)});
+        out.insert(out.end(), b.parameters.begin(), b.parameters.end());
+    }
+    return out;
+}
+
+class OneOfRanks final : public Engine {
+public:
+    OneOfRanks(const Spec& spec, std::shared_ptr<Communicator> comm,
+               const std::function<std::unique_ptr<Engine>()>& make)
+        : comm_(std::move(comm)), bodies_(spec.bodies.size()) {
+        for (const SensorSpec& s : spec.sensors) kinds_.push_back(s.kind);
+        const auto all = comm_->all_gather(outline(spec));
+        for (std::size_t r = 1; r < all.size(); ++r)
+            if (all[r] != all[0])
+                throw SceneError("rank " + std::to_string(r) +
+                                 " has another scene than rank 0; all processes must describe the "
+                                 "same one, with the same seeds and files");
+        own_ = guarded(*comm_, make);
+    }
+
+    RunResult run(std::int64_t steps, double until, double wall) override {
+        return guarded(*comm_,
+                       [&] { return join_results(tell_all(own_->run(steps, until, wall))); });
+    }
+    double time() const override { return own_->time(); }
+    std::int64_t step() const override { return own_->step(); }
+    double time_step() const override { return own_->time_step(); }
+    std::uint64_t particle_count(int body) const override { return own_->particle_count(body); }
+    std::vector<Samples> drain() override { return join_samples(kinds_, tell_all(own_->drain())); }
+    std::vector<Removed> removed() override { return join_removed(tell_all(own_->removed())); }
+    std::vector<Flow> flows() override { return join_flows(tell_all(own_->flows())); }
+    std::vector<std::string> attribute_names(int body) const override {
+        return own_->attribute_names(body);
+    }
+    Attributes attributes(int body, const std::vector<std::string>& names) override {
+        return own_->attributes(body, names);
+    }
+    Array grid(const std::string& name) override { return own_->grid(name); }
+    NodalSums sums() override { return own_->sums(); }
+    Condition condition(int samples) override {
+        return guarded(*comm_, [&] {
+            const double mine = particles_of(*own_, bodies_);
+            const auto here = tell_all(mine);
+            const double all = std::max(std::accumulate(here.begin(), here.end(), 0.0), 1.0);
+            return join_conditions(tell_all(own_->condition(int(samples * mine / all))), bodies_);
+        });
+    }
+    State save() override {
+        return guarded(*comm_, [&]() -> State {
+            State mine = own_->save();
+            std::vector<Bytes> to{std::size_t(comm_->ranks())};
+            if (comm_->rank() > 0) {
+                to[0] = messages::pack(mine);
+                comm_->exchange(std::move(to), {0});
+                return {};
+            }
+            const auto in = comm_->exchange(std::move(to), comm_->others());
+            std::vector<State> states = {std::move(mine)};
+            for (int r : comm_->others())
+                states.push_back(messages::unpack<State>(in[std::size_t(r)]));
+            return join_states(states, bodies_);
+        });
+    }
+    void load(const State& state) override {
+        guarded(*comm_, [&] { own_->load(state); });
+    }
+    std::map<std::string, double> timings() const override {
+        return join_timings(tell_all(own_->timings()));
+    }
+    std::map<std::string, double> statistics() const override {
+        return join_statistics(tell_all(own_->statistics()));
+    }
+
+private:
+    /// What every rank says, by rank.
+    template <class E>
+    std::vector<E> tell_all(const E& mine) const {
+        const Bytes bytes = messages::pack(mine);
+        const auto in = comm_->exchange(std::vector<Bytes>(std::size_t(comm_->ranks()), bytes),
+                                        comm_->others());
+        std::vector<E> out(in.size());
+        for (int r : comm_->others()) out[std::size_t(r)] = messages::unpack<E>(in[std::size_t(r)]);
+        out[std::size_t(comm_->rank())] = mine;
+        return out;
+    }
+
+    std::shared_ptr<Communicator> comm_;
+    std::size_t bodies_;
+    std::vector<SensorKind> kinds_;
+    std::unique_ptr<Engine> own_;
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> join_processes(const Spec& spec, std::shared_ptr<Communicator> processes,
+                                       const std::function<std::unique_ptr<Engine>()>& make) {
+    return std::make_unique<OneOfRanks>(spec, std::move(processes), make);
+}
+
+}  // namespace mpm

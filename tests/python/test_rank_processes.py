@@ -1,0 +1,254 @@
+"""One rank a process: the bits of one, files as of one, errors and interrupts that end all.
+
+Expected duration: 15 s.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm._src.output import frames
+from python import fake_engine
+
+HEAD = """
+import os, sys, warnings
+import numpy as np
+import libmpm
+from libmpm import sensors
+from python import fake_engine
+folder = os.environ["FOLDER"]
+def make(**more):
+    return libmpm.Simulation(
+        fake_engine.small_scene(), device="cpu", ranks="processes", threads=1, **more)
+"""
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+def start(ranks, code, folder, **environment):
+    port, made = str(free_port()), []
+    for rank in range(ranks):
+        variables = os.environ | {
+            "RANK": str(rank), "WORLD_SIZE": str(ranks), "MASTER_ADDR": "127.0.0.1",
+            "MASTER_PORT": port, "FOLDER": str(folder), "LIBMPM_MEETING_SECONDS": "60",
+            "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+        } | environment  # fmt: skip
+        made.append(
+            subprocess.Popen(
+                [sys.executable, "-c", HEAD + textwrap.dedent(code)],
+                env=variables,
+                text=True,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+            )
+        )
+    return made
+
+
+def run(ranks, code, folder, **environment):
+    """Return (exit code, stdout, stderr) of each rank."""
+    out = []
+    for process in start(ranks, code, folder, **environment):
+        try:
+            told = process.communicate(timeout=120)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
+        out.append((process.returncode, *told))
+    return out
+
+
+def well(told):
+    assert [code for code, _, _ in told] == [0] * len(told), "\n".join(e for _, _, e in told)
+    return told
+
+
+@pytest.fixture
+def one(tmp_path):
+    output = libmpm.Output(tmp_path / "one", frame_interval=0.05, checkpoint_interval=0.05)
+    sim = libmpm.Simulation(fake_engine.small_scene(), device="cpu", threads=1, output=output)
+    sim.run(until=0.1, progress=False)
+    return sim
+
+
+def test_bits_and_files_of_one(one, tmp_path):
+    """Particles, series, frames and the checkpoint are those of one process."""
+    code = """
+        sim = make(output=libmpm.Output(
+            folder, frame_interval=0.05, checkpoint_interval=0.05))
+        sim.run(until=0.1)
+        assert sim.ranks == 2 and sim.rank == int(os.environ["RANK"])
+        total = sim.totals()
+        for i, body in enumerate(sim.particles):
+            all_of = sim.gather(body, "position", "velocity", "stress")
+            assert (all_of is None) == (sim.rank > 0)
+            assert len(sim.particles[body]) <= total[i]
+            if all_of is not None:
+                assert len(all_of["id"]) == total[i]
+                np.savez(f"{folder}/{body}.npz", **all_of)
+        if sim.rank == 0:
+            np.savez(f"{folder}/series.npz", **{n: s.values for n, s in sim.sensors.items()})
+    """
+    folder = tmp_path / "many"
+    folder.mkdir()
+    well(run(2, code, folder))
+    for body in one.particles:
+        found, own = (
+            np.load(folder / f"{body}.npz"),
+            one.gather(body, "position", "velocity", "stress"),
+        )
+        for name in own:
+            assert (found[name] == own[name]).all(), (body, name)
+    series = np.load(folder / "series.npz")
+    for name in one.sensors:
+        x, y = series[name], one.sensors[name].values
+        size = np.nanmax(np.abs(y), initial=0)
+        assert np.allclose(x, y, rtol=0, atol=1e-10 * size, equal_nan=True), name
+    listed = [frames.list_frames(f / "frames") for f in (tmp_path / "one", folder)]
+    assert listed[0].keys() == listed[1].keys()
+    for body, numbered in listed[0].items():
+        assert numbered.keys() == listed[1][body].keys()
+        for index, path in numbered.items():
+            x, about = frames.read_frame(path)
+            y, told = frames.read_frame(listed[1][body][index])
+            assert (about["time"], about["step"]) == (told["time"], told["step"])
+            for name in x:
+                # Without ids, points are told apart by where they are.
+                rows = [np.lexsort(a["position"].T) for a in (x, y)]
+                assert (x[name][rows[0]] == y[name][rows[1]]).all(), (body, index, name)
+            parts = list((folder / "frames" / "parts").glob(f"{body}_{index:06d}.*"))
+            assert len(parts) == 2
+    logs = [json.loads((f / "log.json").read_text()) for f in (tmp_path / "one", folder)]
+    for key in ("status", "steps", "particles"):
+        assert logs[0][key] == logs[1][key]
+    # The checkpoint goes on in one process, and in three, with the same bits.
+    again = libmpm.Simulation.resume(folder, device="cpu")
+    again.run(until=0.15, progress=False)
+    one.run(until=0.15, progress=False)
+    for body in one.particles:
+        x, y = (s.gather(body, "position", "stress") for s in (one, again))
+        assert all((x[name] == y[name]).all() for name in x)
+    code = """
+        sim = libmpm.Simulation.resume(folder, device="cpu", ranks="processes")
+        sim.run(until=0.15)
+        for body in sim.particles:
+            found = sim.gather(body, "position", "stress")
+            if found is not None:
+                np.savez(f"{folder}/{body}.npz", **found)
+    """
+    well(run(3, code, folder))
+    for body in one.particles:
+        found, own = np.load(folder / f"{body}.npz"), one.gather(body, "position", "stress")
+        assert all((found[name] == own[name]).all() for name in own)
+
+
+def test_frames_open_in_vtk(one, tmp_path):
+    """A frame of parts is one to VTK, from wherever it is opened."""
+    pyvista = pytest.importorskip("pyvista")
+    folder = tmp_path / "many"
+    well(run(2, "make(output=libmpm.Output(folder, frame_interval=0.05)).run(until=0.06)", folder))
+    for path in sorted((folder / "frames").glob("*_000001.vtkhdf")):
+        mesh = pyvista.read(path)
+        like = pyvista.read(tmp_path / "one" / "frames" / path.name)
+        assert mesh.n_points == like.n_points > 0
+        assert np.allclose(mesh.bounds, like.bounds, rtol=0, atol=0)
+        assert set(mesh.point_data) == set(like.point_data)
+    # Without its parts it is none: HDF5 alone would read zeros.
+    for part in (folder / "frames" / "parts").glob(f"{path.stem}.*"):
+        part.unlink()
+    with pytest.raises(libmpm.OutputError, match="parts are missing"):
+        frames.read_frame(path)
+
+
+def test_only_who_asks(tmp_path):
+    """What a launcher has set changes nothing for who does not ask for ranks."""
+    code = """
+        sim = libmpm.Simulation(fake_engine.small_scene(), device="cpu", threads=1)
+        sim.step(2)
+        assert sim.ranks == 1 and sim.rank == 0
+        print(sum(sim.totals()))
+    """
+    told = well(run(1, code, tmp_path, RANK="3", WORLD_SIZE="8"))
+    assert int(told[0][1]) > 0
+    alone = libmpm.Simulation(fake_engine.small_scene(), device="cpu")
+    with pytest.raises(libmpm.SceneError, match="expected 'processes'"):
+        libmpm.Simulation(fake_engine.small_scene(), ranks="threads")
+    with pytest.raises(libmpm.DeviceError, match="expected device 'cpu'"):
+        libmpm.Simulation(fake_engine.small_scene(), device="cuda:0", ranks="processes")
+    assert alone.ranks == 1
+
+
+def test_one_that_fails_ends_all(tmp_path):
+    """An error in Python on one rank reaches the others by name, and none hangs."""
+    code = """
+        sim = make()
+        if sim.rank == 1:
+            real = sim._agreed
+            def broken(word):
+                if sim.steps > 20:
+                    raise RuntimeError("no such luck")
+                return real(word)
+            sim._agreed = broken
+        sim.run(until=100.0)
+    """
+    told = run(2, code, tmp_path)
+    assert all(code != 0 for code, _, _ in told)
+    assert "rank 1: RuntimeError: no such luck" in told[0][2]
+    assert "no such luck" in told[1][2]
+
+
+def test_one_that_dies_ends_all(tmp_path):
+    """A rank that is gone is named."""
+    code = """
+        sim = make()
+        sim.step(5)
+        if sim.rank == 1:
+            os._exit(9)
+        sim.run(until=100.0)
+    """
+    told = run(2, code, tmp_path)
+    assert [code for code, _, _ in told] == [1, 9]
+    assert "rank 1 has ended" in told[0][2]
+
+
+def test_interrupt_of_one_stops_all(tmp_path):
+    """Ctrl-C on one rank stops all at the same step."""
+    code = """
+        sim = make()
+        sim.step(1)
+        print("ready", flush=True)
+        try:
+            sim.run(until=1e6)
+        except KeyboardInterrupt:
+            print(sim.steps)
+    """
+    made = start(2, code, tmp_path)
+    for process in made:
+        assert process.stdout.readline() == "ready\n"
+    time.sleep(0.5)
+    made[1].send_signal(signal.SIGINT)
+    steps = [process.communicate(timeout=60)[0] for process in made]
+    assert steps[0] == steps[1] != ""
+
+
+def test_who_does_not_come_is_named(tmp_path):
+    """Rank 0 says who is missing and what it has read."""
+    told = run(1, "make()", tmp_path, WORLD_SIZE="2", LIBMPM_MEETING_SECONDS="0.5")
+    assert told[0][0] == 1
+    assert "rank 1" in told[0][2]
+    assert "WORLD_SIZE=2" in told[0][2]
