@@ -12,17 +12,14 @@
 
 namespace mpm {
 
-inline constexpr int max_smoothed = 6;  // components of a field
-
-/// Columns of cell data, each `cells` long. Sums first; `FinishCell` makes of them what the names
-/// say.
+/// What is kept of a cell, in one piece. Sums first; `FinishCell` makes of them what the names say.
 template <int D>
 struct CellColumns {
     static constexpr int products = D * (D + 1) / 2;
     double* data;
-    std::int64_t cells;
     int components;
     bool tilts;
+    int width = columns(components, tilts);
 
     MPM_INLINE static int product(int a, int b) {
         if (a > b) {
@@ -32,11 +29,11 @@ struct CellColumns {
         }
         return a * D - a * (a - 1) / 2 + (b - a);
     }
-    MPM_INLINE static int per_component(bool tilts) { return 3 + (tilts ? 2 * D : 0); }
-    static int columns(int components, bool tilts) {
+    MPM_INLINE static int per_component(bool tilts) { return 2 + (tilts ? 2 * D : 0); }
+    MPM_INLINE static int columns(int components, bool tilts) {
         return 1 + D + products + components * per_component(tilts);
     }
-    MPM_INLINE double& at(int column, std::int64_t c) const { return data[column * cells + c]; }
+    MPM_INLINE double& at(int column, std::int64_t c) const { return data[c * width + column]; }
     MPM_INLINE int first(int q) const { return 1 + D + products + q * per_component(tilts); }
 
     MPM_INLINE double& mass(std::int64_t c) const { return at(0, c); }
@@ -45,14 +42,13 @@ struct CellColumns {
         return at(1 + D + product(a, b), c);
     }
     MPM_INLINE double& mean(int q, std::int64_t c) const { return at(first(q), c); }
-    MPM_INLINE double& square(int q, std::int64_t c) const { return at(first(q) + 1, c); }
-    MPM_INLINE double& smoothed(int q, std::int64_t c) const { return at(first(q) + 2, c); }
+    MPM_INLINE double& smoothed(int q, std::int64_t c) const { return at(first(q) + 1, c); }
     /// First moments of the field; then of what is smoothed, the slope.
     MPM_INLINE double& moment(int q, int a, std::int64_t c) const {
-        return at(first(q) + 3 + a, c);
+        return at(first(q) + 2 + a, c);
     }
     MPM_INLINE double& tilt(int q, int a, std::int64_t c) const {
-        return at(first(q) + 3 + D + a, c);
+        return at(first(q) + 2 + D + a, c);
     }
 };
 
@@ -68,7 +64,6 @@ MPM_INLINE void add_to_cell(const CellColumns<D>& to, std::int64_t c, double m,
     for (int q = 0; q < to.components; ++q) {
         const double v = value(q);
         to.mean(q, c) += m * v;
-        to.square(q, c) += m * v * v;
         if (to.tilts) {
             MPM_UNROLL for (int a = 0; a < D; ++a) to.moment(q, a, c) += m * x[a] * v;
         }
@@ -85,7 +80,8 @@ struct FinishCell {
         MPM_UNROLL for (int a = 0; a < D; ++a) cells.centre(a, c) /= m;
         Mat<double, D> inertia;
         MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = a; b < D; ++b) {
-            const double rest = cells.inertia(a, b, c) - m * cells.centre(a, c) * cells.centre(b, c);
+            const double rest =
+                cells.inertia(a, b, c) - m * cells.centre(a, c) * cells.centre(b, c);
             cells.inertia(a, b, c) = a == b ? larger(rest, 0.0) : rest;
             inertia.e[a][b] = inertia.e[b][a] = cells.inertia(a, b, c);
         }
@@ -151,8 +147,8 @@ struct ExchangeCells {
                         if (!minus.there() || !plus.there()) continue;
                         const double gains = side == 0 ? 1 : -1;
                         if (choice.form == CellForm::flux) {
-                            const double flux = constant_flux(choice, cell[side], minus, plus,
-                                                              cell[3 + side]);
+                            const double flux =
+                                constant_flux(choice, cell[side], minus, plus, cell[3 + side]);
                             value += gains * share * flux / m;
                         } else {
                             const double face = side == 0 ? -0.5 : 0.5;

@@ -26,12 +26,15 @@ enum class FluxLimiter : int { none, linear, quadratic };
 struct SmoothingChoice {
     CellForm form = CellForm::none;
     FluxLimiter limiter = FluxLimiter::none;
-    bool extrema = false;         // limiter A
-    double gamma = 1;             // share of F0's flux, where no limiter sets it
-    bool by_inertia = false;      // F1: L = sqrt(I / m) instead of the way to the face
+    bool extrema = false;     // limiter A
+    double gamma = 1;         // share of F0's flux, where no limiter sets it
+    bool by_inertia = false;  // F1: L = sqrt(I / m) instead of the way to the face
     MPM_HD bool tilts() const { return form == CellForm::linear || form == CellForm::linear_flux; }
     bool operator==(const SmoothingChoice&) const = default;
 };
+
+/// Which part of a tensor a mean stands for (M6 to M9 of three fields: Hu and Washizu).
+enum class TensorPart : int { none, full, volumetric, deviatoric };
 
 /// A cell as a face normal to one axis sees it.
 template <class T>
@@ -72,11 +75,10 @@ MPM_INLINE Parabola<T> parabola_between(const CellAlong<T>& l, const CellAlong<T
     const T own = c.inertia / c.mass;
     const T shift_right = (r.inertia / r.mass - own) / (r.centre - c.centre),
             shift_left = (l.inertia / l.mass - own) / (l.centre - c.centre);
-    const T curvature =
-        (right - left) / ((r.centre + shift_right) - (l.centre + shift_left));
-    const T slope = T(0.5) * (right + left) +
-                    curvature * ((c.centre - T(0.5) * (r.centre + l.centre)) -
-                                 T(0.5) * (shift_right + shift_left));
+    const T curvature = (right - left) / ((r.centre + shift_right) - (l.centre + shift_left));
+    const T slope =
+        T(0.5) * (right + left) + curvature * ((c.centre - T(0.5) * (r.centre + l.centre)) -
+                                               T(0.5) * (shift_right + shift_left));
     return {slope, curvature};
 }
 /// (3.157), (3.158): of a cell with one neighbour, with that one's curvature.
@@ -147,8 +149,7 @@ MPM_INLINE T constant_flux(const SmoothingChoice& k, const CellAlong<T>& before,
     T flows = T(k.gamma) * jump;
     if (k.limiter != FluxLimiter::none) {  // (3.150)
         const T sign = jump < T(0) ? T(-1) : T(1);
-        const T rest =
-            sign * (jump - explained_jump(k.limiter, before, minus, plus, behind));
+        const T rest = sign * (jump - explained_jump(k.limiter, before, minus, plus, behind));
         flows = sign * smaller(larger(rest, T(0)), sign * jump);
     }
     return reduced_mass(minus.mass, plus.mass) * flows;
@@ -172,8 +173,8 @@ MPM_INLINE LinearFlux<T> linear_flux(const CellAlong<T>& minus, const CellAlong<
             b = tilts_plus ? way_plus / plus.inertia : T(0);
     const T jump = (minus.mean + (tilts_minus ? way_minus * minus.slope : T(0))) -
                    (plus.mean - (tilts_plus ? way_plus * plus.slope : T(0)));
-    const T B = T(1) / (way_plus * b + way_minus * a +
-                        (minus.mass + plus.mass) / (minus.mass * plus.mass));
+    const T B =
+        T(1) / (way_plus * b + way_minus * a + (minus.mass + plus.mass) / (minus.mass * plus.mass));
     const T flux = T(0.5) * B * jump;
     return {flux, -a * flux, -b * flux, T(-0.75) * B * jump * jump};
 }

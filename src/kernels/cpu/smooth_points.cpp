@@ -78,8 +78,7 @@ public:
                 const std::size_t at = (std::size_t(k) << D) + std::size_t(c);
                 corner_[at] = lattice.find(of(k, c));
                 double w = 1;
-                for (int a = 0; a < D; ++a)
-                    w *= 0.5 + (c >> a & 1 ? 1 : -1) * x[std::size_t(k)][a];
+                for (int a = 0; a < D; ++a) w *= 0.5 + (c >> a & 1 ? 1 : -1) * x[std::size_t(k)][a];
                 weight_[at] = w;
                 mass_[std::size_t(corner_[at])] += w * p.mass[k];
             }
@@ -151,7 +150,7 @@ std::vector<SmoothingEnergy> smooth(const PointField& p, const SmoothingChoice& 
             Corners<D>(p, cell, x).smooth(field);
         } else if (choice.form != CellForm::none) {
             data.assign(std::size_t(columns) * std::size_t(cells), 0.0);
-            const CellColumns<D> at{data.data(), cells, p.components, choice.tilts()};
+            const CellColumns<D> at{data.data(), p.components, choice.tilts()};
             for (std::size_t k = 0; k < cell.size(); ++k) {
                 add_to_cell(at, number[k], p.mass[k], x[k],
                             [&](int q) { return field[k * std::size_t(p.components) + q]; });

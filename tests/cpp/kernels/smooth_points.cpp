@@ -127,9 +127,9 @@ TEST(SmoothPoints, particles_that_drift_lose_more) {
         const char* form;
         double index[4];
     };
-    const Drift drifts[] = {{"C0", {L, L, L, -0.585135}},      {"F0A", {L, L, L, -0.585135}},
-                            {"F0AL1", {L, L, L, -0.585135}},   {"F0AL2", {L, L, L, -0.585135}},
-                            {"F0L1", {L, L, L, -0.931966}},    {"F0L2", {L, L, L, -0.922264}}};
+    const Drift drifts[] = {{"C0", {L, L, L, -0.585135}},    {"F0A", {L, L, L, -0.585135}},
+                            {"F0AL1", {L, L, L, -0.585135}}, {"F0AL2", {L, L, L, -0.585135}},
+                            {"F0L1", {L, L, L, -0.931966}},  {"F0L2", {L, L, L, -0.922264}}};
     for (const Drift& d : drifts) {
         Bar bar(line);
         const double before = bar.about_mean();
