@@ -5,6 +5,7 @@
 #include "engine_binding.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
 #include "mpm/solver/functions_engine.hpp"
+#include "smoothing_binding.hpp"
 
 namespace py = pybind11;
 
@@ -44,6 +45,7 @@ PYBIND11_MODULE(_core, m) {
                                            : mpm::plan_functions(spec);
     });
     mpm::python::bind_basis(m);
+    mpm::python::bind_smoothing(m);
     m.def("material_table", &mpm::python::material_table,
           "Descriptions of all materials and their parameters.");
     m.def(

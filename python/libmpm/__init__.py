@@ -20,6 +20,7 @@ from libmpm import (
     materials,
     sensors,
     shapes,
+    smoothing,
 )
 from libmpm._src.errors import (
     CapacityError,
@@ -36,6 +37,7 @@ from libmpm._src.guard import Guard
 from libmpm._src.method import FBar, Method
 from libmpm._src.plan import Plan
 from libmpm._src.scene import Scene
+from libmpm._src.smoothing import AssumedFields, Smoothing
 from libmpm._src.timetable import TimeTable
 from libmpm._src.transfer import Kernel, Transfer
 from libmpm._src.triangular.shapes import Traction
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Advice",
+    "AssumedFields",
     "CapacityError",
     "CheckpointError",
     "DeviceError",
@@ -71,6 +74,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Simulation",
+    "Smoothing",
     "Study",
     "TimeTable",
     "Traction",
@@ -90,6 +94,7 @@ __all__ = [
     "materials",
     "sensors",
     "shapes",
+    "smoothing",
     "studies",
     "tradeoff",
 ]

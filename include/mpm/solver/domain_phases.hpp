@@ -80,6 +80,27 @@ void Domain<X, T, D>::sweep_grid() {
     }
 }
 
+/// Room for what a body's particles add to cells.
+template <class X, class T, int D>
+double* Domain<X, T, D>::cell_room(const Body& body) {
+    cells_.reserve_discard(cell_numbers<D>(body.plan.phase.cells) * std::size_t(table_.slots) *
+                           block_cells);
+    return cells_.data();
+}
+
+/// Replaces a body's state by its smoothed one. A call that adds energy is a fault.
+template <class X, class T, int D>
+void Domain<X, T, D>::smooth_over_cells(Body& body, int number, const Phase<X, T, D>& phase) {
+    const SmoothingEnergy e = cell_ops_.smooth(phase, cell_room(body));
+    Clock& clock = *clock_buffer_.data();
+    body.smoothing.add(clock.time, e.before, e.change(), e.index());
+    if (e.sound(sizeof(T) == 4 ? 1e-6 : 1e-12)) return;
+    clock.halt = Halt::fault;
+    clock.fault = FaultKind::smoothing;
+    clock.fault_particle = fault_number(std::uint64_t(number), 0);
+    clock.fault_value = e.change() / e.before;
+}
+
 template <class X, class T, int D>
 void Domain<X, T, D>::run_phases() {
     std::vector<std::size_t> moving;
@@ -92,6 +113,7 @@ void Domain<X, T, D>::run_phases() {
         split = split || bodies_[b].plan.group.split;
         workers += std::uint64_t(bodies_[b].homes);
     }
+    if constexpr (!X::is_device) cell_ops_ = cell_ops<X, T, D>();
     if constexpr (X::is_device) {
         if (moving.empty()) exec_.single(turn_step());
         if (workers >= ~std::uint32_t(0))
@@ -121,7 +143,17 @@ void Domain<X, T, D>::run_phases() {
     }
     for (std::size_t b : moving) {
         const Phase<X, T, D> p = make(b);
+        const CellNumbers& cells = p.n.cells;
+        if constexpr (!X::is_device) {
+            if (cells.works_on_cells() || cells.deformed)
+                cell_ops_.collected(p, cell_room(bodies_[b]));
+            if (cells.smoothing.form != CellForm::none) smooth_over_cells(bodies_[b], int(b), p);
+        }
         bodies_[b].ops.respond(p);
+        if constexpr (!X::is_device) {
+            if (cells.works_on_cells() || cells.normal > 0)
+                cell_ops_.responded(p, cell_room(bodies_[b]));
+        }
         phase_ops_.spread(p);
     }
 }

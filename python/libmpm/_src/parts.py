@@ -14,6 +14,7 @@ from libmpm._src.method import FBar
 from libmpm._src.parameters import Material
 from libmpm._src.sensors import Sensor
 from libmpm._src.shapes import FACES, Box, DomainWalls, OrientedBox, Solid
+from libmpm._src.smoothing import AssumedFields, Smoothing
 from libmpm._src.timetable import TimeTable
 from libmpm._src.transfer import Transfer
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
@@ -39,6 +40,9 @@ class Body(Value):
     tractions: Sequence[Traction] = ()
     transfer: Transfer | None = None
     sampling: Sampling | None = None
+    smoothing: Smoothing | None = None
+    assumed: AssumedFields | None = None
+    damping: float = 0.0
 
     def _label(self) -> str:
         return f"body '{self.name}'"
@@ -55,6 +59,9 @@ class Body(Value):
         if self.sampling is not None:
             example = "shapes.Columns(), shapes.Jitter(share=, seed=), PoissonDisk(seed=) or None"
             check.instance("sampling", self.sampling, (Sampling,), example)
+        for part, kind in (("smoothing", Smoothing), ("assumed", AssumedFields)):
+            if getattr(self, part) is not None:
+                check.instance(part, getattr(self, part), (kind,), f"{kind.__name__}(...) or None")
         level = self.hydrostatic
         if level is not None:
             level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")
@@ -83,6 +90,7 @@ class Body(Value):
                 "particles_per_cell", self.particles_per_cell, lower=1, remedy=remedy
             ),
             "velocity": velocity,
+            "damping": check.number("damping", self.damping, lower=0),
             "hydrostatic": level,
             "subtract_from": tuple(check.text("subtract_from", name) for name in others),
             "lattice": self._lattice(check),

@@ -31,7 +31,8 @@ void spread_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
     const T m = T(pass.body.particle_mass);
     const std::int32_t* neighbours = g.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
     for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
-        const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+        Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+        if (phase.n.kernel.modified) modify_for_deposit(reached.stencil, reached.at.xi);
         const auto add = [&](int channel, int place, T amount) {
             T* sums = g.sums + std::int64_t(neighbours[place >> 8]) * g.sum_channels * block_cells +
                       (place & 255);
