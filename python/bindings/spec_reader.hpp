@@ -138,7 +138,7 @@ inline SmoothingChoice read_smoothing(const py::dict& d, const std::string& who)
     return k;
 }
 
-inline void read_between_parts(const py::dict& d, BodySpec& b) {
+inline void read_between_parts(const py::dict& d, BodySpec& b, int dimension) {
     const std::string who = "body '" + b.name + "'";
     if (d.contains("smoothing")) {
         const py::dict s = d["smoothing"];
@@ -158,6 +158,14 @@ inline void read_between_parts(const py::dict& d, BodySpec& b) {
         b.assumed_part = parts.at(part);
     }
     if (d.contains("damping")) b.damping = d["damping"].cast<double>();
+    if (d.contains("force")) {
+        const py::dict s = d["force"];
+        b.force = {s["axis"].cast<int>(), doubles(s["place"]), doubles(s["value"])};
+        const bool fits = b.force.axis >= 0 && b.force.axis < dimension && !b.force.place.empty() &&
+                          b.force.value.size() == b.force.place.size() * std::size_t(dimension) &&
+                          std::is_sorted(b.force.place.begin(), b.force.place.end());
+        if (!fits) throw SceneError(who + ": a force needs as many values as increasing places");
+    }
 }
 
 inline BodySpec read_body(const py::dict& d, int dimension) {
@@ -255,7 +263,7 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
     b.smoothing_time = f["time"].cast<double>();
     b.smoothing_ratio = f["ratio"].cast<double>();
     if (d.contains("transfer")) read_share(d["transfer"], b);
-    read_between_parts(d, b);
+    read_between_parts(d, b, dimension);
     return b;
 }
 

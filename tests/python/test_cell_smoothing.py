@@ -21,6 +21,10 @@ SOFT = {
     "strain": materials.LinearElastic(density=1000, youngs_modulus=1e-12, poissons_ratio=0.2),
 }
 
+WATER = materials.TaitFluid(density=1000, bulk_modulus=1e6)
+FORCE = libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((-4.0, 0.0), (4.0, 0.0)))
+STEEL = materials.LinearElastic(density=1000, youngs_modulus=1e6, poissons_ratio=0.2)
+
 
 def drifting(
     folder: Path, dimension: int, kernel: str, smoothing, field="volume", threads=1, n=900,
@@ -68,6 +72,16 @@ def state_of(engine):
     return by_id(engine, "state")
 
 
+def undecided(state, position, method, made):
+    """Where limiter A is at a tie, two cells with one mean, that the rounding of sums decides."""
+    random = np.random.default_rng(1)
+    found = np.zeros(state.shape, dtype=bool)
+    for _ in range(20 if "A" in method else 0):
+        noise = 1 + 1e-13 * (random.random(state.shape) - 0.5)
+        found |= abs(smooth(state * noise, 1, position, DX, method=method).q - made) > 1e-14
+    return found
+
+
 CASES = [(2, "quadratic", "volume"), (2, "linear", "strain"), (3, "linear", "volume")]
 
 
@@ -82,11 +96,13 @@ def test_a_step_smooths_as_arrays_do_and_counts_strays(tmp_path, method, dimensi
     for _ in range(7):  # 0.7 cells: some stand beside the cell that they were sorted into
         before = by_id(engine, "position")
         made = smooth(state, 1, before - shift, DX, method=method)
-        weight = np.where(np.arange(state.shape[1]) < dimension, 1, 2)
-        changes.append((weight * (made.q**2 - state**2)).sum())
+        clear = ~undecided(state, before - shift, method, made.q)
+        assert clear.mean() > 0.95
+        energy = (state**2).sum()
         engine.run(1, np.inf, 1e9)
         state = state_of(engine)
-        np.testing.assert_allclose(state, made.q, rtol=0, atol=1e-13)
+        changes.append((state**2).sum() - energy)
+        np.testing.assert_allclose(state[clear], made.q[clear], rtol=0, atol=1e-13)
     rows = engine.smoothing(0)
     assert rows.shape == (7, 5)
     mass = 1000 * 1e-4
@@ -191,54 +207,61 @@ def test_a_cells_particles_share_the_assumed_volume_rate(tmp_path):
 # ---- bars ---------------------------------------------------------------------------------------
 
 
-def end_error(bar, load):
-    """Worst mean of a cell, and rms of particles, against the static stress, over load times L."""
-    centre, mean = bar.cell_means()
-    static = load * 1.6
-    worst = abs(mean - load * (centre - 1.6) * -1).max() / abs(static)
-    rms = np.sqrt(np.mean((bar.stress() + load * (bar.position() - 1.6)) ** 2)) / abs(static)
-    return worst, rms
-
-
+@pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("method", ["C0", "F0AL1", "NB", "F0"])
-def test_bar_in_equilibrium(tmp_path, method):
-    """Yang (2016) 3.6.1 (a) with 10 kN/m: cell by cell smoothing holds, diffusing forms fail."""
-    load = -10e3
+def test_bar_in_equilibrium(tmp_path, method, free):
+    """Yang (2016) 3.6.1 with 10 kN/m: means of cells hold, what diffuses loses the stress."""
     bar = Bar(
-        tmp_path, 16, load=load, courant=0.1, damping=0.02, modified=True,
-        smoothing=libmpm.Smoothing(method=method), strain=lambda x: -load * (x - 1.6) / YOUNG,
+        tmp_path, 16, load=-10e3, courant=0.1, damping=0.02, modified=True, free=free,
+        smoothing=libmpm.Smoothing(method=method), strain="static",
     )  # fmt: skip
     bar.run(5.0)
-    worst, rms = end_error(bar, load)
-    print(method, worst, rms)
+    worst, rms = bar.errors()
     if method in ("C0", "F0AL1"):
         assert worst < 1e-3
     else:
         assert rms > 0.05
 
 
-@pytest.mark.parametrize("method", [None, "C0"])
-def test_bar_in_vibration(tmp_path, method):
-    """Yang (2016) 3.6.2 (a) with 10 N/m: a triangle between 0 and -2 q L of period 4 L / c."""
-    smoothing = None if method is None else libmpm.Smoothing(method=method)
-    bar = Bar(tmp_path, 64, load=-10.0, courant=0.5, smoothing=smoothing)
-    time, first = [], []
-    dt = bar.engine.time_step
-    while bar.engine.time < 2.0:
-        bar.engine.run(4, np.inf, 1e9)
-        time.append(bar.engine.time)
-        first.append(bar.stress()[:3].mean())
-    time, first = np.array(time), np.array(first)
-    begin = time < 0.3
-    least = np.argmin(first[begin])
-    middle = first + 16
-    up = np.nonzero((middle[:-1] < 0) & (middle[1:] >= 0))[0]
-    crossing = time[up] - middle[up] * (time[up + 1] - time[up]) / (middle[up + 1] - middle[up])
-    period = np.polyfit(np.arange(len(crossing)), crossing, 1)[0]
-    print(method, dt, time[least], first[begin][least], period)
-    assert period == pytest.approx(0.32, rel=0.01)
-    assert first[begin][least] == pytest.approx(-32, rel=0.04)
-    assert time[least] == pytest.approx(0.160, rel=0.02)
+def minimum(time, value):
+    """Where a parabola through the least value and those beside it is least, and how low."""
+    k = int(np.argmin(value))
+    near = slice(k - 3, k + 4)
+    c = np.polyfit(time[near] - time[k], value[near], 2)
+    return time[k] - c[1] / (2 * c[0]), c[2] - c[1] ** 2 / (4 * c[0])
+
+
+def rises(time, value):
+    """When a sampled value comes up through zero."""
+    up = np.nonzero((value[:-1] < 0) & (value[1:] >= 0))[0]
+    return time[up] - value[up] * (time[up + 1] - time[up]) / (value[up + 1] - value[up])
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_bar_in_vibration(tmp_path, free):
+    """Yang (2016) 3.6.2 with 10 N/m, by theory: the end of a held bar swings between 0 and -2 q L
+    with 4 L / c, the middle of a free one between 0 and -q L / 2 with 2 L / c."""
+    lowest, period = (-8.0, 0.16) if free else (-32.0, 0.32)
+    at = slice(93, 99) if free else slice(0, 3)  # of the cells beside the middle, or the first
+    found = []
+    for smoothing in (None, libmpm.Smoothing(method="C0")):
+        bar = Bar(tmp_path, 64, load=-10.0, courant=0.5, smoothing=smoothing, free=free)
+        time, stress = [], []
+        while bar.engine.time < 2.0:
+            bar.engine.run(2, np.inf, 1e9)
+            time.append(bar.engine.time)
+            stress.append(bar.stress()[at].mean())
+        time, stress = np.array(time), np.array(stress)
+        first = time < 0.9 * period
+        when, least = minimum(time[first], stress[first])
+        crossings = rises(time, stress - lowest / 2)
+        assert np.polyfit(np.arange(len(crossings)), crossings, 1)[0] == pytest.approx(
+            period, rel=0.01
+        )
+        assert least == pytest.approx(lowest, rel=0.02 if free else 0.04)
+        assert when == pytest.approx(period / 2, rel=0.02)
+        found.append(stress)
+    assert abs(found[0] - found[1]).max() < 0.005 * abs(lowest)
 
 
 def test_numerical_damping_of_a_wave_is_that_of_its_viscosity(tmp_path):
@@ -259,6 +282,26 @@ def test_numerical_damping_of_a_wave_is_that_of_its_viscosity(tmp_path):
     assert decay == pytest.approx(size * ratio * 20 * k**2, rel=0.03)
 
 
+def test_a_force_by_place_drives_each_particle_where_it_stands(tmp_path):
+    """x'' = 8 (x - 0.5) of material without stiffness: from rest x - 0.5 grows with a cosh."""
+    rate = np.sqrt(8.0)
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(-1.0, 0.0), upper=(2.0, 1.0),
+        method=libmpm.Method(transfer="FLIP", time_step=1e-3),
+    )  # fmt: skip
+    scene.add_body(
+        name="b", shape=shapes.Box(lower=(0.2, 0.2), upper=(0.6, 0.6)), material=SOFT["strain"],
+        force=FORCE,
+    )  # fmt: skip
+    sim = libmpm.Simulation(scene, device="cpu", precision="double", threads=1)
+    start = sim.particles["b"]["position"][np.argsort(sim.particles["b"]["id"])]
+    sim.run(until=0.5, progress=False)
+    end = sim.particles["b"]["position"][np.argsort(sim.particles["b"]["id"])]
+    expected = 0.5 + (start[:, 0] - 0.5) * np.cosh(rate * sim.time)
+    np.testing.assert_allclose(end[:, 0], expected, atol=2e-3)
+    np.testing.assert_allclose(end[:, 1], start[:, 1], atol=1e-9)
+
+
 # ---- what is refused ----------------------------------------------------------------------------
 
 
@@ -271,10 +314,6 @@ def body_scene(material, method=None, **body):
         name="b", shape=shapes.Box(lower=(0.2, 0.2), upper=(0.6, 0.6)), material=material, **body
     )
     return scene
-
-
-WATER = materials.TaitFluid(density=1000, bulk_modulus=1e6)
-STEEL = materials.LinearElastic(density=1000, youngs_modulus=1e6, poissons_ratio=0.2)
 
 
 @pytest.mark.parametrize(
@@ -291,6 +330,14 @@ STEEL = materials.LinearElastic(density=1000, youngs_modulus=1e6, poissons_ratio
             lambda: body_scene(STEEL, method=libmpm.Method(kernel=libmpm.Kernel(moved_nodes=True))),
             "transfer 'APIC'",
         ),
+        (
+            lambda: body_scene(
+                STEEL, force=libmpm.PlacedForce(axis="z", place=(0.0, 1.0), value=FORCE.value)
+            ),
+            "2 axes",
+        ),
+        (lambda: libmpm.PlacedForce(axis="x", place=(1.0, 0.0), value=FORCE.value), "increasing"),
+        (lambda: libmpm.PlacedForce(axis="x", place=(0.0,), value=FORCE.value), "as many"),
         (lambda: libmpm.Kernel(name="cubic", modified=True), "linear functions"),
         (lambda: libmpm.Smoothing(method="C0", gamma=0.5), "'F0'"),
         (lambda: libmpm.Smoothing(method="F0", flux_length="inertia"), "'F1'"),
@@ -307,6 +354,7 @@ def test_what_does_not_fit_is_refused_by_name(scene, named):
         {"smoothing": libmpm.Smoothing()},
         {"assumed": libmpm.AssumedFields()},
         {"damping": 0.1},
+        {"force": FORCE},
     ],
 )
 def test_cuda_is_refused_by_name(body):

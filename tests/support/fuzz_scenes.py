@@ -332,6 +332,7 @@ def _methods() -> list[libmpm.Scene]:
     scene.add_body(
         name="bar", shape=_box(0.6, 0.1, 0.9, 0.4), material=materials.LinearElastic(**SOLID),
         smoothing=libmpm.Smoothing(method="F1", flux_length="inertia"), damping=0.02,
+        force=libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((0.1, 0.0), (-0.1, 0.2))),
     )  # fmt: skip
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
     return [*found, scene]

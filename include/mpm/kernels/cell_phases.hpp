@@ -37,8 +37,9 @@ MPM_INLINE InSpan<D> span_of(const BodyView<T, D>& body, const int (&home)[D], s
         int cell = home[a] + shift + Block<D>::edge;
         double x = double(offset - T(shift));
         if (between) {
-            if (x < 0) --cell;
-            x += x < 0 ? 0.5 : -0.5;
+            const bool below = T(1) + T(x) < T(1);  // as `linear_slope` has it
+            if (below) --cell;
+            x += below ? 0.5 : -0.5;
         }
         out.x[a] = x;
         out.place += cell / Block<D>::edge * side_step + cell % Block<D>::edge * node_step;
@@ -86,35 +87,45 @@ MPM_INLINE Mat<V, D> by_moved_nodes(const Mat<V, D>& strain) {
     return out;
 }
 
-/// Components of a tensor that means stand for, and how a mean is put back.
+/// Components of a tensor that means stand for, and how a mean is put back. Of a velocity gradient
+/// the spin stays the particle's own: only rates of deformation are assumed.
 template <int D>
 struct AssumedTensor {
     TensorPart part;
     MPM_INLINE int components() const {
-        return part == TensorPart::none ? 0 : part == TensorPart::volumetric ? 1 : D * D;
+        return part == TensorPart::none ? 0 : part == TensorPart::volumetric ? 1 : D * (D + 1) / 2;
     }
+    /// Axes of component k: the diagonal first.
+    MPM_INLINE static int first(int k) { return k < D ? k : (D == 2 ? 0 : (k - D + 1) % 3); }
+    MPM_INLINE static int second(int k) { return k < D ? k : (D == 2 ? 1 : (k - D + 2) % 3); }
+
     template <class V>
     MPM_INLINE double component(const Mat<V, D>& m, int k) const {
-        double all = 0;
-        MPM_UNROLL for (int a = 0; a < D; ++a) all += double(m.e[a][a]);
+        const double all = double(trace(m));
         if (part == TensorPart::volumetric) return all;
-        const double v = double(m.e[k / D][k % D]);
-        return part == TensorPart::deviatoric && k / D == k % D ? v - all / D : v;
+        const int a = first(k), b = second(k);
+        const double v = 0.5 * (double(m.e[a][b]) + double(m.e[b][a]));
+        return part == TensorPart::deviatoric && a == b ? v - all / D : v;
     }
     /// `means` by component. The trace is shared out among the axes of the grid, so that a fluid
     /// sees its mean in two dimensions as in three.
     template <class V>
     MPM_INLINE void replace(Mat<V, D>& m, const double* means) const {
-        double all = 0;
-        MPM_UNROLL for (int a = 0; a < D; ++a) all += double(m.e[a][a]);
+        const double all = double(trace(m));
         if (part == TensorPart::volumetric) {
             MPM_UNROLL for (int a = 0; a < D; ++a) m.e[a][a] =
                 V(double(m.e[a][a]) + (means[0] - all) / D);
             return;
         }
-        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
-            const bool keeps = part == TensorPart::deviatoric && a == b;
-            m.e[a][b] = V(means[a * D + b] + (keeps ? all / D : 0.0));
+        for (int k = 0; k < components(); ++k) {
+            const int a = first(k), b = second(k);
+            if (a == b) {
+                m.e[a][a] = V(means[k] + (part == TensorPart::deviatoric ? all / D : 0.0));
+                continue;
+            }
+            const double spin = 0.5 * (double(m.e[a][b]) - double(m.e[b][a]));
+            m.e[a][b] = V(means[k] + spin);
+            m.e[b][a] = V(means[k] - spin);
         }
     }
 };

@@ -8,9 +8,49 @@
 //   value_in_cell    for every particle
 #pragma once
 
+#include <algorithm>
+#include <vector>
+
 #include "mpm/physics/smoothing.hpp"
 
 namespace mpm {
+
+/// A force by mass that changes along an axis, linear between places; what it is at its ends holds
+/// beyond them.
+struct PlacedForce {
+    int axis = -1;              // -1: there is none
+    std::vector<double> place;  // (n,) m from the domain's lower corner, increasing
+    std::vector<double> value;  // (n, dimension) m/s2
+
+    double at(double x, int a, int dimension) const {
+        const auto row = [&](std::size_t k) {
+            return value[k * std::size_t(dimension) + std::size_t(a)];
+        };
+        const std::size_t k =
+            std::size_t(std::upper_bound(place.begin(), place.end(), x) - place.begin());
+        if (k == 0) return row(0);
+        if (k == place.size()) return row(k - 1);
+        const double share = (x - place[k - 1]) / (place[k] - place[k - 1]);
+        return row(k - 1) + share * (row(k) - row(k - 1));
+    }
+};
+
+/// What is done between the parts of a body's phased step (cell_phases.hpp).
+struct CellNumbers {
+    SmoothingChoice smoothing;           // of the state
+    int components = 0;                  // of it, the first columns
+    SmoothingChoice assumed;             // rate and stress as means: `constant` or `nodal`
+    TensorPart part = TensorPart::none;  // of them
+    double normal = 0, shear = 0;        // numerical damping, Pa s: l xi sqrt(M rho) and of G
+    bool deformed = false;               // gradients by the moved nodes
+    PlacedForce force;                   // beside gravity
+
+    bool smooths() const { return smoothing.form != CellForm::none; }
+    bool changes_rates() const { return deformed || part != TensorPart::none; }
+    bool changes_deposits() const {
+        return normal > 0 || part != TensorPart::none || force.axis >= 0;
+    }
+};
 
 /// What is kept of a cell, in one piece. Sums first; `FinishCell` makes of them what the names say.
 template <int D>

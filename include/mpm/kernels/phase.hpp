@@ -13,24 +13,9 @@
 
 #include "mpm/kernels/body_common.hpp"
 #include "mpm/physics/shape/kernel.hpp"
-#include "mpm/physics/smoothing.hpp"
 #include "mpm/physics/transfer/scheme.hpp"
 
 namespace mpm {
-
-/// What is done between the parts of a body's step (kernels/cell_phases.hpp): Yang (2016).
-struct CellNumbers {
-    SmoothingChoice smoothing;           // of the state
-    int components = 0;                  // of it, the first columns
-    SmoothingChoice assumed;             // rate and stress as means: `constant` or `nodal`
-    TensorPart part = TensorPart::none;  // of them
-    double normal = 0, shear = 0;        // numerical damping, Pa s: l xi sqrt(M rho) and of G
-    bool deformed = false;               // gradients by the moved nodes
-
-    bool works_on_cells() const {
-        return smoothing.form != CellForm::none || part != TensorPart::none;
-    }
-};
 
 /// Where the phased step of a body finds its numbers; -1: absent.
 struct PhaseNumbers {
@@ -49,7 +34,6 @@ struct PhaseNumbers {
     std::int64_t every = 1;  // of their steps one filters
     bool lags = false;       // F-bar: the gathered average is not advanced
     bool leads = false;      // F-bar: what is deposited is advanced once more
-    CellNumbers cells;
 
     MPM_INLINE bool separate_affine() const {
         return scheme.affine && kernel.gradient == GradientForm::shapes;

@@ -17,13 +17,14 @@ struct PhaseOps {
 template <class X, class T, int D>
 PhaseOps<X, T, D> phase_ops();
 
-/// What a body's step does between its parts (`CellNumbers`), one entry where each belongs. `cells`
-/// is room for `cell_numbers` of every cell (cell_phases.hpp).
+/// What a body's step does between its parts, one entry where each belongs. `cells` is room for
+/// `cell_numbers` of every cell (cell_phases.hpp).
 template <class X, class T, int D>
 struct CellOps {
-    void (*collected)(const Phase<X, T, D>&, double* cells);          // rates
-    SmoothingEnergy (*smooth)(const Phase<X, T, D>&, double* cells);  // the state
-    void (*responded)(const Phase<X, T, D>&, double* cells);          // stresses
+    using Run = void (*)(const Phase<X, T, D>&, const CellNumbers&, double* cells);
+    Run collected;                                                                        // rates
+    SmoothingEnergy (*smooth)(const Phase<X, T, D>&, const CellNumbers&, double* cells);  // state
+    Run responded;  // deposits
 };
 
 /// For backends that have them.

@@ -137,8 +137,9 @@ private:
     Phase<X, T, D> phase(Body& body, int number, int parity_to);
     void reserve_scratch(Body& body);
     void run_phases();
+    void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
+    void after_respond(Body& body, const Phase<X, T, D>& phase);
     double* cell_room(const Body& body);
-    void smooth_over_cells(Body& body, int number, const Phase<X, T, D>& phase);
     void sweep_grid();
     template <class Decided>
     void make_velocities(const Decided& decided);
@@ -343,7 +344,6 @@ private:
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();
-    CellOps<X, T, D> cell_ops_{};
     Buffer<X, double> cells_{exec_};  // what is summed over cells, body after body
     std::vector<Body> bodies_;
 

@@ -83,22 +83,38 @@ void Domain<X, T, D>::sweep_grid() {
 /// Room for what a body's particles add to cells.
 template <class X, class T, int D>
 double* Domain<X, T, D>::cell_room(const Body& body) {
-    cells_.reserve_discard(cell_numbers<D>(body.plan.phase.cells) * std::size_t(table_.slots) *
+    cells_.reserve_discard(cell_numbers<D>(body.plan.cells) * std::size_t(table_.slots) *
                            block_cells);
     return cells_.data();
 }
 
-/// Replaces a body's state by its smoothed one. A call that adds energy is a fault.
+/// Rates as the body assumes them, and its state smoothed. A call that adds energy is a fault.
 template <class X, class T, int D>
-void Domain<X, T, D>::smooth_over_cells(Body& body, int number, const Phase<X, T, D>& phase) {
-    const SmoothingEnergy e = cell_ops_.smooth(phase, cell_room(body));
-    Clock& clock = *clock_buffer_.data();
-    body.smoothing.add(clock.time, e.before, e.change(), e.index());
-    if (e.sound(sizeof(T) == 4 ? 1e-6 : 1e-12)) return;
-    clock.halt = Halt::fault;
-    clock.fault = FaultKind::smoothing;
-    clock.fault_particle = fault_number(std::uint64_t(number), 0);
-    clock.fault_value = e.change() / e.before;
+void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>& phase) {
+    if constexpr (!X::is_device) {
+        const CellNumbers& n = body.plan.cells;
+        Clock& clock = *clock_buffer_.data();
+        if (clock.halt != Halt::none) return;
+        if (n.changes_rates()) cell_ops<X, T, D>().collected(phase, n, cell_room(body));
+        if (!n.smooths()) return;
+        const SmoothingEnergy e = cell_ops<X, T, D>().smooth(phase, n, cell_room(body));
+        body.smoothing.add(clock.time, e.before, e.change(), e.index());
+        if (e.sound(sizeof(T) == 4 ? 1e-6 : 1e-12)) return;
+        clock.halt = Halt::fault;
+        clock.fault = FaultKind::smoothing;
+        clock.fault_particle = fault_number(std::uint64_t(number), 0);
+        clock.fault_value = e.change() / e.before;
+    }
+}
+
+/// What is deposited: stresses as the body assumes them, and what else pushes it.
+template <class X, class T, int D>
+void Domain<X, T, D>::after_respond(Body& body, const Phase<X, T, D>& phase) {
+    if constexpr (!X::is_device) {
+        const CellNumbers& n = body.plan.cells;
+        if (n.changes_deposits() && clock_buffer_.data()->halt == Halt::none)
+            cell_ops<X, T, D>().responded(phase, n, cell_room(body));
+    }
 }
 
 template <class X, class T, int D>
@@ -113,7 +129,6 @@ void Domain<X, T, D>::run_phases() {
         split = split || bodies_[b].plan.group.split;
         workers += std::uint64_t(bodies_[b].homes);
     }
-    if constexpr (!X::is_device) cell_ops_ = cell_ops<X, T, D>();
     if constexpr (X::is_device) {
         if (moving.empty()) exec_.single(turn_step());
         if (workers >= ~std::uint32_t(0))
@@ -143,17 +158,9 @@ void Domain<X, T, D>::run_phases() {
     }
     for (std::size_t b : moving) {
         const Phase<X, T, D> p = make(b);
-        const CellNumbers& cells = p.n.cells;
-        if constexpr (!X::is_device) {
-            if (cells.works_on_cells() || cells.deformed)
-                cell_ops_.collected(p, cell_room(bodies_[b]));
-            if (cells.smoothing.form != CellForm::none) smooth_over_cells(bodies_[b], int(b), p);
-        }
+        after_collect(bodies_[b], int(b), p);
         bodies_[b].ops.respond(p);
-        if constexpr (!X::is_device) {
-            if (cells.works_on_cells() || cells.normal > 0)
-                cell_ops_.responded(p, cell_room(bodies_[b]));
-        }
+        after_respond(bodies_[b], p);
         phase_ops_.spread(p);
     }
 }

@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "mpm/data/time_table.hpp"
+#include "mpm/kernels/cell_smoothing.hpp"
 #include "mpm/physics/boundary/decay.hpp"
 #include "mpm/physics/boundary/response.hpp"
 #include "mpm/physics/shape/kernel.hpp"
-#include "mpm/physics/smoothing.hpp"
 #include "mpm/physics/transfer/scheme.hpp"
 
 namespace mpm {
@@ -84,6 +84,7 @@ struct BodySpec {
     SmoothingChoice assumed;     // `constant` or `nodal` where `assumed_part` is any
     TensorPart assumed_part = TensorPart::none;
     double damping = 0;  // ratio xi
+    PlacedForce force;
     // What it keeps of the velocity that it stores, where the transfer makes it store one.
     double keep = 1;            // alpha
     SchemeNumbers shift{};      // the rule of beta alone
@@ -94,7 +95,7 @@ struct BodySpec {
 /// Does a body ask for what only the phased step has between its parts?
 inline bool works_between_parts(const BodySpec& b) {
     return b.cell_smoothing.form != CellForm::none || b.assumed_part != TensorPart::none ||
-           b.damping > 0;
+           b.damping > 0 || b.force.axis >= 0;
 }
 
 inline std::uint64_t ids_of(const BodySpec& b) { return b.id_count ? b.id_count : b.count; }

@@ -185,7 +185,7 @@ def _check_material(check: Checker, scene: Scene, body: Body) -> None:
                 "ratio to start from; expected a fluid; remove hydrostatic"
             )
     _check_transfer(scene, body, check)
-    _check_smoothing(body, check)
+    _check_smoothing(scene, body, check)
     if isinstance(body.fbar, FBar) and not table.fbar:
         check.fail(
             f"fbar is {body.fbar!r} for {table.name}, which has no volume smoothing; expected "
@@ -203,9 +203,17 @@ def _check_material(check: Checker, scene: Scene, body: Body) -> None:
         )
 
 
-def _check_smoothing(body: Body, check: Checker) -> None:
+def _check_smoothing(scene: Scene, body: Body, check: Checker) -> None:
     """Refuse smoothing over cells of what a material does not store, and beside F-bar."""
     smoothing, table = body.smoothing, body.material.table
+    force, dimension = body.force, scene.dimension
+    if force is not None and (
+        len(force.value[0]) != dimension or "xyz".index(force.axis) >= dimension
+    ):
+        check.fail(
+            f"force is along '{force.axis}' with {len(force.value[0])} components in a scene of "
+            f"{dimension} axes; give one component an axis"
+        )
     if smoothing is None:
         return
     if isinstance(body.fbar, FBar):

@@ -235,7 +235,7 @@ def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dic
         "pressure": None,
         "fbar": _fbar(scene, body),
         "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
-    } | _over_cells(body)
+    } | _over_cells(scene, body)
     if not fill:
         return result
     from libmpm._src.snapshot import remaining
@@ -283,11 +283,11 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "pressure": pressure,
         "fbar": _fbar(scene, body),
         "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
-    } | _over_cells(body)
+    } | _over_cells(scene, body)
 
 
-def _over_cells(body: Body) -> dict[str, Any]:
-    """Return smoothing over cells, assumed fields and numerical damping, where there are any."""
+def _over_cells(scene: Scene, body: Body) -> dict[str, Any]:
+    """Return what is done between the parts of a body's step, where there is any."""
     told: dict[str, Any] = {}
     if body.smoothing is not None:
         told["smoothing"] = body.smoothing.specification(body.material.table.stores_volume)
@@ -295,6 +295,8 @@ def _over_cells(body: Body) -> dict[str, Any]:
         told["assumed"] = body.assumed.specification()
     if body.damping > 0:
         told["damping"] = body.damping
+    if body.force is not None:
+        told["force"] = body.force.specification(scene.lower)
     return told
 
 

@@ -12,6 +12,7 @@ from libmpm._src.geometry.choices import Sampling
 from libmpm._src.geometry.point_file import PointFile
 from libmpm._src.method import FBar
 from libmpm._src.parameters import Material
+from libmpm._src.placed_force import PlacedForce
 from libmpm._src.sensors import Sensor
 from libmpm._src.shapes import FACES, Box, DomainWalls, OrientedBox, Solid
 from libmpm._src.smoothing import AssumedFields, Smoothing
@@ -43,6 +44,7 @@ class Body(Value):
     smoothing: Smoothing | None = None
     assumed: AssumedFields | None = None
     damping: float = 0.0
+    force: PlacedForce | None = None
 
     def _label(self) -> str:
         return f"body '{self.name}'"
@@ -59,7 +61,8 @@ class Body(Value):
         if self.sampling is not None:
             example = "shapes.Columns(), shapes.Jitter(share=, seed=), PoissonDisk(seed=) or None"
             check.instance("sampling", self.sampling, (Sampling,), example)
-        for part, kind in (("smoothing", Smoothing), ("assumed", AssumedFields)):
+        parts = {"smoothing": Smoothing, "assumed": AssumedFields, "force": PlacedForce}
+        for part, kind in parts.items():
             if getattr(self, part) is not None:
                 check.instance(part, getattr(self, part), (kind,), f"{kind.__name__}(...) or None")
         level = self.hydrostatic

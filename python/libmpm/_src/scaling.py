@@ -59,7 +59,7 @@ UNITS: dict[str, dict[str, str]] = {
         "name": TEXT, "shape": TEXT, "material": TEXT, "particles_per_cell": TEXT,
         "velocity": "m/s", "fbar": TEXT, "hydrostatic": "m", "subtract_from": TEXT,
         "lattice": TEXT, "stress": "Pa", "tractions": TEXT, "transfer": TEXT, "sampling": TEXT,
-        "smoothing": TEXT, "assumed": TEXT, "damping": "1",
+        "smoothing": TEXT, "assumed": TEXT, "damping": "1", "force": TEXT,
     },
     "Boundary": {
         "name": TEXT, "shape": TEXT, "response": TEXT, "motion": "m/s", "time": "s",
@@ -92,6 +92,7 @@ UNITS: dict[str, dict[str, str]] = {
     },
     "Smoothing": {"method": TEXT, "gamma": "1", "field": TEXT, "flux_length": TEXT},
     "AssumedFields": {"over": TEXT, "part": TEXT},
+    "PlacedForce": {"axis": TEXT, "place": "m", "value": "m/s²"},
     # shapes
     "Box": {"lower": "m", "upper": "m"},
     "OrientedBox": {"centre": "m", "size": "m", "angle": "degrees", "axis": TEXT},

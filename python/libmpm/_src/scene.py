@@ -18,6 +18,7 @@ from libmpm._src.geometry.point_file import PointFile
 from libmpm._src.method import FBar, Method
 from libmpm._src.parameters import Material
 from libmpm._src.parts import Body, Boundary, PlacedSensor
+from libmpm._src.placed_force import PlacedForce
 from libmpm._src.sensors import Sensor
 from libmpm._src.shapes import Box, DomainWalls, Solid
 from libmpm._src.smoothing import AssumedFields, Smoothing
@@ -265,6 +266,7 @@ class Scene:
         smoothing: Smoothing | None = None,
         assumed: AssumedFields | None = None,
         damping: float = 0.0,
+        force: PlacedForce | None = None,
     ) -> str:
         """Add a body and return its name.
 
@@ -297,6 +299,8 @@ class Scene:
                                             σ_ij += 2 Δx ξ √(M ρ) d_ij, M the modulus of the
                                             pressure wave (i = j) or the shear modulus (Yang 2016,
                                             A.6); 1 is critical in one dimension
+        force               -     -         `PlacedForce`: a force by mass that changes with the
+                                            place, beside gravity
         ==================  ====  ========  ==================================================
 
         Raises `SceneError`; `validate` checks what concerns several objects.
@@ -320,6 +324,7 @@ class Scene:
             smoothing=smoothing,
             assumed=assumed,
             damping=damping,
+            force=force,
         )
         return _insert(self._bodies, "body", body.name, body)
 

@@ -251,9 +251,9 @@ class Simulation(Persistent):
     def smoothing(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         """What `Smoothing` over cells did to each body that has one, in this process.
 
-        By body: "time" in s, "calls", "energy" Σ m q² in kg before the first of them,
-        "energy_change" by all of them, "index" I_E of the last. One row a call; beyond 65,536 rows
-        neighbouring ones are put together.
+        By body: "time" in s, "calls", "energy" Σ m q² in kg, of all components alike, before the
+        first of them, "energy_change" by all of them, "index" I_E of the last. One row a call;
+        beyond 65,536 rows neighbouring ones are put together.
         """
         return {
             body.name: history(self.engine.smoothing(number))

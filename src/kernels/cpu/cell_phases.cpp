@@ -13,7 +13,7 @@ namespace cpu {
 namespace {
 
 /// The most components that a field has: a tensor in three dimensions.
-inline constexpr int most_components = 9;
+inline constexpr int most_components = 6;
 
 /// Calls f(slot, home cell, particle) for all particles, blocks that share cells after each other.
 template <class T, int D, class F>
@@ -115,10 +115,13 @@ void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const Smoothin
 template <class T, int D, class Get, class Put>
 void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
                   int components, const Get& get, const Put& put) {
-    const std::size_t cells = std::size_t(phase.pass.grid.table.slots) * block_cells;
     const bool nodal = choice.form == CellForm::nodal;
     const int width = nodal ? 1 + components : CellColumns<D>::columns(components, choice.tilts());
-    std::fill(data, data + cells * std::size_t(width), 0.0);
+    const std::size_t piece = std::size_t(block_cells) * std::size_t(width);
+#pragma omp parallel for schedule(static) \
+    num_threads(phase_threads(*phase.pass.exec, phase.pass.body.count))
+    for (std::int32_t slot = 0; slot < phase.pass.grid.table.slots; ++slot)
+        std::fill_n(data + std::size_t(slot) * piece, piece, 0.0);
     if (!nodal)
         smooth_by_cells(phase, data, choice, components, get, put);
     else if (kernel_width(phase.n.kernel.kernel) == 3)
@@ -129,8 +132,9 @@ void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingCh
 
 /// Numbers of scratch, a tensor a particle.
 template <class T, int D, class Column>
-void assume(const Phase<Cpu, T, D>& phase, double* data, const Column& column) {
-    const AssumedTensor<D> tensor{phase.n.cells.part};
+void assume(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data,
+            const Column& column) {
+    const AssumedTensor<D> tensor{n.part};
     if (tensor.part == TensorPart::none) return;
     const std::size_t count = phase.pass.body.count;
     const auto read = [&](std::uint32_t q) {
@@ -141,7 +145,7 @@ void assume(const Phase<Cpu, T, D>& phase, double* data, const Column& column) {
         return m;
     };
     smooth_field(
-        phase, data, phase.n.cells.assumed, tensor.components(),
+        phase, data, n.assumed, tensor.components(),
         [&](std::uint32_t q, int k) { return tensor.component(read(q), k); },
         [&](std::int32_t, std::uint32_t q, const double* means) {
             Mat<T, D> m = read(q);
@@ -153,11 +157,11 @@ void assume(const Phase<Cpu, T, D>& phase, double* data, const Column& column) {
 }
 
 template <class T, int D>
-void collected(const Phase<Cpu, T, D>& phase, double* data) {
+void collected(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
     const auto& pass = phase.pass;
     const Scratch<D> column{phase.n.channels};
     const std::size_t count = pass.body.count;
-    if (phase.n.cells.deformed) {
+    if (n.deformed) {
         const T move = T(pass.numbers->move);
 #pragma omp parallel for schedule(static) num_threads(phase_threads(*pass.exec, pass.body.count))
         for (std::uint32_t q = 0; q < pass.body.count; ++q) {
@@ -172,15 +176,37 @@ void collected(const Phase<Cpu, T, D>& phase, double* data) {
                 for (int a = 0; a < D; ++a) at(a, c) = moved.e[c][a] / move;
         }
     }
-    assume(phase, data, [&](int a, int c) { return column.slope(a, c); });
+    assume(phase, n, data, [&](int a, int c) { return column.slope(a, c); });
+}
+
+/// A force by mass acts by the deposit: on the velocity that a particle brings, and stores.
+template <class T, int D>
+void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force) {
+    const auto& pass = phase.pass;
+    const Scratch<D> column{phase.n.channels};
+    const double dx = 1 / pass.numbers->rate, dt = pass.numbers->move * dx;
+#pragma omp parallel for schedule(dynamic, 4) \
+    num_threads(phase_threads(*pass.exec, pass.body.count))
+    for (std::int32_t h = 0; h < pass.body.homes; ++h) {
+        const std::int32_t slot = pass.body.home[h];
+        const double corner = pass.grid.table.corners[std::int64_t(slot) * D + force.axis];
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            const double x =
+                (corner + home[force.axis] + 0.5 + double(pass.body.offset[force.axis][q])) * dx;
+            for (int c = 0; c < D; ++c) {
+                const T gain = T(dt * force.at(x, c, D));
+                pass.scratch[std::size_t(column.value(c)) * pass.body.count + q] += gain;
+                if (phase.n.velocity >= 0) pass.body.state[phase.n.velocity + c][q] += gain;
+            }
+        });
+    }
 }
 
 template <class T, int D>
-void responded(const Phase<Cpu, T, D>& phase, double* data) {
+void responded(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
     const auto& pass = phase.pass;
     const Scratch<D> column{phase.n.channels};
     const std::size_t count = pass.body.count;
-    const CellNumbers& n = phase.n.cells;
     if (n.normal > 0) {
         // dt / (rho0 dx), as of the stress that stands there.
         const double force = 0.25 * pass.numbers->impulse, rate = pass.numbers->rate;
@@ -197,13 +223,13 @@ void responded(const Phase<Cpu, T, D>& phase, double* data) {
             }
         }
     }
-    assume(phase, data, [&](int a, int c) { return column.stress(a, c); });
+    assume(phase, n, data, [&](int a, int c) { return column.stress(a, c); });
+    if (n.force.axis >= 0) push(phase, n.force);
 }
 
 template <class T, int D>
-SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, double* data) {
+SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
     const auto& pass = phase.pass;
-    const CellNumbers& n = phase.n.cells;
     const int components = n.components;
     // Of each home block: energy before and after, then the sums of the components.
     const int width = 2 + components;
@@ -215,11 +241,10 @@ SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, double* data) {
             double* sum = partial.data() + std::size_t(h) * std::size_t(width);
             for (int k = 0; k < components; ++k) {
                 T& own = pass.body.state[k][q];
-                const double weight = k < D ? 1 : 2;  // shear strains stand for two
-                sum[0] += weight * double(own) * double(own);
+                sum[0] += double(own) * double(own);
                 sum[2 + k] += double(own);
                 own = T(value[k]);
-                sum[1] += weight * double(own) * double(own);
+                sum[1] += double(own) * double(own);
             }
         });
     double total[2 + most_components] = {};
@@ -228,7 +253,7 @@ SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, double* data) {
     const double m = pass.body.particle_mass;
     SmoothingEnergy e{m * total[0], m * total[1], 0};
     for (int k = 0; k < components; ++k)
-        e.uniform += m * (k < D ? 1 : 2) * total[2 + k] * total[2 + k] / pass.body.count;
+        e.uniform += m * total[2 + k] * total[2 + k] / pass.body.count;
     return e;
 }
 

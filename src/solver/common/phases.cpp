@@ -83,6 +83,7 @@ CellNumbers cells_of(const Spec& spec, const Scheme& scheme, const BodySpec& bod
     n.smoothing = body.cell_smoothing;
     n.assumed = body.assumed;
     n.part = body.assumed_part;
+    n.force = body.force;
     if (scheme.affine && (n.deformed || n.part != TensorPart::none || body.damping > 0))
         throw SceneError(who +
                          "assumed fields, numerical damping and gradients by moved nodes "
@@ -212,7 +213,7 @@ void plan_phases(const Spec& spec, Plan& plan) {
         p.phase.lags =
             body.smoothing == SmoothingForm::split || body.smoothing == SmoothingForm::literal;
         p.phase.leads = body.smoothing == SmoothingForm::literal;
-        p.phase.cells = cells_of(spec, scheme, body);
+        p.cells = cells_of(spec, scheme, body);
         const double density = material(body.material).density(body.parameters.data());
         p.phase.kernel.half_edge =
             0.5 * std::pow(body.particle_mass / density, 1.0 / D) / spec.cell_size;

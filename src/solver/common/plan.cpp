@@ -124,8 +124,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                          std::any_of(spec.bodies.begin(), spec.bodies.end(), works_between_parts);
     if (between && backend.device)
         throw SceneError(
-            "smoothing over cells, assumed fields, numerical damping, modified functions and "
-            "gradients by moved nodes are not built for " +
+            "smoothing over cells, assumed fields, numerical damping, placed forces, modified "
+            "functions and gradients by moved nodes are not built for " +
             backend.name + "; use device=\"cpu\", or remove them");
     Plan plan;
     const int real = backend.real();
@@ -313,8 +313,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
 
     std::size_t of_cell = 0;  // one body after another uses the room
     for (const BodyPlan& p : plan.bodies)
-        of_cell = std::max(
-            of_cell, D == 2 ? cell_numbers<2>(p.phase.cells) : cell_numbers<3>(p.phase.cells));
+        of_cell = std::max(of_cell, D == 2 ? cell_numbers<2>(p.cells) : cell_numbers<3>(p.cells));
     plan.memory_grid += slots * block_cells * 8 * double(of_cell);
 
     const bool some = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);

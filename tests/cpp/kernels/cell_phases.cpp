@@ -115,7 +115,8 @@ TEST(CellPhases, means_replace_parts_of_tensors) {
     const double none[9] = {};
     deviator.replace(d, none);
     EXPECT_NEAR(trace(d), 18, 1e-14);
-    EXPECT_EQ(d.e[0][1], 0);
+    EXPECT_EQ(d.e[0][1], -1);  // the spin of m
+    EXPECT_EQ(d.e[1][0], 1);
 }
 
 }  // namespace

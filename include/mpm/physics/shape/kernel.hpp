@@ -180,7 +180,7 @@ MPM_INLINE Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& x
 template <class V, int D, int W>
 MPM_INLINE void modify_for_deposit(Stencil<V, D, W>& s, const Vec<V, D>& xi) {
     MPM_UNROLL for (int a = 0; a < D; ++a) {
-        const int low = xi[a] < V(0) ? W / 2 - 1 : W / 2;
+        const int low = V(1) + xi[a] < V(1) ? W / 2 - 1 : W / 2;         // as of `linear_slope`
         const V away = smaller(s.weight[a][low], s.weight[a][low + 1]);  // from the nearer node
         const V part = smaller(V(2) * away / V(0.01), V(1));
         MPM_UNROLL for (int n = 0; n < W; ++n) {
