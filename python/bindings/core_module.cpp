@@ -6,6 +6,7 @@
 #include "mpm/exec/rank_processes.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
 #include "mpm/solver/functions_engine.hpp"
+#include "smoothing_binding.hpp"
 
 namespace py = pybind11;
 
@@ -102,6 +103,7 @@ PYBIND11_MODULE(_core, m) {
     });
     bind_processes(m);
     mpm::python::bind_basis(m);
+    mpm::python::bind_smoothing(m);
     m.def("material_table", &mpm::python::material_table,
           "Descriptions of all materials and their parameters.");
     m.def(

@@ -315,6 +315,18 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                  return out;
              })
         .def(
+            "smoothing",
+            [](const Handle& h, int body) {
+                const SmoothingHistory s = h.engine->smoothing(body);
+                py::array_t<double> out({py::ssize_t(s.rows.size()), py::ssize_t(5)});
+                double* to = out.mutable_data();
+                for (const auto& r : s.rows)
+                    for (double x : {r.time, r.calls, r.before, r.change, r.index}) *to++ = x;
+                return out;
+            },
+            py::arg("body"),
+            "Rows (time, calls, energy before, its change, I_E) of smoothing over cells.")
+        .def(
             "attribute_names",
             [](const Handle& h, int body) { return h.engine->attribute_names(body); },
             py::arg("body"))

@@ -114,6 +114,61 @@ inline void read_share(const py::dict& d, BodySpec& b) {
     b.guard = d["guard"].cast<bool>();
 }
 
+/// Names of smoothing over cells, as Yang (2016) has them.
+inline SmoothingChoice read_smoothing(const py::dict& d, const std::string& who) {
+    const auto method = d["method"].cast<std::string>();
+    using F = CellForm;
+    using L = FluxLimiter;
+    const std::map<std::string, SmoothingChoice> methods = {
+        {"C0", {F::constant, L::none, false, 1, false}},
+        {"C1", {F::linear, L::none, false, 1, false}},
+        {"NB", {F::nodal, L::none, false, 1, false}},
+        {"F0", {F::flux, L::none, false, 1, false}},
+        {"F0L1", {F::flux, L::linear, false, 1, false}},
+        {"F0L2", {F::flux, L::quadratic, false, 1, false}},
+        {"F0A", {F::flux, L::none, true, 1, false}},
+        {"F0AL1", {F::flux, L::linear, true, 1, false}},
+        {"F0AL2", {F::flux, L::quadratic, true, 1, false}},
+        {"F1", {F::linear_flux, L::none, false, 1, false}}};
+    const auto it = methods.find(method);
+    if (it == methods.end())
+        throw SceneError(who + ": smoothing method '" + method + "' is not built");
+    SmoothingChoice k = it->second;
+    k.gamma = d["gamma"].cast<double>();
+    k.by_inertia = d["by_inertia"].cast<bool>();
+    return k;
+}
+
+inline void read_between_parts(const py::dict& d, BodySpec& b, int dimension) {
+    const std::string who = "body '" + b.name + "'";
+    if (d.contains("smoothing")) {
+        const py::dict s = d["smoothing"];
+        b.cell_smoothing = read_smoothing(s, who);
+        b.smoothed_field = s["field"].cast<std::string>();
+    }
+    if (d.contains("assumed")) {
+        const py::dict s = d["assumed"];
+        const auto over = s["over"].cast<std::string>(), part = s["part"].cast<std::string>();
+        const std::map<std::string, TensorPart> parts = {{"full", TensorPart::full},
+                                                         {"volumetric", TensorPart::volumetric},
+                                                         {"deviatoric", TensorPart::deviatoric}};
+        if ((over != "cell" && over != "node") || !parts.count(part))
+            throw SceneError(who + ": assumed fields over '" + over + "' of part '" + part +
+                             "' are not built");
+        b.assumed.form = over == "cell" ? CellForm::constant : CellForm::nodal;
+        b.assumed_part = parts.at(part);
+    }
+    if (d.contains("damping")) b.damping = d["damping"].cast<double>();
+    if (d.contains("force")) {
+        const py::dict s = d["force"];
+        b.force = {s["axis"].cast<int>(), doubles(s["place"]), doubles(s["value"])};
+        const bool fits = b.force.axis >= 0 && b.force.axis < dimension && !b.force.place.empty() &&
+                          b.force.value.size() == b.force.place.size() * std::size_t(dimension) &&
+                          std::is_sorted(b.force.place.begin(), b.force.place.end());
+        if (!fits) throw SceneError(who + ": a force needs as many values as increasing places");
+    }
+}
+
 inline BodySpec read_body(const py::dict& d, int dimension) {
     BodySpec b;
     b.name = d["name"].cast<std::string>();
@@ -209,6 +264,7 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
     b.smoothing_time = f["time"].cast<double>();
     b.smoothing_ratio = f["ratio"].cast<double>();
     if (d.contains("transfer")) read_share(d["transfer"], b);
+    read_between_parts(d, b, dimension);
     return b;
 }
 
@@ -229,7 +285,7 @@ inline KernelSpec read_kernel(const py::dict& d) {
     if (gradient != "mls" && gradient != "kernel")
         throw SceneError("gradient is '" + gradient + "'; expected mls or kernel");
     return {it->second, gradient == "mls" ? GradientForm::moments : GradientForm::shapes,
-            d["boundary"].cast<bool>()};
+            d["boundary"].cast<bool>(), d.contains("modified") && d["modified"].cast<bool>()};
 }
 
 inline StartSpec read_start(const py::dict& d, int dimension) {
@@ -487,6 +543,7 @@ inline Spec read_spec(const py::dict& d) {
     if (d.contains("grid")) s.functions = read_functions(d["grid"]);
     if (d.contains("transfer")) s.transfer = read_transfer(d["transfer"]);
     if (d.contains("kernel")) s.kernel = read_kernel(d["kernel"]);
+    if (d.contains("deformed_nodes")) s.deformed_nodes = d["deformed_nodes"].cast<bool>();
     s.gravity = read_table(d["gravity"], s.dimension, "gravity");
     s.cfl = d["cfl"].cast<double>();
     s.time_step = d["time_step"].is_none() ? 0 : d["time_step"].cast<double>();

@@ -20,6 +20,7 @@ from libmpm import (
     materials,
     sensors,
     shapes,
+    smoothing,
 )
 from libmpm._src.errors import (
     CapacityError,
@@ -34,8 +35,10 @@ from libmpm._src.errors import (
 from libmpm._src.field import Field
 from libmpm._src.guard import Guard
 from libmpm._src.method import FBar, Method
+from libmpm._src.placed_force import PlacedForce
 from libmpm._src.plan import Plan
 from libmpm._src.scene import Scene
+from libmpm._src.smoothing import AssumedFields, Smoothing
 from libmpm._src.timetable import TimeTable
 from libmpm._src.transfer import Kernel, Transfer
 from libmpm._src.triangular.shapes import Traction
@@ -53,6 +56,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Advice",
+    "AssumedFields",
     "CapacityError",
     "CheckpointError",
     "DeviceError",
@@ -66,11 +70,13 @@ __all__ = [
     "NumericalError",
     "Output",
     "OutputError",
+    "PlacedForce",
     "Plan",
     "Results",
     "Scene",
     "SceneError",
     "Simulation",
+    "Smoothing",
     "Study",
     "TimeTable",
     "Traction",
@@ -90,6 +96,7 @@ __all__ = [
     "materials",
     "sensors",
     "shapes",
+    "smoothing",
     "studies",
     "tradeoff",
 ]

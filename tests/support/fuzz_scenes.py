@@ -311,6 +311,9 @@ def _methods() -> list[libmpm.Scene]:
     for method in (
         libmpm.Method(transfer=libmpm.Transfer(scheme="XPIC", order=3, every=2), kernel="cubic"),
         libmpm.Method(transfer="FLIP", kernel=libmpm.Kernel(name="linear", boundary=True)),
+        libmpm.Method(
+            transfer="PIC", kernel=libmpm.Kernel(name="linear", modified=True, moved_nodes=True)
+        ),
     ):
         scene = _scene(2, method=method, name=f"method {len(found)}")
         scene.add_body(name="w", shape=_box(0, 0, 0.5, 0.4), material=WATER, fbar=None)
@@ -320,7 +323,19 @@ def _methods() -> list[libmpm.Scene]:
         )  # fmt: skip
         scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
         found.append(scene)
-    return found
+    scene = _scene(2, method=libmpm.Method(transfer="FLIP"), name="over cells")
+    scene.add_body(
+        name="w", shape=_box(0, 0, 0.5, 0.4), material=WATER,
+        smoothing=libmpm.Smoothing(method="F0", gamma=0.5, field="volume"),
+        assumed=libmpm.AssumedFields(over="node", part="full"),
+    )  # fmt: skip
+    scene.add_body(
+        name="bar", shape=_box(0.6, 0.1, 0.9, 0.4), material=materials.LinearElastic(**SOLID),
+        smoothing=libmpm.Smoothing(method="F1", flux_length="inertia"), damping=0.02,
+        force=libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((0.1, 0.0), (-0.1, 0.2))),
+    )  # fmt: skip
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    return [*found, scene]
 
 
 def started(folder: Path) -> libmpm.Scene:

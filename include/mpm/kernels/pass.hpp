@@ -115,6 +115,8 @@ struct MaterialInfo {
     double (*viscosity)(const double*);  // the largest, Pa s; null where there is none
     double (*volume_from_pressure)(double pressure, const double*);  // null unless volumetric
     int (*reals)(int dimension);
+    bool stores_strain;                      // the total small strain alone
+    double (*shear_modulus)(const double*);  // Pa; null where there is none
 };
 
 template <class Material>
@@ -143,6 +145,9 @@ MaterialInfo describe_material() {
     m.reals = [](int d) {
         return d == 2 ? Material::template reals<2> : Material::template reals<3>;
     };
+    m.stores_strain = requires { Material::stores_strain; };
+    if constexpr (requires { &Material::shear_modulus; })
+        m.shear_modulus = &Material::shear_modulus;
     static_assert(sizeof(Material::parameters) / sizeof(Parameter) <= max_parameters);
     return m;
 }

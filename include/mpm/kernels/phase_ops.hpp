@@ -2,6 +2,7 @@
 // each backend, precision and dimension.
 #pragma once
 
+#include "mpm/kernels/cell_smoothing.hpp"
 #include "mpm/kernels/phase.hpp"
 
 namespace mpm {
@@ -15,5 +16,19 @@ struct PhaseOps {
 
 template <class X, class T, int D>
 PhaseOps<X, T, D> phase_ops();
+
+/// What a body's step does between its parts, one entry where each belongs. `cells` is room for
+/// `cell_numbers` of every cell (cell_phases.hpp).
+template <class X, class T, int D>
+struct CellOps {
+    using Run = void (*)(const Phase<X, T, D>&, const CellNumbers&, double* cells);
+    Run collected;                                                                        // rates
+    SmoothingEnergy (*smooth)(const Phase<X, T, D>&, const CellNumbers&, double* cells);  // state
+    Run responded;  // deposits
+};
+
+/// For backends that have them.
+template <class X, class T, int D>
+CellOps<X, T, D> cell_ops();
 
 }  // namespace mpm

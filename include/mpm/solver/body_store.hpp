@@ -6,6 +6,7 @@
 
 #include "mpm/exec/buffer.hpp"
 #include "mpm/kernels/pass.hpp"
+#include "mpm/solver/engine.hpp"
 #include "mpm/solver/plan.hpp"
 
 namespace mpm {
@@ -38,6 +39,8 @@ struct BodyStore {
     Buffer<X, std::int32_t> coloured;                 // CPU: home blocks by colour
     std::vector<std::int32_t> colour_start;           // CPU
     Buffer<X, typename X::template Grid<T>> scratch;  // two-pass: what particles deposit
+
+    SmoothingHistory smoothing;  // over cells
 
     // Taken out of the computation by the policy for particles that leave the domain, still listed.
     std::vector<std::uint32_t> frozen_id;

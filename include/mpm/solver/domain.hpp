@@ -20,6 +20,7 @@
 #include "mpm/exec/buffer.hpp"
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/arrange.hpp"
+#include "mpm/kernels/cell_phases.hpp"
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/order.hpp"
 #include "mpm/kernels/phase_ops.hpp"
@@ -59,6 +60,9 @@ public:
     std::vector<Samples> drain() override;
     std::vector<Removed> removed() override { return std::exchange(removed_, {}); }
     std::vector<Flow> flows() override { return std::exchange(flows_, {}); }
+    SmoothingHistory smoothing(int body) const override {
+        return bodies_.at(std::size_t(body)).smoothing;
+    }
     std::vector<std::string> attribute_names(int body) const override;
     Attributes attributes(int body, const std::vector<std::string>& names) override;
     Gathered gather(int body, const std::vector<std::string>& names,
@@ -133,6 +137,9 @@ private:
     Phase<X, T, D> phase(Body& body, int number, int parity_to);
     void reserve_scratch(Body& body);
     void run_phases();
+    void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
+    void after_respond(Body& body, const Phase<X, T, D>& phase);
+    double* cell_room(const Body& body);
     void sweep_grid();
     template <class Decided>
     void make_velocities(const Decided& decided);
@@ -353,6 +360,7 @@ private:
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();
+    Buffer<X, double> cells_{exec_};  // what is summed over cells, body after body
     std::vector<Body> bodies_;
 
     std::vector<Sensor> sensors_;

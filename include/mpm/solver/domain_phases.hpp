@@ -80,6 +80,43 @@ void Domain<X, T, D>::sweep_grid() {
     }
 }
 
+/// Room for what a body's particles add to cells.
+template <class X, class T, int D>
+double* Domain<X, T, D>::cell_room(const Body& body) {
+    cells_.reserve_discard(cell_numbers<D>(body.plan.cells) * std::size_t(table_.slots) *
+                           block_cells);
+    return cells_.data();
+}
+
+/// Rates as the body assumes them, and its state smoothed. A call that adds energy is a fault.
+template <class X, class T, int D>
+void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>& phase) {
+    if constexpr (!X::is_device) {
+        const CellNumbers& n = body.plan.cells;
+        Clock& clock = *clock_buffer_.data();
+        if (clock.halt != Halt::none) return;
+        if (n.changes_rates()) cell_ops<X, T, D>().collected(phase, n, cell_room(body));
+        if (!n.smooths()) return;
+        const SmoothingEnergy e = cell_ops<X, T, D>().smooth(phase, n, cell_room(body));
+        body.smoothing.add(clock.time, e.before, e.change(), e.index());
+        if (e.sound(sizeof(T) == 4 ? 1e-6 : 1e-12)) return;
+        clock.halt = Halt::fault;
+        clock.fault = FaultKind::smoothing;
+        clock.fault_particle = fault_number(std::uint64_t(number), 0);
+        clock.fault_value = e.change() / e.before;
+    }
+}
+
+/// What is deposited: stresses as the body assumes them, and what else pushes it.
+template <class X, class T, int D>
+void Domain<X, T, D>::after_respond(Body& body, const Phase<X, T, D>& phase) {
+    if constexpr (!X::is_device) {
+        const CellNumbers& n = body.plan.cells;
+        if (n.changes_deposits() && clock_buffer_.data()->halt == Halt::none)
+            cell_ops<X, T, D>().responded(phase, n, cell_room(body));
+    }
+}
+
 template <class X, class T, int D>
 void Domain<X, T, D>::run_phases() {
     std::vector<std::size_t> moving;
@@ -121,7 +158,9 @@ void Domain<X, T, D>::run_phases() {
     }
     for (std::size_t b : moving) {
         const Phase<X, T, D> p = make(b);
+        after_collect(bodies_[b], int(b), p);
         bodies_[b].ops.respond(p);
+        after_respond(bodies_[b], p);
         phase_ops_.spread(p);
     }
 }

@@ -362,6 +362,7 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
     if (by_phases) {
         const Phase<X, T, D> p = phase(body, number, parity());
         body.ops.rest(p);
+        after_respond(body, p);
         phase_ops_.spread(p);
     } else {
         body.ops.initial(pass(body, number, parity()));

@@ -363,6 +363,7 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     double bytes =
         double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() + touched_.bytes() +
                velocity_.bytes() + sums_[0].bytes() + sums_[1].bytes());
+    bytes += double(cells_.bytes());
     for (const auto& b : bodies_) {
         for (const auto& c : b.offset) bytes += double(c.bytes());
         for (const auto& c : b.state) bytes += double(c.bytes());

@@ -384,6 +384,14 @@ Fault Domain<X, T, D>::describe_fault() {
     }
     if (clock_.fault_particle == fault_elsewhere) return f;
     const std::size_t b = clock_.fault_particle >> 40;
+    if (clock_.fault == FaultKind::smoothing) {
+        f.body = bodies_.at(b).plan.name;
+        f.code = std::isfinite(f.value) ? "smoothing-energy" : "non-finite";
+        f.message = std::isfinite(f.value)
+                        ? "smoothing over cells has added energy to the field that it smooths"
+                        : "what smoothing over cells has found is not finite";
+        return f;
+    }
     const std::size_t k = clock_.fault_particle & ((std::uint64_t(1) << 40) - 1);
     Body& body = bodies_.at(b);
     f.body = body.plan.name;

@@ -90,6 +90,41 @@ struct Condition {
     std::vector<std::uint64_t> moving;
 };
 
+/// What smoothing over cells did to one body (physics/smoothing.hpp), call after call; where there
+/// were very many, several calls make a row.
+struct SmoothingHistory {
+    /// Time of the row's first call in s, how many, sum m q^2 in kg before the first, its change by
+    /// all of them, and I_E of the last.
+    struct Row {
+        double time, calls, before, change, index;
+    };
+    std::vector<Row> rows;
+    std::int64_t calls_per_row = 1, calls = 0;
+
+    static constexpr std::size_t most_rows = 65536;
+    void add(double time, double before, double change, double index) {
+        if (calls % calls_per_row == 0) {
+            if (rows.size() == most_rows) thin();
+            if (calls % calls_per_row == 0) rows.push_back({time, 0, before, 0, 0});
+        }
+        ++calls;
+        Row& row = rows.back();
+        row.calls += 1;
+        row.change += change;
+        row.index = index;
+    }
+
+private:
+    void thin() {
+        for (std::size_t k = 0; k < rows.size() / 2; ++k) {
+            const Row a = rows[2 * k], b = rows[2 * k + 1];
+            rows[k] = {a.time, a.calls + b.calls, a.before, a.change + b.change, b.index};
+        }
+        rows.resize(rows.size() / 2);
+        calls_per_row *= 2;
+    }
+};
+
 struct Attributes {
     std::vector<std::uint64_t> id;
     std::map<std::string, Array> values;
@@ -145,6 +180,8 @@ public:
     virtual std::vector<Removed> removed() = 0;
     /// What came and went since the last call.
     virtual std::vector<Flow> flows() { return {}; }
+    /// Of a body, since the engine was made; empty where nothing is smoothed over cells.
+    virtual SmoothingHistory smoothing(int /*body*/) const { return {}; }
     virtual std::vector<std::string> attribute_names(int body) const = 0;
     virtual Attributes attributes(int body, const std::vector<std::string>& names) = 0;
     /// The same as dense columns of the caller's own where the engine's memory is; `origin`

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "mpm/kernels/cell_smoothing.hpp"
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/phase.hpp"
 #include "mpm/kernels/sweep.hpp"
@@ -49,6 +50,7 @@ struct BodyPlan {
     GroupChannels group;
     int state_columns = 0;
     PhaseNumbers phase;  // of the phased step
+    CellNumbers cells;   // and between its parts
     double spacing = 0;
 };
 struct Plan {

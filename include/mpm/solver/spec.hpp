@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "mpm/data/time_table.hpp"
+#include "mpm/kernels/cell_smoothing.hpp"
 #include "mpm/physics/boundary/decay.hpp"
 #include "mpm/physics/boundary/response.hpp"
 #include "mpm/physics/shape/kernel.hpp"
@@ -80,12 +81,25 @@ struct BodySpec {
     SmoothingForm smoothing = SmoothingForm::none;
     double smoothing_time = 0;
     double smoothing_ratio = 0;
+    // Over cells (kernels/cell_smoothing.hpp), and numerical damping.
+    SmoothingChoice cell_smoothing;
+    std::string smoothed_field;  // "volume" or "strain"
+    SmoothingChoice assumed;     // `constant` or `nodal` where `assumed_part` is any
+    TensorPart assumed_part = TensorPart::none;
+    double damping = 0;  // ratio xi
+    PlacedForce force;
     // What it keeps of the velocity that it stores, where the transfer makes it store one.
     double keep = 1;            // alpha
     SchemeNumbers shift{};      // the rule of beta alone
     bool guard = true;          // beta is 0 where a boundary changed a node's velocity
     std::uint64_t held_by = 0;  // bit mask of the boundaries that are for some bodies alone
 };
+
+/// Does a body ask for what only the phased step has between its parts?
+inline bool works_between_parts(const BodySpec& b) {
+    return b.cell_smoothing.form != CellForm::none || b.assumed_part != TensorPart::none ||
+           b.damping > 0 || b.force.axis >= 0;
+}
 
 inline std::uint64_t ids_of(const BodySpec& b) { return b.id_count ? b.id_count : b.count; }
 
@@ -229,7 +243,8 @@ struct TransferSpec {
 struct KernelSpec {
     Kernel kernel = Kernel::quadratic;
     GradientForm gradient = GradientForm::moments;
-    bool clamped = false;  // modified splines where the domain ends
+    bool clamped = false;   // modified splines where the domain ends
+    bool modified = false;  // linear: deposits by modified functions
 };
 
 /// Ranks that share the scene, each with its own blocks of cells and their particles.
@@ -261,6 +276,7 @@ struct Spec {
     FunctionsSpec functions;
     TransferSpec transfer;
     KernelSpec kernel;
+    bool deformed_nodes = false;  // velocity gradients by nodes that have moved with the step
     TableSpec gravity;
     double cfl = 0.4;
     double time_step = 0;  // 0: from the wave speeds

@@ -185,19 +185,44 @@ def _check_material(check: Checker, scene: Scene, body: Body) -> None:
                 "ratio to start from; expected a fluid; remove hydrostatic"
             )
     _check_transfer(scene, body, check)
+    _check_smoothing(scene, body, check)
     if isinstance(body.fbar, FBar) and not table.fbar:
         check.fail(
             f"fbar is {body.fbar!r} for {table.name}, which has no volume smoothing; expected "
             'None or "default"; remove fbar'
         )
         return
-    choice = FBar() if body.fbar == "default" and table.stores_volume else body.fbar
+    by_default = body.fbar == "default" and table.stores_volume and body.smoothing is None
+    choice = FBar() if by_default else body.fbar
     if not isinstance(choice, FBar) or wave_speed(body.material) is not None:
         return
     if choice.time is None and choice.ratio is None and choice.length is None:
         check.fail(
             f"fbar needs a time, since the wave speed of {table.name} is not known; "
             "give FBar(time=...) in s"
+        )
+
+
+def _check_smoothing(scene: Scene, body: Body, check: Checker) -> None:
+    """Refuse smoothing over cells of what a material does not store, and beside F-bar."""
+    smoothing, table = body.smoothing, body.material.table
+    force, dimension = body.force, scene.dimension
+    if force is not None and (
+        len(force.value[0]) != dimension or "xyz".index(force.axis) >= dimension
+    ):
+        check.fail(
+            f"force is along '{force.axis}' with {len(force.value[0])} components in a scene of "
+            f"{dimension} axes; give one component an axis"
+        )
+    if smoothing is None:
+        return
+    if isinstance(body.fbar, FBar):
+        check.fail("fbar and smoothing are both given; expected at most one; remove one of them")
+    has = "volume" if table.stores_volume else "strain" if table.name == "LinearElastic" else None
+    if has is None or smoothing.field not in (None, has):
+        check.fail(
+            f"smoothing of field '{smoothing.field or 'strain'}' for {table.name}, which does not "
+            "store it; expected 'volume' of a fluid or 'strain' of LinearElastic; remove smoothing"
         )
 
 

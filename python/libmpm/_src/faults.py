@@ -51,6 +51,10 @@ _CAUSES = {
         "use more particles per cell (with quadratic functions 9, with cubic 25 or more), "
         "grids.LumpedMass(), or for ConsistentMass(solver='cg') more iterations",
     ),
+    "smoothing-energy": (
+        "smoothing over cells has added energy",
+        "use another method of Smoothing, and report the scene: no method should",
+    ),
     "fixed-point": (
         "a grid sum left the range of the integers that hold it",
         "lower Method.cfl or the time step, or use precision='double'",

@@ -91,4 +91,5 @@ def opened_by(scene: Scene) -> list[str]:
     if isinstance(scene.gravity, TimeTable):
         found.append("gravity changes with time")
     found += [f"body '{body.name}' has tractions" for body in scene.bodies if body.tractions]
+    found += [f"body '{body.name}' has a force" for body in scene.bodies if body.force]
     return found

@@ -184,6 +184,7 @@ def lower(
                 if not isinstance(s.sensor, Sampled)
             ],
         }
+        | ({"deformed_nodes": True} if scene.method.kernel_choice.moved_nodes else {})
         | flow_entries(scene, bodies)
         | _added(scene, time_step, with_particles and not shell)
     )
@@ -234,7 +235,7 @@ def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dic
         "pressure": None,
         "fbar": _fbar(scene, body),
         "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
-    }
+    } | _over_cells(scene, body)
     if not fill:
         return result
     from libmpm._src.snapshot import remaining
@@ -282,7 +283,21 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "pressure": pressure,
         "fbar": _fbar(scene, body),
         "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
-    }
+    } | _over_cells(scene, body)
+
+
+def _over_cells(scene: Scene, body: Body) -> dict[str, Any]:
+    """Return what is done between the parts of a body's step, where there is any."""
+    told: dict[str, Any] = {}
+    if body.smoothing is not None:
+        told["smoothing"] = body.smoothing.specification(body.material.table.stores_volume)
+    if body.assumed is not None:
+        told["assumed"] = body.assumed.specification()
+    if body.damping > 0:
+        told["damping"] = body.damping
+    if body.force is not None:
+        told["force"] = body.force.specification(scene.lower)
+    return told
 
 
 def _velocity(scene: Scene, body: Body, position: Rows, count: int) -> npt.NDArray[np.float64]:
@@ -357,7 +372,8 @@ def _hydrostatic(scene: Scene, level: float, density: float, position: Rows) -> 
 def _fbar(scene: Scene, body: Body) -> dict[str, Any]:
     choice = body.fbar
     if choice == "default":
-        choice = FBar() if body.material.table.stores_volume else None
+        given = body.material.table.stores_volume and body.smoothing is None
+        choice = FBar() if given else None
     if choice is None:
         return {"form": "none", "time": 0.0, "ratio": 0.0}
     time, ratio = choice.time or 0.0, choice.ratio or 0.0

@@ -12,8 +12,10 @@ from libmpm._src.geometry.choices import Sampling
 from libmpm._src.geometry.point_file import PointFile
 from libmpm._src.method import FBar
 from libmpm._src.parameters import Material
+from libmpm._src.placed_force import PlacedForce
 from libmpm._src.sensors import Sensor
 from libmpm._src.shapes import FACES, Box, DomainWalls, OrientedBox, Solid
+from libmpm._src.smoothing import AssumedFields, Smoothing
 from libmpm._src.timetable import TimeTable
 from libmpm._src.transfer import Transfer
 from libmpm._src.triangular.shapes import Cells, Outline, Points, Traction
@@ -39,6 +41,10 @@ class Body(Value):
     tractions: Sequence[Traction] = ()
     transfer: Transfer | None = None
     sampling: Sampling | None = None
+    smoothing: Smoothing | None = None
+    assumed: AssumedFields | None = None
+    damping: float = 0.0
+    force: PlacedForce | None = None
 
     def _label(self) -> str:
         return f"body '{self.name}'"
@@ -55,6 +61,10 @@ class Body(Value):
         if self.sampling is not None:
             example = "shapes.Columns(), shapes.Jitter(share=, seed=), PoissonDisk(seed=) or None"
             check.instance("sampling", self.sampling, (Sampling,), example)
+        parts = {"smoothing": Smoothing, "assumed": AssumedFields, "force": PlacedForce}
+        for part, kind in parts.items():
+            if getattr(self, part) is not None:
+                check.instance(part, getattr(self, part), (kind,), f"{kind.__name__}(...) or None")
         level = self.hydrostatic
         if level is not None:
             level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")
@@ -83,6 +93,7 @@ class Body(Value):
                 "particles_per_cell", self.particles_per_cell, lower=1, remedy=remedy
             ),
             "velocity": velocity,
+            "damping": check.number("damping", self.damping, lower=0),
             "hydrostatic": level,
             "subtract_from": tuple(check.text("subtract_from", name) for name in others),
             "lattice": self._lattice(check),

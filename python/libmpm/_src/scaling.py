@@ -59,6 +59,7 @@ UNITS: dict[str, dict[str, str]] = {
         "name": TEXT, "shape": TEXT, "material": TEXT, "particles_per_cell": TEXT,
         "velocity": "m/s", "fbar": TEXT, "hydrostatic": "m", "subtract_from": TEXT,
         "lattice": TEXT, "stress": "Pa", "tractions": TEXT, "transfer": TEXT, "sampling": TEXT,
+        "smoothing": TEXT, "assumed": TEXT, "damping": "1", "force": TEXT,
     },
     "Boundary": {
         "name": TEXT, "shape": TEXT, "response": TEXT, "motion": "m/s", "time": "s",
@@ -86,7 +87,12 @@ UNITS: dict[str, dict[str, str]] = {
         "critical_ratio": "1", "width": "1", "power": "1", "below": TEXT, "guard": TEXT,
         "order": TEXT, "every": TEXT,
     },
-    "Kernel": {"name": TEXT, "gradient": TEXT, "boundary": TEXT},
+    "Kernel": {
+        "name": TEXT, "gradient": TEXT, "boundary": TEXT, "modified": TEXT, "moved_nodes": TEXT,
+    },
+    "Smoothing": {"method": TEXT, "gamma": "1", "field": TEXT, "flux_length": TEXT},
+    "AssumedFields": {"over": TEXT, "part": TEXT},
+    "PlacedForce": {"axis": TEXT, "place": "m", "value": "m/s²"},
     # shapes
     "Box": {"lower": "m", "upper": "m"},
     "OrientedBox": {"centre": "m", "size": "m", "angle": "degrees", "axis": TEXT},

@@ -18,8 +18,10 @@ from libmpm._src.geometry.point_file import PointFile
 from libmpm._src.method import FBar, Method
 from libmpm._src.parameters import Material
 from libmpm._src.parts import Body, Boundary, PlacedSensor
+from libmpm._src.placed_force import PlacedForce
 from libmpm._src.sensors import Sensor
 from libmpm._src.shapes import Box, DomainWalls, Solid
+from libmpm._src.smoothing import AssumedFields, Smoothing
 from libmpm._src.start import Start
 from libmpm._src.timetable import TimeTable, check_vector_table
 from libmpm._src.transfer import Transfer
@@ -261,6 +263,10 @@ class Scene:
         tractions: Sequence[Traction] = (),
         transfer: Transfer | None = None,
         sampling: Sampling | None = None,
+        smoothing: Smoothing | None = None,
+        assumed: AssumedFields | None = None,
+        damping: float = 0.0,
+        force: PlacedForce | None = None,
     ) -> str:
         """Add a body and return its name.
 
@@ -287,6 +293,14 @@ class Scene:
                                             own; None = that of the scene's `Method`
         sampling            -     -         `shapes.Columns`, `Jitter` or `PoissonDisk` in place of
                                             the plain lattice
+        smoothing           -     -         `Smoothing` of its state over cells, in place of F-bar
+        assumed             -     -         `AssumedFields`: means of its rate and stress
+        damping             1     ≥ 0       ratio ξ of numerical damping, of elastic solids:
+                                            σ_ij += 2 Δx ξ √(M ρ) d_ij, M the modulus of the
+                                            pressure wave (i = j) or the shear modulus (Yang 2016,
+                                            A.6); 1 is critical in one dimension
+        force               -     -         `PlacedForce`: a force by mass that changes with the
+                                            place, beside gravity
         ==================  ====  ========  ==================================================
 
         Raises `SceneError`; `validate` checks what concerns several objects.
@@ -307,6 +321,10 @@ class Scene:
             tractions=tractions,
             transfer=transfer,
             sampling=sampling,
+            smoothing=smoothing,
+            assumed=assumed,
+            damping=damping,
+            force=force,
         )
         return _insert(self._bodies, "body", body.name, body)
 

@@ -40,6 +40,7 @@ from libmpm._src.scene import Scene
 from libmpm._src.sensing.custom import with_functions
 from libmpm._src.sensing.loop import Measurements
 from libmpm._src.sharing import Sharing
+from libmpm._src.smoothing import history
 from libmpm._src.supply import OUTFLOW, Traffic
 from libmpm._src.values import warned_already
 from libmpm._src.views import GridView, ParticlesView, SensorsView
@@ -252,6 +253,20 @@ class Simulation(Persistent, Sharing):
     def statistics(self) -> dict[str, Any]:
         """Counters of the engine, such as the number of sorts."""
         return dict(self.engine.statistics())
+
+    @property
+    def smoothing(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+        """What `Smoothing` over cells did to each body that has one, in this process.
+
+        By body: "time" in s, "calls", "energy" Σ m q² in kg, of all components alike, before the
+        first of them, "energy_change" by all of them, "index" I_E of the last. One row a call;
+        beyond 65,536 rows neighbouring ones are put together.
+        """
+        return {
+            body.name: history(self.engine.smoothing(number))
+            for number, body in enumerate(self._scene.bodies)
+            if body.smoothing is not None
+        }
 
     @property
     def displaced(self) -> dict[str, int]:

@@ -166,16 +166,22 @@ class Transfer(Value):
 class Kernel(Value):
     """The functions between particles and nodes.
 
-    =========  ====  =========  =================================================================
-    parameter  unit  range      meaning
-    =========  ====  =========  =================================================================
-    name       -     see below  the functions
-    gradient   -     see below  where velocity gradients and internal forces come from: "mls"
-                                (first moments, MLS-MPM) or "kernel" (gradients of the functions);
-                                None = "mls" for quadratic and cubic, else "kernel"
-    boundary   -     bool       B-splines that end where the domain does (modified boundary
-                                splines), for linear, quadratic and cubic ones
-    =========  ====  =========  =================================================================
+    ===========  ====  =========  ===============================================================
+    parameter    unit  range      meaning
+    ===========  ====  =========  ===============================================================
+    name         -     see below  the functions
+    gradient     -     see below  where velocity gradients and internal forces come from: "mls"
+                                  (first moments, MLS-MPM) or "kernel" (gradients of the
+                                  functions); None = "mls" for quadratic and cubic, else
+                                  "kernel"
+    boundary     -     bool       B-splines that end where the domain does (modified boundary
+                                  splines), for linear, quadratic and cubic ones
+    modified     -     bool       linear functions N deposit by others: N between 0.001 and
+                                  0.999, their slopes falling to zero within 0.5 % of a span
+                                  from its ends; nothing is almost massless, nothing jumps
+    moved_nodes  -     bool       velocity gradients by where the nodes go in the step,
+                                  L (I + Δt L)⁻¹: a rigid turn does not strain
+    ===========  ====  =========  ===============================================================
 
     Names: B-splines "linear", "quadratic", "cubic"; "ugimp", the mean of the linear function over a
     particle that keeps its size, "cpgimp", over one that follows its stretch along each axis.
@@ -185,7 +191,8 @@ class Kernel(Value):
     `SceneError`.
 
     Source: Bonus (2023) 2.28; Bardenhagen and Kober (2004) for GIMP; Steffen, Kirby and Berzins
-    (2008) for splines at boundaries.
+    (2008) for splines at boundaries; Yang (2016) A.4 and A.5 (the clamp corrected) for modified
+    functions, A.8 and A.9 for moved nodes.
     """
 
     label: ClassVar[str] = "Kernel"
@@ -193,6 +200,8 @@ class Kernel(Value):
     name: Literal["linear", "quadratic", "cubic", "ugimp", "cpgimp"] = "quadratic"
     gradient: Literal["mls", "kernel"] | None = None
     boundary: bool = False
+    modified: bool = False
+    moved_nodes: bool = False
 
     def _check(self, check: Checker) -> dict[str, Any]:
         name = check.choice("name", self.name, KERNELS)
@@ -205,6 +214,14 @@ class Kernel(Value):
             check.fail(
                 f"boundary is True for '{name}'; splines that end with the domain are linear, "
                 "quadratic or cubic; leave it out"
+            )
+        for flag in ("modified", "moved_nodes"):
+            if not isinstance(getattr(self, flag), bool):
+                check.fail(f"{flag} is {getattr(self, flag)!r}; expected True or False")
+        if self.modified is True and (name != "linear" or self.boundary):
+            check.fail(
+                f"modified is True for {self.text()}; it is defined for linear functions; leave "
+                "it out"
             )
         if not check.problems and gradient == "mls" and not self.has_moments:
             check.fail(
@@ -231,7 +248,8 @@ class Kernel(Value):
 
     def specification(self) -> dict[str, Any]:
         """Return what the engine is told."""
-        return {"name": self.name, "gradient": self.form, "boundary": self.boundary}
+        told = {"name": self.name, "gradient": self.form, "boundary": self.boundary}
+        return told | ({"modified": True} if self.modified else {})
 
 
 def as_transfer(check: Checker, given: Any) -> Transfer:

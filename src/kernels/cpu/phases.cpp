@@ -22,7 +22,7 @@ void collect_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
 }
 
 /// Sums of one block's particles go straight to the grid.
-template <int W, class T, int D>
+template <int W, bool modified, class T, int D>
 void spread_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
     const auto& pass = phase.pass;
     const auto& g = pass.grid;
@@ -31,7 +31,8 @@ void spread_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
     const T m = T(pass.body.particle_mass);
     const std::int32_t* neighbours = g.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
     for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
-        const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+        Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+        if constexpr (modified) modify_for_deposit(reached.stencil, reached.at.xi);
         const auto add = [&](int channel, int place, T amount) {
             T* sums = g.sums + std::int64_t(neighbours[place >> 8]) * g.sum_channels * block_cells +
                       (place & 255);
@@ -67,10 +68,12 @@ void spread_body(const Phase<Cpu, T, D>& phase) {
     for (int colour = 0; colour < pass.colours; ++colour) {
 #pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
         for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k) {
-            if (narrow)
-                spread_block<3>(phase, pass.coloured[k]);
+            if (phase.n.kernel.modified)
+                spread_block<3, true>(phase, pass.coloured[k]);
+            else if (narrow)
+                spread_block<3, false>(phase, pass.coloured[k]);
             else
-                spread_block<5>(phase, pass.coloured[k]);
+                spread_block<5, false>(phase, pass.coloured[k]);
         }
     }
 }

@@ -23,7 +23,9 @@ bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
            a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
            a.smoothing_ratio == b.smoothing_ratio && a.keep == b.keep && a.shift == b.shift &&
-           a.guard == b.guard && a.held_by == b.held_by && bool(a.pressure) == bool(b.pressure) &&
+           // Cells and nodal means are a body's own.
+           !works_between_parts(a) && !works_between_parts(b) && a.guard == b.guard &&
+           a.held_by == b.held_by && bool(a.pressure) == bool(b.pressure) &&
            a.first_id + ids_of(a) == b.first_id && a.count > 0 && b.count > 0 &&
            (a.velocity == b.velocity || ids_of(a) + ids_of(b) <= most_with_velocities);
 }
@@ -99,6 +101,9 @@ public:
     }
     std::vector<Samples> drain() override { return inner_->drain(); }
     std::vector<Flow> flows() override { return inner_->flows(); }
+    SmoothingHistory smoothing(int body) const override {
+        return inner_->smoothing(body_of_.at(std::size_t(body)));
+    }
     std::vector<Removed> removed() override {
         std::vector<Removed> out;
         for (const Removed& r : inner_->removed()) {

@@ -73,16 +73,56 @@ SchemeNumbers numbers_of(const Scheme& scheme, Memory memory, const BodySpec& bo
     return n;
 }
 
+/// What a body does over cells, and its numerical damping; refuses what its material or the scene's
+/// transfer has not.
+CellNumbers cells_of(const Spec& spec, const Scheme& scheme, const BodySpec& body) {
+    const MaterialInfo& m = material(body.material);
+    const std::string who = "body '" + body.name + "': ";
+    CellNumbers n;
+    n.deformed = spec.deformed_nodes;
+    n.smoothing = body.cell_smoothing;
+    n.assumed = body.assumed;
+    n.part = body.assumed_part;
+    n.force = body.force;
+    if (scheme.affine && (n.deformed || n.part != TensorPart::none || body.damping > 0))
+        throw SceneError(who +
+                         "assumed fields, numerical damping and gradients by moved nodes "
+                         "change the gradient that transfer '" +
+                         spec.transfer.scheme +
+                         "' carries along. Use PIC, FLIP, PIC-FLIP, NFLIP, SFLIP, XPIC or FMPM");
+    if (n.smoothing.form != CellForm::none) {
+        if (body.smoothing != SmoothingForm::none)
+            throw SceneError(who + "smoothing over cells and F-bar at once. Remove one of them");
+        const bool volume = body.smoothed_field == "volume";
+        if (volume ? !m.volumetric : !m.stores_strain)
+            throw SceneError(who + "smoothing of field '" + body.smoothed_field + "', which " +
+                             m.name +
+                             " does not store; fluids store a volume, LinearElastic a strain. "
+                             "Remove smoothing from this body");
+        n.components = volume ? 1 : m.reals(spec.dimension);
+    }
+    if (body.damping > 0) {
+        if (!m.shear_modulus)
+            throw SceneError(who + "numerical damping is for elastic solids; " + m.name +
+                             " has no shear modulus. Remove damping from this body");
+        const double* p = body.parameters.data();
+        const double density = m.density(p), l = spec.cell_size;
+        n.normal = l * body.damping * density * m.wave_speed(p);
+        n.shear = l * body.damping * std::sqrt(density * m.shear_modulus(p));
+    }
+    return n;
+}
+
 }  // namespace
 
 bool needs_phases(const Spec& spec) {
     const KernelSpec& k = spec.kernel;
     if (spec.transfer.scheme != "APIC" || k.kernel != Kernel::quadratic || k.clamped ||
-        k.gradient != GradientForm::moments)
+        k.gradient != GradientForm::moments || spec.deformed_nodes)
         return true;
     return std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
-        return !material(b.material).fused || b.smoothing == SmoothingForm::split ||
-               b.smoothing == SmoothingForm::literal ||
+        return !material(b.material).fused || works_between_parts(b) ||
+               b.smoothing == SmoothingForm::split || b.smoothing == SmoothingForm::literal ||
                (b.smoothing != SmoothingForm::none && !material(b.material).volumetric);
     });
 }
@@ -91,10 +131,10 @@ bool can_keep(const Spec& spec) {
     const KernelSpec& k = spec.kernel;
     const Scheme& scheme = scheme_of(spec.transfer);
     return scheme.memory == Memory::flip && !scheme.sweeps && k.kernel == Kernel::quadratic &&
-           !k.clamped && k.gradient == GradientForm::moments &&
+           !k.clamped && k.gradient == GradientForm::moments && !spec.deformed_nodes &&
            std::all_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
-               return material(b.material).fuses_memory && b.smoothing != SmoothingForm::split &&
-                      b.smoothing != SmoothingForm::literal;
+               return material(b.material).fuses_memory && !works_between_parts(b) &&
+                      b.smoothing != SmoothingForm::split && b.smoothing != SmoothingForm::literal;
            });
 }
 
@@ -102,6 +142,11 @@ void plan_phases(const Spec& spec, Plan& plan) {
     const int D = spec.dimension;
     const Scheme& scheme = scheme_of(spec.transfer);
     refuse_undefined(spec, scheme);
+    if (spec.kernel.modified && (spec.kernel.kernel != Kernel::linear || spec.kernel.clamped))
+        throw SceneError("modified functions with kernel '" +
+                         std::string(name_of(spec.kernel.kernel)) +
+                         (spec.kernel.clamped ? "' and boundary splines" : "'") +
+                         "; they are defined for linear functions. Leave modified out");
     if (spec.transfer.order < 1 || spec.transfer.every < 1)
         throw SceneError("transfer '" + spec.transfer.scheme + "' has order " +
                          std::to_string(spec.transfer.order) + " and every " +
@@ -151,6 +196,7 @@ void plan_phases(const Spec& spec, Plan& plan) {
     common.kernel.kernel = spec.kernel.kernel;
     common.kernel.gradient = spec.kernel.gradient;
     common.kernel.clamped = spec.kernel.clamped;
+    common.kernel.modified = spec.kernel.modified;
     for (int a = 0; a < D; ++a) common.kernel.cells[a] = int(spec.cells[a]);
     common.before = plan.kept.before;
     common.guard = plan.kept.guard;
@@ -167,6 +213,7 @@ void plan_phases(const Spec& spec, Plan& plan) {
         p.phase.lags =
             body.smoothing == SmoothingForm::split || body.smoothing == SmoothingForm::literal;
         p.phase.leads = body.smoothing == SmoothingForm::literal;
+        p.cells = cells_of(spec, scheme, body);
         const double density = material(body.material).density(body.parameters.data());
         p.phase.kernel.half_edge =
             0.5 * std::pow(body.particle_mass / density, 1.0 / D) / spec.cell_size;

@@ -6,6 +6,7 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/data/blocks.hpp"
+#include "mpm/kernels/cell_phases.hpp"
 #include "mpm/kernels/sorting.hpp"
 
 namespace mpm {
@@ -119,6 +120,13 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         throw SceneError("pipeline is '" + spec.pipeline +
                          "'; expected auto, fused, two-pass or phased");
     }
+    const bool between = spec.deformed_nodes || spec.kernel.modified ||
+                         std::any_of(spec.bodies.begin(), spec.bodies.end(), works_between_parts);
+    if (between && backend.device)
+        throw SceneError(
+            "smoothing over cells, assumed fields, numerical damping, placed forces, modified "
+            "functions and gradients by moved nodes are not built for " +
+            backend.name + "; use device=\"cpu\", or remove them");
     Plan plan;
     const int real = backend.real();
     const std::string numbers = backend.numbers();
@@ -263,7 +271,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         const double c = m.wave_speed(body.parameters.data());
         plan.wave_speed = std::max(plan.wave_speed, c);
         const double mu = m.viscosity ? m.viscosity(body.parameters.data()) : 0;
-        const StepLimit limit = step_limit(spec, c, mu / density);
+        // Numerical damping is a viscosity (Yang 2016, A.6).
+        const StepLimit limit =
+            step_limit(spec, c, mu / density + body.damping * spec.cell_size * c);
         const std::string by_wave = limit_text(body, "wave speed", c, "m/s"),
                           by_viscosity = limit_text(body, "viscosity", mu, "Pa·s");
         const double own = std::min(limit.wave, limit.viscous);
@@ -301,6 +311,11 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     plan.memory_tables = slots * (8 + 4 * (D == 2 ? 9 : 27) + 12) +
                          double(spec.bodies.size()) * slots * block_cells * 4;
 
+    std::size_t of_cell = 0;  // one body after another uses the room
+    for (const BodyPlan& p : plan.bodies)
+        of_cell = std::max(of_cell, D == 2 ? cell_numbers<2>(p.cells) : cell_numbers<3>(p.cells));
+    plan.memory_grid += slots * block_cells * 8 * double(of_cell);
+
     const bool some = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);
     for (const auto& b : spec.boundaries)
         plan.memory_tables += double(4 * b.surface.values.size() + 8 * b.surface.keys.size() +
@@ -321,6 +336,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             plan.kernels.push_back("fused:" + b.name);
         } else if (plan.phased) {
             plan.kernels.push_back("collect:" + b.name);
+            if (b.cell_smoothing.form != CellForm::none)
+                plan.kernels.push_back("smooth_cells:" + b.name);
             plan.kernels.push_back("respond:" + b.name);
             plan.kernels.push_back("spread:" + b.name);
         } else {

@@ -48,6 +48,7 @@ struct IsotropicElastic {
     }
     static double density(const double* p) { return p[0]; }
     static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
+    static double shear_modulus(const double* p) { return p[1] / (2 * (1 + p[2])); }
 };
 
 /// Numbers of a symmetric tensor: xx, yy, xy or xx, yy, zz, yz, xz, xy.
@@ -179,6 +180,7 @@ struct HenckyFlow {
         "B", {4, 6}, "elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz", "1"};
     static double density(const double* p) { return p[0]; }
     static double wave_speed(const double* p) { return pressure_wave_speed(p[1], p[2], p[0]); }
+    static double shear_modulus(const double* p) { return p[1] / (2 * (1 + p[2])); }
 
     template <int D, class V, int R>
     MPM_INLINE static LogStrain<V, D> elastic_strain(const V (&state)[R]) {

@@ -15,6 +15,7 @@ struct LinearElastic : IsotropicElastic {
         "Hooke's law in the small strain; for rotations and strains of a few thousandths";
     static constexpr const char* source = "Hooke's law";
     static constexpr const char* needs = "elastic_strain";
+    static constexpr bool stores_strain = true;  // the total one, which may be smoothed over cells
     static constexpr Column columns[] = {{"strain", {3, 6}, "small strain", "1"}};
 
     template <int D>

@@ -120,8 +120,9 @@ struct KernelChoice {
     Kernel kernel = Kernel::quadratic;
     GradientForm gradient = GradientForm::moments;
     bool clamped = false;
-    double half_edge = 0;  // of a particle at rest, for GIMP
-    int cells[3] = {};     // of the domain
+    double half_edge = 0;   // of a particle at rest, for GIMP
+    int cells[3] = {};      // of the domain
+    bool modified = false;  // linear functions: what a deposit takes for them (modify_for_deposit)
 };
 
 /// A particle's nodes along each axis: number W / 2 is the centre of its cell.
@@ -171,6 +172,23 @@ MPM_INLINE Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& x
         s.inverse[a] = moment > V(0) ? V(1) / moment : V(0);
     }
     return s;
+}
+
+/// Linear functions as a deposit may take them (Yang 2016, A.4 and A.5, the clamp corrected): no
+/// weight below 0.001 or above 0.999, and slopes that go to zero towards the nodes within 0.5 % of
+/// the span between them. Both still add up to 1 and to 0, and no node is almost massless.
+template <class V, int D, int W>
+MPM_INLINE void modify_for_deposit(Stencil<V, D, W>& s, const Vec<V, D>& xi) {
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        const int low = V(1) + xi[a] < V(1) ? W / 2 - 1 : W / 2;         // as of `linear_slope`
+        const V away = smaller(s.weight[a][low], s.weight[a][low + 1]);  // from the nearer node
+        const V part = smaller(V(2) * away / V(0.01), V(1));
+        MPM_UNROLL for (int n = 0; n < W; ++n) {
+            if (n < low || n > low + 1) continue;
+            s.weight[a][n] = smaller(larger(s.weight[a][n], V(0.001)), V(0.999));
+            s.slope[a][n] = s.slope[a][n] * part;
+        }
+    }
 }
 
 }  // namespace mpm

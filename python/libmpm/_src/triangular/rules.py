@@ -110,6 +110,11 @@ def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
             f"fbar is {body.fbar!r} on a grid of functions, which has no volume smoothing; "
             "remove fbar"
         )
+    if any((body.smoothing, body.assumed, body.damping, body.force)):
+        check.fail(
+            "smoothing, assumed, damping and force work on square cells; a grid of functions has "
+            "none of them; remove them"
+        )
     if body.subtract_from:
         check.fail("subtract_from is not built for grids of functions; shape the bodies apart")
     if isinstance(shape, Cells | Points) and not isinstance(scene.grid, TriangularGrid):

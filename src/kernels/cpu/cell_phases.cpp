@@ -1,0 +1,285 @@
+// CPU driver of what works over cells within the phased step: loops and partial sums. Sums of cells
+// and nodes go by colours of blocks that share none, so that no number of threads changes a bit.
+#include "mpm/kernels/cell_phases.hpp"
+
+#include "mpm/kernels/cpu/phases.hpp"
+#include "mpm/kernels/phase_ops.hpp"
+#include "mpm/kernels/transfers.hpp"
+
+namespace mpm {
+
+namespace cpu {
+
+namespace {
+
+/// The most components that a field has: a tensor in three dimensions.
+inline constexpr int most_components = 6;
+
+/// Calls f(slot, home cell, particle) for all particles, blocks that share cells after each other.
+template <class T, int D, class F>
+void for_each_by_colour(const Phase<Cpu, T, D>& phase, const F& f) {
+    const auto& pass = phase.pass;
+    const int threads = phase_threads(*pass.exec, pass.body.count);
+    for (int colour = 0; colour < pass.colours; ++colour) {
+#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
+        for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k) {
+            const std::int32_t slot = pass.coloured[k];
+            for_each_of_block<T, D>(
+                pass.body, slot, [&](const int(&home)[D], std::uint32_t q) { f(slot, home, q); });
+        }
+    }
+}
+
+/// Mass, then one sum a component, of every node: lumped means by the grid's functions.
+template <int W, class T, int D, class Get, class Put>
+void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int components, const Get& get,
+                     const Put& put) {
+    const auto& pass = phase.pass;
+    const std::int32_t* neighbours = pass.grid.table.neighbours;
+    const double m = pass.body.particle_mass;
+    const int width = 1 + components;
+    const auto of = [&](std::int32_t slot, int place) {
+        const std::int64_t there =
+            neighbours[std::int64_t(slot) * Block<D>::neighbours + (place >> 8)];
+        return nodes + (there * block_cells + (place & 255)) * width;
+    };
+    for_each_by_colour(phase, [&](std::int32_t slot, const int(&home)[D], std::uint32_t q) {
+        const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+        double value[most_components];
+        for (int k = 0; k < components; ++k) value[k] = get(q, k);
+        for_each_node(reached.stencil, places_in_grid<W>(reached.at.cell),
+                      [&](const int(&)[D], int place, T w) {
+                          double* to = of(slot, place);
+                          to[0] += m * double(w);
+                          for (int k = 0; k < components; ++k)
+                              to[1 + k] += m * double(w) * value[k];
+                      });
+    });
+#pragma omp parallel for schedule(dynamic, 4) \
+    num_threads(phase_threads(*pass.exec, pass.body.count))
+    for (std::int32_t h = 0; h < pass.body.homes; ++h) {
+        const std::int32_t slot = pass.body.home[h];
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+            double value[most_components] = {};
+            for_each_node(reached.stencil, places_in_grid<W>(reached.at.cell),
+                          [&](const int(&)[D], int place, T w) {
+                              const double* from = of(slot, place);
+                              if (!(from[0] > 0)) return;
+                              for (int k = 0; k < components; ++k)
+                                  value[k] += double(w) * from[1 + k] / from[0];
+                          });
+            put(h, q, value);
+        });
+    }
+}
+
+template <class T, int D, class Get, class Put>
+void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
+                     int components, const Get& get, const Put& put) {
+    const auto& pass = phase.pass;
+    const auto& table = pass.grid.table;
+    const CellColumns<D> cells{data, components, choice.tilts()};
+    const bool between = spans_lie_between_nodes(phase.n.kernel.kernel);
+    const auto number = [&](std::int32_t slot, int place) {
+        const std::int64_t there =
+            table.neighbours[std::int64_t(slot) * Block<D>::neighbours + (place >> 8)];
+        return there * block_cells + (place & 255);
+    };
+    for_each_by_colour(phase, [&](std::int32_t slot, const int(&home)[D], std::uint32_t q) {
+        const InSpan<D> at = span_of<T, D>(pass.body, home, q, between);
+        add_to_cell(cells, number(slot, at.place), pass.body.particle_mass, at.x,
+                    [&](int k) { return get(q, k); });
+    });
+    const std::int64_t all = std::int64_t(table.slots) * block_cells;
+    const int threads = phase_threads(*pass.exec, pass.body.count);
+    const FinishCell<D> finish{cells};
+    const ExchangeCells<D, NextInBlocks<D>> exchange{cells, choice, {table.neighbours}};
+#pragma omp parallel for schedule(static) num_threads(threads)
+    for (std::int64_t c = 0; c < all; ++c) finish(c);
+#pragma omp parallel for schedule(static) num_threads(threads)
+    for (std::int64_t c = 0; c < all; ++c) exchange(c);
+#pragma omp parallel for schedule(dynamic, 4) num_threads(threads)
+    for (std::int32_t h = 0; h < pass.body.homes; ++h) {
+        const std::int32_t slot = pass.body.home[h];
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            const InSpan<D> at = span_of<T, D>(pass.body, home, q, between);
+            const std::int64_t c = number(slot, at.place);
+            double value[most_components];
+            for (int k = 0; k < components; ++k) value[k] = value_in_cell(cells, c, at.x, k);
+            put(h, q, value);
+        });
+    }
+}
+
+template <class T, int D, class Get, class Put>
+void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
+                  int components, const Get& get, const Put& put) {
+    const bool nodal = choice.form == CellForm::nodal;
+    const int width = nodal ? 1 + components : CellColumns<D>::columns(components, choice.tilts());
+    const std::size_t piece = std::size_t(block_cells) * std::size_t(width);
+#pragma omp parallel for schedule(static) \
+    num_threads(phase_threads(*phase.pass.exec, phase.pass.body.count))
+    for (std::int32_t slot = 0; slot < phase.pass.grid.table.slots; ++slot)
+        std::fill_n(data + std::size_t(slot) * piece, piece, 0.0);
+    if (!nodal)
+        smooth_by_cells(phase, data, choice, components, get, put);
+    else if (kernel_width(phase.n.kernel.kernel) == 3)
+        smooth_by_nodes<3>(phase, data, components, get, put);
+    else
+        smooth_by_nodes<5>(phase, data, components, get, put);
+}
+
+/// Numbers of scratch, a tensor a particle.
+template <class T, int D, class Column>
+void assume(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data,
+            const Column& column) {
+    const AssumedTensor<D> tensor{n.part};
+    if (tensor.part == TensorPart::none) return;
+    const std::size_t count = phase.pass.body.count;
+    const auto read = [&](std::uint32_t q) {
+        Mat<T, D> m;
+        for (int c = 0; c < D; ++c)
+            for (int a = 0; a < D; ++a)
+                m.e[c][a] = phase.pass.scratch[std::size_t(column(a, c)) * count + q];
+        return m;
+    };
+    smooth_field(
+        phase, data, n.assumed, tensor.components(),
+        [&](std::uint32_t q, int k) { return tensor.component(read(q), k); },
+        [&](std::int32_t, std::uint32_t q, const double* means) {
+            Mat<T, D> m = read(q);
+            tensor.replace(m, means);
+            for (int c = 0; c < D; ++c)
+                for (int a = 0; a < D; ++a)
+                    phase.pass.scratch[std::size_t(column(a, c)) * count + q] = m.e[c][a];
+        });
+}
+
+template <class T, int D>
+void collected(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
+    const auto& pass = phase.pass;
+    const Scratch<D> column{phase.n.channels};
+    const std::size_t count = pass.body.count;
+    if (n.deformed) {
+        const T move = T(pass.numbers->move);
+#pragma omp parallel for schedule(static) num_threads(phase_threads(*pass.exec, pass.body.count))
+        for (std::uint32_t q = 0; q < pass.body.count; ++q) {
+            const auto at = [&](int a, int c) -> T& {
+                return pass.scratch[std::size_t(column.slope(a, c)) * count + q];
+            };
+            Mat<T, D> strain;
+            for (int c = 0; c < D; ++c)
+                for (int a = 0; a < D; ++a) strain.e[c][a] = move * at(a, c);
+            const Mat<T, D> moved = by_moved_nodes(strain);
+            for (int c = 0; c < D; ++c)
+                for (int a = 0; a < D; ++a) at(a, c) = moved.e[c][a] / move;
+        }
+    }
+    assume(phase, n, data, [&](int a, int c) { return column.slope(a, c); });
+}
+
+/// A force by mass acts by the deposit: on the velocity that a particle brings, and stores.
+template <class T, int D>
+void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force) {
+    const auto& pass = phase.pass;
+    const Scratch<D> column{phase.n.channels};
+    const double dx = 1 / pass.numbers->rate, dt = pass.numbers->move * dx;
+#pragma omp parallel for schedule(dynamic, 4) \
+    num_threads(phase_threads(*pass.exec, pass.body.count))
+    for (std::int32_t h = 0; h < pass.body.homes; ++h) {
+        const std::int32_t slot = pass.body.home[h];
+        const double corner = pass.grid.table.corners[std::int64_t(slot) * D + force.axis];
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            const double x =
+                (corner + home[force.axis] + 0.5 + double(pass.body.offset[force.axis][q])) * dx;
+            for (int c = 0; c < D; ++c) {
+                const T gain = T(dt * force.at(x, c, D));
+                pass.scratch[std::size_t(column.value(c)) * pass.body.count + q] += gain;
+                if (phase.n.velocity >= 0) pass.body.state[phase.n.velocity + c][q] += gain;
+            }
+        });
+    }
+}
+
+template <class T, int D>
+void responded(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
+    const auto& pass = phase.pass;
+    const Scratch<D> column{phase.n.channels};
+    const std::size_t count = pass.body.count;
+    if (n.normal > 0) {
+        // dt / (rho0 dx), as of the stress that stands there.
+        const double force = 0.25 * pass.numbers->impulse, rate = pass.numbers->rate;
+#pragma omp parallel for schedule(static) num_threads(phase_threads(*pass.exec, pass.body.count))
+        for (std::uint32_t q = 0; q < pass.body.count; ++q) {
+            const auto at = [&](int k) -> T& { return pass.scratch[std::size_t(k) * count + q]; };
+            for (int c = 0; c < D; ++c) {
+                for (int a = 0; a < D; ++a) {
+                    const double twice =
+                        rate * double(at(column.slope(a, c)) + at(column.slope(c, a)));
+                    T& stress = at(column.stress(a, c));
+                    stress += T(force * (a == c ? n.normal : n.shear) * twice);
+                }
+            }
+        }
+    }
+    assume(phase, n, data, [&](int a, int c) { return column.stress(a, c); });
+    if (n.force.axis >= 0) push(phase, n.force);
+}
+
+template <class T, int D>
+SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
+    const auto& pass = phase.pass;
+    const int components = n.components;
+    // Of each home block: energy before and after, then the sums of the components.
+    const int width = 2 + components;
+    std::vector<double> partial(std::size_t(pass.body.homes) * std::size_t(width), 0.0);
+    smooth_field(
+        phase, data, n.smoothing, components,
+        [&](std::uint32_t q, int k) { return double(pass.body.state[k][q]); },
+        [&](std::int32_t h, std::uint32_t q, const double* value) {
+            double* sum = partial.data() + std::size_t(h) * std::size_t(width);
+            for (int k = 0; k < components; ++k) {
+                T& own = pass.body.state[k][q];
+                sum[0] += double(own) * double(own);
+                sum[2 + k] += double(own);
+                own = T(value[k]);
+                sum[1] += double(own) * double(own);
+            }
+        });
+    double total[2 + most_components] = {};
+    for (std::size_t at = 0; at < partial.size(); ++at)
+        total[at % std::size_t(width)] += partial[at];
+    const double m = pass.body.particle_mass;
+    SmoothingEnergy e{m * total[0], m * total[1], 0};
+    for (int k = 0; k < components; ++k)
+        e.uniform += m * total[2 + k] * total[2 + k] / pass.body.count;
+    return e;
+}
+
+}  // namespace
+
+}  // namespace cpu
+
+template <class T, int D>
+CellOps<Cpu, T, D> cpu_cell_ops() {
+    return {&cpu::collected<T, D>, &cpu::smooth<T, D>, &cpu::responded<T, D>};
+}
+template <>
+CellOps<Cpu, float, 2> cell_ops<Cpu, float, 2>() {
+    return cpu_cell_ops<float, 2>();
+}
+template <>
+CellOps<Cpu, float, 3> cell_ops<Cpu, float, 3>() {
+    return cpu_cell_ops<float, 3>();
+}
+template <>
+CellOps<Cpu, double, 2> cell_ops<Cpu, double, 2>() {
+    return cpu_cell_ops<double, 2>();
+}
+template <>
+CellOps<Cpu, double, 3> cell_ops<Cpu, double, 3>() {
+    return cpu_cell_ops<double, 3>();
+}
+
+}  // namespace mpm
