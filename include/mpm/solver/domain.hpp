@@ -28,6 +28,7 @@
 #include "mpm/kernels/sorting.hpp"
 #include "mpm/kernels/supplying.hpp"
 #include "mpm/kernels/sweep.hpp"
+#include "mpm/kernels/telling.hpp"
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/rank_share.hpp"
@@ -129,6 +130,7 @@ private:
     // domain_step.hpp
     void one_step();
     void update_grid();
+    SamplePoints<Grid, Sum, D> sample_points();
     void run_sensors();
     void sample_energy(Sensor& sensor, SensorRecord* record);
     void reserve_two_pass(Body& body);
@@ -215,9 +217,15 @@ private:
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
     void end_of_sums(int parity, bool first);
     void list_mirrors();
-    void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void rebalance(const std::vector<std::uint64_t>& load);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
+    // domain_points.hpp
+    std::vector<std::uint64_t> blocks_of_points(const std::vector<PointRecord<D>>& points) const;
+    void sample_points_together(SamplePoints<Grid, Sum, D> points);
+    void open_points();
+    void link_points();
+    void tell_points();
+    void sample_told_points();
     // domain_devices.hpp
     /// Particles of a body on their way to other ranks.
     struct Emigrating {
@@ -398,6 +406,13 @@ private:
     Buffer<X, Copies<Sum>> copies_of_sums_{exec_};  // of both sets of sums
     std::vector<std::array<Sum*, 2>> sums_of_;      // of each rank
     Buffer<X, std::uint8_t> counts_{exec_};         // RankShare::counts
+    // What gauges and probes read (telling.hpp).
+    Buffer<X, std::uint64_t> told_keys_{exec_};
+    Buffer<X, std::int32_t> told_slots_{exec_};
+    Buffer<X, Sum> told_sums_{exec_};
+    Buffer<X, Grid> told_velocity_{exec_};
+    Buffer<X, ToldClock> told_clock_{exec_};
+    ToldBlocks<Grid, Sum> told_blocks_{};
 };
 
 }  // namespace mpm
@@ -408,6 +423,7 @@ private:
 #include "mpm/solver/domain_migrate_devices.hpp"
 #include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_place.hpp"
+#include "mpm/solver/domain_points.hpp"
 #include "mpm/solver/domain_ranks.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_setup.hpp"

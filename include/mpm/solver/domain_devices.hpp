@@ -250,6 +250,7 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     }
     s.shared_blocks = found.host()[0];
     s.counts = counts_.host();
+    link_points();
     if (load_count_ > 0) list_measured();
 }
 

@@ -42,12 +42,6 @@ void check_devices(const Spec& spec) {
         throw SceneError("the scene has " + std::to_string(spec.ranks.count) + " ranks and names " +
                          std::to_string(spec.ranks.devices.size()) +
                          " devices; name one for each, such as ['cuda:0', 'cuda:1']");
-    for (const SensorSpec& s : spec.sensors) {
-        if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe)
-            throw SceneError("sensor '" + s.name +
-                             "': gauges and probes are not built for several devices; take one "
-                             "device, or read the grid between runs");
-    }
 }
 
 namespace {
