@@ -1,6 +1,7 @@
 // Gauges and probes of ranks on devices. Where they stand they read blocks that other ranks own, so
 // whoever counts such a block tells its nodes to all, into a small table that each of them has, and
-// after the ranks have met everyone takes the same sample of it.
+// after the ranks have met everyone takes the same sample of it. Ranks that do not reach each
+// other's memory tell their own table, and add up those of all.
 #pragma once
 
 #include "mpm/exec/communicator.hpp"
@@ -8,10 +9,10 @@
 
 namespace mpm {
 
-/// The blocks that gauges and probes can read, as all ranks hold them.
+/// The blocks that gauges and probes can read, as all ranks that are told hold them.
 template <class T, class Sum>
 struct ToldBlocks {
-    Sum* sums[most_devices];    // of each rank, (blocks, sum channels, 64)
+    Sum* sums[most_devices];    // of each, (blocks, sum channels, 64)
     T* velocity[most_devices];  // likewise
     int ranks;
 };
@@ -75,13 +76,13 @@ struct SampleTold {
     }
 };
 
-/// What nobody tells next time has no mass.
-template <class Sum>
+/// What nobody tells next time has no mass, and adds nothing.
+template <class Number>
 struct ForgetBlocks {
     const ToldClock* told;
-    Sum* sums;
+    Number* numbers;
     MPM_INLINE void operator()(std::int64_t i) const {
-        if (told->due == told->clock.step) sums[i] = Sum(0);
+        if (told->due == told->clock.step) numbers[i] = Number(0);
     }
 };
 

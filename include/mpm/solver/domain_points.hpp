@@ -122,6 +122,15 @@ void Domain<X, T, D>::open_points() {
             Grid* velocity;
         };
         exec_.wait();
+        if (!reaches()) {
+            told_blocks_.ranks = 1;
+            told_blocks_.sums[0] = told_sums_.data();
+            told_blocks_.velocity[0] = told_velocity_.data();
+            const std::size_t others = std::size_t(share_->ranks() - 1);
+            told_sums_in_.reserve_discard(others * told_sums_.size());
+            told_velocity_in_.reserve_discard(others * told_velocity_.size());
+            return;
+        }
         told_blocks_.ranks = share_->ranks();
         int r = 0;
         for (const auto& theirs : share_->comm->all_gather(
@@ -156,10 +165,35 @@ void Domain<X, T, D>::tell_points() {
                               velocity_.data(), sums, velocities, told_blocks_});
 }
 
+/// The tables of all become one where ranks have told their own alone.
+template <class X, class T, int D>
+void Domain<X, T, D>::swap_told_points() {
+    std::vector<Parcel> out, in;
+    const std::size_t sums = told_sums_.size(), velocities = told_velocity_.size();
+    std::size_t k = 0;
+    for (int r : share_->comm->others()) {
+        out.push_back({told_sums_.data(), sums * sizeof(Sum), r});
+        out.push_back({told_velocity_.data(), velocities * sizeof(Grid), r});
+        in.push_back({told_sums_in_.data() + k * sums, sums * sizeof(Sum), r});
+        in.push_back({told_velocity_in_.data() + k * velocities, velocities * sizeof(Grid), r});
+        ++k;
+    }
+    meeting_->swap(out, in);
+    // Each block is told by one rank: nothing is rounded.
+    for (std::size_t other = 0; other < k; ++other) {
+        exec_.for_each(std::int64_t(sums),
+                       AddSums<Sum>{told_sums_.data(), told_sums_in_.data() + other * sums});
+        exec_.for_each(
+            std::int64_t(velocities),
+            AddSums<Grid>{told_velocity_.data(), told_velocity_in_.data() + other * velocities});
+    }
+}
+
 /// After they have met. Before they meet again what has been read is forgotten.
 template <class X, class T, int D>
 void Domain<X, T, D>::sample_told_points() {
     if (point_count_ == 0) return;
+    if (!reaches()) swap_told_points();
     SamplePoints<Grid, Sum, D> points = sample_points();
     auto& grid = points.node.grid;
     grid.table = {table_.keys_of, std::int32_t(told_keys_.size()), told_keys_.data(), nullptr,
@@ -170,6 +204,8 @@ void Domain<X, T, D>::sample_told_points() {
     exec_.for_each_large(point_count_, SampleTold<Grid, Sum, D>{points, told_clock_.data()});
     exec_.for_each(std::int64_t(told_sums_.size()),
                    ForgetBlocks<Sum>{told_clock_.data(), told_sums_.data()});
+    exec_.for_each(std::int64_t(told_velocity_.size()),
+                   ForgetBlocks<Grid>{told_clock_.data(), told_velocity_.data()});
 }
 
 }  // namespace mpm

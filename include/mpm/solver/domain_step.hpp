@@ -27,7 +27,7 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     const bool stages = share_ && !X::is_device;
     p.destinations = stages ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
     p.staged = stages ? table_.slots : none_staged;
-    p.copies = share_ && X::is_device ? copies_of_sums_.data() + parity_to : nullptr;
+    p.copies = share_ && reaches() ? copies_of_sums_.data() + parity_to : nullptr;
     p.full_homes = body.all_full_homes;
     p.coloured = body.coloured.data();
     p.colour_start = body.colour_start.data();
@@ -57,8 +57,8 @@ void Domain<X, T, D>::update_grid() {
     if constexpr (X::is_device) {
         if (share_) {
             make_velocities(
-                TellVote{clock_buffer_.data(), boxes_.data(), share_->rank(), share_->ranks()});
-            meeting_->meet();
+                TellVote{clock_buffer_.data(), boxes_.data(), share_->rank(), int(boxes_.size())});
+            share_votes();
             exec_.single(
                 DecideByVotes<D>{decide, clock_buffer_.data(), votes_.data(), share_->ranks()});
             return;
@@ -216,7 +216,7 @@ void Domain<X, T, D>::one_step() {
         run_sensors();
         run_bodies();
         if (share_) {
-            meeting_->meet();
+            share_sums();
             sample_told_points();
         }
         ++clock_.step;  // what the queue assumes; fetch_clock() brings the truth
