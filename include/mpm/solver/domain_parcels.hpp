@@ -5,29 +5,9 @@
 #pragma once
 
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_blocks.hpp"
 
 namespace mpm {
-
-/// Adds what another rank has added to blocks that this one holds too. Integers: the order of ranks
-/// changes no bit.
-template <class Sum>
-struct AddBlocks {
-    const Clock* clock;  // within a step: nothing is added where it has halted. Else null
-    Sum* sums;
-    const std::int32_t* slot;
-    std::int64_t size;  // of a block
-    const Sum* in;
-    MPM_INLINE void operator()(std::int64_t i) const {
-        if (clock && clock->halt != Halt::none) return;
-        if (in[i] != 0) sums[slot[i / size] * size + i % size] += in[i];
-    }
-};
-template <class Sum>
-struct AddSums {
-    Sum* to;
-    const Sum* from;
-    MPM_INLINE void operator()(std::int64_t i) const { to[i] += from[i]; }
-};
 
 /// Whether ranks add to each other's sums, and read each other's lists, where these are.
 template <class X, class T, int D>

@@ -16,7 +16,7 @@ namespace {
 struct Ready {
     int multiprocessors = 0;
     char device[16] = {};  // its number in the world
-    char why[512] = {};    // not; "" if ready
+    char why[1024] = {};   // not; "" if ready
 };
 
 /// Joining waits for the others in a place where it cannot be told that one has failed, so it has
