@@ -6,7 +6,7 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/data/blocks.hpp"
-#include "mpm/kernels/cell_phases.hpp"
+#include "mpm/kernels/cell_sums.hpp"
 #include "mpm/kernels/sorting.hpp"
 
 namespace mpm {
@@ -120,12 +120,15 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         throw SceneError("pipeline is '" + spec.pipeline +
                          "'; expected auto, fused, two-pass or phased");
     }
-    const bool between = spec.deformed_nodes || spec.kernel.modified ||
-                         std::any_of(spec.bodies.begin(), spec.bodies.end(), works_between_parts);
+    const bool between =
+        spec.deformed_nodes || spec.kernel.modified ||
+        std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
+            return b.assumed_part != TensorPart::none || b.damping > 0 || b.force.axis >= 0;
+        });
     if (between && backend.device)
         throw SceneError(
-            "smoothing over cells, assumed fields, numerical damping, placed forces, modified "
-            "functions and gradients by moved nodes are not built for " +
+            "assumed fields, numerical damping, placed forces, modified functions and gradients "
+            "by moved nodes are not built for " +
             backend.name + "; use device=\"cpu\", or remove them");
     Plan plan;
     const int real = backend.real();
@@ -315,6 +318,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     for (const BodyPlan& p : plan.bodies)
         of_cell = std::max(of_cell, D == 2 ? cell_numbers<2>(p.cells) : cell_numbers<3>(p.cells));
     plan.memory_grid += slots * block_cells * 8 * double(of_cell);
+    const bool smooths = std::any_of(plan.bodies.begin(), plan.bodies.end(),
+                                     [](const BodyPlan& p) { return p.cells.smooths(); });
+    if (backend.device && smooths) plan.memory_tables += slots * 8 * smoothing_sums;
 
     const bool some = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);
     for (const auto& b : spec.boundaries)
