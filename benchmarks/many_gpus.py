@@ -166,6 +166,7 @@ class Runner:
                 "sorts": since("sorts"),
                 "tables": since("tables"),
                 "sort_s": simulation.timings.get("sort", 0.0) - at.get("sort", 0.0),
+                "tables_s": simulation.timings.get("tables", 0.0) - at.get("tables", 0.0),
                 "rebalances": after.get("rebalances", 0),
                 "imbalance": after.get("imbalance", 1.0),
                 "grid_blocks": after.get("blocks"),

@@ -332,7 +332,9 @@ bool Domain<X, T, D>::sort_among_devices() {
     for (const Emigrating& g : go) s.migrated += g.all;
 
     if (dealt || word.lacks || !arrivals_.empty() || ++sorts_of_table_ >= 16) {
+        const double at = now();
         sort_into_new_table(come, gone, cells, occupied, dealt ? &all_before : nullptr);
+        timings_["tables"] += now() - at;
         sorts_of_table_ = 0;
     } else {
         const std::uint32_t behind = std::uint32_t(slots * block_cells);
