@@ -314,19 +314,22 @@ def test_cells_of_a_device_are_in_the_plan(method, numbers):
     """Of a cell: mass, mean, what exchanges make of it; centre and inertias where asked for."""
 
     def planned(smoothing, device):
-        method = libmpm.Method(transfer="FLIP", kernel=libmpm.Kernel(gradient="kernel"))
-        scene = body_scene(WATER, method=method, smoothing=smoothing, fbar=None)
+        # On a device it goes with the fused step; a CPU would change its pipeline for it.
+        kernel = libmpm.Kernel(gradient="kernel" if device == "cpu" else "mls")
+        scene = body_scene(
+            WATER, method=libmpm.Method(kernel=kernel), smoothing=smoothing, fbar=None
+        )
         return _core.plan(lower(scene, with_particles=False), device)
 
     for device in ("cpu", "cuda"):
         plain, smoothed = planned(None, device), planned(libmpm.Smoothing(method=method), device)
         assert plain["bodies"] == smoothed["bodies"]
+        assert plain["pipeline"] == smoothed["pipeline"] == {"cpu": "phased"}.get(device, "fused")
         assert "smooth_cells:b" in smoothed["kernels"]
-        cells = (
-            3 * 3 * 64
-        )  # the block of 8 x 8 cells that the body fills in part, and those around it
+        blocks = 3 * 3  # of 8 x 8 cells: one that the body fills in part, and those around it
+        energies = 8 if device == "cuda" else 0  # of a block
         more = smoothed["memory_total"] - plain["memory_total"]
-        assert more == pytest.approx(8 * numbers * cells, rel=1e-12), device
+        assert more == pytest.approx(8 * (64 * numbers + energies) * blocks, rel=1e-12), device
 
 
 # ---- arrays -------------------------------------------------------------------------------------

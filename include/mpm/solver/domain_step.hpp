@@ -154,6 +154,11 @@ void Domain<X, T, D>::reserve_two_pass(Body& body) {
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
     if (plan_.phased) return run_phases();
+    if constexpr (X::is_device) {
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            if (bodies_[b].homes > 0 && bodies_[b].plan.cells.smooths())
+                smooth_on_device(bodies_[b], int(b), phase(bodies_[b], int(b), 1 - parity()));
+    }
     std::vector<std::size_t> moving;
     std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
