@@ -380,6 +380,14 @@ public:
         if (value < *to) *to = value;
 #endif
     }
+    /// Adds to an integer, in whatever order.
+    MPM_INLINE static void add_integer(std::int64_t* to, std::int64_t by) {
+#if defined(__CUDA_ARCH__)
+        atomicAdd(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(by));
+#else
+        *to += by;
+#endif
+    }
     /// Returns the value before the addition.
     MPM_INLINE static std::uint32_t fetch_add(std::uint32_t* to, std::uint32_t by) {
 #if defined(__CUDA_ARCH__)

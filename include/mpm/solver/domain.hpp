@@ -20,7 +20,7 @@
 #include "mpm/exec/buffer.hpp"
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/arrange.hpp"
-#include "mpm/kernels/cell_phases.hpp"
+#include "mpm/kernels/cell_sums.hpp"
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/order.hpp"
 #include "mpm/kernels/phase_ops.hpp"
@@ -142,6 +142,8 @@ private:
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
     double* cell_room(const Body& body);
+    void smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase);
+    void collect_smoothing();
     void sweep_grid();
     template <class Decided>
     void make_velocities(const Decided& decided);
@@ -387,6 +389,10 @@ private:
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();
     Buffer<X, double> cells_{exec_};  // what is summed over cells, body after body
+    // Devices, of smoothing over cells: by body; of each home of one body, then of the parts of
+    // their sum.
+    Buffer<X, SmoothingLog> smoothing_logs_{exec_};
+    Buffer<X, double> smoothing_energies_{exec_};
     std::vector<Body> bodies_;
 
     std::vector<Sensor> sensors_;

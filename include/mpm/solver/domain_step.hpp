@@ -164,6 +164,11 @@ void Domain<X, T, D>::reserve_two_pass(Body& body) {
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
     if (plan_.phased) return run_phases();
+    if constexpr (X::is_device) {
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            if (bodies_[b].homes > 0 && bodies_[b].plan.cells.smooths())
+                smooth_on_device(bodies_[b], int(b), phase(bodies_[b], int(b), 1 - parity()));
+    }
     std::vector<std::size_t> moving;
     std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -294,6 +299,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             for (std::int64_t k = 0; k < std::max<std::int64_t>(n, 1); ++k) one_step();
             if (share_) meeting_->wait();
             fetch_clock();
+            collect_smoothing();
             if (share_) {
                 share_->bytes_of_sums += std::uint64_t(clock_.step - before) * share_->bytes_a_step;
                 // Nobody goes on to what frees memory while another rank's kernels wait.
@@ -412,6 +418,12 @@ Fault Domain<X, T, D>::describe_fault() {
     std::uint32_t id = 0;
     exec_.download(&id, body.id.data() + k, sizeof id);
     f.ids = {body.first_id + id};
+    if (clock_.fault == FaultKind::smoothing_range) {
+        ++f.step;  // found at once
+        f.code = "smoothing-range";
+        f.message = "its strain is larger than sums of smoothing over cells can hold on a device";
+        return f;
+    }
     f.code = "inverted";
     double furthest = 0;
     for (auto& column : body.offset) {

@@ -18,6 +18,9 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     if (spec.start.given) refuse("going on from a run with other bodies", "take one rank");
     if (spec.pipeline == "phased")
         refuse("pipeline 'phased'", "take one rank, or pipeline 'auto' with transfer APIC");
+    for (const BodySpec& b : spec.bodies)
+        if (b.cell_smoothing.form != CellForm::none)
+            refuse("smoothing over cells of body '" + b.name + "'", "take one rank");
     if (!plan.phased && !plan.keeps) return;
     if (spec.transfer.scheme != "APIC")
         refuse("transfer '" + spec.transfer.scheme + "'", "take one rank or APIC");

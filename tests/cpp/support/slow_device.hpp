@@ -158,6 +158,7 @@ public:
     static void keep_smallest(std::uint64_t* to, std::uint64_t value) {
         *to = std::min(*to, value);
     }
+    static void add_integer(std::int64_t* to, std::int64_t by) { *to += by; }
     static std::uint32_t fetch_add(std::uint32_t* to, std::uint32_t by) {
         return std::exchange(*to, *to + by);
     }
@@ -192,16 +193,10 @@ inline void arrange_by_rank(SlowDevice&, std::uint32_t* cell, std::int64_t parti
     }
 }
 
-template <>
-inline PhaseOps<SlowDevice, float, 2> phase_ops<SlowDevice, float, 2>() {
-    return {};
-}
-template <>
-inline PhaseOps<SlowDevice, float, 3> phase_ops<SlowDevice, float, 3>() {
-    return {};
-}
-
 namespace test {
+
+template <class Material, Smoothing S, int D>
+void add_slow_phases(BodyOps<SlowDevice, float, D>& ops);
 
 /// The nodes around a cell, which is one of a home block or beside it.
 template <int D, int C>
@@ -362,6 +357,7 @@ void rest_slowly(const Pass<SlowDevice, float, D>& pass) {
 template <class Material, Smoothing S, int D>
 BodyOps<SlowDevice, float, D> slow_ops() {
     BodyOps<SlowDevice, float, D> ops{};
+    add_slow_phases<Material, S, D>(ops);
     ops.fused = &run_slowly<Material, S, D>;
     ops.initial = &rest_slowly<Material, S, D>;
     ops.energies = [](const Pass<SlowDevice, float, D>& pass, const std::int32_t*,
@@ -376,3 +372,5 @@ BodyOps<SlowDevice, float, D> slow_ops() {
 
 }  // namespace test
 }  // namespace mpm
+
+#include "support/slow_phases.hpp"
