@@ -91,7 +91,7 @@ def test_bits_of_one(tmp_path):
 def test_new_cuts_and_inlets(tmp_path):
     """A collapse from a corner that is dealt anew, and water that comes in layer by layer."""
     code = """
-        sim = make(scenes.plane())
+        sim = make(scenes.plane(), guard=None)  # fast water that a guard may see or not
         for _ in range(4):
             sim.step(500)
         assert sim.statistics["rebalances"] > 0
@@ -101,7 +101,7 @@ def test_new_cuts_and_inlets(tmp_path):
         keep(sim, "channel")
     """
     well(run(code, tmp_path))
-    one = libmpm.Simulation(SCENES["plane"][0](), device="cuda:0")
+    one = libmpm.Simulation(SCENES["plane"][0](), device="cuda:0", guard=None)
     for _ in range(4):
         one.step(500)
     assert_same(tmp_path, "plane", one)

@@ -23,14 +23,17 @@ def on_a_device():
     need_device()
 
 
-@pytest.fixture(params=["shared", "events", "flags"])
+@pytest.fixture(params=["shared", "events", "flags", "in-place"])
 def pair(request, monkeypatch):
-    """Two ranks: on one device, and on two in both ways in which they wait for each other."""
+    """Two ranks: on one device, and on two in the ways in which they wait and add."""
     if request.param == "shared":
         return ["cuda:0", "cuda:0"]
     if len(cuda_status().devices) < 2:
         pytest.skip("needs two CUDA devices")
-    monkeypatch.setenv("LIBMPM_RANK_WAIT", request.param)
+    if request.param == "in-place":
+        monkeypatch.setenv("LIBMPM_RANK_SUMS", "in-place")
+    else:
+        monkeypatch.setenv("LIBMPM_RANK_WAIT", request.param)
     return ["cuda:0", "cuda:1"]
 
 

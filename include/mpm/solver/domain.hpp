@@ -250,8 +250,9 @@ private:
     /// Blocks that this rank and another hold.
     struct SharedWith {
         int rank;
-        std::int64_t first;    // in shared_slots_
-        std::int64_t numbers;  // sums of all of them
+        std::int64_t first;           // in shared_slots_
+        std::int64_t numbers;         // sums of all of them
+        const Sum* theirs = nullptr;  // what the other has added to them
     };
     void link_homes();
     void count_shared();
@@ -266,6 +267,7 @@ private:
     void run_together(std::int64_t& steps, bool& wall_over);
     // domain_parcels.hpp
     bool reaches() const;
+    bool adds_in_place() const;
     void share_votes();
     void list_shared();
     void swap_sums(int which, const Clock* clock);
@@ -421,7 +423,8 @@ private:
 
     // Devices that share the scene.
     std::unique_ptr<typename X::Meeting> meeting_;
-    Buffer<X, RankVote> votes_{exec_};       // of all ranks, by rank
+    Buffer<X, RankVote> votes_{exec_};  // of all ranks, by rank
+    bool adds_in_place_ = false;
     Buffer<X, RankVote*> boxes_{exec_};      // of all ranks that this one reaches, or its own
     Buffer<X, std::int32_t> copies_{exec_};  // Copies::slot
     Buffer<X, std::int32_t> owner_{exec_};   // (slots,)

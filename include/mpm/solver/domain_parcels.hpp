@@ -1,7 +1,8 @@
-// Domain: ranks on devices that do not reach each other's memory, such as those of other processes.
-// What goes from one to another is sent and received, between kernels and without the host waiting
-// for it within a step: votes, what both have added to the blocks that both hold, and at a sort the
-// particles that change their rank and the sums of blocks that are new to a table.
+// Domain: what ranks on devices have added to blocks that both hold, in one piece for each other
+// rank, read there where they reach each other's memory. Where they do not, such as in processes of
+// their own, all that goes from one to another is sent and received, between kernels and without
+// the host waiting for it within a step: votes too, and at a sort the particles that change their
+// rank and the sums of blocks that are new to a table.
 #pragma once
 
 #include "mpm/solver/domain.hpp"
@@ -14,6 +15,12 @@ template <class X, class T, int D>
 bool Domain<X, T, D>::reaches() const {
     if constexpr (X::is_device) return !meeting_ || meeting_->reaches();
     return false;
+}
+
+/// Whether passes add to the sums of other ranks where these are.
+template <class X, class T, int D>
+bool Domain<X, T, D>::adds_in_place() const {
+    return reaches() && adds_in_place_;
 }
 
 /// The votes of all, on every rank, before the clock decides.
@@ -49,41 +56,56 @@ void Domain<X, T, D>::list_shared() {
                 {r, std::int64_t(first), std::int64_t(slots.size() - first) * block});
     }
     shared_slots_.assign(slots);
-    for (auto* sums : {&shared_out_, &shared_in_})
-        sums->reserve_discard(slots.size() * std::size_t(block));
+    shared_out_.reserve_discard(slots.size() * std::size_t(block));
     s.bytes_a_step = slots.size() * std::size_t(block) * sizeof(Sum);
+    if (!reaches()) return shared_in_.reserve_discard(shared_out_.size());
+    std::vector<const Sum*> mine(std::size_t(s.ranks()), nullptr);
+    for (const SharedWith& w : shared_with_)
+        mine[std::size_t(w.rank)] = shared_out_.data() + w.first * block;
+    const auto told = s.comm->all_gather(mine);
+    for (SharedWith& w : shared_with_)
+        w.theirs = told[std::size_t(w.rank)].at(std::size_t(s.rank()));
 }
 
 /// Every rank has added to its own sums alone: they become those of all. `clock`: as in AddBlocks.
+/// Before a rank packs again, all have met once more: for their votes, or as hosts.
 template <class X, class T, int D>
 void Domain<X, T, D>::swap_sums(int which, const Clock* clock) {
     const std::int64_t block = std::int64_t(plan_.sum_channels) * block_cells;
     Sum* sums = sums_[which].data();
     exec_.for_each(std::int64_t(shared_out_.size()),
                    PackBlocks<Sum>{sums, shared_slots_.data(), block, shared_out_.data()});
-    std::vector<Parcel> out, in;
-    for (const SharedWith& w : shared_with_) {
-        const std::size_t bytes = std::size_t(w.numbers) * sizeof(Sum);
-        out.push_back({shared_out_.data() + w.first * block, bytes, w.rank});
-        in.push_back({shared_in_.data() + w.first * block, bytes, w.rank});
+    if (!reaches()) {
+        std::vector<Parcel> out, in;
+        for (SharedWith& w : shared_with_) {
+            const std::size_t bytes = std::size_t(w.numbers) * sizeof(Sum);
+            Sum* here = shared_in_.data() + w.first * block;
+            out.push_back({shared_out_.data() + w.first * block, bytes, w.rank});
+            in.push_back({here, bytes, w.rank});
+            w.theirs = here;
+        }
+        meeting_->swap(out, in);
+    } else if (clock) {
+        meeting_->meet();
+    } else {
+        meet_hosts();
     }
-    meeting_->swap(out, in);
     for (const SharedWith& w : shared_with_)
         exec_.for_each(w.numbers, AddBlocks<Sum>{clock, sums, shared_slots_.data() + w.first, block,
-                                                 shared_in_.data() + w.first * block});
+                                                 w.theirs});
 }
 
 /// The end of the sums of a step.
 template <class X, class T, int D>
 void Domain<X, T, D>::share_sums() {
-    if (reaches()) return meeting_->meet();
+    if (adds_in_place()) return meeting_->meet();
     swap_sums(1 - parity(), clock_buffer_.data());
 }
 
 /// What all have deposited between steps, on all. Nothing where this is the only rank.
 template <class X, class T, int D>
 void Domain<X, T, D>::share_deposits(int which) {
-    if (share_ && !reaches()) swap_sums(which, nullptr);
+    if (share_ && !adds_in_place()) swap_sums(which, nullptr);
     meet_hosts();
 }
 

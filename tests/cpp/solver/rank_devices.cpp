@@ -39,8 +39,9 @@ Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05)
     return s;
 }
 
-/// How ranks get what others have for them.
-enum class Way { memory, parcels };
+/// How ranks get what others have for them: sums are added where these are, or read from there in
+/// one piece, or everything is sent.
+enum class Way { in_place, packed, parcels };
 
 template <int D>
 std::unique_ptr<Engine> make(const Spec& s, Way way) {
@@ -53,18 +54,19 @@ std::unique_ptr<Engine> make(const Spec& s, Way way) {
         return std::make_unique<Domain<SlowDevice, float, D>>(s, plan, SlowDevice(), find_ops<D>);
     check_ranks(s, plan);
     check_devices(s);
+    setenv("LIBMPM_RANK_SUMS", way == Way::in_place ? "in-place" : "packed", 1);
     auto threads = std::make_unique<RankThreads>(s.ranks.count);
     std::vector<std::unique_ptr<Engine>> engines(std::size_t(s.ranks.count));
     const RankScenes<D> scenes(s);
     threads->together([&](int r) {
         const RankLink<D> link{&threads->of(r), scenes.partition, s.ranks.rebalance_above};
         engines[std::size_t(r)] = std::make_unique<Domain<SlowDevice, float, D>>(
-            scenes.spec[std::size_t(r)], plan, SlowDevice(way == Way::memory), find_ops<D>, link);
+            scenes.spec[std::size_t(r)], plan, SlowDevice(way != Way::parcels), find_ops<D>, link);
     });
     return join_ranks(s, std::move(threads), std::move(engines));
 }
 
-std::unique_ptr<Engine> make(const Spec& s, Way way = Way::memory) {
+std::unique_ptr<Engine> make(const Spec& s, Way way = Way::packed) {
     return s.dimension == 2 ? make<2>(s, way) : make<3>(s, way);
 }
 
@@ -287,7 +289,7 @@ TEST_P(RankDevicesEnd, wall_time_stops_all_at_one_step) {
     expect_same_particles(*many, *one, 3);
 }
 
-const auto ways = ::testing::Values(Way::memory, Way::parcels);
+const auto ways = ::testing::Values(Way::in_place, Way::packed, Way::parcels);
 INSTANTIATE_TEST_SUITE_P(Dimensions, RankDevices,
                          ::testing::Combine(::testing::Values(2, 3), ways));
 INSTANTIATE_TEST_SUITE_P(Ways, RankDevicesMixing, ways);
