@@ -46,7 +46,8 @@ inline LatticePoints lattice_of(const py::handle& runs, int dimension) {
     std::vector<LatticePoints::Run> out;
     for (const py::handle run : runs) {
         const auto pair = run.cast<py::tuple>();
-        out.push_back({doubles(pair[0]), lattice_of(pair[1], dimension - 1)});
+        out.push_back({doubles(pair[0]),
+                       std::make_shared<const LatticePoints>(lattice_of(pair[1], dimension - 1))});
     }
     return {dimension, std::move(out)};
 }

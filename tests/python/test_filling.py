@@ -362,7 +362,7 @@ def test_the_engine_makes_lattices_as_numpy_does(
 ) -> None:
     """Bit by bit: the engine's own rows of positions and pressures, and those of a function."""
     scene = Scene(
-        dimension=dimension, cell_size=0.07, lower=(0.3,) * dimension, upper=(1.71,) * dimension,
+        dimension=dimension, cell_size=0.07, lower=(0.3,) * dimension, upper=(1.7,) * dimension,
         gravity=(0.5,) * (dimension - 1) + (-9.81,),
     )  # fmt: skip
     scene.add_body(

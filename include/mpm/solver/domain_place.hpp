@@ -198,7 +198,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
         set_scales(std::max(mass, least_mass_) + supplied_mass_, 1, 1);
         meet_hosts();
         deposit_all(spec, chosen);
-        meet_hosts();
+        share_deposits(parity());
         exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                    LargestNodeMass<Grid, Sum, D>{node_update(parity())},
                                    Keep{found.data()});
@@ -212,7 +212,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
         sums_[parity()].zero();
         meet_hosts();
         deposit_all(spec, chosen);
-        meet_hosts();
+        share_deposits(parity());
         fetch_clock();
     }
 }
@@ -333,13 +333,14 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
-        deposit_body(body, int(b), spec.bodies[b].velocity);
+        deposit_body(body, int(b), spec.bodies[b].velocity, parity());
     }
 }
 
-/// Adds what the particles of one body deposit with these velocities to the sums.
+/// Adds what the particles of one body deposit with these velocities to the sums of that parity.
 template <class X, class T, int D>
-void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity) {
+void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity,
+                                   int to) {
     const std::size_t n = body.count;
     const bool by_phases = plan_.phased || plan_.keeps;
     if (by_phases)
@@ -361,12 +362,12 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
         exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
     }
     if (by_phases) {
-        const Phase<X, T, D> p = phase(body, number, parity());
+        const Phase<X, T, D> p = phase(body, number, to);
         body.ops.rest(p);
         after_respond(body, p);
         phase_ops_.spread(p);
     } else {
-        body.ops.initial(pass(body, number, parity()));
+        body.ops.initial(pass(body, number, to));
     }
     exec_.wait();
     body.scratch = Buffer<X, Grid>(exec_);

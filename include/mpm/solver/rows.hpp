@@ -41,7 +41,10 @@ void in_parallel(std::uint64_t n, std::uint64_t least,
 /// sections of one axis fewer; those between two faces of holes are alike and are kept once.
 class LatticePoints {
 public:
-    struct Run;
+    struct Run {
+        std::vector<double> x;  // of the sections on the first axis, m
+        std::shared_ptr<const LatticePoints> section;
+    };
     /// One point without coordinates, or none.
     explicit LatticePoints(bool there) : start_{0, there ? 1u : 0u} {}
     LatticePoints(int dimension, std::vector<Run> runs);
@@ -55,10 +58,6 @@ private:
     int dimension_ = 0;
     std::vector<Run> runs_;
     std::vector<std::uint64_t> start_;  // the point at which each run begins, and their number
-};
-struct LatticePoints::Run {
-    std::vector<double> x;  // of the sections on the first axis, m
-    LatticePoints section;
 };
 
 /// Positions of a lattice.

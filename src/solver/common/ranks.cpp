@@ -40,17 +40,23 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     refuse("the phased step", "take one rank");
 }
 
+void check_processes(const Spec& spec) {
+    if (spec.ranks.processes && spec.ranks.count != spec.ranks.processes->ranks())
+        throw SceneError("the scene has " + std::to_string(spec.ranks.count) +
+                         " ranks and the job " + std::to_string(spec.ranks.processes->ranks()) +
+                         " processes");
+}
+
 void check_devices(const Spec& spec) {
-    if (spec.ranks.devices.size() != std::size_t(std::max(spec.ranks.count, 0)))
+    if (!spec.ranks.processes &&
+        spec.ranks.devices.size() != std::size_t(std::max(spec.ranks.count, 0)))
         throw SceneError("the scene has " + std::to_string(spec.ranks.count) + " ranks and names " +
                          std::to_string(spec.ranks.devices.size()) +
                          " devices; name one for each, such as ['cuda:0', 'cuda:1']");
-    for (const SensorSpec& s : spec.sensors) {
-        if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe)
-            throw SceneError("sensor '" + s.name +
-                             "': gauges and probes are not built for several devices; take one "
-                             "device, or read the grid between runs");
-    }
+    if (spec.ranks.count > most_device_ranks)
+        throw SceneError("the scene has " + std::to_string(spec.ranks.count) +
+                         " ranks on devices; it takes at most " +
+                         std::to_string(most_device_ranks));
 }
 
 namespace {

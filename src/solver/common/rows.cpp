@@ -63,7 +63,7 @@ void in_parallel(std::uint64_t n, std::uint64_t least,
 LatticePoints::LatticePoints(int dimension, std::vector<Run> runs)
     : dimension_(dimension), runs_(std::move(runs)), start_{0} {
     for (const Run& run : runs_)
-        start_.push_back(start_.back() + run.x.size() * run.section.count());
+        start_.push_back(start_.back() + run.x.size() * run.section->count());
 }
 
 void LatticePoints::fill(std::uint64_t first, std::uint64_t last, double* out, int stride) const {
@@ -72,7 +72,7 @@ void LatticePoints::fill(std::uint64_t first, std::uint64_t last, double* out, i
         std::size_t(std::upper_bound(start_.begin(), start_.end(), first) - start_.begin()) - 1;
     for (; first < last; ++run) {
         const Run& r = runs_[run];
-        const std::uint64_t end = std::min(last, start_[run + 1]), size = r.section.count();
+        const std::uint64_t end = std::min(last, start_[run + 1]), size = r.section->count();
         while (first < end) {
             const std::uint64_t k = (first - start_[run]) / size,
                                 inside = (first - start_[run]) % size;
@@ -81,7 +81,7 @@ void LatticePoints::fill(std::uint64_t first, std::uint64_t last, double* out, i
                 dimension_ == 1 ? end - first : std::min(size - inside, end - first);
             for (std::uint64_t i = 0; i < n; ++i)
                 out[i * std::uint64_t(stride)] = r.x[dimension_ == 1 ? k + i : k];
-            r.section.fill(inside, inside + n, out + 1, stride);
+            r.section->fill(inside, inside + n, out + 1, stride);
             out += n * std::uint64_t(stride);
             first += n;
         }

@@ -22,13 +22,14 @@ std::vector<double> axis(int n, double from) {
 /// (4, 3, 5) points without those of (1..2, 0..1, 2..4): sections of two kinds along the first
 /// axis.
 std::shared_ptr<const LatticePoints> holed() {
-    const LatticePoints point(true);
-    const LatticePoints line(1, {{axis(5, 7), point}});
-    const LatticePoints shorter(1, {{axis(2, 7), point}});
-    const LatticePoints whole(2, {{axis(3, 4), line}});
-    const LatticePoints cut(2, {{axis(2, 4), shorter}, {{4.2}, line}});
-    return std::make_shared<const LatticePoints>(
-        LatticePoints(3, {{{1.0}, whole}, {{1.1, 1.2}, cut}, {{1.3}, whole}}));
+    const auto points = [](int dimension, std::vector<LatticePoints::Run> runs) {
+        return std::make_shared<const LatticePoints>(dimension, std::move(runs));
+    };
+    const auto point = std::make_shared<const LatticePoints>(true);
+    const auto line = points(1, {{axis(5, 7), point}}), shorter = points(1, {{axis(2, 7), point}}),
+               whole = points(2, {{axis(3, 4), line}}),
+               cut = points(2, {{axis(2, 4), shorter}, {{4.2}, line}});
+    return points(3, {{{1.0}, whole}, {{1.1, 1.2}, cut}, {{1.3}, whole}});
 }
 
 /// The same by looking at every point.
