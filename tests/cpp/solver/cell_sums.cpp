@@ -112,8 +112,9 @@ double apart(Engine& one, Engine& other, int body) {
 }
 
 /// Rounding of a step in parts of what a sound wave carries: single precision, and sums on the grid
-/// of 31 bits on a scale of the largest of them (tests/python/test_cuda.py).
-constexpr double of_a_step = 1e-6;
+/// of 31 bits on a scale of the largest of them (tests/python/test_cuda.py). At the edge of a body
+/// it weighs a hundredfold, and functions that are linear spread what is there.
+constexpr double of_a_step = 1e-6, at_edges = 100;
 
 class SumsOfCells : public ::testing::TestWithParam<std::tuple<Form, int, Kernel>> {
 protected:
@@ -121,6 +122,7 @@ protected:
     const int dimension = std::get<1>(GetParam());
     const Kernel kernel = std::get<2>(GetParam());
     // Gradients of linear functions jump where particles cross nodes, and runs part.
+    const double rounding = of_a_step * (kernel == Kernel::linear ? at_edges : 1);
     const int steps = kernel == Kernel::linear ? 8 : 60;
     Spec scene(bool single) const { return thrown(dimension, single, kernel, choice); }
 };
@@ -130,10 +132,10 @@ TEST_P(SumsOfCells, do_what_the_cpu_does) {
                device = on_device(scene(true));
     for (Engine* e : {reference.get(), single.get(), device.get()})
         ASSERT_EQ(go(*e, steps).reason, "steps");
-    if (steps > 8) ASSERT_GT(device->statistics().at("sorts"), 0);
+    ASSERT_TRUE(steps == 8 || device->statistics().at("sorts") > 0);
     for (int b = 0; b < 2; ++b) {
-        EXPECT_LT(apart(*single, *reference, b), steps * of_a_step);
-        EXPECT_LT(apart(*device, *reference, b), steps * of_a_step);
+        EXPECT_LT(apart(*single, *reference, b), steps * rounding);
+        EXPECT_LT(apart(*device, *reference, b), steps * rounding);
         const auto calls = device->smoothing(b).rows, expected = reference->smoothing(b).rows;
         ASSERT_EQ(calls.size(), std::size_t(steps));
         double change = 0, expected_change = 0, most = 0;
@@ -159,7 +161,7 @@ TEST_P(SumsOfCells, have_one_result_whatever_the_order) {
         go(*other, n);
         other->attributes(0, {"pressure"});
     }
-    if (steps > 8) ASSERT_GT(once->statistics().at("sorts"), 0);
+    ASSERT_TRUE(steps == 8 || once->statistics().at("sorts") > 0);
     EXPECT_EQ(test::state_bytes(*once), test::state_bytes(*other));
     for (int b = 0; b < 2; ++b) {
         const auto x = once->smoothing(b).rows, y = other->smoothing(b).rows;
