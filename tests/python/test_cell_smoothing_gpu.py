@@ -52,17 +52,17 @@ def test_a_step_smooths_as_arrays_do(tmp_path, method, dimension, kernel, field,
         before = by_id(engine, "position")
         made = smooth(state, 1, before - shift, DX, method=method)
         clear = ~undecided(state, before - shift, method, made.q, rounding=1e-12)
-        assert clear.mean() > 0.95
+        assert clear.mean() > 0.8, clear.mean()
         engine.run(1, np.inf, 1e9)
         after = state_of(engine)
         np.testing.assert_allclose(after[clear], made.q[clear], rtol=0, atol=STRAYS[precision])
-        changes.append(((made.q**2).sum() - (state**2).sum(), (state**2).sum()))
+        changes.append(((after**2).sum() - (state**2).sum(), (state**2).sum()))
     rows = engine.smoothing(0)
     assert rows.shape == (7, 5)
     mass = 1000 * 1e-4
     change, energy = mass * np.array(changes).T
     np.testing.assert_allclose(rows[:, 2], energy, rtol=1e-6)
-    np.testing.assert_allclose(rows[:, 3], change, rtol=0, atol=1e-4 * energy[0])
+    np.testing.assert_allclose(rows[:, 3], change, rtol=0, atol=100 * STRAYS[precision] * energy[0])
     assert (rows[:, 3] <= 1e-6 * rows[:, 2]).all()
 
 
@@ -106,10 +106,18 @@ def states(scene, device, precision, steps, pipeline="auto"):
     return {name: by_id(engine, name) for name in ("position", "velocity", "pressure")}
 
 
+#: Of a step, in cells and in parts of what sound carries, on the mean: rounding of single
+#: precision, and of sums of the grid, which have 2 to 3 bits fewer. At the edge it weighs more
+#: (test_cuda.py).
+OF_A_STEP = 2e-7
+STEPS = 60
+UNIT = {"position": DX, "velocity": np.sqrt(2e5 / 1000), "pressure": 2e5}
+
+
 def apart(found, expected):
-    """Root of mean squares of the difference, as a share of that of the field."""
+    """Root of mean squares of the differences, in those units."""
     return {
-        name: np.sqrt(np.mean((found[name] - expected[name]) ** 2) / np.mean(expected[name] ** 2))
+        name: np.sqrt(np.mean((found[name] - expected[name]) ** 2)) / UNIT[name]
         for name in expected
     }
 
@@ -117,33 +125,33 @@ def apart(found, expected):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("scene", [tank, bar])
 def test_runs_are_those_of_the_cpu(scene, method):
-    """As close to double precision as a run in single precision on the CPU is, but for the sums of
-    the grid, which have 2 to 3 bits fewer there than single precision."""
+    """In double precision, but for means of 2⁻³³ and what limiters do at a tie."""
     made = scene(libmpm.Smoothing(method=method))
-    expected = states(made, "cpu", "double", 60)
-    cpu = apart(states(made, "cpu", "single", 60), expected)
-    found = apart(states(made, "cuda", "single", 60), expected)
-    for name, error in found.items():
-        assert error < 8 * cpu[name] + 1e-6, (name, found, cpu)
-    double = apart(states(made, "cuda", "double", 60), expected)
-    for name, error in double.items():
-        assert error < 1e-7, (name, double)
-
-
-def same_bits(one, two):
-    assert one.keys() == two.keys()
-    return all(np.array_equal(one[k], two[k]) for k in one if k != "clock")
+    expected = states(made, "cpu", "double", STEPS)
+    moved = np.abs(expected["pressure"]).max() / UNIT["pressure"]
+    assert moved > 100 * STEPS * OF_A_STEP, "there is something to be equal"
+    for precision in ("single", "mixed", "double"):
+        error = apart(states(made, "cuda", precision, STEPS), expected)
+        assert max(error.values()) < STEPS * OF_A_STEP, (precision, error)
 
 
 @pytest.mark.parametrize("method", ["C0", "NB", "F0AL1"])
 @pytest.mark.parametrize("transfer", ["APIC", "ASFLIP"])
 def test_pipelines_agree(method, transfer):
+    if transfer == "ASFLIP":
+        transfer = libmpm.Transfer(scheme="ASFLIP", flip=0.99, shift_max=0.1)
     made = tank(libmpm.Smoothing(method=method), transfer=transfer)
-    pipelines = ["fused", "phased"] + (["two-pass"] if transfer == "APIC" else [])
-    expected, *others = (states(made, "cuda", "single", 60, p) for p in pipelines)
+    pipelines = ["fused", "phased", *(["two-pass"] if transfer == "APIC" else [])]
+    expected, *others = (states(made, "cuda", "single", STEPS, p) for p in pipelines)
     for found in others:
         error = apart(found, expected)
-        assert max(error.values()) < 60 * 2e-6, error
+        assert max(error.values()) < STEPS * OF_A_STEP, error
+
+
+def same_bits(one, two):
+    assert one.keys() == two.keys()
+    # The clock is compared by what it says: its padding bytes are nobody's.
+    return all(np.array_equal(one[k], two[k]) for k in one if k != "clock")
 
 
 RUNS = [(tank, "fused"), (tank, "two-pass"), (tank, "phased"), (bar, "phased")]
