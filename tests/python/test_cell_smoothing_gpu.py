@@ -19,9 +19,9 @@ pytestmark = pytest.mark.gpu
 WATER = materials.TaitFluid(density=1000, bulk_modulus=2e5, viscosity=0.1)
 STEEL = materials.LinearElastic(density=1000, youngs_modulus=2e5, poissons_ratio=0.2)
 #: What a step strains a body that flies unstrained, as a share of a cell: 0.1 cells a step of
-#: velocities that rounding (2e-6) makes unequal, a hundredfold so at the edge of a body; of double
-#: precision the sums of 62 bits.
-STRAYS = {"single": 2e-5, "mixed": 2e-5, "double": 1e-11}
+#: velocities that rounding makes unequal, 6e-8 on the mean, and more the lighter the nodes at the
+#: edge of a body are: some of 5,400 numbers by 4e-5. Of double precision the sums of 62 bits.
+STRAYS = {"single": 1e-4, "mixed": 1e-4, "double": 1e-10}
 
 
 @pytest.fixture(autouse=True)
@@ -55,14 +55,16 @@ def test_a_step_smooths_as_arrays_do(tmp_path, method, dimension, kernel, field,
         assert clear.mean() > 0.8, clear.mean()
         engine.run(1, np.inf, 1e9)
         after = state_of(engine)
-        np.testing.assert_allclose(after[clear], made.q[clear], rtol=0, atol=STRAYS[precision])
+        stray = abs(after - made.q)[clear]
+        assert stray.max() < STRAYS[precision]
+        assert np.sqrt(np.mean(stray**2)) < 0.02 * STRAYS[precision]
         changes.append(((after**2).sum() - (state**2).sum(), (state**2).sum()))
     rows = engine.smoothing(0)
     assert rows.shape == (7, 5)
     mass = 1000 * 1e-4
     change, energy = mass * np.array(changes).T
     np.testing.assert_allclose(rows[:, 2], energy, rtol=1e-6)
-    np.testing.assert_allclose(rows[:, 3], change, rtol=0, atol=100 * STRAYS[precision] * energy[0])
+    np.testing.assert_allclose(rows[:, 3], change, rtol=0, atol=20 * STRAYS[precision] * energy[0])
     assert (rows[:, 3] <= 1e-6 * rows[:, 2]).all()
 
 
@@ -203,4 +205,4 @@ def test_what_is_not_built_is_refused_by_name(body, named):
     shape = shapes.Box(lower=(0.2, 0.2), upper=(0.6, 0.6))
     scene.add_body(name="b", shape=shape, material=STEEL, **body)
     with pytest.raises(libmpm.SceneError, match=named):
-        libmpm.Simulation(scene, device="cuda")
+        libmpm.Simulation(scene, device="cuda").step(1)
