@@ -138,8 +138,9 @@ std::size_t cell_numbers(const CellNumbers& n) {
         return k.form == CellForm::nodal ? 1 + components
                                          : CellColumns<D>::columns(components, k.tilts());
     };
-    return std::size_t(std::max(width(n.smoothing, n.components),
-                                width(n.assumed, AssumedTensor<D>{n.part}.components())));
+    const int pushed = n.force.axis >= 0 ? 1 + D : 0;
+    return std::size_t(std::max({width(n.smoothing, n.components), pushed,
+                                 width(n.assumed, AssumedTensor<D>{n.part}.components())}));
 }
 
 }  // namespace mpm

@@ -80,7 +80,10 @@ class Smoothing(Value):
             field = check.choice("field", field, ("volume", "strain"))
         length = check.choice("flux_length", self.flux_length, ("face", "inertia"))
         if length != "face" and method != "F1":
-            check.fail(f"flux_length is '{length}' with method '{method}'; it belongs to 'F1'")
+            check.fail(
+                f"flux_length is '{length}' with method '{method}', which has no lines to compare; "
+                "leave it out, or use 'F1'"
+            )
         return {"method": method, "gamma": gamma, "field": field, "flux_length": length}
 
     def specification(self, stores_volume: bool = True) -> dict[str, Any]:
