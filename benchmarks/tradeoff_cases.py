@@ -116,8 +116,11 @@ class Measured:
             return False
         if option.fbar is not None and self.kind != "water":
             return False
-        if option.over_cells() and (option.material == "LinearElastic") != (self.kind == "solid"):
-            return False
+        if option.over_cells():
+            # Without packs every particle is a body, and a cell's mean its own value.
+            fits = (option.material == "LinearElastic") == (self.kind == "solid")
+            if not fits or not self.packs:
+                return False
         if option.material != "FixedCorotated" and not self.materials:
             return False
         if option.solid_fbar is not None and self.kind == "water" and not self.mixed:
