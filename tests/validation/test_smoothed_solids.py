@@ -74,10 +74,12 @@ def test_bars_swing_for_five_seconds(tmp_path, full):
     assert found[None].noise > 5 * found["C0"].noise
     for method in ("NB", "F0"):
         assert found[method].swing() < 0.25
-    free = {m: Swing(tmp_path, m, free=True) for m in (None, "C0", "F0AL1")}
-    for method in (None, "C0"):
-        assert free[method].minima(1)[0] == pytest.approx(-8, rel=0.04)
-    assert free["F0AL1"].swing() < 0.5 * free[None].swing()
+    # No particle crosses a face in the free bar: slopes of cells explain all that F0AL1 sees.
+    free = {m: Swing(tmp_path, m, free=True) for m in (None, "C0", "F0AL1", "NB")}
+    for method in (None, "C0", "F0AL1"):
+        assert free[method].minima(1)[0] == pytest.approx(-8, rel=0.02)
+        assert free[method].swing() == pytest.approx(free[None].swing(), rel=0.02)
+    assert free["NB"].swing() < 0.25
 
 
 # ---- a disc that turns --------------------------------------------------------------------------
