@@ -90,14 +90,14 @@ RADIUS, RATE = 0.2, np.pi  # m, rad/s
 class Disc:
     """A disc that turns for some time, `cells` in its radius, with FLIP and quadratic splines."""
 
-    def __init__(self, method, moved, until, cells, per):
+    def __init__(self, method, moved, until, cells, per, courant=0.4):
         size = RADIUS / cells
         half = RADIUS + 4 * size
         scene = libmpm.Scene(
             dimension=2, cell_size=size, lower=(-half, -half), upper=(half, half),
             gravity=(0.0, 0.0),
             method=libmpm.Method(
-                transfer="FLIP", time_step=0.4 * size / 20,
+                transfer="FLIP", time_step=courant * size / 20,
                 kernel=libmpm.Kernel(gradient="kernel", moved_nodes=moved),
             ),
         )  # fmt: skip
@@ -128,14 +128,14 @@ class Disc:
         return np.sqrt(((place - place.mean(axis=0)) ** 2).sum(axis=1).mean())
 
 
-def check_disc(method, until, cells, per):
+def check_disc(method, until, cells, per, courant=0.4):
     """Both forms of the gradient, by what each does to the size of the disc.
 
     v = (R - 1) x / Δt turns the disc: its gradient by the places before the step has the symmetric
     part -Δt ω² / 2, that by the places after it Δt ω² / 2. A law of small strain takes that for
-    compression, or for extension, and gives way by as much: (M27, and G-03 on turns of stress).
+    compression, or for extension, and gives way by as much (M27 of the digest).
     """
-    fixed, moved = (Disc(method, m, until, cells, per) for m in (False, True))
+    fixed, moved = (Disc(method, m, until, cells, per, courant) for m in (False, True))
     expected = 0.5 * (fixed.rate**2 + moved.rate**2).mean() * until * fixed.step
     assert fixed.grown / moved.grown - 1 == pytest.approx(expected, rel=0.15)
     assert fixed.grown > 1 > moved.grown
@@ -152,5 +152,6 @@ def test_a_disc_turns_by_both_gradients(method):
 
 @pytest.mark.parametrize("method", [None, "C0", "F0AL1"])
 def test_a_disc_turns_twice(method, full):
-    for disc in check_disc(method, 4.0, cells=16, per=9):
-        assert disc.angle[-1] == pytest.approx(RATE * disc.time[-1], rel=0.05)
+    """Yang (2016) A.4: the angle after two turns within 1 %, by either gradient."""
+    for disc in check_disc(method, 4.0, cells=16, per=9, courant=0.2):
+        assert disc.angle[-1] == pytest.approx(RATE * disc.time[-1], rel=0.01)
