@@ -8,7 +8,7 @@ from atlas_data import CASES
 from atlas_page import percent, times
 from result_pages import Line, filled, markdown
 from tradeoff_options import BASELINE, OPTIONS
-from tradeoff_table import ROOT, cell, newest, number
+from tradeoff_table import ROOT, newest, number
 
 LOCKING = ROOT / "docs/anti-locking.md"
 BEGIN, END = "<!-- anti-locking: benchmarks/tradeoff.py write -->", "<!-- end of anti-locking -->"
@@ -19,8 +19,8 @@ ROWS = {
         (BASELINE, "FLIP", "linear, PIC-FLIP 0.95", "F-bar one-volume-gradient",
          "F-bar two-volume", "F-bar split"),
         {
-            "hydrostatic": "speed", "sloshing": "amplitude", "dam-break": "front_speed",
-            "ritter": "outflow", "vortex": "kinetic_left", "floating-block": "swing",
+            "hydrostatic": "bed", "sloshing": "amplitude", "dam-break": "front_speed",
+            "ritter": "profile", "vortex": "kinetic_left", "floating-block": "swing",
         },
     ),
     "solid": (
@@ -29,8 +29,6 @@ ROWS = {
         {"mode": "period", "mode-incompressible": "period", "spin": "angle"},
     ),
 }  # fmt: skip
-#: Values without a unit that a percentage would not tell.
-PLAIN = {"speed": ".0e"}
 
 
 def told(line: Line | None, value: str) -> str:
@@ -40,12 +38,7 @@ def told(line: Line | None, value: str) -> str:
     if line["failed"]:
         return "breaks"
     error = line["errors"].get(value)
-    if error is None:
-        text = "–"
-    elif value in PLAIN:
-        text = cell(line, value, PLAIN[value], {})
-    else:
-        text = percent(error)
+    text = "–" if error is None else percent(error)
     drift = line.get("energy_drift")
     energy = "" if drift is None else f" · {number(drift, '+.1%')}"
     return f"{text}{energy} · {times(line['cost'])}"
