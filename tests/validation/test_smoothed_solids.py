@@ -67,9 +67,9 @@ def test_a_held_bar_swings_as_by_another_program(tmp_path, method):
 def test_bars_swing_for_five_seconds(tmp_path, full):
     found = {m: Swing(tmp_path, m, free=False) for m in HELD}
     for method, expected in HELD.items():
-        # Diffusion by NB and F0 shifts particles between spans: their means scatter.
-        within = 0.02 if method in (None, "C0") else 0.04 if method == "F0AL1" else 0.15
-        np.testing.assert_allclose(found[method].minima(5), expected, rtol=within)
+        # NB and F0 shift particles between spans, whose means then scatter: two periods.
+        within, count = (0.1, 2) if method in ("NB", "F0") else (0.04, 5)
+        np.testing.assert_allclose(found[method].minima(count), expected[:count], rtol=within)
     # Means of C0 are those without smoothing, whose particles are far noisier.
     assert found[None].noise > 5 * found["C0"].noise
     for method in ("NB", "F0"):

@@ -138,14 +138,14 @@ class AssumedFields(Value):
 class Smoothed:
     """What `smooth` made of a field.
 
-    ==============  ===========  ===========================================================
-    attribute       shape        meaning
-    ==============  ===========  ===========================================================
-    q               of the field the smoothed field
-    energy_change   (passes,)    change of Σ m q² by each pass, kg times the field's unit squared
-    index           (passes,)    I_E after each pass: Σ m (q̂ - q̄)² over that before the first,
+    =============  ============  ============================================================
+    attribute      shape         meaning
+    =============  ============  ============================================================
+    q              of the field  the smoothed field
+    energy_change  (passes,)     change of Σ m q² by each pass, kg times the field's unit squared
+    index          (passes,)     I_E after each pass: Σ m (q̂ - q̄)² over that before the first,
                                  less 1. 0: nothing is lost, -1: only the mean q̄ is left
-    ==============  ===========  ===========================================================
+    =============  ============  ============================================================
     """
 
     q: npt.NDArray[np.float64]
