@@ -354,6 +354,7 @@ MEASURED: tuple[Measured, ...] = (
         sizes={"small": {}, "device": {"cells": 128}},
         expected={"period": 1.0, "energy_left": 1.0},
         shown={}, state="small vibration along the bar", only=SHORT, finest=4.0, speed=0.005,
+        materials=True,
     ),
     Measured(
         case=IMPACT_CASE, kind="solid", cfl=0.4, energy=_kinetic,

@@ -26,7 +26,7 @@ ROWS = {
     "solid": (
         (BASELINE, "LinearElastic", "solid F-bar one-volume-gradient", "solid F-bar two-volume",
          "solid F-bar split"),
-        {"mode": "period", "mode-incompressible": "period", "spin": "angle"},
+        {"mode": "period", "bar": "period", "mode-incompressible": "period", "spin": "angle"},
     ),
 }  # fmt: skip
 

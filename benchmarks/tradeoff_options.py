@@ -311,5 +311,6 @@ SHORT = (
     "quadratic, kernel gradient", "cubic", "uGIMP", "linear, PIC-FLIP 0.95", "mirrored walls",
     "F-bar one-volume-gradient", "F-bar one-volume-gradient, 3.5 crossings", "F-bar two-volume",
     "F-bar two-volume, 5 cells", "solid F-bar two-volume", "double precision", "smoothing C0",
-    "smoothing F0AL1",
+    "smoothing F0AL1", "LinearElastic", "LinearElastic, smoothing C0",
+    "LinearElastic, smoothing F0AL1",
 )  # fmt: skip
