@@ -119,7 +119,10 @@ def test_threads_and_portions_change_no_bit(tmp_path, method):
     for threads, portions in ((1, (6,)), (2, (1, 2, 3))):
         engine, _ = drifting(
             tmp_path, 3, "quadratic", libmpm.Smoothing(method=method), threads=threads, n=5000,
-            assumed=libmpm.AssumedFields(over="cell", part="full"),
+            assumed=libmpm.AssumedFields(over="cell", part="full"), modulus=50.0,
+            force=libmpm.PlacedForce(
+                axis="x", place=(0.0, 1.0), value=((-4.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+            ),
         )  # fmt: skip
         for steps in portions:
             engine.run(steps, np.inf, 1e9)
@@ -224,6 +227,19 @@ def test_bar_in_equilibrium(tmp_path, method, free):
         assert worst < 1e-3
     else:
         assert rms > 0.05
+
+
+def test_a_placed_load_in_equilibrium_moves_nothing(tmp_path):
+    """Three particles a span put q (h/2 - 19 h² / 54 L) on the node at an end, where the means of
+    σ over their places ask for q (h/2 - 35 h² / 108 L): q h² / 36 L less, then nothing moves."""
+    load, length = -10e3, 1.6
+    size = length / 16
+    bar = Bar(
+        tmp_path, 16, load=load, courant=0.1, free=True, smoothing=libmpm.Smoothing(method="C0"),
+        strain=lambda x: load * (x * (length - x) - size**2 / 36) / length / YOUNG,
+    )  # fmt: skip
+    bar.run(0.5)
+    assert abs(bar.position() - bar.rest).max() < 1e-13
 
 
 def minimum(time, value):
