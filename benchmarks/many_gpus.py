@@ -8,6 +8,8 @@ has of one alone in the same process (`efficiency`), where that was run.
 Run:  python benchmarks/many_gpus.py --devices cuda:0 cuda:1 --json FILE
       python benchmarks/many_gpus.py --cases weak strong --seconds 10 --fbar default
       LIBMPM_RANK_WAIT=flags python benchmarks/many_gpus.py ...
+      python benchmarks/many_gpus.py --processes ...    # one process a device, over NCCL
+      srun -n 8 python benchmarks/many_gpus.py --processes ...    # on many hosts: all 8 alone
       python benchmarks/many_gpus.py --devices cpu cpu --scale 1e-4 --steps 40
 """
 
@@ -20,6 +22,7 @@ import json
 import math
 import os
 import shlex
+import socket
 import subprocess
 import sys
 import time
@@ -31,13 +34,19 @@ from typing import Any
 import numpy as np
 
 import libmpm
+from libmpm._src.backends import core
 from libmpm._src.bench import COURANT, GRAVITY, HEIGHT, SOUND, collapse, commit, water
+from libmpm._src.processes import Link
 
 Line = dict[str, Any]
 Sized = tuple[libmpm.Scene, float]
 CHUNK = 50  # steps between two looks at the clock
 WARM = 20  # steps that are not measured
 WAITS = os.environ.get("LIBMPM_RANK_WAIT", "events")  # how devices wait for each other
+LAUNCHED = any(
+    name in os.environ for name in ("RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
+)
+STARTED = "MANY_GPUS_STARTED"  # set for the processes that this script has started
 
 
 def slosh(particles: int, lengths: int, fbar: str, *, bodies: int = 1) -> Sized:
@@ -80,10 +89,18 @@ def devices_named(names: list[str]) -> list[str]:
         return list(names)
 
 
+def job() -> Link:
+    """Return the link of this process to the others of its job."""
+    return Link.of_job(core())
+
+
 def digest(simulation: libmpm.Simulation) -> str:
     """Return a hash of positions and ids, in the order of the ids."""
     total = hashlib.sha256()
-    for body in simulation.particles.values():
+    for name in simulation.particles:
+        body = simulation.gather(name, "position")
+        if body is None:
+            return ""
         ids = np.asarray(body["id"])
         order = np.argsort(ids)
         if not (ids[order] == ids[order[0]] + np.arange(len(ids))).all():
@@ -107,6 +124,8 @@ class Runner:
 
     def counts(self) -> list[int]:
         """Return how many devices to take, one after another."""
+        if self.arguments.processes and LAUNCHED:
+            return [job().ranks]
         most = len(self.arguments.devices)
         return [n for n in self.arguments.counts or (1, 2, 4, 8) if n <= most]
 
@@ -115,10 +134,15 @@ class Runner:
         scene, time_step = sized
         names = self.arguments.devices[:ranks]
         began = time.perf_counter()
+        where: dict[str, Any] = {"device": names[0] if ranks == 1 else names}
+        if self.arguments.processes:
+            mine = names[int(os.environ["RANK"])] if STARTED in os.environ else None
+            kind = names[0].partition(":")[0]
+            where = {"device": mine or kind, "ranks": "processes"}
         simulation = libmpm.Simulation(
-            scene, device=names[0] if ranks == 1 else names, time_step=time_step,
-            precision=self.arguments.precision,
-        )  # fmt: skip
+            scene, time_step=time_step, precision=self.arguments.precision, **where
+        )
+        names = simulation._backend.devices
         try:
             _ = simulation.engine
             constructed = time.perf_counter()
@@ -126,12 +150,15 @@ class Runner:
             before, at = simulation.statistics, simulation.timings
             started = time.perf_counter()
             marks = [(0, 0.0)]
-            while marks[-1][0] < steps and (bits or marks[-1][1] < self.arguments.seconds):
+            while marks[-1][0] < steps:
+                over = not bits and marks[-1][1] >= self.arguments.seconds
+                if simulation._agreed("over" if over else ""):
+                    break
                 simulation.step(min(CHUNK, steps - marks[-1][0]))
                 marks.append((simulation.steps - WARM, time.perf_counter() - started))
             done, seconds = marks[-1]
             after = simulation.statistics
-            count = sum(len(body) for body in simulation.particles.values())
+            count = sum(simulation.totals())
             rate = count * done / seconds
 
             def since(name: str) -> float:
@@ -146,7 +173,10 @@ class Runner:
                 "devices": names,
                 "hardware": devices_named(names),
                 "ranks": ranks,
-                "waits": None if "cpu" in names or ranks == 1 else WAITS,
+                "ranks_as": "processes" if self.arguments.processes else "threads",
+                "waits": None
+                if "cpu" in names or ranks == 1 or self.arguments.processes
+                else WAITS,
                 "particles": count,
                 "particles_per_cell": scene.bodies[0].particles_per_cell,
                 "fbar": str(scene.bodies[0].fbar),
@@ -166,13 +196,14 @@ class Runner:
                 "sorts": since("sorts"),
                 "tables": since("tables"),
                 "sort_s": simulation.timings.get("sort", 0.0) - at.get("sort", 0.0),
+                "tables_s": simulation.timings.get("tables", 0.0) - at.get("tables", 0.0),
                 "rebalances": after.get("rebalances", 0),
                 "imbalance": after.get("imbalance", 1.0),
                 "grid_blocks": after.get("blocks"),
                 "planned_bytes": simulation.plan.memory_total,
                 "most_bytes_held": after.get("most_bytes_held"),
                 "construction_s": constructed - began,
-                "digest": digest(simulation) if bits else None,
+                "digest": (digest(simulation) or None) if bits else None,
                 "commit": commit(),
                 "version": libmpm.__version__,
                 "command": self.command,
@@ -236,13 +267,61 @@ def mixing(runner: Runner) -> Iterator[Line]:
         steps = runner.arguments.mixing_steps
         line = runner.run("mixing: 1 M", sized, ranks, steps, bits=True)
         first = first or line["digest"]
-        yield line | {"bits_of_one": line["digest"] == first}
+        alone = runner.arguments.processes  # then `start_jobs` knows
+        yield line if alone else line | {"bits_of_one": line["digest"] == first}
 
 
 CASES: dict[str, Callable[[Runner], Iterator[Line]]] = {
     "mixing": mixing, "small": small, "strong": strong, "weak": weak, "large": large,
     "capacity": capacity,
 }  # fmt: skip
+
+
+def tell(line: Line, file: Path | None) -> None:
+    """Print a line, and append it to a file."""
+    text = json.dumps(line)
+    print(text, flush=True)
+    if file:
+        with file.open("a", encoding="utf-8") as to:
+            to.write(text + "\n")
+
+
+def start_jobs(arguments: argparse.Namespace) -> int:
+    """Run the cases in jobs of one process a device, for one number of devices after another."""
+    failed = 0
+    alone: dict[str, Line] = {}
+    for count in Runner(arguments).counts():
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = str(free.getsockname()[1])
+        made = []
+        for rank in range(count):
+            told = {
+                "RANK": str(rank), "LOCAL_RANK": str(rank), "WORLD_SIZE": str(count),
+                "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, STARTED: "1",
+            }  # fmt: skip
+            output = subprocess.PIPE if rank == 0 else subprocess.DEVNULL
+            made.append(
+                subprocess.Popen(
+                    [sys.executable, *sys.argv], env=os.environ | told, stdout=output, text=True
+                )
+            )
+        assert made[0].stdout is not None
+        for text in made[0].stdout:
+            line = json.loads(text)
+            key = f"{line['case']} {line.get('fbar')}"
+            if "error" not in line and count == 1:
+                alone[key] = line
+            if "error" not in line and key in alone:
+                rates = (line, alone[key])
+                each, one = (r["particle_steps_per_s_per_device"] for r in rates)
+                line["efficiency"] = each / one
+                if line["digest"]:
+                    line["bits_of_one"] = line["digest"] == alone[key]["digest"]
+            tell(line, arguments.json)
+        codes = [process.wait() for process in made]
+        failed |= int(any(codes))
+    return failed
 
 
 def main() -> int:
@@ -264,22 +343,31 @@ def main() -> int:
         "--capacity", type=float, default=2e9, help="particles on each device, of that case"
     )
     parser.add_argument("--json", type=Path, help="file to append lines to")
+    parser.add_argument(
+        "--processes",
+        action="store_true",
+        help="one process a device: those of a launcher, or of this script",
+    )
     arguments = parser.parse_args()
+    if arguments.processes and not LAUNCHED:
+        return start_jobs(arguments)
     runner = Runner(arguments)
+    rank = 0
+    if arguments.processes:
+        rank = job().rank
     failed = 0
     for name in arguments.cases:
         lines = CASES[name](runner)
         try:
             for line in lines:
-                text = json.dumps(line)
-                print(text, flush=True)
-                if arguments.json:
-                    with arguments.json.open("a", encoding="utf-8") as file:
-                        file.write(text + "\n")
+                if rank == 0:
+                    tell(line, None if STARTED in os.environ else arguments.json)
         except Exception as error:
             traceback.print_exc()
             print(json.dumps({"case": name, "error": str(error)}), flush=True)
             failed = 1
+            if arguments.processes:
+                break  # the job has ended with it
     return failed
 
 

@@ -1,9 +1,11 @@
-"""What transfers, kernels and pipelines cost on a GPU, at a size that fills it.
+"""What transfers, kernels, pipelines and smoothing over cells cost on a GPU that they fill.
 
 The benchmark's collapsing water; the first line is the baseline (APIC, quadratic, fused) and runs
-again last, so that the lines between can be compared with both.
+again last, so that the lines between can be compared with both. It has F-bar, which smoothing over
+cells replaces; "APIC, plain" has neither.
 
 Run:  python benchmarks/methods_gpu.py --particles 8000000 --steps 1000 --json FILE
+      python benchmarks/methods_gpu.py --only smoothing --json FILE
 """
 
 from __future__ import annotations
@@ -13,8 +15,9 @@ import json
 from pathlib import Path
 
 import libmpm
-from libmpm import Kernel, Method, Transfer
+from libmpm import Kernel, Method, Smoothing, Transfer
 from libmpm._src.bench import collapse, timed
+from libmpm.smoothing import METHODS
 
 ASFLIP = Transfer(scheme="ASFLIP", flip=0.99, shift_max=0.1)
 
@@ -37,8 +40,29 @@ ROWS: dict[str, tuple[Method, str, str]] = {
     "cubic": (Method(kernel="cubic"), "auto", "single"),
     "APIC, double": (Method(), "auto", "double"),
     "ASFLIP, double": (Method(transfer=ASFLIP), "auto", "double"),
+    "APIC, plain": (Method(), "auto", "single"),
+    **{f"smoothing {name}": (Method(), "auto", "single") for name in METHODS},
+    "smoothing F0AL1, two-pass": (Method(), "two-pass", "single"),
+    "smoothing F0AL1, phased": (Method(), "phased", "single"),
     "APIC again": (Method(), "auto", "single"),
 }  # fmt: skip
+
+#: What belongs to the cost of smoothing against F-bar.
+OF_SMOOTHING = [
+    "APIC", "APIC, two-pass", "APIC, phased", "APIC, plain",
+    *(name for name in ROWS if name.startswith("smoothing")), "APIC again",
+]  # fmt: skip
+
+
+def case(name: str, particles: int) -> tuple[libmpm.Scene, float]:
+    """Return the scene of a row, and its time step, s."""
+    form = name.removeprefix("smoothing ").partition(",")[0]
+    return collapse(
+        particles,
+        "none" if name.endswith("plain") else "default",
+        method=ROWS[name][0],
+        smoothing=Smoothing(method=form) if name.startswith("smoothing") else None,
+    )
 
 
 def main() -> None:
@@ -47,12 +71,15 @@ def main() -> None:
     parser.add_argument("--particles", type=int, default=8_000_000)
     parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--rows", nargs="*", default=list(ROWS), help="names of rows")
+    parser.add_argument("--only", choices=["smoothing"], help="rows of this question alone")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    if arguments.only:
+        arguments.rows = OF_SMOOTHING
     baseline = 0.0
     for name in arguments.rows:
-        method, pipeline, precision = ROWS[name]
-        scene, step = collapse(arguments.particles, method=method)
+        _, pipeline, precision = ROWS[name]
+        scene, step = case(name, arguments.particles)
         simulation = libmpm.Simulation(
             scene, device="cuda", precision=precision, pipeline=pipeline, time_step=step
         )

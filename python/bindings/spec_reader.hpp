@@ -16,61 +16,11 @@
 #include "mpm/exec/rank_processes.hpp"
 #include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
+#include "rows_reader.hpp"
 
 namespace mpm::python {
 
 namespace py = pybind11;
-using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
-
-inline std::vector<double> doubles(const py::handle& value) {
-    const auto a = Doubles::ensure(value);
-    if (!a) throw SceneError("expected an array of numbers");
-    return {a.data(), a.data() + a.size()};
-}
-
-/// The values of `rows` rows, each of the shape `row`; `what` names them in the error otherwise.
-inline Doubles shaped(const py::handle& value, std::uint64_t rows,
-                      const std::vector<py::ssize_t>& row, const std::string& what) {
-    std::vector<py::ssize_t> shape{py::ssize_t(rows)};
-    shape.insert(shape.end(), row.begin(), row.end());
-    const auto text = [](const py::handle& x) { return py::str(x).cast<std::string>(); };
-    const auto a = Doubles::ensure(value);
-    if (a && std::equal(shape.begin(), shape.end(), a.shape(), a.shape() + a.ndim())) return a;
-    throw SceneError(what +
-                     (a ? " has the shape " + text(a.attr("shape"))
-                        : " is no array of numbers but of " + text(py::type::handle_of(value))) +
-                     "; expected the shape " + text(py::tuple(py::cast(shape))));
-}
-
-/// Rows of an array, which is kept and not copied, or those that a Python function gives. The
-/// engine may ask for them, and drop them, with or without the GIL.
-inline Rows read_rows(py::object value, std::uint64_t count, std::vector<py::ssize_t> row,
-                      const std::string& what) {
-    const auto keep = [](py::object x) {
-        return std::shared_ptr<py::object>(new py::object(std::move(x)), [](py::object* p) {
-            py::gil_scoped_acquire locked;
-            delete p;
-        });
-    };
-    std::size_t width = 1;
-    for (py::ssize_t n : row) width *= std::size_t(n);
-    if (PyCallable_Check(value.ptr())) {
-        return [function = keep(std::move(value)), row = std::move(row), width, what](
-                   std::uint64_t first, std::uint64_t last, double* out) {
-            py::gil_scoped_acquire locked;
-            const Doubles a =
-                shaped((*function)(first, last), last - first, row,
-                       what + "(" + std::to_string(first) + ", " + std::to_string(last) + ")");
-            std::copy(a.data(), a.data() + (last - first) * width, out);
-        };
-    }
-    const Doubles a = shaped(value, count, row, what);
-    return [array = keep(a), data = a.data(), width](std::uint64_t first, std::uint64_t last,
-                                                     double* out) {
-        std::copy(data + first * width, data + last * width, out);
-    };
-}
-
 inline TableSpec read_table(const py::dict& d, int dimension, const std::string& owner) {
     TableSpec t;
     t.time = doubles(d["time"]);
@@ -208,7 +158,8 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
         }
     }
     if (!d["pressure"].is_none()) {
-        b.pressure = read_rows(d["pressure"], b.count, {}, "body '" + b.name + "': pressure");
+        b.pressure =
+            read_pressures(d["pressure"], b.count, dimension, "body '" + b.name + "': pressure");
         if (!m.volumetric)
             throw SceneError("body '" + b.name + "': " + m.name +
                              " stores no volume ratio to set a pressure by");

@@ -3,8 +3,6 @@
 Expected duration: 9 s.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,73 +11,11 @@ from libmpm import _core, materials, shapes
 from libmpm._src.lowering import lower
 from libmpm.smoothing import METHODS, smooth
 from support.bars import YOUNG, Bar
-
-DX = 0.1
-#: So soft that nothing but smoothing changes a state.
-SOFT = {
-    "volume": materials.TaitFluid(density=1000, bulk_modulus=1e-12, viscosity=0.0),
-    "strain": materials.LinearElastic(density=1000, youngs_modulus=1e-12, poissons_ratio=0.2),
-}
+from support.drifting import DX, SOFT, by_id, drifting, state_of, undecided
 
 WATER = materials.TaitFluid(density=1000, bulk_modulus=1e6)
 FORCE = libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((-4.0, 0.0), (4.0, 0.0)))
 STEEL = materials.LinearElastic(density=1000, youngs_modulus=1e6, poissons_ratio=0.2)
-
-
-def drifting(
-    folder: Path, dimension: int, kernel: str, smoothing, field="volume", threads=1, n=900,
-    modified=False, modulus=None, **body,
-):  # fmt: skip
-    """An engine of soft material with a random state, which flies off unstrained."""
-    random = np.random.default_rng(5)
-    lower_corner = np.array([0.33, 0.21, 0.4])[:dimension]
-    points = lower_corner + random.random((n, dimension)) * (1.3, 0.9, 0.5)[:dimension]
-    file = folder / f"points{dimension}.npy"
-    np.save(file, points)
-    kind = libmpm.Kernel(name=kernel, gradient="kernel", modified=modified)
-    transfer = "PIC" if modulus is None else "FLIP"
-    scene = libmpm.Scene(
-        dimension=dimension, cell_size=DX, lower=(0.0,) * dimension,
-        upper=(3.0, 2.0, 1.5)[:dimension],
-        method=libmpm.Method(transfer=transfer, kernel=kind, time_step=0.01),
-    )  # fmt: skip
-    material = SOFT[field]
-    if modulus is not None:
-        material = materials.TaitFluid(density=1000, bulk_modulus=modulus, viscosity=0.0)
-    scene.add_body(
-        name="b", shape=shapes.PointFile(file=str(file), particle_volume=1e-4), material=material,
-        velocity=(1.0, 0.7, -0.4)[:dimension], smoothing=smoothing, **body,
-    )  # fmt: skip
-    told = lower(scene, precision="double", threads=threads)
-    width = 1 if field == "volume" else dimension * (dimension + 1) // 2
-    state = 1e-3 * (random.random((n, width)) - 0.5)
-    velocity = np.zeros((n, 0 if modulus is None else dimension))
-    told["bodies"][0] |= {
-        "state": np.hstack([state, velocity]),
-        "state_width": width + velocity.shape[1],
-        "ids": np.arange(n, dtype=np.uint32),
-    }
-    return _core.Engine(told), state
-
-
-def by_id(engine, name):
-    """An attribute of the particles in the order of their ids."""
-    return engine.attribute(0, name)[np.argsort(engine.attribute(0, "id"))]
-
-
-def state_of(engine):
-    """What particles store."""
-    return by_id(engine, "state")
-
-
-def undecided(state, position, method, made):
-    """Where limiter A is at a tie, two cells with one mean, that the rounding of sums decides."""
-    random = np.random.default_rng(1)
-    found = np.zeros(state.shape, dtype=bool)
-    for _ in range(20 if "A" in method else 0):
-        noise = 1 + 1e-13 * (random.random(state.shape) - 0.5)
-        found |= abs(smooth(state * noise, 1, position, DX, method=method).q - made) > 1e-14
-    return found
 
 
 #: NB means at nodes of the scene's functions, which are corners of cells for linear ones.
@@ -376,7 +312,6 @@ def test_what_does_not_fit_is_refused_by_name(scene, named):
 @pytest.mark.parametrize(
     "body",
     [
-        {"smoothing": libmpm.Smoothing()},
         {"assumed": libmpm.AssumedFields()},
         {"damping": 0.1},
         {"force": FORCE},
@@ -397,6 +332,29 @@ def test_a_scene_without_it_plans_as_before():
     assert "smooth_cells:b" in smoothed["kernels"]
     assert "smooth_cells:b" not in plain["kernels"]
     assert smoothed["memory_total"] > plain["memory_total"]
+
+
+@pytest.mark.parametrize(("method", "numbers"), [("C0", 2), ("NB", 2), ("F0", 3), ("F0AL2", 7)])
+def test_cells_of_a_device_are_in_the_plan(method, numbers):
+    """Of a cell: mass, mean, what exchanges make of it; centre and inertias where asked for."""
+
+    def planned(smoothing, device):
+        # On a device it goes with the fused step; a CPU would change its pipeline for it.
+        kernel = libmpm.Kernel(gradient="kernel" if device == "cpu" else "mls")
+        scene = body_scene(
+            WATER, method=libmpm.Method(kernel=kernel), smoothing=smoothing, fbar=None
+        )
+        return _core.plan(lower(scene, with_particles=False), device)
+
+    for device in ("cpu", "cuda"):
+        plain, smoothed = planned(None, device), planned(libmpm.Smoothing(method=method), device)
+        assert plain["bodies"] == smoothed["bodies"]
+        assert plain["pipeline"] == smoothed["pipeline"] == {"cpu": "phased"}.get(device, "fused")
+        assert "smooth_cells:b" in smoothed["kernels"]
+        blocks = 3 * 3  # of 8 x 8 cells: one that the body fills in part, and those around it
+        energies = 8 if device == "cuda" else 0  # of a block
+        more = smoothed["memory_total"] - plain["memory_total"]
+        assert more == pytest.approx(8 * (64 * numbers + energies) * blocks, rel=1e-12), device
 
 
 # ---- arrays -------------------------------------------------------------------------------------

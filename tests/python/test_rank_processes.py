@@ -6,20 +6,18 @@ Expected duration: 15 s.
 from __future__ import annotations
 
 import json
-import os
 import signal
-import socket
-import subprocess
-import sys
-import textwrap
 import time
 
 import numpy as np
 import pytest
 
 import libmpm
+from libmpm._src import backends
 from libmpm._src.output import frames
 from python import fake_engine
+from support import jobs
+from support.jobs import well
 
 HEAD = """
 import os, sys, warnings
@@ -34,48 +32,12 @@ def make(**more):
 """
 
 
-def free_port():
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
-
-
 def start(ranks, code, folder, **environment):
-    port, made = str(free_port()), []
-    for rank in range(ranks):
-        variables = os.environ | {
-            "RANK": str(rank), "WORLD_SIZE": str(ranks), "MASTER_ADDR": "127.0.0.1",
-            "MASTER_PORT": port, "FOLDER": str(folder), "LIBMPM_MEETING_SECONDS": "60",
-            "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
-        } | environment  # fmt: skip
-        made.append(
-            subprocess.Popen(
-                [sys.executable, "-c", HEAD + textwrap.dedent(code)],
-                env=variables,
-                text=True,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-            )
-        )
-    return made
+    return jobs.start(ranks, jobs.script(HEAD, code), folder, **environment)
 
 
 def run(ranks, code, folder, **environment):
-    """Return (exit code, stdout, stderr) of each rank."""
-    out = []
-    for process in start(ranks, code, folder, **environment):
-        try:
-            told = process.communicate(timeout=120)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            raise
-        out.append((process.returncode, *told))
-    return out
-
-
-def well(told):
-    assert [code for code, _, _ in told] == [0] * len(told), "\n".join(e for _, _, e in told)
-    return told
+    return jobs.run(ranks, jobs.script(HEAD, code), folder, **environment)
 
 
 @pytest.fixture
@@ -188,9 +150,43 @@ def test_only_who_asks(tmp_path):
     alone = libmpm.Simulation(fake_engine.small_scene(), device="cpu")
     with pytest.raises(libmpm.SceneError, match="expected 'processes'"):
         libmpm.Simulation(fake_engine.small_scene(), ranks="threads")
-    with pytest.raises(libmpm.DeviceError, match="expected device 'cpu'"):
-        libmpm.Simulation(fake_engine.small_scene(), device="cuda:0", ranks="processes")
+    with pytest.raises(libmpm.DeviceError, match="each has one device"):
+        libmpm.Simulation(fake_engine.small_scene(), device=["cpu", "cpu"], ranks="processes")
     assert alone.ranks == 1
+
+
+def test_each_has_its_device(monkeypatch):
+    """By the launcher's number on this host, or the only device that a process sees."""
+
+    class Job:
+        """Rank 3 of four, the second on its host."""
+
+        ranks, local_rank, others = 4, 1, ["", "cuda", 0]
+
+        def tell(self, value):
+            return [self.others, self.others, self.others, value]
+
+    job = Job()
+    monkeypatch.setattr(backends.Link, "of_job", classmethod(lambda cls, module: job))
+
+    def see(count):
+        found = tuple({"index": i, "name": "H"} for i in range(count))
+        monkeypatch.setattr(backends, "cuda_status", lambda: backends.CudaStatus(None, found, ""))
+
+    see(4)
+    mine = backends.select_process("cuda")
+    assert (mine.name, mine.index, mine.ranks, mine.link) == ("cuda:1", 1, 4, job)
+    assert mine.devices == ["cuda:0", "cuda:0", "cuda:0", "cuda:1"]
+    assert backends.select_process("cuda:2").index == 2
+    see(1)
+    assert backends.select_process("cuda").index == 0
+    with pytest.raises(libmpm.DeviceError, match="rank 3: device 'cuda:1' does not exist"):
+        backends.select_process("cuda:1")
+    with pytest.raises(libmpm.DeviceError, match="rank 3 is on 'cpu' and rank 0 on 'cuda'"):
+        backends.select_process("auto")
+    job.others = ["no device today", None, None]
+    with pytest.raises(libmpm.DeviceError, match="rank 0: no device today"):
+        backends.select_process("cuda")
 
 
 def test_one_that_fails_ends_all(tmp_path):

@@ -39,7 +39,6 @@ class Bar:
         assumed: libmpm.AssumedFields | None = None,
         per_cell: int = 3,
         free: bool = False,
-        fbar: libmpm.FBar | None = None,
     ) -> None:
         """`load` q in N/m; `strain` at the start, a function of x, or "static"."""
         self.load, self.free = load, free
@@ -72,7 +71,6 @@ class Bar:
             smoothing=smoothing,
             damping=damping,
             assumed=assumed,
-            fbar=fbar,
             force=libmpm.PlacedForce(axis="x", place=ends, value=((-pull, 0.0), (pull, 0.0)))
             if free
             else None,

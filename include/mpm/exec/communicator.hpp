@@ -18,10 +18,19 @@ using Bytes = std::vector<unsigned char>;
 
 /// Devices of one process that share a scene: at most as many as a host has.
 inline constexpr int most_devices = 16;
+/// Ranks on devices, of all hosts: kernels know where the parts of all of them begin.
+inline constexpr int most_device_ranks = 128;
 
 /// Thrown where a rank waits for another that has failed.
 struct RankStopped : Error {
     using Error::Error;
+};
+
+/// A piece of a device's memory that goes to another rank, or comes from it.
+struct Parcel {
+    void* at;
+    std::size_t bytes;
+    int rank;
 };
 
 class Communicator {
@@ -29,6 +38,8 @@ public:
     virtual ~Communicator() = default;
     virtual int rank() const = 0;
     virtual int ranks() const = 0;
+    /// Whether all ranks are threads of one process, which can read each other's memory.
+    virtual bool one_process() const { return true; }
 
     /// Gives to[p] to each of `peers` and returns, by rank, what they gave. Collective among peers:
     /// who lists a rank is listed by it, and both make the same calls in the same order. What
@@ -39,6 +50,9 @@ public:
     virtual void stop(const std::string& why) noexcept = 0;
     /// Throws RankStopped where the work of all ranks has been ended: for who waits elsewhere.
     virtual void check() = 0;
+    /// The same for who waits, elsewhere than here, for what these ranks have yet to do: also where
+    /// one of them has ended.
+    virtual void check_awaited(const std::vector<int>&) { check(); }
 
     /// All ranks but this one.
     std::vector<int> others() const {

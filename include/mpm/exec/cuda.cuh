@@ -10,6 +10,7 @@
 #include <functional>
 #include <memory>
 #include <utility>
+#include <unordered_map>
 #include <vector>
 
 #include "mpm/core/config.hpp"
@@ -379,6 +380,14 @@ public:
         if (value < *to) *to = value;
 #endif
     }
+    /// Adds to an integer, in whatever order.
+    MPM_INLINE static void add_integer(std::int64_t* to, std::int64_t by) {
+#if defined(__CUDA_ARCH__)
+        atomicAdd(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(by));
+#else
+        *to += by;
+#endif
+    }
     /// Returns the value before the addition.
     MPM_INLINE static std::uint32_t fetch_add(std::uint32_t* to, std::uint32_t by) {
 #if defined(__CUDA_ARCH__)
@@ -428,13 +437,14 @@ private:
         }
         cudaMemPool_t pool = nullptr;
         // Large pieces bypass the pool, which rounds up what it takes: 3.05e9 bytes held for 2.78e9
-        // in use at 64 M particles. Those freed are kept for the next of their size.
+        // in use at 64 M particles. Those freed are kept for the next of about their size.
         struct Kept {
             void* p;
             std::size_t bytes;
             int missed;  // times that it did not fit what was asked for
         };
         std::vector<Kept> kept;
+        std::unordered_map<void*, std::size_t> given;  // what large pieces in use really have
         Peak now, most;           // of large pieces
         void* staging = nullptr;  // pinned, for small downloads
         double* maxima = nullptr;

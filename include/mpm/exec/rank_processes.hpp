@@ -23,9 +23,11 @@ public:
 
     int rank() const override { return launch_.rank; }
     int ranks() const override { return launch_.ranks; }
+    bool one_process() const override { return false; }
     std::vector<Bytes> exchange(std::vector<Bytes> to, const std::vector<int>& peers) override;
     void stop(const std::string& why) noexcept override;
     void check() override;
+    void check_awaited(const std::vector<int>& ranks) override;
 
     const Launch& launch() const { return launch_; }
     /// Processes on the host of this one, and which of them it is, in the order of ranks.
@@ -65,6 +67,8 @@ private:
     void read(int rank);
     void write(int rank);
     void end(int rank, const std::string& how);
+    /// Ends the work of all where a rank that this one waits for has ended.
+    void miss(int rank);
     [[noreturn]] void missing(const std::vector<int>& ranks, const std::string& what) const;
     void close_all() noexcept;
 

@@ -130,17 +130,19 @@ struct AssumedTensor {
     }
 };
 
-/// Numbers of one cell, or node, that a body's phases sum up.
+/// Numbers of one cell, or node, that a body's phases sum up: lumped means at nodes have as many as
+/// means of cells.
 template <int D>
 std::size_t cell_numbers(const CellNumbers& n) {
     const auto width = [](const SmoothingChoice& k, int components) {
         if (components == 0 || k.form == CellForm::none) return 0;
-        return k.form == CellForm::nodal ? 1 + components
-                                         : CellColumns<D>::columns(components, k.tilts());
+        return CellColumns<D>::columns(k, components);
     };
-    const int pushed = n.force.axis >= 0 ? 1 + D : 0;
-    return std::size_t(std::max({width(n.smoothing, n.components), pushed,
-                                 width(n.assumed, AssumedTensor<D>{n.part}.components())}));
+    SmoothingChoice nodal;  // what a placed force gives back
+    nodal.form = CellForm::nodal;
+    return std::size_t(std::max({width(n.smoothing, n.components),
+                                 width(n.assumed, AssumedTensor<D>{n.part}.components()),
+                                 width(nodal, n.force.axis >= 0 ? D : 0)}));
 }
 
 }  // namespace mpm

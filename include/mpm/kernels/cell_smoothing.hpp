@@ -9,6 +9,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <vector>
 
 #include "mpm/physics/smoothing.hpp"
@@ -52,16 +53,42 @@ struct CellNumbers {
     }
 };
 
-/// What is kept of a cell, in one piece. Sums first; `FinishCell` makes of them what the names say.
+/// What is kept of a cell: sums first, of which `FinishCell` makes what the names say, then what
+/// cells make of each other. Numbers that a form has no use for are not kept.
 template <int D>
 struct CellColumns {
-    static constexpr int products = D * (D + 1) / 2;
     double* data;
     int components;
-    bool tilts;
-    int width = columns(components, tilts);
+    CellPlaces places;
+    bool tilts, exchanges;
+    std::int64_t to_column, to_cell;  // distances in `data`
 
-    MPM_INLINE static int product(int a, int b) {
+    static constexpr int products(CellPlaces p) {
+        return p == CellPlaces::none ? 0 : p == CellPlaces::along_axes ? D : D * (D + 1) / 2;
+    }
+    static int sums(const SmoothingChoice& k, int components) {
+        const CellPlaces p = k.places();
+        return 1 + (p == CellPlaces::none ? 0 : D) + products(p) +
+               components * (1 + (k.tilts() ? D : 0));
+    }
+    static int columns(const SmoothingChoice& k, int components) {
+        return sums(k, components) + components * ((k.exchanges() ? 1 : 0) + (k.tilts() ? D : 0));
+    }
+    /// All of a cell in one piece.
+    static CellColumns by_cell(double* data, const SmoothingChoice& k, int components) {
+        return {data, components, k.places(), k.tilts(), k.exchanges(), 1, columns(k, components)};
+    }
+    /// A number of all cells in one piece.
+    static CellColumns by_column(double* data, const SmoothingChoice& k, int components,
+                                 std::int64_t cells) {
+        return {data, components, k.places(), k.tilts(), k.exchanges(), cells, 1};
+    }
+
+    MPM_INLINE double& at(int column, std::int64_t c) const {
+        return data[column * to_column + c * to_cell];
+    }
+    MPM_INLINE int product(int a, int b) const {
+        if (places == CellPlaces::along_axes) return a;
         if (a > b) {
             const int c = a;
             a = b;
@@ -69,45 +96,60 @@ struct CellColumns {
         }
         return a * D - a * (a - 1) / 2 + (b - a);
     }
-    MPM_INLINE static int per_component(bool tilts) { return 2 + (tilts ? 2 * D : 0); }
-    MPM_INLINE static int columns(int components, bool tilts) {
-        return 1 + D + products + components * per_component(tilts);
+    MPM_INLINE int first(int q) const {
+        return 1 + (places == CellPlaces::none ? 0 : D) + products(places) +
+               q * (1 + (tilts ? D : 0));
     }
-    MPM_INLINE double& at(int column, std::int64_t c) const { return data[c * width + column]; }
-    MPM_INLINE int first(int q) const { return 1 + D + products + q * per_component(tilts); }
+    MPM_INLINE int first_made(int q) const {
+        return first(components) + q * ((exchanges ? 1 : 0) + (tilts ? D : 0));
+    }
 
     MPM_INLINE double& mass(std::int64_t c) const { return at(0, c); }
     MPM_INLINE double& centre(int a, std::int64_t c) const { return at(1 + a, c); }
+    /// Second moments along one axis alone where `places` says so.
     MPM_INLINE double& inertia(int a, int b, std::int64_t c) const {
         return at(1 + D + product(a, b), c);
     }
     MPM_INLINE double& mean(int q, std::int64_t c) const { return at(first(q), c); }
-    MPM_INLINE double& smoothed(int q, std::int64_t c) const { return at(first(q) + 1, c); }
-    /// First moments of the field; then of what is smoothed, the slope.
+    MPM_INLINE double& smoothed(int q, std::int64_t c) const {
+        return at(exchanges ? first_made(q) : first(q), c);
+    }
+    /// First moments of the field, and the slopes of what is smoothed.
     MPM_INLINE double& moment(int q, int a, std::int64_t c) const {
-        return at(first(q) + 2 + a, c);
+        return at(first(q) + 1 + a, c);
     }
     MPM_INLINE double& tilt(int q, int a, std::int64_t c) const {
-        return at(first(q) + 2 + D + a, c);
+        return at(first_made(q) + (exchanges ? 1 : 0) + a, c);
     }
 };
 
-/// `x` from the centre of the cell, in cells.
+/// What a particle of unit mass at `x` from the centre of its cell, in cells, adds to it: calls
+/// add(column, number) for all that is summed but the mass.
+template <int D, class Q, class Add>
+MPM_INLINE void for_each_sum(const CellColumns<D>& cells, const Vec<double, D>& x, const Q& value,
+                             const Add& add) {
+    if (cells.places != CellPlaces::none) {
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            add(1 + a, x[a]);
+            MPM_UNROLL for (int b = a; b < D; ++b) {
+                if (a == b || cells.places == CellPlaces::all)
+                    add(1 + D + cells.product(a, b), x[a] * x[b]);
+            }
+        }
+    }
+    for (int q = 0; q < cells.components; ++q) {
+        const double v = value(q);
+        add(cells.first(q), v);
+        if (cells.tilts) {
+            MPM_UNROLL for (int a = 0; a < D; ++a) add(cells.first(q) + 1 + a, x[a] * v);
+        }
+    }
+}
 template <int D, class Q>
 MPM_INLINE void add_to_cell(const CellColumns<D>& to, std::int64_t c, double m,
                             const Vec<double, D>& x, const Q& value) {
     to.mass(c) += m;
-    MPM_UNROLL for (int a = 0; a < D; ++a) {
-        to.centre(a, c) += m * x[a];
-        MPM_UNROLL for (int b = a; b < D; ++b) to.inertia(a, b, c) += m * x[a] * x[b];
-    }
-    for (int q = 0; q < to.components; ++q) {
-        const double v = value(q);
-        to.mean(q, c) += m * v;
-        if (to.tilts) {
-            MPM_UNROLL for (int a = 0; a < D; ++a) to.moment(q, a, c) += m * x[a] * v;
-        }
-    }
+    for_each_sum(to, x, value, [&](int column, double v) { to.at(column, c) += m * v; });
 }
 
 /// Sums to what `CellColumns` names.
@@ -117,13 +159,16 @@ struct FinishCell {
     MPM_INLINE void operator()(std::int64_t c) const {
         const double m = cells.mass(c);
         if (!(m > 0)) return;
-        MPM_UNROLL for (int a = 0; a < D; ++a) cells.centre(a, c) /= m;
-        Mat<double, D> inertia;
-        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = a; b < D; ++b) {
-            const double rest =
-                cells.inertia(a, b, c) - m * cells.centre(a, c) * cells.centre(b, c);
-            cells.inertia(a, b, c) = a == b ? larger(rest, 0.0) : rest;
-            inertia.e[a][b] = inertia.e[b][a] = cells.inertia(a, b, c);
+        Mat<double, D> inertia{};
+        if (cells.places != CellPlaces::none) {
+            MPM_UNROLL for (int a = 0; a < D; ++a) cells.centre(a, c) /= m;
+            MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = a; b < D; ++b) {
+                if (a != b && cells.places == CellPlaces::along_axes) continue;
+                const double rest =
+                    cells.inertia(a, b, c) - m * cells.centre(a, c) * cells.centre(b, c);
+                cells.inertia(a, b, c) = a == b ? larger(rest, 0.0) : rest;
+                inertia.e[a][b] = inertia.e[b][a] = cells.inertia(a, b, c);
+            }
         }
         for (int q = 0; q < cells.components; ++q) {
             const double sum = cells.mean(q, c);
@@ -152,9 +197,10 @@ struct ExchangeCells {
         CellAlong<double> out;
         if (c < 0 || !(cells.mass(c) > 0)) return out;
         out.mass = cells.mass(c);
+        out.mean = cells.mean(q, c);
+        if (cells.places == CellPlaces::none) return out;
         out.centre = cells.centre(axis, c) + shift;
         out.inertia = cells.inertia(axis, axis, c);
-        out.mean = cells.mean(q, c);
         if (cells.tilts && out.inertia > least_inertia * out.mass)
             out.slope = cells.moment(q, axis, c) / out.inertia;
         return out;
@@ -169,14 +215,14 @@ struct ExchangeCells {
         constexpr double share = 1.0 / (2 * D);
         for (int q = 0; q < cells.components; ++q) {
             double value = cells.mean(q, c);
-            if (choice.form == CellForm::flux || choice.form == CellForm::linear_flux) {
+            if (choice.exchanges()) {
                 for (int axis = 0; axis < D; ++axis) {
                     std::int64_t row[5];  // the cell in the middle
                     row[2] = c;
                     row[1] = next(c, axis, 0);
                     row[3] = next(c, axis, 1);
-                    row[0] = row[1] < 0 ? -1 : next(row[1], axis, 0);
-                    row[4] = row[3] < 0 ? -1 : next(row[3], axis, 1);
+                    row[0] = row[1] < 0 || !choice.looks_beyond() ? -1 : next(row[1], axis, 0);
+                    row[4] = row[3] < 0 || !choice.looks_beyond() ? -1 : next(row[3], axis, 1);
                     CellAlong<double> cell[5];
                     for (int k = 0; k < 5; ++k) cell[k] = along(row[k], axis, q, k - 2);
                     // A cell beyond an empty one is no neighbour of the pair.
@@ -223,9 +269,9 @@ MPM_INLINE double value_in_cell(const CellColumns<D>& cells, std::int64_t c,
 struct SmoothingEnergy {
     double before = 0, after = 0, uniform = 0;
 
-    double change() const { return after - before; }
+    MPM_HD double change() const { return after - before; }
     /// I_E of (3.185): the change over what the field had about its mean; 0 of a uniform one.
-    double index() const {
+    MPM_HD double index() const {
         const double about = before - uniform;
         return about > 1e-14 * before ? change() / about : 0;
     }

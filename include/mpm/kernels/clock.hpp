@@ -22,7 +22,14 @@ enum class Halt : int {
     samples = 5,
     supply = 6
 };
-enum class FaultKind : int { none = 0, particle = 1, outran = 2, fixed_point = 3, smoothing = 4 };
+enum class FaultKind : int {
+    none = 0,
+    particle = 1,
+    outran = 2,
+    fixed_point = 3,
+    smoothing = 4,
+    smoothing_range = 5
+};
 
 inline constexpr int max_groups = 8;
 inline constexpr int speed_log_size = 128;

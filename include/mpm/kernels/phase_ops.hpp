@@ -27,8 +27,16 @@ struct CellOps {
     Run responded;  // deposits
 };
 
-/// For backends that have them.
+/// For CPUs.
 template <class X, class T, int D>
 CellOps<X, T, D> cell_ops();
+
+template <int D>
+struct CellTask;
+/// For devices: smooths the state, and leaves sums of the energy (cell_sums.hpp).
+template <class X, class T, int D>
+using SmoothCells = void (*)(const Phase<X, T, D>&, const CellTask<D>&);
+template <class X, class T, int D>
+SmoothCells<X, T, D> smooth_cells();
 
 }  // namespace mpm

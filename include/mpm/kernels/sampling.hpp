@@ -204,10 +204,10 @@ struct SamplePoints {
     std::int64_t cells[D];
 
     MPM_INLINE void operator()(std::int64_t k) const {
-        const PointRecord<D>& point = points[k];
-        SensorRecord& r = sensors[point.sensor];
-        if (!r.due) return;
-        double* row = open_row(r, node.clock->time);
+        SensorRecord& r = sensors[points[k].sensor];
+        if (r.due) sample(points[k], open_row(r, node.clock->time));
+    }
+    MPM_INLINE void sample(const PointRecord<D>& point, double* row) const {
         if (point.axis >= 0) {
             SampleGauge<T, Sum, D>{node, point, cell_size, cells}(row);
             return;

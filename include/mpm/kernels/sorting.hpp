@@ -242,8 +242,8 @@ struct Take {
     MPM_INLINE void operator()(std::int64_t k) const { to[k] = from[index[k]]; }
 };
 
-/// Is any occupied block new to the table's homes? Its neighbours may then be missing. `before`: the
-/// blocks that were homes; with several devices those that may be.
+/// Is any occupied block new to the table's homes? Its neighbours may then be missing. `before`:
+/// the blocks that were homes; with several devices those that may be.
 template <class X>
 struct FindNewHomes {
     const std::uint32_t* occupied;

@@ -21,6 +21,9 @@ namespace mpm {
 
 enum class CellForm : int { none, constant, linear, nodal, flux, linear_flux };
 enum class FluxLimiter : int { none, linear, quadratic };
+/// What of the places of a cell's particles a form asks for: nothing; centre and second moments
+/// along the axes; also products of inertia.
+enum class CellPlaces : int { none, along_axes, all };
 
 /// What a body's smoothing is, uniform over it.
 struct SmoothingChoice {
@@ -30,6 +33,17 @@ struct SmoothingChoice {
     double gamma = 1;         // share of F0's flux, where no limiter sets it
     bool by_inertia = false;  // F1: L = sqrt(I / m) instead of the way to the face
     MPM_HD bool tilts() const { return form == CellForm::linear || form == CellForm::linear_flux; }
+    /// Does a cell work with those beside it?
+    MPM_HD bool exchanges() const {
+        return form == CellForm::flux || form == CellForm::linear_flux;
+    }
+    /// Also with those behind them?
+    MPM_HD bool looks_beyond() const { return extrema || limiter != FluxLimiter::none; }
+    MPM_HD CellPlaces places() const {
+        return tilts()                        ? CellPlaces::all
+               : limiter != FluxLimiter::none ? CellPlaces::along_axes
+                                              : CellPlaces::none;
+    }
     bool operator==(const SmoothingChoice&) const = default;
 };
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mpm/exec/buffer.hpp"
+#include "mpm/exec/sums.hpp"
 #include "mpm/kernels/pass.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/plan.hpp"
@@ -14,7 +15,15 @@ namespace mpm {
 template <class X, class T, int D>
 struct BodyStore {
     explicit BodyStore(X& x)
-        : id(x), cell_start(x), cell(x), home(x), lone(x), lone_slot(x), coloured(x), scratch(x) {}
+        : id(x),
+          cell_start(x),
+          cell(x),
+          home(x),
+          lone(x),
+          lone_slot(x),
+          coloured(x),
+          scratch(x),
+          smoothing_set(x) {}
 
     BodyPlan plan;
     BodyOps<X, T, D> ops{};
@@ -40,7 +49,10 @@ struct BodyStore {
     std::vector<std::int32_t> colour_start;           // CPU
     Buffer<X, typename X::template Grid<T>> scratch;  // two-pass: what particles deposit
 
-    SmoothingHistory smoothing;  // over cells
+    SmoothingHistory smoothing;       // over cells
+    std::int64_t smoothing_seen = 0;  // devices: calls that are in it
+    Buffer<X, SumSet> smoothing_set;  // devices: the homes that its energy is summed over
+    std::int64_t smoothing_homes = -1;
 
     // Taken out of the computation by the policy for particles that leave the domain, still listed.
     std::vector<std::uint32_t> frozen_id;

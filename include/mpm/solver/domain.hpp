@@ -20,7 +20,7 @@
 #include "mpm/exec/buffer.hpp"
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/arrange.hpp"
-#include "mpm/kernels/cell_phases.hpp"
+#include "mpm/kernels/cell_sums.hpp"
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/order.hpp"
 #include "mpm/kernels/phase_ops.hpp"
@@ -28,6 +28,7 @@
 #include "mpm/kernels/sorting.hpp"
 #include "mpm/kernels/supplying.hpp"
 #include "mpm/kernels/sweep.hpp"
+#include "mpm/kernels/telling.hpp"
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/rank_share.hpp"
@@ -114,7 +115,7 @@ private:
     void find_blocks(const Spec& spec);
     void place_body(Body& body, const BodySpec& spec);
     void set_pressure(Body& body, const BodySpec& spec, std::uint32_t at);
-    void deposit_body(Body& body, int number, const std::vector<double>& velocity);
+    void deposit_body(Body& body, int number, const std::vector<double>& velocity, int to);
     void first_deposit(const Spec& spec);
     template <class Chosen>
     void deposit(const Spec& spec, const Chosen& chosen, double dt);
@@ -129,6 +130,7 @@ private:
     // domain_step.hpp
     void one_step();
     void update_grid();
+    SamplePoints<Grid, Sum, D> sample_points();
     void run_sensors();
     void sample_energy(Sensor& sensor, SensorRecord* record);
     void reserve_two_pass(Body& body);
@@ -140,6 +142,8 @@ private:
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
     double* cell_room(const Body& body);
+    void smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase);
+    void collect_smoothing();
     void sweep_grid();
     template <class Decided>
     void make_velocities(const Decided& decided);
@@ -215,9 +219,16 @@ private:
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
     void end_of_sums(int parity, bool first);
     void list_mirrors();
-    void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void rebalance(const std::vector<std::uint64_t>& load);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
+    // domain_points.hpp
+    std::vector<std::uint64_t> blocks_of_points(const std::vector<PointRecord<D>>& points) const;
+    void sample_points_together(SamplePoints<Grid, Sum, D> points);
+    void open_points();
+    void link_points();
+    void tell_points();
+    void swap_told_points();
+    void sample_told_points();
     // domain_devices.hpp
     /// Particles of a body on their way to other ranks.
     struct Emigrating {
@@ -234,6 +245,13 @@ private:
         const std::uint32_t *in, *id;
         const T* column;
         std::uint32_t first, count, all;
+        int rank;
+    };
+    /// Blocks that this rank and another hold.
+    struct SharedWith {
+        int rank;
+        std::int64_t first;    // in shared_slots_
+        std::int64_t numbers;  // sums of all of them
     };
     void link_homes();
     void count_shared();
@@ -246,6 +264,15 @@ private:
     void sum_of_devices(std::vector<std::uint64_t>& numbers) const;
     void sum_of_homes(std::vector<std::uint64_t>& numbers);
     void run_together(std::int64_t& steps, bool& wall_over);
+    // domain_parcels.hpp
+    bool reaches() const;
+    void share_votes();
+    void list_shared();
+    void swap_sums(int which, const Clock* clock);
+    void share_sums();
+    void share_deposits(int which);
+    void fetch_emigrants(const std::vector<Emigrating>& go, std::vector<std::vector<Coming>>& come,
+                         std::vector<Emigrating>& landed);
     // domain_migrate_devices.hpp
     bool sort_among_devices();
     void find_owners();
@@ -255,7 +282,8 @@ private:
     Emigrating list_emigrants(const Body& body, Buffer<X, std::uint32_t>& cell,
                               const std::uint32_t* count);
     std::vector<std::vector<Coming>> tell_emigrants(const std::vector<Emigrating>& go,
-                                                    SortWord& word);
+                                                    SortWord& word,
+                                                    std::vector<Emigrating>& landed);
     void sort_into_new_table(const std::vector<std::vector<Coming>>& come,
                              const std::vector<std::uint32_t>& gone,
                              std::vector<Buffer<X, std::uint32_t>>& cells,
@@ -361,6 +389,10 @@ private:
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();
     Buffer<X, double> cells_{exec_};  // what is summed over cells, body after body
+    // Devices, of smoothing over cells: by body; of each home of one body, then of the parts of
+    // their sum.
+    Buffer<X, SmoothingLog> smoothing_logs_{exec_};
+    Buffer<X, double> smoothing_energies_{exec_};
     std::vector<Body> bodies_;
 
     std::vector<Sensor> sensors_;
@@ -389,8 +421,8 @@ private:
 
     // Devices that share the scene.
     std::unique_ptr<typename X::Meeting> meeting_;
-    Buffer<X, RankVote> votes_{exec_};  // of all ranks, by rank
-    Buffer<X, RankVote*> boxes_{exec_};
+    Buffer<X, RankVote> votes_{exec_};       // of all ranks, by rank
+    Buffer<X, RankVote*> boxes_{exec_};      // of all ranks that this one reaches, or its own
     Buffer<X, std::int32_t> copies_{exec_};  // Copies::slot
     Buffer<X, std::int32_t> owner_{exec_};   // (slots,)
     // (slots,): its owner may have particles there without a new table.
@@ -398,6 +430,18 @@ private:
     Buffer<X, Copies<Sum>> copies_of_sums_{exec_};  // of both sets of sums
     std::vector<std::array<Sum*, 2>> sums_of_;      // of each rank
     Buffer<X, std::uint8_t> counts_{exec_};         // RankShare::counts
+    // Where they do not reach each other: the blocks that each of them shares with this one, and
+    // their sums on the way out and in.
+    std::vector<SharedWith> shared_with_;
+    Buffer<X, std::int32_t> shared_slots_{exec_};
+    Buffer<X, Sum> shared_out_{exec_}, shared_in_{exec_};
+    // What gauges and probes read (telling.hpp).
+    Buffer<X, std::uint64_t> told_keys_{exec_};
+    Buffer<X, std::int32_t> told_slots_{exec_};
+    Buffer<X, Sum> told_sums_{exec_}, told_sums_in_{exec_};
+    Buffer<X, Grid> told_velocity_{exec_}, told_velocity_in_{exec_};
+    Buffer<X, ToldClock> told_clock_{exec_};
+    ToldBlocks<Grid, Sum> told_blocks_{};
 };
 
 }  // namespace mpm
@@ -406,8 +450,10 @@ private:
 #include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_migrate.hpp"
 #include "mpm/solver/domain_migrate_devices.hpp"
+#include "mpm/solver/domain_parcels.hpp"
 #include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_place.hpp"
+#include "mpm/solver/domain_points.hpp"
 #include "mpm/solver/domain_ranks.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_setup.hpp"

@@ -1,7 +1,8 @@
 // Domain: one rank of several on devices. What a block's particles add goes to all who hold the
 // block, straight into their memory while the pass runs (Copies); integers end alike everywhere. So
 // ranks only have to wait for each other twice a step: when the votes are there, by which also the
-// sums to come are cleared, and when the sums are complete.
+// sums to come are cleared, and when the sums are complete. Where ranks do not reach each other's
+// memory these two are exchanges (domain_parcels.hpp); the rest is the same.
 #pragma once
 
 #include "mpm/kernels/placing.hpp"
@@ -132,9 +133,10 @@ template <class X, class T, int D>
 void Domain<X, T, D>::open_devices() {
     if constexpr (X::is_device) {
         Communicator& comm = *share_->comm;
-        meeting_ = std::make_unique<typename X::Meeting>(exec_, comm);
+        meeting_ = X::Meeting::open(exec_, comm);
         votes_.assign(std::vector<RankVote>(std::size_t(comm.ranks()), RankVote{}));
         std::vector<RankVote*> boxes;
+        if (!meeting_->reaches()) return boxes_.assign({votes_.data()});
         for (const auto& theirs : comm.all_gather(std::vector<RankVote*>{votes_.data()}))
             boxes.push_back(theirs.at(0));
         boxes_.assign(boxes);
@@ -145,7 +147,7 @@ void Domain<X, T, D>::open_devices() {
 template <class X, class T, int D>
 void Domain<X, T, D>::meet_hosts() {
     if (!share_) return;
-    exec_.wait();
+    if constexpr (X::is_device) meeting_->wait();
     share_->comm->all_gather(std::vector<int>{1});
 }
 
@@ -249,13 +251,16 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
                                      ready_.data(), found.data()});
     }
     s.shared_blocks = found.host()[0];
+    if (!reaches()) list_shared();
     s.counts = counts_.host();
+    link_points();
     if (load_count_ > 0) list_measured();
 }
 
 /// What the homes of a new table may add to other ranks' blocks in a step, at most.
 template <class X, class T, int D>
 void Domain<X, T, D>::count_shared() {
+    if (!reaches()) return;  // list_shared knows
     const int others = share_->ranks() - 1;
     Buffer<X, std::uint32_t> nodes(exec_);
     nodes.assign({0});
@@ -283,6 +288,7 @@ void Domain<X, T, D>::link_homes() {
 template <class X, class T, int D>
 void Domain<X, T, D>::link_sums() {
     if constexpr (X::is_device) {
+        if (!reaches()) return;
         const RankShare<D>& s = *share_;
         using Both = std::array<Sum*, 2>;
         sums_of_.clear();

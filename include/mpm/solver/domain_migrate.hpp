@@ -225,19 +225,19 @@ template <class X, class T, int D>
 void Domain<X, T, D>::keep_own_arrivals(std::vector<std::uint64_t>& homes) {
     for (Arrival& arrival : arrivals_) {
         BodySpec& of = arrival.rows;
-        std::vector<std::uint64_t> rows;
+        auto rows = std::make_shared<RowRuns>();
         std::vector<std::uint32_t> ids;
-        detail::for_each_key<D>(spec_, of, table_.keys_of,
-                                [&](std::uint64_t row, std::uint64_t key) {
-                                    if (share_->partition.owner(key) != share_->rank()) return;
-                                    rows.push_back(row);
-                                    ids.push_back(of.ids[row]);
-                                    homes.push_back(key);
-                                });
-        of.position = detail::chosen_rows(of.position, rows, D);
-        of.pressure = detail::chosen_rows(of.pressure, rows, 1);
+        const auto keys = detail::keys_of_rows<D>(spec_, of, table_.keys_of, 0, of.count);
+        for (std::uint64_t row = 0; row < of.count; ++row) {
+            if (share_->partition.owner(keys[row]) != share_->rank()) continue;
+            rows->add(row, row + 1);
+            ids.push_back(of.ids[row]);
+            homes.push_back(keys[row]);
+        }
+        of.position = chosen_rows(of.position, rows, D);
+        of.pressure = chosen_rows(of.pressure, rows, 1);
         of.ids = std::move(ids);
-        of.count = rows.size();
+        of.count = rows->count();
     }
 }
 

@@ -1,9 +1,11 @@
 // Domain: the sort of one rank of several on devices. Particles go to the rank that owns the block
-// they are in now: who goes is listed where it was, and the rank that it goes to fetches it. Within
-// a cell the order is that of the ids, whoever they come from.
+// they are in now: who goes is listed where it was, and the rank that it goes to fetches it, or is
+// sent it where it reaches no list of others. Within a cell the order is that of the ids, whoever
+// they come from.
 #pragma once
 
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_blocks.hpp"
 #include "mpm/solver/rank_scene.hpp"
 
 namespace mpm {
@@ -74,28 +76,6 @@ struct CellsOfArrived {
     std::uint32_t* cell;
     MPM_INLINE void operator()(std::int64_t k) const {
         cell[k] = std::uint32_t(find_key(keys, slots, key[k])) * block_cells + in[k];
-    }
-};
-
-/// Sums of chosen blocks, which may be another device's, into one piece, and from it into a table.
-template <class Sum>
-struct PackBlocks {
-    const Sum* sums;
-    const std::int32_t* slot;
-    std::int64_t size;  // of a block
-    Sum* out;
-    MPM_INLINE void operator()(std::int64_t i) const {
-        out[i] = sums[slot[i / size] * size + i % size];
-    }
-};
-template <class Sum>
-struct UnpackBlocks {
-    Sum* sums;
-    const std::int32_t* slot;
-    std::int64_t size;
-    const Sum* in;
-    MPM_INLINE void operator()(std::int64_t i) const {
-        sums[slot[i / size] * size + i % size] = in[i];
     }
 };
 
@@ -181,10 +161,11 @@ typename Domain<X, T, D>::Emigrating Domain<X, T, D>::list_emigrants(const Body&
 }
 
 /// All that ranks tell each other before they know what the sort will do: who goes, and a word of
-/// each, which becomes that of all. Returns who comes, of each body: where their lists are.
+/// each, which becomes that of all. Returns who comes, of each body: where their lists are, which
+/// `landed` keeps where they had to be sent.
 template <class X, class T, int D>
 std::vector<std::vector<typename Domain<X, T, D>::Coming>> Domain<X, T, D>::tell_emigrants(
-    const std::vector<Emigrating>& go, SortWord& word) {
+    const std::vector<Emigrating>& go, SortWord& word, std::vector<Emigrating>& landed) {
     const auto& comm = share_->comm;
     exec_.wait();
     std::vector<Bytes> out(std::size_t(share_->ranks()));
@@ -192,7 +173,8 @@ std::vector<std::vector<typename Domain<X, T, D>::Coming>> Domain<X, T, D>::tell
         std::vector<Coming> told;
         for (const Emigrating& g : go)
             told.push_back({g.key.data(), g.in.data(), g.id.data(), g.column.data(),
-                            g.first[std::size_t(r)], g.count[std::size_t(r)], g.all});
+                            g.first[std::size_t(r)], g.count[std::size_t(r)], g.all,
+                            share_->rank()});
         Packer packer;
         packer.put(&word, 1);
         packer.put(told);
@@ -210,6 +192,7 @@ std::vector<std::vector<typename Domain<X, T, D>::Coming>> Domain<X, T, D>::tell
         for (std::size_t b = 0; b < go.size(); ++b)
             if (told.at(b).count > 0) come[b].push_back(told[b]);
     }
+    if (!word.stops && !reaches()) fetch_emigrants(go, come, landed);
     return come;
 }
 
@@ -220,49 +203,47 @@ void Domain<X, T, D>::adopt_table_of_devices(Buffer<X, std::uint64_t>& keys,
                                              const std::vector<std::vector<HeldBlock>>& before,
                                              const std::vector<std::vector<HeldBlock>>& after) {
     const RankShare<D>& s = *share_;
-    const int me = s.rank(), ranks = s.ranks();
+    const int me = s.rank();
     const std::int64_t block = std::int64_t(plan_.sum_channels) * block_cells;
-    std::vector<std::vector<std::int32_t>> from(std::size_t(ranks), std::vector<std::int32_t>{});
-    auto to = from;
-    std::vector<std::size_t> at(std::size_t(ranks), 0);  // lists ascend
-    const auto find = [&](int r, std::uint64_t key) -> const HeldBlock* {
-        const auto& list = before[std::size_t(r)];
-        std::size_t& k = at[std::size_t(r)];
-        while (k < list.size() && list[k].key < key) ++k;
-        return k < list.size() && list[k].key == key ? &list[k] : nullptr;
-    };
-    for (const HeldBlock& block : after[std::size_t(me)]) {
-        if (find(me, block.key)) continue;
-        for (int r = 0; r < ranks; ++r) {
-            const HeldBlock* theirs = find(r, block.key);
-            if (!theirs) continue;
-            from[std::size_t(r)].push_back(theirs->slot);
-            to[std::size_t(r)].push_back(block.slot);
-            break;
-        }
-    }
+    const NewBlocks mine(me, before, after);
     struct Piece {
         Buffer<X, std::int32_t> slot;
         Buffer<X, Sum> sums;
         std::int64_t size;
         int rank;
+        Parcel parcel() const { return {sums.data(), std::size_t(size) * sizeof(Sum), rank}; }
     };
-    std::vector<Piece> pieces;
+    const auto add = [&](std::vector<Piece>& to, int r, const std::vector<std::int32_t>& slots) {
+        if (slots.empty()) return false;
+        to.push_back({Buffer<X, std::int32_t>(exec_), Buffer<X, Sum>(exec_),
+                      std::int64_t(slots.size()) * block, r});
+        to.back().slot.assign(slots);
+        to.back().sums.reserve_discard(std::size_t(to.back().size));
+        return true;
+    };
+    const auto pack = [&](Piece& p, const Sum* from) {
+        exec_.for_each(p.size, PackBlocks<Sum>{from, p.slot.data(), block, p.sums.data()});
+    };
+    std::vector<Piece> pieces, given;
+    std::vector<Parcel> out, in;
     for (int r : s.comm->others()) {
-        const auto& slots = from[std::size_t(r)];
-        if (slots.empty()) continue;
-        pieces.push_back({Buffer<X, std::int32_t>(exec_), Buffer<X, Sum>(exec_),
-                          std::int64_t(slots.size()) * block, r});
-        Piece& p = pieces.back();
-        p.slot.assign(slots);
-        p.sums.reserve_discard(std::size_t(p.size));
-        exec_.for_each(p.size, PackBlocks<Sum>{sums_of_[std::size_t(r)][std::size_t(parity())],
-                                               p.slot.data(), block, p.sums.data()});
+        if (add(pieces, r, mine.from[std::size_t(r)])) {
+            if (reaches())
+                pack(pieces.back(), sums_of_[std::size_t(r)][std::size_t(parity())]);
+            else
+                in.push_back(pieces.back().parcel());
+        }
+        if (reaches()) continue;
+        if (add(given, r, NewBlocks(r, before, after).from[std::size_t(me)])) {
+            pack(given.back(), sums_[parity()].data());
+            out.push_back(given.back().parcel());
+        }
     }
+    if (!reaches()) meeting_->swap(out, in);
     meet_hosts();  // theirs may go from here on
     adopt_table(keys);
     for (Piece& p : pieces) {
-        p.slot.assign(to[std::size_t(p.rank)]);
+        p.slot.assign(mine.to[std::size_t(p.rank)]);
         exec_.for_each(
             p.size, UnpackBlocks<Sum>{sums_[parity()].data(), p.slot.data(), block, p.sums.data()});
     }
@@ -326,13 +307,16 @@ bool Domain<X, T, D>::sort_among_devices() {
         go.push_back(list_emigrants(bodies_[b], cells[b], counted.data() + b * row + 1));
         gone[b] += go[b].all;
     }
-    const auto come = tell_emigrants(go, word);
+    std::vector<Emigrating> landed;
+    const auto come = tell_emigrants(go, word, landed);
     if (word.stops) return refuse_to_sort(stops, left, cells);
     remove_left(left, cells);
     for (const Emigrating& g : go) s.migrated += g.all;
 
     if (dealt || word.lacks || !arrivals_.empty() || ++sorts_of_table_ >= 16) {
+        const double at = now();
         sort_into_new_table(come, gone, cells, occupied, dealt ? &all_before : nullptr);
+        timings_["tables"] += now() - at;
         sorts_of_table_ = 0;
     } else {
         const std::uint32_t behind = std::uint32_t(slots * block_cells);

@@ -91,8 +91,10 @@ double* Domain<X, T, D>::cell_room(const Body& body) {
 /// Rates as the body assumes them, and its state smoothed. A call that adds energy is a fault.
 template <class X, class T, int D>
 void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>& phase) {
-    if constexpr (!X::is_device) {
-        const CellNumbers& n = body.plan.cells;
+    const CellNumbers& n = body.plan.cells;
+    if constexpr (X::is_device) {
+        if (n.smooths()) smooth_on_device(body, number, phase);
+    } else {
         Clock& clock = *clock_buffer_.data();
         if (clock.halt != Halt::none) return;
         if (n.changes_rates()) cell_ops<X, T, D>().collected(phase, n, cell_room(body));
@@ -104,6 +106,51 @@ void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>
         clock.fault = FaultKind::smoothing;
         clock.fault_particle = fault_number(std::uint64_t(number), 0);
         clock.fault_value = e.change() / e.before;
+    }
+}
+
+/// The same where nothing is asked between steps: what a call did waits on the device.
+template <class X, class T, int D>
+void Domain<X, T, D>::smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase) {
+    static_assert(SmoothingLog::size >= X::batch);
+    const CellNumbers& n = body.plan.cells;
+    if (smoothing_logs_.size() != bodies_.size())
+        smoothing_logs_.assign(std::vector<SmoothingLog>(bodies_.size()));
+    const auto parts = std::int32_t(exec_.sum_parts(body.homes));
+    if (body.smoothing_homes != body.homes) {
+        body.smoothing_homes = body.homes;
+        body.smoothing_set.assign({SumSet{0, body.homes, 0, parts}});
+    }
+    smoothing_energies_.reserve_discard(std::size_t(body.homes + parts) * smoothing_sums);
+    SmoothingLog* log = smoothing_logs_.data() + number;
+    CellTask<D> task{};
+    task.choice = n.smoothing;
+    task.count = std::int64_t(table_.slots) * block_cells;
+    task.cells = CellColumns<D>::by_column(cell_room(body), n.smoothing, n.components, task.count);
+    task.summed = CellColumns<D>::sums(n.smoothing, n.components) * task.count;
+    task.scale = CellScale::of(body.count);
+    task.between = spans_lie_between_nodes(body.plan.phase.kernel.kernel);
+    task.energies = smoothing_energies_.data();
+    task.beyond = &log->beyond;
+    smooth_cells<X, T, D>()(phase, task);
+    exec_.template sum_each<smoothing_sums>(
+        SumSets{body.smoothing_set.data(), 1, parts}, AddSmoothing{task.energies},
+        TakeSmoothing::of(clock_buffer_.data(), log, body.particle_mass, body.count, sizeof(T) == 4,
+                          n.smoothing, std::uint64_t(number)),
+        smoothing_energies_.data() + std::size_t(body.homes) * smoothing_sums, 0, Nothing{});
+}
+
+/// What calls did since the last look.
+template <class X, class T, int D>
+void Domain<X, T, D>::collect_smoothing() {
+    if (smoothing_logs_.size() == 0) return;
+    const std::vector<SmoothingLog> logs = smoothing_logs_.host();
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        std::int64_t& seen = bodies_[b].smoothing_seen;
+        for (; seen < logs[b].calls; ++seen) {
+            const auto& call = logs[b].call[seen % SmoothingLog::size];
+            bodies_[b].smoothing.add(call.time, call.before, call.change, call.index);
+        }
     }
 }
 
@@ -156,9 +203,10 @@ void Domain<X, T, D>::run_phases() {
         for (std::size_t b : moving)
             if (bodies_[b].plan.group.split) phase_ops_.collect(make(b));
     }
+    // Before any body is spread: a fault halts the clock, and not in the middle of a turn.
+    for (std::size_t b : moving) after_collect(bodies_[b], int(b), make(b));
     for (std::size_t b : moving) {
         const Phase<X, T, D> p = make(b);
-        after_collect(bodies_[b], int(b), p);
         bodies_[b].ops.respond(p);
         after_respond(bodies_[b], p);
         phase_ops_.spread(p);

@@ -9,7 +9,7 @@ namespace mpm {
 /// Rows of positions that are held at a time.
 inline constexpr std::uint64_t piece_rows = std::uint64_t(1) << 22;
 
-/// Calls f(first, rows, position on the device, the same on the host) for the particles of a body.
+/// Calls f(first, rows, position on the device) for the particles of a body.
 template <class X, class F>
 void for_each_piece(X& exec, const Rows& rows, std::uint64_t count, int width, const F& f) {
     Buffer<X, double> there(exec);
@@ -19,7 +19,7 @@ void for_each_piece(X& exec, const Rows& rows, std::uint64_t count, int width, c
         here.resize(n * width);
         rows(first, first + n, here.data());
         there.assign(here);
-        f(first, std::int64_t(n), there.data(), here);
+        f(first, std::int64_t(n), there.data());
     }
 }
 
@@ -43,8 +43,7 @@ void Domain<X, T, D>::find_blocks(const Spec& spec) {
         first_outside.assign({~std::uint64_t(0)});
         for_each_piece(
             exec_, s.position, s.count, D,
-            [&](std::uint64_t first, std::int64_t n, const double* position,
-                const std::vector<double>&) {
+            [&](std::uint64_t first, std::int64_t n, const double* position) {
                 keys.reserve_discard(n);
                 FindBlocks<X, D> find{
                     position,       spec.cell_size,      {}, table_.keys_of, first, keys.data(),
@@ -90,8 +89,7 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
     cell.reserve_discard(room);
     cell.shrink(s.count);
     for_each_piece(exec_, s.position, s.count, D,
-                   [&](std::uint64_t first, std::int64_t n, const double* position,
-                       const std::vector<double>&) {
+                   [&](std::uint64_t first, std::int64_t n, const double* position) {
                        PlaceParticles<T, D> place{position,
                                                   spec_.cell_size,
                                                   {},
@@ -137,18 +135,21 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
 template <class X, class T, int D>
 void Domain<X, T, D>::set_pressure(Body& body, const BodySpec& s, std::uint32_t at) {
     if (!s.pressure) return;
+    std::vector<double> pressure;
     std::vector<T> j;
-    for_each_piece(
-        exec_, s.pressure, s.count, 1,
-        [&](std::uint64_t first, std::int64_t n, const double*,
-            const std::vector<double>& pressure) {
-            j.resize(n);
-            for (std::int64_t k = 0; k < n; ++k)
+    const int volumes = body.plan.smoothing == Smoothing::two_volumes ? 2 : 1;
+    for (std::uint64_t first = 0; first < s.count; first += piece_rows) {
+        const std::uint64_t n = std::min(piece_rows, s.count - first);
+        pressure.resize(n);
+        j.resize(n);
+        s.pressure(first, first + n, pressure.data());
+        in_parallel(n, 1u << 14, [&](std::uint64_t from, std::uint64_t to) {
+            for (std::uint64_t k = from; k < to; ++k)
                 j[k] = T(body.material->volume_from_pressure(pressure[k], s.parameters.data()));
-            const int volumes = body.plan.smoothing == Smoothing::two_volumes ? 2 : 1;
-            for (int r = 0; r < volumes; ++r)
-                exec_.upload(body.state[r].data() + at + first, j.data(), n * sizeof(T));
         });
+        for (int r = 0; r < volumes; ++r)
+            exec_.upload(body.state[std::size_t(r)].data() + at + first, j.data(), n * sizeof(T));
+    }
 }
 
 template <class X, class T, int D>
@@ -197,7 +198,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
         set_scales(std::max(mass, least_mass_) + supplied_mass_, 1, 1);
         meet_hosts();
         deposit_all(spec, chosen);
-        meet_hosts();
+        share_deposits(parity());
         exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                    LargestNodeMass<Grid, Sum, D>{node_update(parity())},
                                    Keep{found.data()});
@@ -211,7 +212,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
         sums_[parity()].zero();
         meet_hosts();
         deposit_all(spec, chosen);
-        meet_hosts();
+        share_deposits(parity());
         fetch_clock();
     }
 }
@@ -332,13 +333,14 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
-        deposit_body(body, int(b), spec.bodies[b].velocity);
+        deposit_body(body, int(b), spec.bodies[b].velocity, parity());
     }
 }
 
-/// Adds what the particles of one body deposit with these velocities to the sums.
+/// Adds what the particles of one body deposit with these velocities to the sums of that parity.
 template <class X, class T, int D>
-void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity) {
+void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity,
+                                   int to) {
     const std::size_t n = body.count;
     const bool by_phases = plan_.phased || plan_.keeps;
     if (by_phases)
@@ -360,12 +362,12 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
         exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
     }
     if (by_phases) {
-        const Phase<X, T, D> p = phase(body, number, parity());
+        const Phase<X, T, D> p = phase(body, number, to);
         body.ops.rest(p);
         after_respond(body, p);
         phase_ops_.spread(p);
     } else {
-        body.ops.initial(pass(body, number, parity()));
+        body.ops.initial(pass(body, number, to));
     }
     exec_.wait();
     body.scratch = Buffer<X, Grid>(exec_);

@@ -75,6 +75,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     set_supplies();
     place_particles(spec_);
     set_sensors();
+    if (share_) open_points();
     if (spec_.start.given)
         restore_sensors(spec_.start.sensor_next, spec_.start.sensor_last, spec_.start.sensor_first,
                         spec_.start.load_impulse);

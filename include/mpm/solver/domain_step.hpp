@@ -27,7 +27,7 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     const bool stages = share_ && !X::is_device;
     p.destinations = stages ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
     p.staged = stages ? table_.slots : none_staged;
-    p.copies = share_ && X::is_device ? copies_of_sums_.data() + parity_to : nullptr;
+    p.copies = share_ && reaches() ? copies_of_sums_.data() + parity_to : nullptr;
     p.full_homes = body.all_full_homes;
     p.coloured = body.coloured.data();
     p.colour_start = body.colour_start.data();
@@ -57,8 +57,8 @@ void Domain<X, T, D>::update_grid() {
     if constexpr (X::is_device) {
         if (share_) {
             make_velocities(
-                TellVote{clock_buffer_.data(), boxes_.data(), share_->rank(), share_->ranks()});
-            meeting_->meet();
+                TellVote{clock_buffer_.data(), boxes_.data(), share_->rank(), int(boxes_.size())});
+            share_votes();
             exec_.single(
                 DecideByVotes<D>{decide, clock_buffer_.data(), votes_.data(), share_->ranks()});
             return;
@@ -72,13 +72,20 @@ void Domain<X, T, D>::update_grid() {
 }
 
 template <class X, class T, int D>
+SamplePoints<typename Domain<X, T, D>::Grid, typename Domain<X, T, D>::Sum, D>
+Domain<X, T, D>::sample_points() {
+    SamplePoints<Grid, Sum, D> points{
+        node_update(parity()), sensor_records_.data(), points_.data(), spec_.cell_size, {}};
+    for (int a = 0; a < D; ++a) points.cells[a] = spec_.cells[a];
+    return points;
+}
+
+template <class X, class T, int D>
 void Domain<X, T, D>::run_sensors() {
     if (sensors_.empty()) return;
     const auto node = node_update(parity());
     Clock* clock = clock_buffer_.data();
-    SamplePoints<Grid, Sum, D> points{
-        node, sensor_records_.data(), points_.data(), spec_.cell_size, {}};
-    for (int a = 0; a < D; ++a) points.cells[a] = spec_.cells[a];
+    const SamplePoints<Grid, Sum, D> points = sample_points();
     if (load_count_ > 0) {
         exec_.template sum_each<load_columns<D>>(
             SumSets{measured_.data(), load_count_, measured_places_},
@@ -89,9 +96,12 @@ void Domain<X, T, D>::run_sensors() {
     } else if (point_count_ > 0 && !share_) {
         exec_.for_each_large(point_count_, points);
     }
-    if constexpr (!X::is_device) {
-        if (share_) sample_points_together(points);
-    }  // ranks on devices have no points to sample (check_devices)
+    if (share_) {
+        if constexpr (X::is_device)
+            tell_points();
+        else
+            sample_points_together(points);
+    }
     for (std::size_t k = 0; k < sensors_.size(); ++k) {
         Sensor& s = sensors_[k];
         SensorRecord* record = sensor_records_.data() + k;
@@ -154,6 +164,11 @@ void Domain<X, T, D>::reserve_two_pass(Body& body) {
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
     if (plan_.phased) return run_phases();
+    if constexpr (X::is_device) {
+        for (std::size_t b = 0; b < bodies_.size(); ++b)
+            if (bodies_[b].homes > 0 && bodies_[b].plan.cells.smooths())
+                smooth_on_device(bodies_[b], int(b), phase(bodies_[b], int(b), 1 - parity()));
+    }
     std::vector<std::size_t> moving;
     std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -205,7 +220,10 @@ void Domain<X, T, D>::one_step() {
         update_grid();
         run_sensors();
         run_bodies();
-        if (share_) meeting_->meet();
+        if (share_) {
+            share_sums();
+            sample_told_points();
+        }
         ++clock_.step;  // what the queue assumes; fetch_clock() brings the truth
     } else {
         const double t0 = now();
@@ -281,6 +299,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             for (std::int64_t k = 0; k < std::max<std::int64_t>(n, 1); ++k) one_step();
             if (share_) meeting_->wait();
             fetch_clock();
+            collect_smoothing();
             if (share_) {
                 share_->bytes_of_sums += std::uint64_t(clock_.step - before) * share_->bytes_a_step;
                 // Nobody goes on to what frees memory while another rank's kernels wait.
@@ -399,6 +418,12 @@ Fault Domain<X, T, D>::describe_fault() {
     std::uint32_t id = 0;
     exec_.download(&id, body.id.data() + k, sizeof id);
     f.ids = {body.first_id + id};
+    if (clock_.fault == FaultKind::smoothing_range) {
+        ++f.step;  // found at once
+        f.code = "smoothing-range";
+        f.message = "its strain is larger than sums of smoothing over cells can hold on a device";
+        return f;
+    }
     f.code = "inverted";
     double furthest = 0;
     for (auto& column : body.offset) {

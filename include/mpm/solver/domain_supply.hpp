@@ -208,6 +208,10 @@ void Domain<X, T, D>::deposit_arrivals() {
     for (int q = 0; q < quantities; ++q) clock_.scale_write[q] = 1 / clock_.unit_read[q];
     push_clock();
     if constexpr (X::is_device) meet_hosts();
+    // Complete sums are there already: what ranks have yet to tell each other is kept apart.
+    const bool apart = X::is_device && share_ && !reaches();
+    const int to = apart ? 1 - parity() : parity();
+    if (apart) sums_[to].zero();
     for (Arrival& arrival : arrivals_) {
         const Body& body = bodies_[std::size_t(arrival.body)];
         Body fresh(exec_);
@@ -230,11 +234,18 @@ void Domain<X, T, D>::deposit_arrivals() {
         exec_.for_each(table_.slots, ListHomes{homes.flag[0].data(), homes.position[0].data(),
                                                fresh.home.data()});
         if constexpr (!X::is_device) sort_by_colour(fresh);
-        deposit_body(fresh, arrival.body, arrival.rows.velocity);
+        deposit_body(fresh, arrival.body, arrival.rows.velocity, to);
         if constexpr (!X::is_device) {
             if (share_) end_of_sums(parity(), true);
         } else {
-            meet_hosts();
+            if (!apart) meet_hosts();
+        }
+    }
+    if constexpr (X::is_device) {
+        if (apart) {
+            share_deposits(to);
+            exec_.for_each(std::int64_t(sums_[to].size()),
+                           AddSums<Sum>{sums_[1 - to].data(), sums_[to].data()});
         }
     }
     fetch_clock();

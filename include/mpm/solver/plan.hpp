@@ -79,10 +79,13 @@ struct Plan {
 
 Plan make_plan(const Spec& spec, const BackendTraits& backend);
 
-/// True where a scene asks for more than the fused step of affine transfer has.
-bool needs_phases(const Spec& spec);
+/// True where a scene asks for more than the fused step of affine transfer has. Smoothing over
+/// cells alone is done before a step where sums of cells are integers, in any pipeline.
+bool needs_phases(const Spec& spec, bool device);
 /// True where the fused step of schemes that store velocities has all of it.
-bool can_keep(const Spec& spec);
+bool can_keep(const Spec& spec, bool device);
+/// Adds to a plan whose bodies are there what they do over cells; refuses what does not fit.
+void plan_cells(const Spec& spec, Plan& plan);
 /// Adds to a plan whose bodies are there what the scene's transfer stores.
 void plan_phases(const Spec& spec, Plan& plan);
 

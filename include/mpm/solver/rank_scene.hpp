@@ -18,46 +18,51 @@ namespace mpm {
 
 namespace detail {
 
-/// Rows of a body that are held at a time.
-inline constexpr std::uint64_t rows_at_once = std::uint64_t(1) << 20;
+/// Rows of a body that a thread holds at a time.
+inline constexpr std::uint64_t rows_at_once = std::uint64_t(1) << 18;
 
-/// Calls f(row, key of its block) for all particles of a body; those outside the domain, which
-/// will be refused, count to its first block.
-template <int D, class F>
-void for_each_key(const Spec& spec, const BodySpec& body, const BlockKeys<D>& keys, const F& f) {
+/// Keys of the blocks of some rows of a body; those outside the domain, which will be refused,
+/// count to its first block.
+template <int D>
+std::vector<std::uint64_t> keys_of_rows(const Spec& spec, const BodySpec& body,
+                                        const BlockKeys<D>& keys, std::uint64_t first,
+                                        std::uint64_t last) {
     std::int64_t cells[D];
     for (int a = 0; a < D; ++a) cells[a] = spec.cells[std::size_t(a)];
-    std::vector<double> x;
-    for (std::uint64_t first = 0; first < body.count; first += rows_at_once) {
-        const std::uint64_t last = std::min(first + rows_at_once, body.count);
-        x.resize((last - first) * D);
-        body.position(first, last, x.data());
-        for (std::uint64_t row = first; row < last; ++row) {
-            std::int64_t c[D];
-            if (!cell_of<D>(x.data() + (row - first) * D, spec.cell_size, cells, c))
-                for (std::int64_t& at : c) at = 0;
-            for (std::int64_t& at : c) at /= Block<D>::edge;
-            f(row, keys.key(c));
-        }
+    std::vector<double> x((last - first) * D);
+    body.position(first, last, x.data());
+    std::vector<std::uint64_t> out(last - first);
+    for (std::uint64_t k = 0; k < out.size(); ++k) {
+        std::int64_t c[D];
+        if (!cell_of<D>(x.data() + k * D, spec.cell_size, cells, c))
+            for (std::int64_t& at : c) at = 0;
+        for (std::int64_t& at : c) at /= Block<D>::edge;
+        out[k] = keys.key(c);
     }
+    return out;
 }
 
-/// Some rows of an array that is asked for in pieces.
-inline Rows chosen_rows(const Rows& all, const std::vector<std::uint64_t>& rows, int width) {
-    if (!all) return {};
-    std::vector<double> out(rows.size() * std::size_t(width)), piece;
-    for (std::size_t k = 0; k < rows.size();) {
-        const std::uint64_t first = rows[k];
-        std::size_t end = k;
-        while (end < rows.size() && rows[end] < first + rows_at_once) ++end;
-        const std::uint64_t last = rows[end - 1] + 1;
-        piece.resize((last - first) * std::uint64_t(width));
-        all(first, last, piece.data());
-        for (; k < end; ++k)
-            std::copy_n(piece.begin() + std::ptrdiff_t((rows[k] - first) * std::uint64_t(width)),
-                        width, out.begin() + std::ptrdiff_t(k * std::size_t(width)));
+/// What `make(first row, keys of it and those that follow)` says of a body's rows, piece by piece,
+/// to `take` in their order. Pieces are worked on side by side.
+template <int D, class Make, class Take>
+void walk_rows(const Spec& spec, const BodySpec& body, const BlockKeys<D>& keys, const Make& make,
+               const Take& take) {
+    using Made = decltype(make(std::uint64_t(0), std::vector<std::uint64_t>()));
+    const std::uint64_t pieces = (body.count + rows_at_once - 1) / rows_at_once,
+                        together = body.position.at_hand ? 2 * most_threads() : 1;
+    std::vector<Made> made;
+    for (std::uint64_t next = 0; next < pieces; next += together) {
+        made.clear();
+        made.resize(std::min(together, pieces - next));
+        in_parallel(made.size(), 1, [&](std::uint64_t from, std::uint64_t to) {
+            for (std::uint64_t k = from; k < to; ++k) {
+                const std::uint64_t first = (next + k) * rows_at_once,
+                                    last = std::min(first + rows_at_once, body.count);
+                made[k] = make(first, keys_of_rows<D>(spec, body, keys, first, last));
+            }
+        });
+        for (Made& m : made) take(m);
     }
-    return rows_of(std::move(out), width);
 }
 
 }  // namespace detail
@@ -83,16 +88,24 @@ struct RankScenes {
 
     explicit RankScenes(const Spec& scene, int only = -1) {
         const BlockKeys<D> keys = keys_of_domain<D>(scene);
-        std::unordered_map<std::uint64_t, std::uint64_t> weight;
-        for (const BodySpec& body : scene.bodies) {
-            // Particles that follow each other mostly stand in one block.
-            std::uint64_t last = ~std::uint64_t(0), *here = nullptr;
-            detail::for_each_key<D>(scene, body, keys, [&](std::uint64_t, std::uint64_t key) {
-                if (key != last) here = &weight[key];
-                last = key;
-                ++*here;
-            });
-        }
+        using Counts = std::unordered_map<std::uint64_t, std::uint64_t>;
+        Counts weight;
+        for (const BodySpec& body : scene.bodies)
+            detail::walk_rows<D>(
+                scene, body, keys,
+                [](std::uint64_t, const std::vector<std::uint64_t>& of) {
+                    // Particles that follow each other mostly stand in one block.
+                    Counts counts;
+                    std::uint64_t* here = nullptr;
+                    for (std::size_t k = 0; k < of.size(); ++k) {
+                        if (k == 0 || of[k] != of[k - 1]) here = &counts[of[k]];
+                        ++*here;
+                    }
+                    return counts;
+                },
+                [&](const Counts& counts) {
+                    for (const auto& [key, particles] : counts) weight[key] += particles;
+                });
         std::vector<BlockWeight> blocks;
         for (const auto& [key, particles] : weight)
             blocks.push_back({key, particles + weight_of_block});
@@ -112,24 +125,47 @@ struct RankScenes {
         }
         for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
             const BodySpec& body = scene.bodies[b];
-            std::vector<std::vector<std::uint64_t>> rows(spec.size());
-            std::uint64_t last = ~std::uint64_t(0);
-            std::size_t owner = 0;
-            detail::for_each_key<D>(scene, body, keys, [&](std::uint64_t row, std::uint64_t key) {
-                if (key != last) owner = std::size_t(partition.owner(key));
-                last = key;
-                if (only < 0 || int(owner) == only) rows[owner].push_back(row);
-            });
+            struct Run {
+                std::uint64_t first, last;
+                int owner;
+            };
+            std::vector<std::shared_ptr<RowRuns>> rows(spec.size());
+            for (auto& r : rows) r = std::make_shared<RowRuns>();
+            detail::walk_rows<D>(
+                scene, body, keys,
+                [&](std::uint64_t first, const std::vector<std::uint64_t>& of) {
+                    std::vector<Run> runs;
+                    for (std::size_t k = 0; k < of.size(); ++k) {
+                        if (k > 0 && of[k] == of[k - 1]) {
+                            ++runs.back().last;
+                            continue;
+                        }
+                        const int owner = partition.owner(of[k]);
+                        if (k == 0 || owner != runs.back().owner)
+                            runs.push_back({first + k, first + k, owner});
+                        ++runs.back().last;
+                    }
+                    return runs;
+                },
+                [&](const std::vector<Run>& runs) {
+                    for (const Run& r : runs)
+                        if (only < 0 || r.owner == only)
+                            rows[std::size_t(r.owner)]->add(r.first, r.last);
+                });
             for (std::size_t r = 0; r < spec.size(); ++r) {
                 BodySpec& own = spec[r].bodies[b];
-                own.count = rows[r].size();
+                own.count = rows[r]->count();
                 own.id_count = ids_of(body);
-                own.ids.clear();
-                for (std::uint64_t row : rows[r])
-                    own.ids.push_back(body.ids.empty() ? std::uint32_t(row) : body.ids[row]);
-                own.position = detail::chosen_rows(body.position, rows[r], D);
-                own.pressure = detail::chosen_rows(body.pressure, rows[r], 1);
-                own.state = detail::chosen_rows(body.state, rows[r], body.state_width);
+                own.ids.resize(own.count);
+                rows[r]->each(
+                    0, own.count, [&](std::uint64_t row, std::uint64_t n, std::uint64_t place) {
+                        for (std::uint64_t k = 0; k < n; ++k)
+                            own.ids[place + k] =
+                                body.ids.empty() ? std::uint32_t(row + k) : body.ids[row + k];
+                    });
+                own.position = chosen_rows(body.position, rows[r], D);
+                own.pressure = chosen_rows(body.pressure, rows[r], 1);
+                own.state = chosen_rows(body.state, rows[r], body.state_width);
             }
         }
     }

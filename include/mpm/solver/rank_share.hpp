@@ -61,7 +61,7 @@ struct SortWord {
 template <int D>
 struct RowCuts {
     int axis = 0, bits = 1, count = 0;
-    std::uint64_t at[most_devices] = {};  // where each rank but the first begins
+    std::uint64_t at[most_device_ranks] = {};  // where each rank but the first begins
 
     RowCuts() = default;
     explicit RowCuts(const BlockPartition<D>& p)
@@ -108,7 +108,7 @@ struct RankShare {
 
     // Since the start.
     std::uint64_t rebalances = 0, migrated = 0, bytes_of_sums = 0;
-    // Devices: at most, of the sums that others get in a step.
+    // Devices: of the sums that others get in a step, at most.
     std::uint64_t bytes_a_step = 0;
     std::uint64_t shared_blocks = 0;           // devices
     std::vector<std::vector<HeldBlock>> held;  // devices: of each rank, those beside a cut
@@ -164,14 +164,14 @@ MPM_HD inline void decide_by(const RankVote& all, Clock* clock, const Decide<D>&
     clock->strays = own;  // each goes on counting its own
 }
 
-/// Devices: a rank's vote into the memory of all, after its grid update.
+/// Devices: a rank's vote after its grid update, into the memory of all that it reaches.
 struct TellVote {
     const Clock* clock;
-    RankVote* const* boxes;  // (ranks,): where each keeps the votes, by rank
-    int rank, ranks;
+    RankVote* const* boxes;  // where each of these keeps the votes, by rank
+    int rank, count;
     MPM_HD void operator()(const double* maxima) const {
         const RankVote mine = vote_of(*clock, maxima);
-        for (int r = 0; r < ranks; ++r) boxes[r][rank] = mine;
+        for (int k = 0; k < count; ++k) boxes[k][rank] = mine;
     }
 };
 /// Devices: when all votes are there.

@@ -14,7 +14,9 @@ namespace mpm {
 
 /// Refuses what is not built for several ranks.
 void check_ranks(const Spec& spec, const Plan& plan);
-/// The same for ranks on devices, of which each needs one.
+/// Where ranks are processes there are as many.
+void check_processes(const Spec& spec);
+/// Refuses what is not built for ranks on devices, of which each needs one.
 void check_devices(const Spec& spec);
 
 /// One engine of many. `engines`: of each rank, made on `ranks` together.

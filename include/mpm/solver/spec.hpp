@@ -16,6 +16,7 @@
 #include "mpm/physics/boundary/response.hpp"
 #include "mpm/physics/shape/kernel.hpp"
 #include "mpm/physics/transfer/scheme.hpp"
+#include "mpm/solver/rows.hpp"
 
 namespace mpm {
 
@@ -36,19 +37,6 @@ enum class SmoothingForm {
     split,
     literal
 };
-
-/// Writes rows [first, last) of what is given particle by particle to `out`. Asked for in pieces,
-/// so that a scene needs no memory of its particles' size on the host; may be asked twice.
-using Rows = std::function<void(std::uint64_t first, std::uint64_t last, double* out)>;
-
-/// Rows of an array that is there.
-inline Rows rows_of(std::vector<double> values, int width) {
-    return
-        [values = std::move(values), width](std::uint64_t first, std::uint64_t last, double* out) {
-            std::copy(values.begin() + std::ptrdiff_t(first * width),
-                      values.begin() + std::ptrdiff_t(last * width), out);
-        };
-}
 
 /// A force on chosen particles of a body's surface.
 struct TractionSpec {

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import functools
 import importlib
+import importlib.util
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +31,9 @@ __all__ = [
 class Backend:
     """A compiled module and one of its devices: `name` is "cpu" or "cuda:<index>".
 
-    `ranks` share a scene, each with its own part of it; on CUDA `indices` are their devices and
-    `name` is that of the first. Where they are processes, `link` is what this one tells the others
-    through.
+    `ranks` share a scene, each with its own part of it; on CUDA `indices` are their devices, each
+    as its process counts them. `name` is the device of the first, or of this process where ranks
+    are processes: then `link` is what it tells the others through.
     """
 
     name: str
@@ -79,6 +80,8 @@ def memory_free(backend: Backend) -> int | None:
     """Return the bytes that a device can still give, or None where that cannot be told."""
     if backend.kind == "cuda":
         found = backend.module.devices()
+        if backend.link is not None:  # devices that share a scene are alike
+            return int(found[backend.index]["free"]) * backend.ranks
         return sum(int(found[index]["free"]) for index in {*backend.indices, backend.index})
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
@@ -169,14 +172,54 @@ def select_process(device: str | Sequence[str] = "auto") -> Backend:
     """Return the backend of one process of a job, whose processes share a scene as ranks.
 
     All of the job call this together. Where no launcher has started this process it is alone.
-    Raises `DeviceError`.
+    "cpu" and "auto" are the CPU; "cuda" is the device with the number of the process on its host,
+    or the one that it sees where it sees one alone. What fails for one is a `DeviceError` of all.
     """
-    if device not in ("auto", "cpu"):
+    if not isinstance(device, str):
         raise DeviceError(
-            f"device is {device!r} and ranks is 'processes'; expected device 'cpu' (or 'auto', "
-            "which is the CPU here). On CUDA devices of one host, name them: "
-            "device=['cuda:0', 'cuda:1']"
+            f"device is {device!r} and ranks is 'processes', of which each has one device; "
+            "expected 'cpu' (or 'auto', which is the CPU here), 'cuda' or 'cuda:<index>'"
         )
-    module = core()
-    link = Link.of_job(module)
-    return Backend("cpu", module, 0, link.ranks, link=link)
+    link = Link.of_job(core())
+    backend, wrong = None, ""
+    try:
+        backend = _of_process(device, link)
+    except DeviceError as error:
+        wrong = str(error)
+    told = link.tell([wrong, backend and backend.kind, backend and backend.index])
+    for rank, (why, _, _) in enumerate(told):
+        if why:
+            raise DeviceError(why if link.ranks == 1 else f"rank {rank}: {why}")
+    assert backend is not None
+    for rank, (_, kind, _) in enumerate(told):
+        if kind != told[0][1]:
+            raise DeviceError(
+                f"rank {rank} is on '{kind}' and rank 0 on '{told[0][1]}'; a scene is shared by "
+                "processes on the CPU or by processes on CUDA devices"
+            )
+    if backend.kind == "cpu" or link.ranks == 1:
+        return backend
+    _offer_nccl()
+    return replace(backend, indices=tuple(int(index) for _, _, index in told))
+
+
+def _of_process(device: str, link: Link) -> Backend:
+    """Return the backend of this process alone, with its link."""
+    kind = "cpu" if device == "auto" else parse_device(device)[0]
+    if kind == "cpu":
+        return Backend("cpu", core(), 0, link.ranks, link=link)
+    if device == "cuda" and len(cuda_status().devices) > 1:
+        device = f"cuda:{link.local_rank}"
+    return replace(select(device), ranks=link.ranks, link=link)
+
+
+def _offer_nccl() -> None:
+    """Name the NCCL among Python's packages to the engine, unless the user has named one."""
+    try:
+        found = importlib.util.find_spec("nvidia.nccl")
+    except ModuleNotFoundError:
+        found = None
+    for folder in (found.submodule_search_locations if found else None) or ():
+        library = Path(folder, "lib", "libnccl.so.2")
+        if library.is_file():
+            os.environ.setdefault("LIBMPM_NCCL", str(library))

@@ -28,6 +28,7 @@ from libmpm._src.method import FBar, Method
 from libmpm._src.parameters import Material
 from libmpm._src.scene import Body, Scene
 from libmpm._src.simulation import Simulation
+from libmpm._src.smoothing import Smoothing
 
 __all__ = ["Result", "add_arguments", "collapse", "measure", "run_command", "timed", "water"]
 
@@ -84,11 +85,13 @@ def collapse(
     particles_per_cell: int = PARTICLES_PER_CELL,
     lift: int = 0,
     method: Method | None = None,
+    smoothing: Smoothing | None = None,
 ) -> tuple[Scene, float]:
     """Return the scene with about `particles` particles, and its time step, s.
 
     `material` replaces the water, with a wave speed of `SOUND` or less; `lift` is the height in
-    cells from which the cube falls first; `method` replaces the default one.
+    cells from which the cube falls first; `method` replaces the default one; `smoothing` over cells
+    stands in place of F-bar.
     """
     if particles < particles_per_cell:
         raise SceneError(f"bench: {particles} particles; expected {particles_per_cell} or more")
@@ -108,6 +111,8 @@ def collapse(
         name="collapse",
     )
     form: Any = {"default": "default", "none": None}.get(fbar, fbar)
+    if smoothing is not None:
+        form = None
     if form not in ("default", None):
         form = FBar(form=form, length=dx) if form == "two-volume" else FBar(form=form)
     scene.add_body(
@@ -118,6 +123,7 @@ def collapse(
         material=water() if material is None else material,
         particles_per_cell=particles_per_cell,
         fbar=form,
+        smoothing=smoothing,
     )
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
     return scene, COURANT * dx / SOUND

@@ -55,6 +55,10 @@ _CAUSES = {
         "smoothing over cells has added energy",
         "use another method of Smoothing, and report the scene: no method should",
     ),
+    "smoothing-range": (
+        "a strain is too large for the sums of smoothing over cells",
+        "leave Smoothing out of this body, or run on the CPU, which sums numbers of any size",
+    ),
     "fixed-point": (
         "a grid sum left the range of the integers that hold it",
         "lower Method.cfl or the time step, or use precision='double'",

@@ -15,7 +15,6 @@ from libmpm._src.boundaries import Prescribed, Response
 from libmpm._src.checks import (
     extent_of,
     faces_present,
-    initial_gravity,
     relative,
     snap,
     vertical_axis,
@@ -30,6 +29,7 @@ from libmpm._src.parameters import wave_speed
 from libmpm._src.sensing.values import Sampled
 from libmpm._src.sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
 from libmpm._src.shapes import Box
+from libmpm._src.still_water import at_hand, still_water
 from libmpm._src.supply import flow_entries, keep_room, zones
 from libmpm._src.surfaces import lower_surface
 from libmpm._src.timetable import TimeTable, constant
@@ -269,7 +269,7 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
     mass = parameters["density"] * filling.volume / filling.slices
     pressure = None
     if body.hydrostatic is not None and with_particles:
-        pressure = _hydrostatic(scene, body.hydrostatic, parameters["density"], points.rows)
+        pressure = still_water(scene, body.hydrostatic, parameters["density"], at_hand(points))
     return {
         "name": body.name,
         "material": body.material.table.name,
@@ -278,7 +278,7 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         "bounds": filling.bounds,
         "particle_mass": mass,
         "first_id": first,
-        "position": points.rows if with_particles else None,
+        "position": at_hand(points) if with_particles else None,
         "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
         "pressure": pressure,
         "fbar": _fbar(scene, body),
@@ -340,7 +340,7 @@ def _body_on_functions(
         return result
     result |= {"position": rows, "volume": placed.volume}
     if body.hydrostatic is not None:
-        result["pressure"] = _hydrostatic(scene, body.hydrostatic, density, rows)
+        result["pressure"] = still_water(scene, body.hydrostatic, density, rows)
     if isinstance(body.stress, Field):
         result["stress"] = body.stress.at(placed.position, f"body '{body.name}': stress")
     elif body.stress is not None:
@@ -352,21 +352,6 @@ def _body_on_functions(
         table = value if isinstance(value, TimeTable) else constant(value)
         tractions.append({"particles": which.tolist(), "length": length, "value": _table(table)})
     return result | {"tractions": tractions}
-
-
-def _hydrostatic(scene: Scene, level: float, density: float, position: Rows) -> Rows:
-    """Return rows of p = ρ g depth below the level, zero above it; (n,), Pa."""
-    gravity = initial_gravity(scene)
-    strength = float(np.linalg.norm(gravity))
-    up = -gravity / strength
-    top = level - float(np.dot(up, np.asarray(scene.lower, dtype=np.float64)))
-
-    def pressure(first: int, last: int) -> npt.NDArray[np.float64]:
-        # Not a product of matrices: how that rounds a row may depend on the rows around it.
-        height = sum(x * u for x, u in zip(position(first, last).T, up, strict=True))
-        return density * strength * np.maximum(top - height, 0.0)
-
-    return pressure
 
 
 def _fbar(scene: Scene, body: Body) -> dict[str, Any]:

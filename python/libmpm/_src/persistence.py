@@ -158,10 +158,12 @@ class Persistent(Looking):
         recorded = header["device"].partition(":")[0]
         chosen = header["device"] if device is None else device
         if ranks is not None:
-            chosen = "auto" if device is None else device
+            chosen = recorded if device is None else device
         elif device is None and header.get("ranks", 1) > 1:
             chosen = header.get("devices") or [chosen] * header["ranks"]
-        same = (backends.select(chosen).kind if ranks is None else "cpu") == recorded
+        same = (
+            backends.select(chosen) if ranks is None else backends.select_process(chosen)
+        ).kind == recorded
         if guard == "same":
             recorded_guard = header.get("guard", Guard().to_dict())
             guard = None if recorded_guard is None else Guard.from_dict(recorded_guard)

@@ -16,6 +16,14 @@ from libmpm._src.errors import DeviceError
 
 __all__ = ["Link"]
 
+#: What launchers call the number of a process among those of its host.
+LOCAL = {
+    "torchrun": "LOCAL_RANK",
+    "Open MPI": "OMPI_COMM_WORLD_LOCAL_RANK",
+    "MPICH": "MPI_LOCALRANKID",
+    "Slurm": "SLURM_LOCALID",
+}
+
 #: Seconds that processes wait for each other at the start.
 MEETING = 120.0
 
@@ -41,6 +49,12 @@ class Link:
     def ranks(self) -> int:
         """How many there are."""
         return int(self.process.ranks)
+
+    @property
+    def local_rank(self) -> int:
+        """Number of this process on its host: as its launcher has it, else by the hosts' names."""
+        text = os.environ.get(LOCAL.get(str(self.process.launcher), ""), "")
+        return int(text) if text.isdecimal() else int(self.process.local_rank)
 
     @property
     def first(self) -> bool:

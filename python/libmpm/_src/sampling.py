@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,9 @@ __all__ += ["turned_lattice"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
+
+#: How the points of a lattice follow from its coordinates; see `Points.runs`.
+Runs: TypeAlias = "int | list[tuple[Array, Runs]]"
 
 #: Part of a cell by which rounding may misplace a lattice point or a face.
 _TOLERANCE = 1e-9
@@ -141,6 +144,17 @@ class Points:
     def count(self) -> int:
         """Number of points."""
         return self._start[-1]
+
+    @property
+    def runs(self) -> Runs:
+        """Runs of coordinates on the first axis and the section across each, down to 1 or 0."""
+        if not self._dimension:
+            return self.count
+        return [(x, section.runs) for x, section in self._runs]
+
+    def __call__(self, first: int, last: int) -> Array:
+        """Return `rows(first, last)`."""
+        return self.rows(first, last)
 
     def rows(self, first: int, last: int) -> Array:
         """Return points first ≤ i < last, shape (last - first, d), m; IndexError beyond `count`."""

@@ -35,7 +35,7 @@ class Sharing:
             return backends.select(choose_device(scene, device)), threads
         if ranks != "processes":
             raise SceneError(f"ranks is {ranks!r}; expected 'processes' or None")
-        backend = backends.select_process(device)
+        backend = backends.select_process(choose_device(scene, device))
         assert backend.link is not None
         for placed in scene.sensors:
             if backend.ranks > 1 and isinstance(placed.sensor, Sampled):

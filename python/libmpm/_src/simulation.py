@@ -63,7 +63,9 @@ class Simulation(Persistent, Sharing):
         "auto" (CUDA if there is a device, else the CPU), "cpu", "cuda" or "cuda:<index>". Several,
         such as ["cpu", "cpu"] or ["cuda:0", "cuda:1"], share the scene as ranks, each with its own
         part of it: the results have the bits of one. CUDA devices must be alike and reach each
-        other's memory, as NVLink gives it; a device may be named twice.
+        other's memory, as NVLink gives it; a device may be named twice. Of ranks as processes it is
+        that of this one: "cpu" (or "auto"), or "cuda", which is the device with the number of the
+        process on its host.
     precision
         "single", "double", or on CUDA devices "mixed": particles double, grid single. "auto" is
         single, and double on grids of functions, which have no other.

@@ -53,7 +53,8 @@ class Smoothing(Value):
     Cells are the spans between the knots of the scene's functions: around the nodes for quadratic
     ones, between them for all others. No form raises Σ m q²: `Simulation.smoothing` has what each
     call did. All but C0 and C1 spread q over cells call by call, so that more, shorter steps smooth
-    more. Instead of F-bar; on the CPU. Raises `SceneError`.
+    more. Instead of F-bar; on the CPU in the phased step, on CUDA before any step, with sums that
+    are integers (``docs/smoothing.md``). Raises `SceneError`.
 
     Source: Yang (2016) 3.3 to 3.5.
     """

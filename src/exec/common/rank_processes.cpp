@@ -238,9 +238,7 @@ std::vector<Bytes> RankProcesses::exchange(std::vector<Bytes> to, const std::vec
             const bool done = !peer.in.empty() && peer.out.empty();
             if (done) continue;
             waits = true;
-            if (!peer.ended || stopped_) continue;
-            stop("rank " + std::to_string(p) + " has ended or is out of reach (" + peer.how +
-                 ") while rank " + std::to_string(rank()) + " waited for it");
+            miss(p);
         }
         if (stopped_) throw RankStopped(why_);
         if (!waits) break;
@@ -257,6 +255,19 @@ std::vector<Bytes> RankProcesses::exchange(std::vector<Bytes> to, const std::vec
 void RankProcesses::check() {
     move(0);
     if (stopped_) throw RankStopped(why_);
+}
+
+void RankProcesses::check_awaited(const std::vector<int>& ranks) {
+    move(0);
+    for (int p : ranks) miss(p);
+    if (stopped_) throw RankStopped(why_);
+}
+
+void RankProcesses::miss(int rank) {
+    const Peer& peer = peers_[std::size_t(rank)];
+    if (!peer.ended || stopped_) return;
+    stop("rank " + std::to_string(rank) + " has ended or is out of reach (" + peer.how +
+         ") while rank " + std::to_string(launch_.rank) + " waited for it");
 }
 
 void RankProcesses::stop(const std::string& why) noexcept {

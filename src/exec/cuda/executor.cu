@@ -162,15 +162,22 @@ std::size_t rounded_large(std::size_t bytes) {
 
 }  // namespace
 
-/// A kept piece of this size, or a new one. Whoever had it has queued all work on it before.
+/// The kept piece that fits best, or a new one. Whoever had it has queued all work on it before.
 void* Cuda::allocate_large(std::size_t bytes) {
     bytes = rounded_large(bytes);
     Context& c = *context_;
-    const auto same = std::ranges::find(c.kept, bytes, &Context::Kept::bytes);
+    // Tables of ranks grow and shrink by some hundredths from one to the next, and a new piece has
+    // to be mapped into every device: one a little larger will do.
+    auto best = c.kept.end();
+    for (auto k = c.kept.begin(); k != c.kept.end(); ++k)
+        if (k->bytes >= bytes && k->bytes <= bytes + bytes / 16 &&
+            (best == c.kept.end() || k->bytes < best->bytes))
+            best = k;
     void* p = nullptr;
-    if (same != c.kept.end()) {
-        p = same->p;
-        c.kept.erase(same);
+    if (best != c.kept.end()) {
+        p = best->p;
+        bytes = best->bytes;
+        c.kept.erase(best);
     } else {
         // Sizes change slowly while particles leave: what fits nothing any more goes back.
         for (Context::Kept& k : c.kept) ++k.missed;
@@ -185,6 +192,7 @@ void* Cuda::allocate_large(std::size_t bytes) {
         MPM_CUDA(code);
         c.now.held += bytes;
     }
+    c.given[p] = bytes;
     c.now.used += bytes;
     c.most.used = std::max(c.most.used, c.now.used);
     c.most.held = std::max(c.most.held, c.now.held);
@@ -214,9 +222,10 @@ void Cuda::out_of_memory(std::size_t bytes) {
 
 void Cuda::release(void* p, std::size_t bytes) noexcept {
     if (bytes >= large) {
-        bytes = rounded_large(bytes);
-        context_->now.used -= bytes;
-        context_->kept.push_back({p, bytes, 0});
+        const auto given = context_->given.find(p);
+        context_->now.used -= given->second;
+        context_->kept.push_back({p, given->second, 0});
+        context_->given.erase(given);
         return;
     }
     int before = -1;

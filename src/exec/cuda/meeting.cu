@@ -9,8 +9,6 @@ namespace mpm {
 
 namespace {
 
-constexpr double patience = 120;  // s for another rank that neither comes nor fails
-
 struct Addresses {
     unsigned long long* of[most_devices];
 };
@@ -78,7 +76,16 @@ void Cuda::reach(int other) {
     MPM_CUDA(cudaMemPoolSetAccess(context_->pool, &access, 1));
 }
 
-CudaMeeting::CudaMeeting(Cuda& exec, Communicator& comm) : exec_(exec), comm_(comm) {
+std::unique_ptr<CudaMeeting> CudaMeeting::open(Cuda& exec, Communicator& comm) {
+    if (comm.one_process()) return std::make_unique<CudaPeers>(exec, comm);
+    return std::make_unique<CudaParcels>(exec, comm);
+}
+void CudaMeeting::meet() { throw DeviceError("ranks that do not reach each other cannot meet"); }
+void CudaMeeting::swap(const std::vector<Parcel>&, const std::vector<Parcel>&) {
+    throw DeviceError("ranks that reach each other's memory send nothing");
+}
+
+CudaPeers::CudaPeers(Cuda& exec, Communicator& comm) : exec_(exec), comm_(comm) {
     const int me = comm.rank(), ranks = comm.ranks();
     if (ranks > most_devices)
         throw DeviceError("the scene has " + std::to_string(ranks) +
@@ -123,9 +130,9 @@ CudaMeeting::CudaMeeting(Cuda& exec, Communicator& comm) : exec_(exec), comm_(co
     }
 }
 
-CudaMeeting::~CudaMeeting() { close(); }
+CudaPeers::~CudaPeers() { close(); }
 
-void CudaMeeting::close() noexcept {
+void CudaPeers::close() noexcept {
     int before = -1;
     cudaGetDevice(&before);
     cudaSetDevice(exec_.device());
@@ -143,7 +150,7 @@ void CudaMeeting::close() noexcept {
     cudaGetLastError();
 }
 
-void CudaMeeting::meet() {
+void CudaPeers::meet() {
     const int me = comm_.rank(), ranks = comm_.ranks();
     ++number_;
     if (by_flags_) {
@@ -151,7 +158,7 @@ void CudaMeeting::meet() {
         for (int r = 0; r < ranks; ++r) flags.of[r] = all_flags_[std::size_t(r)];
         exec_.launch(&meet_kernel, 1, 1, 32, flags, me, ranks,
                      static_cast<unsigned long long>(number_),
-                     static_cast<unsigned long long>(patience * 1e9), gave_up_, stopped_);
+                     static_cast<unsigned long long>(rank_patience * 1e9), gave_up_, stopped_);
         return;
     }
     const cuda::DeviceGuard guard(exec_.device());
@@ -169,9 +176,9 @@ void CudaMeeting::meet() {
             if (tries % 256 != 0) continue;
             comm_.check();
             const std::chrono::duration<double> waited = std::chrono::steady_clock::now() - began;
-            if (waited.count() > patience)
+            if (waited.count() > rank_patience)
                 throw DeviceError("rank " + std::to_string(me) + " has waited " +
-                                  std::to_string(int(patience)) + " s for rank " +
+                                  std::to_string(int(rank_patience)) + " s for rank " +
                                   std::to_string(r) + ", which has not come");
             std::this_thread::yield();
         }
@@ -180,7 +187,7 @@ void CudaMeeting::meet() {
     exec_.after_wait();
 }
 
-void CudaMeeting::wait() {
+void CudaPeers::wait() {
     if (by_flags_) {
         const cuda::DeviceGuard guard(exec_.device());
         // While a kernel spins nobody may block: a rank that has failed will never answer it.
@@ -198,15 +205,15 @@ void CudaMeeting::wait() {
     comm_.check();
     if (stopped_[1] != 0)
         throw DeviceError("rank " + std::to_string(comm_.rank()) + " has waited " +
-                          std::to_string(int(patience)) + " s for rank " +
+                          std::to_string(int(rank_patience)) + " s for rank " +
                           std::to_string(stopped_[1] - 1) + ", which has not come");
 }
 
-void CudaMeeting::give_up() noexcept {
+void CudaPeers::give_up() noexcept {
     if (stopped_) stopped_[0] = 1;
 }
 
-void CudaMeeting::begin_anew() {
+void CudaPeers::begin_anew() {
     const cuda::DeviceGuard guard(exec_.device());
     exec_.wait();
     MPM_CUDA(cudaMemset(gave_up_, 0, sizeof *gave_up_));

@@ -81,7 +81,7 @@ void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const Smoothin
                      int components, const Get& get, const Put& put) {
     const auto& pass = phase.pass;
     const auto& table = pass.grid.table;
-    const CellColumns<D> cells{data, components, choice.tilts()};
+    const auto cells = CellColumns<D>::by_cell(data, choice, components);
     const bool between = spans_lie_between_nodes(phase.n.kernel.kernel);
     const auto number = [&](std::int32_t slot, int place) {
         const std::int64_t there =
@@ -99,8 +99,10 @@ void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const Smoothin
     const ExchangeCells<D, NextInBlocks<D>> exchange{cells, choice, {table.neighbours}};
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (std::int64_t c = 0; c < all; ++c) finish(c);
+    if (choice.exchanges()) {
 #pragma omp parallel for schedule(static) num_threads(threads)
-    for (std::int64_t c = 0; c < all; ++c) exchange(c);
+        for (std::int64_t c = 0; c < all; ++c) exchange(c);
+    }
 #pragma omp parallel for schedule(dynamic, 4) num_threads(threads)
     for (std::int32_t h = 0; h < pass.body.homes; ++h) {
         const std::int32_t slot = pass.body.home[h];
@@ -119,7 +121,7 @@ template <class T, int D, class Get, class Put>
 void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
                   int components, const Get& get, const Put& put, bool as_deposited = false) {
     const bool nodal = choice.form == CellForm::nodal;
-    const int width = nodal ? 1 + components : CellColumns<D>::columns(components, choice.tilts());
+    const int width = CellColumns<D>::columns(choice, components);
     const std::size_t piece = std::size_t(block_cells) * std::size_t(width);
     const bool modified = as_deposited && phase.n.kernel.modified;
 #pragma omp parallel for schedule(static) \

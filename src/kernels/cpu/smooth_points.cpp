@@ -140,7 +140,7 @@ std::vector<SmoothingEnergy> smooth(const PointField& p, const SmoothingChoice& 
         }
     }
     std::vector<SmoothingEnergy> energies;
-    const int columns = CellColumns<D>::columns(p.components, choice.tilts());
+    const int columns = CellColumns<D>::columns(choice, p.components);
     std::vector<double> data;
     for (int pass = 0; pass < passes; ++pass) {
         SmoothingEnergy e;
@@ -150,7 +150,7 @@ std::vector<SmoothingEnergy> smooth(const PointField& p, const SmoothingChoice& 
             Corners<D>(p, cell, x).smooth(field);
         } else if (choice.form != CellForm::none) {
             data.assign(std::size_t(columns) * std::size_t(cells), 0.0);
-            const CellColumns<D> at{data.data(), p.components, choice.tilts()};
+            const auto at = CellColumns<D>::by_cell(data.data(), choice, p.components);
             for (std::size_t k = 0; k < cell.size(); ++k) {
                 add_to_cell(at, number[k], p.mass[k], x[k],
                             [&](int q) { return field[k * std::size_t(p.components) + q]; });
@@ -158,7 +158,7 @@ std::vector<SmoothingEnergy> smooth(const PointField& p, const SmoothingChoice& 
             const FinishCell<D> finish{at};
             const ExchangeCells<D, Listed> exchange{at, choice, {neighbours.data(), 2 * D}};
             for (std::int64_t c = 0; c < cells; ++c) finish(c);
-            for (std::int64_t c = 0; c < cells; ++c) exchange(c);
+            for (std::int64_t c = 0; choice.exchanges() && c < cells; ++c) exchange(c);
             for (std::size_t k = 0; k < cell.size(); ++k) {
                 for (int q = 0; q < p.components; ++q)
                     field[k * std::size_t(p.components) + q] =

@@ -13,6 +13,8 @@ namespace {
 /// Velocities of single particles are held in memory; bodies with different ones are merged up to
 /// this many particles.
 constexpr std::uint64_t most_with_velocities = 1u << 24;
+/// Ids of one body have 32 bits.
+constexpr std::uint64_t most_ids = (std::uint64_t(1) << 32) - 256;
 
 bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
     // Nothing has been checked yet: what does not fit is left for the plan to refuse.
@@ -27,6 +29,7 @@ bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
            !works_between_parts(a) && !works_between_parts(b) && a.guard == b.guard &&
            a.held_by == b.held_by && bool(a.pressure) == bool(b.pressure) &&
            a.first_id + ids_of(a) == b.first_id && a.count > 0 && b.count > 0 &&
+           ids_of(a) + ids_of(b) < most_ids &&
            (a.velocity == b.velocity || ids_of(a) + ids_of(b) <= most_with_velocities);
 }
 
@@ -40,12 +43,16 @@ std::vector<double> spread(const BodySpec& body, int dimension) {
 
 Rows one_after_another(Rows a, std::uint64_t count, Rows b, int width) {
     if (!a) return {};
-    return [a = std::move(a), b = std::move(b), count, width](std::uint64_t first,
-                                                              std::uint64_t last, double* out) {
+    const bool at_hand = a.at_hand && b.at_hand;
+    Rows rows([a = std::move(a), b = std::move(b), count, width](std::uint64_t first,
+                                                                 std::uint64_t last, double* out) {
         const std::uint64_t middle = std::clamp(count, first, last);
         if (first < middle) a(first, middle, out);
-        if (middle < last) b(middle - count, last - count, out + (middle - first) * width);
-    };
+        if (middle < last)
+            b(middle - count, last - count, out + (middle - first) * std::uint64_t(width));
+    });
+    rows.at_hand = at_hand;
+    return rows;
 }
 
 void append(BodySpec& to, const BodySpec& b, int dimension) {

@@ -115,27 +115,32 @@ CellNumbers cells_of(const Spec& spec, const Scheme& scheme, const BodySpec& bod
 
 }  // namespace
 
-bool needs_phases(const Spec& spec) {
+bool needs_phases(const Spec& spec, bool device) {
     const KernelSpec& k = spec.kernel;
     if (spec.transfer.scheme != "APIC" || k.kernel != Kernel::quadratic || k.clamped ||
         k.gradient != GradientForm::moments || spec.deformed_nodes)
         return true;
-    return std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
-        return !material(b.material).fused || works_between_parts(b) ||
+    return std::any_of(spec.bodies.begin(), spec.bodies.end(), [&](const BodySpec& b) {
+        return !material(b.material).fused || (!device && works_between_parts(b)) ||
                b.smoothing == SmoothingForm::split || b.smoothing == SmoothingForm::literal ||
                (b.smoothing != SmoothingForm::none && !material(b.material).volumetric);
     });
 }
 
-bool can_keep(const Spec& spec) {
+bool can_keep(const Spec& spec, bool device) {
     const KernelSpec& k = spec.kernel;
     const Scheme& scheme = scheme_of(spec.transfer);
     return scheme.memory == Memory::flip && !scheme.sweeps && k.kernel == Kernel::quadratic &&
            !k.clamped && k.gradient == GradientForm::moments && !spec.deformed_nodes &&
-           std::all_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
-               return material(b.material).fuses_memory && !works_between_parts(b) &&
+           std::all_of(spec.bodies.begin(), spec.bodies.end(), [&](const BodySpec& b) {
+               return material(b.material).fuses_memory && (device || !works_between_parts(b)) &&
                       b.smoothing != SmoothingForm::split && b.smoothing != SmoothingForm::literal;
            });
+}
+
+void plan_cells(const Spec& spec, Plan& plan) {
+    for (std::size_t b = 0; b < spec.bodies.size(); ++b)
+        plan.bodies[b].cells = cells_of(spec, scheme_of(spec.transfer), spec.bodies[b]);
 }
 
 void plan_phases(const Spec& spec, Plan& plan) {
@@ -213,7 +218,6 @@ void plan_phases(const Spec& spec, Plan& plan) {
         p.phase.lags =
             body.smoothing == SmoothingForm::split || body.smoothing == SmoothingForm::literal;
         p.phase.leads = body.smoothing == SmoothingForm::literal;
-        p.cells = cells_of(spec, scheme, body);
         const double density = material(body.material).density(body.parameters.data());
         p.phase.kernel.half_edge =
             0.5 * std::pow(body.particle_mass / density, 1.0 / D) / spec.cell_size;

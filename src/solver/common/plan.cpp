@@ -6,7 +6,7 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/data/blocks.hpp"
-#include "mpm/kernels/cell_phases.hpp"
+#include "mpm/kernels/cell_sums.hpp"
 #include "mpm/kernels/sorting.hpp"
 
 namespace mpm {
@@ -120,18 +120,21 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         throw SceneError("pipeline is '" + spec.pipeline +
                          "'; expected auto, fused, two-pass or phased");
     }
-    const bool between = spec.deformed_nodes || spec.kernel.modified ||
-                         std::any_of(spec.bodies.begin(), spec.bodies.end(), works_between_parts);
+    const bool between =
+        spec.deformed_nodes || spec.kernel.modified ||
+        std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
+            return b.assumed_part != TensorPart::none || b.damping > 0 || b.force.axis >= 0;
+        });
     if (between && backend.device)
         throw SceneError(
-            "smoothing over cells, assumed fields, numerical damping, placed forces, modified "
-            "functions and gradients by moved nodes are not built for " +
+            "assumed fields, numerical damping, placed forces, modified functions and gradients "
+            "by moved nodes are not built for " +
             backend.name + "; use device=\"cpu\", or remove them");
     Plan plan;
     const int real = backend.real();
     const std::string numbers = backend.numbers();
 
-    const bool keeps = can_keep(spec), alone = needs_phases(spec),
+    const bool keeps = can_keep(spec, backend.device), alone = needs_phases(spec, backend.device),
                needed = alone && !(keeps && backend.fused);
     plan.phased = needed || spec.pipeline == "phased";
     if (alone && spec.pipeline == "two-pass" && keeps) {
@@ -289,6 +292,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         }
         plan.bodies.push_back(std::move(p));
     }
+    plan_cells(spec, plan);
     if (plan.phased || plan.keeps) plan_phases(spec, plan);
     // Sums are kept twice: those being read and those being filled.
     plan.bytes_per_node = (2 * plan.sum_channels + plan.velocity_channels) * backend.grid_real();
@@ -315,6 +319,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     for (const BodyPlan& p : plan.bodies)
         of_cell = std::max(of_cell, D == 2 ? cell_numbers<2>(p.cells) : cell_numbers<3>(p.cells));
     plan.memory_grid += slots * block_cells * 8 * double(of_cell);
+    const bool any_smooths = std::any_of(plan.bodies.begin(), plan.bodies.end(),
+                                         [](const BodyPlan& p) { return p.cells.smooths(); });
+    if (backend.device && any_smooths) plan.memory_tables += slots * 8 * smoothing_sums;
 
     const bool some = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);
     for (const auto& b : spec.boundaries)
@@ -332,12 +339,13 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     }
     if (loads) plan.kernels.push_back("measure_loads");
     for (const auto& b : spec.bodies) {
+        const bool smooths = b.cell_smoothing.form != CellForm::none;
+        if (smooths && !plan.phased) plan.kernels.push_back("smooth_cells:" + b.name);
         if (plan.fused) {
             plan.kernels.push_back("fused:" + b.name);
         } else if (plan.phased) {
             plan.kernels.push_back("collect:" + b.name);
-            if (b.cell_smoothing.form != CellForm::none)
-                plan.kernels.push_back("smooth_cells:" + b.name);
+            if (smooths) plan.kernels.push_back("smooth_cells:" + b.name);
             plan.kernels.push_back("respond:" + b.name);
             plan.kernels.push_back("spread:" + b.name);
         } else {

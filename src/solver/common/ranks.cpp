@@ -18,6 +18,9 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     if (spec.start.given) refuse("going on from a run with other bodies", "take one rank");
     if (spec.pipeline == "phased")
         refuse("pipeline 'phased'", "take one rank, or pipeline 'auto' with transfer APIC");
+    for (const BodySpec& b : spec.bodies)
+        if (b.cell_smoothing.form != CellForm::none)
+            refuse("smoothing over cells of body '" + b.name + "'", "take one rank");
     if (!plan.phased && !plan.keeps) return;
     if (spec.transfer.scheme != "APIC")
         refuse("transfer '" + spec.transfer.scheme + "'", "take one rank or APIC");
@@ -37,17 +40,23 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     refuse("the phased step", "take one rank");
 }
 
+void check_processes(const Spec& spec) {
+    if (spec.ranks.processes && spec.ranks.count != spec.ranks.processes->ranks())
+        throw SceneError("the scene has " + std::to_string(spec.ranks.count) +
+                         " ranks and the job " + std::to_string(spec.ranks.processes->ranks()) +
+                         " processes");
+}
+
 void check_devices(const Spec& spec) {
-    if (spec.ranks.devices.size() != std::size_t(std::max(spec.ranks.count, 0)))
+    if (!spec.ranks.processes &&
+        spec.ranks.devices.size() != std::size_t(std::max(spec.ranks.count, 0)))
         throw SceneError("the scene has " + std::to_string(spec.ranks.count) + " ranks and names " +
                          std::to_string(spec.ranks.devices.size()) +
                          " devices; name one for each, such as ['cuda:0', 'cuda:1']");
-    for (const SensorSpec& s : spec.sensors) {
-        if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe)
-            throw SceneError("sensor '" + s.name +
-                             "': gauges and probes are not built for several devices; take one "
-                             "device, or read the grid between runs");
-    }
+    if (spec.ranks.count > most_device_ranks)
+        throw SceneError("the scene has " + std::to_string(spec.ranks.count) +
+                         " ranks on devices; it takes at most " +
+                         std::to_string(most_device_ranks));
 }
 
 namespace {

@@ -37,10 +37,7 @@ std::unique_ptr<Engine> make_cpu_engine(const Spec& spec) {
         return make_functions_engine(spec);
     }
     const bool threads = spec.ranks.count > 1 && !spec.ranks.processes;
-    if (spec.ranks.processes && spec.ranks.count != spec.ranks.processes->ranks())
-        throw SceneError("the scene has " + std::to_string(spec.ranks.count) +
-                         " ranks and the job " + std::to_string(spec.ranks.processes->ranks()) +
-                         " processes");
+    check_processes(spec);
     return make_cpu_engine(spec,
                            threads ? std::make_unique<RankThreads>(spec.ranks.count) : nullptr);
 }

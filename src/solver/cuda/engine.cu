@@ -7,13 +7,16 @@ namespace mpm {
 
 namespace {
 
-/// With particles in T: one rank, or as many as there are devices.
+/// With particles in T: one rank, as many as there are devices, or one of several processes.
 template <class X, class T>
 std::unique_ptr<Engine> make_on(const Spec& s, const Plan& plan) {
     if (s.ranks.count == 1)
         return make_domain<X, T>(s, plan, [&] { return X(s.device, s.shared_device); });
     check_ranks(s, plan);
     check_devices(s);
+    if (s.ranks.processes)
+        return make_rank<X, T>(s, plan, s.ranks.processes,
+                               [&] { return X(s.device, s.shared_device); });
     return make_ranks<X, T>(s, plan, std::make_unique<RankThreads>(s.ranks.count), [&](int rank) {
         return X(s.ranks.devices[std::size_t(rank)], s.shared_device);
     });
@@ -22,6 +25,7 @@ std::unique_ptr<Engine> make_on(const Spec& s, const Plan& plan) {
 }  // namespace
 
 std::unique_ptr<Engine> make_cuda_engine(const Spec& spec) {
+    check_processes(spec);
     return make_merged(spec, [](const Spec& s) {
         const Plan plan = make_plan(s, cuda_traits(s.precision));
         if (s.precision == Precision::mixed) return make_on<CudaMixed, double>(s, plan);

@@ -1,5 +1,6 @@
 // Ranks on devices against one, on a device that is none (support/slow_device.hpp): the same bits
-// whatever the number of ranks, the cuts, and their moving while the scene runs.
+// whatever the number of ranks, the cuts, and their moving while the scene runs; where ranks reach
+// each other's memory and where they do not.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -11,13 +12,17 @@
 #include "mpm/solver/make_domain.hpp"
 #include "mpm/solver/rank_scene.hpp"
 #include "mpm/solver/ranks.hpp"
+#include "support/ranks.hpp"
 #include "support/scene.hpp"
 #include "support/slow_device.hpp"
 
 namespace mpm {
 namespace {
 
+using test::expect_same_particles;
+using test::expect_same_samples;
 using test::forever;
+using test::go;
 
 template <int D>
 BodyOps<SlowDevice, float, D> find_ops(const std::string& name, Smoothing s) {
@@ -34,8 +39,11 @@ Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05)
     return s;
 }
 
+/// How ranks get what others have for them.
+enum class Way { memory, parcels };
+
 template <int D>
-std::unique_ptr<Engine> make(const Spec& s) {
+std::unique_ptr<Engine> make(const Spec& s, Way way) {
     BackendTraits traits;
     traits.device = true;
     traits.name = "slow";
@@ -51,37 +59,21 @@ std::unique_ptr<Engine> make(const Spec& s) {
     threads->together([&](int r) {
         const RankLink<D> link{&threads->of(r), scenes.partition, s.ranks.rebalance_above};
         engines[std::size_t(r)] = std::make_unique<Domain<SlowDevice, float, D>>(
-            scenes.spec[std::size_t(r)], plan, SlowDevice(), find_ops<D>, link);
+            scenes.spec[std::size_t(r)], plan, SlowDevice(way == Way::memory), find_ops<D>, link);
     });
     return join_ranks(s, std::move(threads), std::move(engines));
 }
 
-std::unique_ptr<Engine> make(const Spec& s) { return s.dimension == 2 ? make<2>(s) : make<3>(s); }
-
-RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
-
-void expect_same_particles(Engine& many, Engine& one, int bodies) {
-    EXPECT_EQ(many.step(), one.step());
-    EXPECT_EQ(many.time(), one.time());
-    EXPECT_EQ(many.time_step(), one.time_step());
-    for (int b = 0; b < bodies; ++b) {
-        const auto x = test::table(many, b), y = test::table(one, b);
-        ASSERT_EQ(many.attributes(b, {"mass"}).id.size(), x.size()) << "an id is there twice";
-        ASSERT_EQ(many.particle_count(b), one.particle_count(b));
-        std::size_t apart = 0;
-        for (const auto& [id, row] : y) apart += !x.contains(id) || x.at(id) != row;
-        EXPECT_EQ(apart, 0u) << "body " << b << " of " << y.size();
-    }
+std::unique_ptr<Engine> make(const Spec& s, Way way = Way::memory) {
+    return s.dimension == 2 ? make<2>(s, way) : make<3>(s, way);
 }
 
-class RankDevices : public ::testing::TestWithParam<int> {
+class RankDevices : public ::testing::TestWithParam<std::tuple<int, Way>> {
 protected:
-    const int half = GetParam() == 2 ? 60 : 20;
-    Spec scene() {
-        Spec s = test::busy_scene(GetParam(), true);
-        s.bodies[0].velocity[0] = 5;
-        return s;
-    }
+    const int dimension = std::get<0>(GetParam());
+    const Way way = std::get<1>(GetParam());
+    const int half = dimension == 2 ? 60 : 20;
+    Spec scene() { return test::gauged_scene(dimension, true); }
 };
 
 TEST_P(RankDevices, have_the_bits_of_one) {
@@ -91,18 +83,14 @@ TEST_P(RankDevices, have_the_bits_of_one) {
     const auto samples = one->drain();
     for (int ranks : {2, 4}) {
         for (int axis : {RanksSpec::chosen, RanksSpec::curve, 0}) {
-            const auto many = make(with_ranks(scene(), ranks, axis));
+            const auto many = make(with_ranks(scene(), ranks, axis), way);
             go(*many, half);
             EXPECT_EQ(go(*many, half).steps, half);
             EXPECT_GT(many->statistics().at("migrated"), 0);
             EXPECT_GT(many->statistics().at("bytes_of_sums"), 0);
             EXPECT_EQ(many->statistics().at("sorts"), one->statistics().at("sorts"));
             expect_same_particles(*many, *one, 3);
-            const auto load = many->drain();
-            ASSERT_EQ(load[1].time, samples[1].time);
-            for (std::size_t i = 0; i < load[1].values.data.size(); ++i)
-                ASSERT_NEAR(load[1].values.data[i], samples[1].values.data[i],
-                            1e-9 * (1 + std::abs(samples[1].values.data[i])));
+            expect_same_samples(many->drain(), samples, scene(), 1e-9);
         }
     }
 }
@@ -110,10 +98,11 @@ TEST_P(RankDevices, have_the_bits_of_one) {
 TEST_P(RankDevices, may_cut_anew_at_every_sort) {
     const auto one = make(scene());
     go(*one, 2 * half);
-    const auto many = make(with_ranks(scene(), 3, -1, 0));
+    const auto many = make(with_ranks(scene(), 3, -1, 0), way);
     go(*many, 2 * half);
     EXPECT_GT(many->statistics().at("rebalances"), 0);
     expect_same_particles(*many, *one, 3);
+    expect_same_samples(many->drain(), one->drain(), scene(), 1e-9);
 }
 
 TEST_P(RankDevices, share_nodes_across_mirrored_walls) {
@@ -122,7 +111,7 @@ TEST_P(RankDevices, share_nodes_across_mirrored_walls) {
     for (auto& law : s.boundaries[0].law) law.response = Response::mirror;
     const auto one = make(s);
     go(*one, half);
-    const auto many = make(with_ranks(s, 3));
+    const auto many = make(with_ranks(s, 3), way);
     go(*many, half);
     expect_same_particles(*many, *one, 3);
 }
@@ -132,11 +121,11 @@ TEST_P(RankDevices, resume_on_another_number) {
     go(*one, half);
     const State saved = one->save();
     go(*one, half);
-    const auto three = make(with_ranks(scene(), 3));
+    const auto three = make(with_ranks(scene(), 3), way);
     three->load(saved);
     go(*three, half / 2);
     const State again = three->save();
-    const auto two = make(with_ranks(scene(), 2, 0));
+    const auto two = make(with_ranks(scene(), 2, 0), way);
     two->load(again);
     go(*two, half - half / 2);
     expect_same_particles(*two, *one, 3);
@@ -147,7 +136,7 @@ TEST_P(RankDevices, stop_together_where_one_fails) {
     s.boundaries.clear();
     s.sensors.clear();
     s.gravity.value[0] = -60;
-    const auto many = make(with_ranks(s, 3));
+    const auto many = make(with_ranks(s, 3), way);
     const RunResult result = many->run(5000, forever, forever);
     EXPECT_EQ(result.reason, "fault");
     EXPECT_EQ(result.fault.code, "left-domain");
@@ -156,18 +145,12 @@ TEST_P(RankDevices, stop_together_where_one_fails) {
 
 TEST_P(RankDevices, refuse_what_is_not_built) {
     Spec s = with_ranks(scene(), 2);
-    SensorSpec gauge;
-    gauge.name = "gauge";
-    gauge.kind = SensorKind::wave_gauge;
-    s.sensors.push_back(gauge);
-    EXPECT_THROW(make(s), SceneError);
-    s.sensors.pop_back();
     s.ranks.devices.pop_back();
-    EXPECT_THROW(make(s), SceneError);
+    EXPECT_THROW(make(s, way), SceneError);
 }
 
 TEST_P(RankDevices, go_on_from_a_state_after_one_that_is_refused) {
-    const auto one = make(scene()), many = make(with_ranks(scene(), 3));
+    const auto one = make(scene()), many = make(with_ranks(scene(), 3), way);
     const State state = one->save();
     State cut = state;
     cut["clock"].bytes.pop_back();
@@ -181,7 +164,7 @@ TEST_P(RankDevices, go_on_from_a_state_after_one_that_is_refused) {
 
 /// Clocks grew at their end.
 TEST_P(RankDevices, go_on_from_a_state_of_an_earlier_version) {
-    const auto one = make(scene()), many = make(with_ranks(scene(), 3));
+    const auto one = make(scene()), many = make(with_ranks(scene(), 3), way);
     go(*one, 20);
     State state = one->save();
     auto& clock = state["clock"];
@@ -194,8 +177,11 @@ TEST_P(RankDevices, go_on_from_a_state_of_an_earlier_version) {
     expect_same_particles(*many, *one, 3);
 }
 
+class RankDevicesMixing : public ::testing::TestWithParam<Way> {};
+class RankDevicesEnd : public ::testing::TestWithParam<Way> {};
+
 /// A box that tilts: every particle comes by every cut.
-TEST(RankDevicesMixing, nobody_is_lost_or_doubled) {
+TEST_P(RankDevicesMixing, nobody_is_lost_or_doubled) {
     Spec s = test::empty_scene(2, true, {40, 40});
     s.bodies.push_back(test::body(s, "water", "TaitFluid", test::fluid(2e5),
                                   test::lattice(s, {0, 0}, {20, 20}, 2), 4));
@@ -207,7 +193,7 @@ TEST(RankDevicesMixing, nobody_is_lost_or_doubled) {
         for (int a = 0; a < 2; ++a) s.gravity.value.push_back(20 * std::sin(2.4 * k + 1.3 * a));
     }
     s.gravity.end = TableEnd::repeat;
-    const auto one = make(s), many = make(with_ranks(s, 4, -1, 1.1));
+    const auto one = make(s), many = make(with_ranks(s, 4, -1, 1.1), GetParam());
     const auto count = one->particle_count(0);
     for (int part = 0; part < 4; ++part) {
         go(*one, 400);
@@ -220,13 +206,13 @@ TEST(RankDevicesMixing, nobody_is_lost_or_doubled) {
     EXPECT_GT(many->statistics().at("rebalances"), 2);
 }
 
-TEST(RankDevicesEnd, more_ranks_than_blocks) {
+TEST_P(RankDevicesEnd, more_ranks_than_blocks) {
     Spec s = test::empty_scene(2, true, {16, 16});
     s.gravity.value[1] = -9.81;
     s.bodies.push_back(test::body(s, "block", "FixedCorotated", test::solid(),
                                   test::lattice(s, {2, 9}, {5, 12}, 2), 4));
     test::add_walls(s, Response::separable);
-    const auto one = make(s), many = make(with_ranks(s, 4));
+    const auto one = make(s), many = make(with_ranks(s, 4), GetParam());
     go(*one, 400);
     go(*many, 400);
     expect_same_particles(*many, *one, 1);
@@ -234,7 +220,7 @@ TEST(RankDevicesEnd, more_ranks_than_blocks) {
 }
 
 /// A stream that layer after layer comes in by one face and leaves by the other.
-TEST(RankDevicesEnd, inlets_and_outlets) {
+TEST_P(RankDevicesEnd, inlets_and_outlets) {
     Spec s = test::empty_scene(2, true, {40, 12});
     s.bodies.push_back(test::body(s, "water", "TaitFluid", test::fluid(2e5),
                                   test::lattice(s, {0, 2}, {38, 8}, 2), 4));
@@ -259,14 +245,14 @@ TEST(RankDevicesEnd, inlets_and_outlets) {
     for (const Flow& f : one->flows()) (f.inlet ? came : went) = true;
     ASSERT_TRUE(came && went);
     for (int axis : {-1, 0}) {
-        const auto many = make(with_ranks(s, 3, axis));
+        const auto many = make(with_ranks(s, 3, axis), GetParam());
         many->run(-1, 0.3, forever);
         expect_same_particles(*many, *one, 1);
     }
 }
 
 /// A particle of one rank breaks its law: all stop at the same step, and one says who it was.
-TEST(RankDevicesEnd, a_fault_stops_all) {
+TEST_P(RankDevicesEnd, a_fault_stops_all) {
     Spec s = test::empty_scene(2, true, {48, 24});
     s.bodies.push_back(test::body(s, "rest", "TaitFluid", {1000, 1e-2, 7.15, 0},
                                   test::lattice(s, {30, 4}, {44, 18}, 2), 4));
@@ -276,7 +262,7 @@ TEST(RankDevicesEnd, a_fault_stops_all) {
     b.velocity.clear();
     const auto x = test::positions(b, 2);
     for (double at : x) b.velocity.push_back(-20 * (at - 0.8));
-    const auto one = make(s), many = make(with_ranks(s, 3));
+    const auto one = make(s), many = make(with_ranks(s, 3), GetParam());
     const auto a = go(*one, 20000), c = go(*many, 20000);
     ASSERT_EQ(a.fault.body, "crushed");
     ASSERT_EQ(c.reason, "fault");
@@ -287,9 +273,9 @@ TEST(RankDevicesEnd, a_fault_stops_all) {
 }
 
 /// Time that is over for one is over for all, at the same step.
-TEST(RankDevicesEnd, wall_time_stops_all_at_one_step) {
+TEST_P(RankDevicesEnd, wall_time_stops_all_at_one_step) {
     Spec s = test::busy_scene(2, true);
-    const auto many = make(with_ranks(s, 3));
+    const auto many = make(with_ranks(s, 3), GetParam());
     std::int64_t done = 0;
     while (done < 40) {
         const auto r = many->run(40 - done, forever, 0.0);
@@ -301,7 +287,11 @@ TEST(RankDevicesEnd, wall_time_stops_all_at_one_step) {
     expect_same_particles(*many, *one, 3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Dimensions, RankDevices, ::testing::Values(2, 3));
+const auto ways = ::testing::Values(Way::memory, Way::parcels);
+INSTANTIATE_TEST_SUITE_P(Dimensions, RankDevices,
+                         ::testing::Combine(::testing::Values(2, 3), ways));
+INSTANTIATE_TEST_SUITE_P(Ways, RankDevicesMixing, ways);
+INSTANTIATE_TEST_SUITE_P(Ways, RankDevicesEnd, ways);
 
 }  // namespace
 }  // namespace mpm

@@ -10,13 +10,17 @@
 #include <set>
 
 #include "mpm/core/error.hpp"
+#include "support/ranks.hpp"
 #include "support/scene.hpp"
 #include "support/unruly.hpp"
 
 namespace mpm {
 namespace {
 
+using test::expect_same_particles;
+using test::expect_same_samples;
 using test::forever;
+using test::go;
 
 #if defined(LIBMPM_SANITIZED)
 constexpr int parts[] = {17, 23};  // sanitizers take twenty times as long
@@ -24,8 +28,6 @@ constexpr int parts[] = {17, 23};  // sanitizers take twenty times as long
 constexpr int parts[] = {37, 63};
 #endif
 constexpr int whole_run = parts[0] + parts[1];
-
-RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
 
 Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {
     s.threads = ranks;
@@ -35,61 +37,13 @@ Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05)
     return s;
 }
 
-/// Everything that can be read of the particles, by id; and no id twice.
-void expect_same_particles(Engine& many, Engine& one, int bodies) {
-    EXPECT_EQ(many.step(), one.step());
-    EXPECT_EQ(many.time(), one.time());
-    EXPECT_EQ(many.time_step(), one.time_step());
-    for (int b = 0; b < bodies; ++b) {
-        const auto x = test::table(many, b), y = test::table(one, b);
-        ASSERT_EQ(many.attributes(b, {"mass"}).id.size(), x.size()) << "an id is there twice";
-        ASSERT_EQ(many.particle_count(b), one.particle_count(b));
-        EXPECT_TRUE(x == y) << "body " << b;
-    }
-}
-
-void expect_same_samples(std::vector<Samples> many, std::vector<Samples> one, const Spec& scene) {
-    ASSERT_EQ(many.size(), one.size());
-    for (std::size_t k = 0; k < one.size(); ++k) {
-        EXPECT_EQ(many[k].time, one[k].time);
-        ASSERT_EQ(many[k].values.data.size(), one[k].values.data.size());
-        const bool exact = scene.sensors[k].kind != SensorKind::energy &&
-                           scene.sensors[k].kind != SensorKind::load_cell;
-        double size = 0;
-        for (double v : one[k].values.data) size = std::max(size, std::abs(v));
-        // Loads are differences of single-precision velocities, added up in double.
-        for (std::size_t i = 0; i < one[k].values.data.size(); ++i)
-            ASSERT_NEAR(many[k].values.data[i], one[k].values.data[i], exact ? 0 : 1e-11 * size)
-                << scene.sensors[k].name << " value " << i;
-    }
-}
-
 struct Kind {
     int dimension;
     bool single;
 };
 class Ranks : public ::testing::TestWithParam<Kind> {
 protected:
-    /// Water with F-bar that runs under two solid blocks that fall, fast enough to cross the cuts.
-    Spec scene() {
-        Spec s = test::busy_scene(GetParam().dimension, GetParam().single);
-        s.bodies[0].velocity[0] = 5;
-        const bool flat = s.dimension == 2;
-        SensorSpec gauge;
-        gauge.name = "gauge";
-        gauge.kind = SensorKind::wave_gauge;
-        gauge.interval = 0.004;
-        gauge.axis = s.dimension - 1;
-        gauge.position = flat ? std::vector<double>{2.43, 0} : std::vector<double>{0.63, 0.7, 0};
-        gauge.body = 0;
-        s.sensors.push_back(gauge);
-        SensorSpec probe = gauge;
-        probe.name = "probe";
-        probe.kind = SensorKind::velocity_probe;
-        probe.position[std::size_t(s.dimension - 1)] = 0.31;
-        s.sensors.push_back(probe);
-        return s;
-    }
+    Spec scene() { return test::gauged_scene(GetParam().dimension, GetParam().single); }
 };
 
 TEST_P(Ranks, have_the_bits_of_one) {

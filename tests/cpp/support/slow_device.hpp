@@ -1,5 +1,6 @@
 // A device on the host: what common code knows of CUDA, with loops for kernels, so that ranks on
 // devices are tested where there is none. Sums are integers and particles are taken one by one.
+// Ranks reach each other's memory, or send each other what they would have written there.
 #pragma once
 
 #include <algorithm>
@@ -32,11 +33,45 @@ public:
     static std::uint64_t stray_limit(std::uint64_t particles) { return 3 * particles; }
     static constexpr int batch = 8;
 
+    explicit SlowDevice(bool reaches = true) : reaches_(reaches) {}
+
     /// Nothing is queued here, so to meet is to wait for all.
     struct Meeting {
         Communicator& comm;
-        Meeting(SlowDevice&, Communicator& c) : comm(c) {}
-        void meet() { comm.all_gather(std::vector<int>{0}); }
+        bool reaching;
+        static std::unique_ptr<Meeting> open(SlowDevice& x, Communicator& c) {
+            return std::make_unique<Meeting>(Meeting{c, x.reaches_});
+        }
+        bool reaches() const { return reaching; }
+        void meet() {
+            if (!reaching) throw Error("ranks that do not reach each other meet by parcels");
+            comm.all_gather(std::vector<int>{0});
+        }
+        void swap(const std::vector<Parcel>& out, const std::vector<Parcel>& in) {
+            std::vector<Bytes> to(std::size_t(comm.ranks()));
+            std::vector<int> peers;
+            for (int r : comm.others()) {
+                const auto goes = [&](const Parcel& p) { return p.rank == r; };
+                if (std::any_of(out.begin(), out.end(), goes) ||
+                    std::any_of(in.begin(), in.end(), goes))
+                    peers.push_back(r);
+            }
+            for (const Parcel& p : out) {
+                const auto* from = static_cast<const unsigned char*>(p.at);
+                to[std::size_t(p.rank)].insert(to[std::size_t(p.rank)].end(), from, from + p.bytes);
+            }
+            const auto come = comm.exchange(std::move(to), peers);
+            std::vector<std::size_t> read(come.size(), 0);
+            for (const Parcel& p : in) {
+                std::size_t& at = read[std::size_t(p.rank)];
+                if (come[std::size_t(p.rank)].size() < at + p.bytes)
+                    throw Error("a parcel is smaller than what was waited for");
+                std::memcpy(p.at, come[std::size_t(p.rank)].data() + at, p.bytes);
+                at += p.bytes;
+            }
+            for (std::size_t r = 0; r < come.size(); ++r)
+                if (read[r] != come[r].size()) throw Error("nobody waited for a parcel");
+        }
         void wait() {}
         void give_up() noexcept {}
         void begin_anew() {}
@@ -123,11 +158,13 @@ public:
     static void keep_smallest(std::uint64_t* to, std::uint64_t value) {
         *to = std::min(*to, value);
     }
+    static void add_integer(std::int64_t* to, std::int64_t by) { *to += by; }
     static std::uint32_t fetch_add(std::uint32_t* to, std::uint32_t by) {
         return std::exchange(*to, *to + by);
     }
 
 private:
+    bool reaches_;
     std::unique_ptr<std::uint32_t> arrivals_ = std::make_unique<std::uint32_t>(0);
 };
 
@@ -156,16 +193,10 @@ inline void arrange_by_rank(SlowDevice&, std::uint32_t* cell, std::int64_t parti
     }
 }
 
-template <>
-inline PhaseOps<SlowDevice, float, 2> phase_ops<SlowDevice, float, 2>() {
-    return {};
-}
-template <>
-inline PhaseOps<SlowDevice, float, 3> phase_ops<SlowDevice, float, 3>() {
-    return {};
-}
-
 namespace test {
+
+template <class Material, Smoothing S, int D>
+void add_slow_phases(BodyOps<SlowDevice, float, D>& ops);
 
 /// The nodes around a cell, which is one of a home block or beside it.
 template <int D, int C>
@@ -326,6 +357,7 @@ void rest_slowly(const Pass<SlowDevice, float, D>& pass) {
 template <class Material, Smoothing S, int D>
 BodyOps<SlowDevice, float, D> slow_ops() {
     BodyOps<SlowDevice, float, D> ops{};
+    add_slow_phases<Material, S, D>(ops);
     ops.fused = &run_slowly<Material, S, D>;
     ops.initial = &rest_slowly<Material, S, D>;
     ops.energies = [](const Pass<SlowDevice, float, D>& pass, const std::int32_t*,
@@ -340,3 +372,5 @@ BodyOps<SlowDevice, float, D> slow_ops() {
 
 }  // namespace test
 }  // namespace mpm
+
+#include "support/slow_phases.hpp"

@@ -1,0 +1,130 @@
+// Domain: ranks on devices that do not reach each other's memory, such as those of other processes.
+// What goes from one to another is sent and received, between kernels and without the host waiting
+// for it within a step: votes, what both have added to the blocks that both hold, and at a sort the
+// particles that change their rank and the sums of blocks that are new to a table.
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_blocks.hpp"
+
+namespace mpm {
+
+/// Whether ranks add to each other's sums, and read each other's lists, where these are.
+template <class X, class T, int D>
+bool Domain<X, T, D>::reaches() const {
+    if constexpr (X::is_device) return !meeting_ || meeting_->reaches();
+    return false;
+}
+
+/// The votes of all, on every rank, before the clock decides.
+template <class X, class T, int D>
+void Domain<X, T, D>::share_votes() {
+    if (reaches()) return meeting_->meet();
+    std::vector<Parcel> out, in;
+    for (int r : share_->comm->others()) {
+        out.push_back({votes_.data() + share_->rank(), sizeof(RankVote), r});
+        in.push_back({votes_.data() + r, sizeof(RankVote), r});
+    }
+    meeting_->swap(out, in);
+}
+
+/// Lists the blocks that this rank and another hold, for every other: both by their keys, so that
+/// the blocks of a message need no names.
+template <class X, class T, int D>
+void Domain<X, T, D>::list_shared() {
+    RankShare<D>& s = *share_;
+    const std::int64_t block = std::int64_t(plan_.sum_channels) * block_cells;
+    std::vector<std::int32_t> slots;
+    shared_with_.clear();
+    for (int r : s.comm->others()) {
+        const auto& theirs = s.held[std::size_t(r)];
+        const std::size_t first = slots.size();
+        auto k = theirs.begin();
+        for (const HeldBlock& mine : s.held[std::size_t(s.rank())]) {
+            while (k != theirs.end() && k->key < mine.key) ++k;
+            if (k != theirs.end() && k->key == mine.key) slots.push_back(mine.slot);
+        }
+        if (slots.size() > first)
+            shared_with_.push_back(
+                {r, std::int64_t(first), std::int64_t(slots.size() - first) * block});
+    }
+    shared_slots_.assign(slots);
+    for (auto* sums : {&shared_out_, &shared_in_})
+        sums->reserve_discard(slots.size() * std::size_t(block));
+    s.bytes_a_step = slots.size() * std::size_t(block) * sizeof(Sum);
+}
+
+/// Every rank has added to its own sums alone: they become those of all. `clock`: as in AddBlocks.
+template <class X, class T, int D>
+void Domain<X, T, D>::swap_sums(int which, const Clock* clock) {
+    const std::int64_t block = std::int64_t(plan_.sum_channels) * block_cells;
+    Sum* sums = sums_[which].data();
+    exec_.for_each(std::int64_t(shared_out_.size()),
+                   PackBlocks<Sum>{sums, shared_slots_.data(), block, shared_out_.data()});
+    std::vector<Parcel> out, in;
+    for (const SharedWith& w : shared_with_) {
+        const std::size_t bytes = std::size_t(w.numbers) * sizeof(Sum);
+        out.push_back({shared_out_.data() + w.first * block, bytes, w.rank});
+        in.push_back({shared_in_.data() + w.first * block, bytes, w.rank});
+    }
+    meeting_->swap(out, in);
+    for (const SharedWith& w : shared_with_)
+        exec_.for_each(w.numbers, AddBlocks<Sum>{clock, sums, shared_slots_.data() + w.first, block,
+                                                 shared_in_.data() + w.first * block});
+}
+
+/// The end of the sums of a step.
+template <class X, class T, int D>
+void Domain<X, T, D>::share_sums() {
+    if (reaches()) return meeting_->meet();
+    swap_sums(1 - parity(), clock_buffer_.data());
+}
+
+/// What all have deposited between steps, on all. Nothing where this is the only rank.
+template <class X, class T, int D>
+void Domain<X, T, D>::share_deposits(int which) {
+    if (share_ && !reaches()) swap_sums(which, nullptr);
+    meet_hosts();
+}
+
+/// The particles that come, from where they were listed into lists of this device, which `landed`
+/// keeps. `come`, of each body: what each rank has told, which is then where they are here.
+template <class X, class T, int D>
+void Domain<X, T, D>::fetch_emigrants(const std::vector<Emigrating>& go,
+                                      std::vector<std::vector<Coming>>& come,
+                                      std::vector<Emigrating>& landed) {
+    std::vector<Parcel> out, in;
+    const auto add = [](std::vector<Parcel>& to, auto* list, std::size_t n, int rank) {
+        to.push_back({const_cast<void*>(static_cast<const void*>(list)), n * sizeof *list, rank});
+    };
+    // Of each body in turn on both sides, so that what is sent first is what is waited for first.
+    for (std::size_t b = 0; b < go.size(); ++b) {
+        const std::size_t columns = bodies_[b].offset.size() + bodies_[b].state.size();
+        for (int r : share_->comm->others()) {
+            const std::size_t first = go[b].first[std::size_t(r)], n = go[b].count[std::size_t(r)];
+            if (n == 0) continue;
+            add(out, go[b].key.data() + first, n, r);
+            add(out, go[b].in.data() + first, n, r);
+            add(out, go[b].id.data() + first, n, r);
+            for (std::size_t c = 0; c < columns; ++c)
+                add(out, go[b].column.data() + c * go[b].all + first, n, r);
+        }
+        for (Coming& c : come[b]) {
+            Emigrating& here = landed.emplace_back(exec_);
+            here.key.reserve_discard(c.count);
+            for (auto* list : {&here.in, &here.id}) list->reserve_discard(c.count);
+            here.column.reserve_discard(c.count * columns);
+            add(in, here.key.data(), c.count, c.rank);
+            add(in, here.in.data(), c.count, c.rank);
+            add(in, here.id.data(), c.count, c.rank);
+            for (std::size_t k = 0; k < columns; ++k)
+                add(in, here.column.data() + k * c.count, c.count, c.rank);
+            c = {here.key.data(), here.in.data(), here.id.data(), here.column.data(), 0,
+                 c.count,         c.count,        c.rank};
+        }
+    }
+    meeting_->swap(out, in);
+    meeting_->wait();
+}
+
+}  // namespace mpm

@@ -1,0 +1,211 @@
+// Domain: gauges and probes where several ranks share the scene. They stand still, so the blocks
+// that they can read are known; these are told to all ranks, and everyone takes the same sample.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <vector>
+
+#include "mpm/kernels/telling.hpp"
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+/// The blocks that gauges and probes can read, ascending: of all, or of those that are due.
+template <class X, class T, int D>
+std::vector<std::uint64_t> Domain<X, T, D>::blocks_of_points(
+    const std::vector<PointRecord<D>>& points) const {
+    std::vector<std::uint64_t> wanted;
+    for (const PointRecord<D>& point : points) {
+        std::int64_t low[D], high[D], at[D];  // blocks
+        for (int a = 0; a < D; ++a) {
+            const std::int64_t last = spec_.cells[std::size_t(a)] - 1,
+                               cell = std::clamp<std::int64_t>(
+                                   std::int64_t(std::floor(point.position[a] / spec_.cell_size)), 0,
+                                   last);
+            const std::int64_t rim = BlockKeys<D>::rim, edge = Block<D>::edge;
+            low[a] = at[a] = ((a == point.axis ? 0 : cell - 1) + rim * edge) / edge - rim;
+            high[a] = (a == point.axis ? last : cell + 1) / edge;
+        }
+        for (bool more = true; more;) {
+            wanted.push_back(table_.keys_of.key(at));
+            more = false;
+            for (int a = D - 1; a >= 0 && !more; --a) {
+                more = at[a] < high[a];
+                at[a] = more ? at[a] + 1 : low[a];
+            }
+        }
+    }
+    std::sort(wanted.begin(), wanted.end());
+    wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
+    return wanted;
+}
+
+/// On the CPU: the blocks that points which are due can read are told to all, and everyone takes
+/// the same sample.
+template <class X, class T, int D>
+void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) {
+    const RankShare<D>& s = *share_;
+    std::vector<PointRecord<D>> due;
+    for (int k = 0; k < point_count_; ++k)
+        if (sensor_records_.data()[points_.data()[k].sensor].due) due.push_back(points_.data()[k]);
+    const auto wanted = blocks_of_points(due);
+    if (wanted.empty()) return;
+
+    const std::size_t sums = std::size_t(plan_.sum_channels) * block_cells,
+                      velocities = std::size_t(plan_.velocity_channels) * block_cells;
+    std::vector<std::uint64_t> own;
+    for (std::uint64_t key : wanted) {
+        const std::int32_t slot = find_key(table_.keys, table_.slots, key);
+        if (slot >= 0 && counts_slot(std::size_t(slot))) own.push_back(key);
+    }
+    Packer packer;
+    packer.put(own);
+    for (std::uint64_t key : own) {
+        const std::size_t slot = std::size_t(find_key(table_.keys, table_.slots, key));
+        packer.put(sums_[parity()].data() + slot * sums, sums);
+        packer.put(velocity_.data() + slot * velocities, velocities);
+    }
+    const Bytes mine = packer.take();
+    auto in = s.comm->exchange(std::vector<Bytes>(s.keys.size(), mine), s.comm->others());
+    in[std::size_t(s.rank())] = mine;
+
+    struct Told {
+        std::vector<Sum> sums;
+        std::vector<Grid> velocities;
+    };
+    std::map<std::uint64_t, Told> told;
+    for (const Bytes& bytes : in) {
+        Unpacker unpacker(bytes);
+        for (std::uint64_t key : unpacker.list<std::uint64_t>()) {
+            Told& t = told[key];
+            t.sums.resize(sums);
+            t.velocities.resize(velocities);
+            unpacker.get(t.sums.data(), sums);
+            unpacker.get(t.velocities.data(), velocities);
+        }
+    }
+    std::vector<std::uint64_t> keys;
+    Told all;
+    for (const auto& [key, t] : told) {
+        keys.push_back(key);
+        all.sums.insert(all.sums.end(), t.sums.begin(), t.sums.end());
+        all.velocities.insert(all.velocities.end(), t.velocities.begin(), t.velocities.end());
+    }
+    auto& grid = points.node.grid;
+    grid.table = {table_.keys_of, std::int32_t(keys.size()), keys.data(), nullptr, nullptr};
+    grid.sums = all.sums.data();
+    grid.velocity = all.velocities.data();
+    for (int k = 0; k < point_count_; ++k) points(k);
+}
+
+/// On devices: the table of blocks that are told, and where all ranks have theirs. All ranks
+/// together.
+template <class X, class T, int D>
+void Domain<X, T, D>::open_points() {
+    if constexpr (X::is_device) {
+        if (point_count_ == 0) return;
+        told_keys_.assign(blocks_of_points(points_.host()));
+        const std::size_t blocks = told_keys_.size(),
+                          sums = blocks * std::size_t(plan_.sum_channels) * block_cells;
+        told_slots_.reserve_discard(blocks);
+        told_sums_.reserve_discard(sums);
+        told_sums_.zero();
+        told_velocity_.reserve_discard(blocks * std::size_t(plan_.velocity_channels) * block_cells);
+        told_velocity_.zero();
+        ToldClock never{};
+        never.due = -1;
+        told_clock_.assign(std::vector<ToldClock>{never});
+        struct Tables {
+            Sum* sums;
+            Grid* velocity;
+        };
+        exec_.wait();
+        if (!reaches()) {
+            told_blocks_.ranks = 1;
+            told_blocks_.sums[0] = told_sums_.data();
+            told_blocks_.velocity[0] = told_velocity_.data();
+            const std::size_t others = std::size_t(share_->ranks() - 1);
+            told_sums_in_.reserve_discard(others * told_sums_.size());
+            told_velocity_in_.reserve_discard(others * told_velocity_.size());
+            return;
+        }
+        told_blocks_.ranks = share_->ranks();
+        int r = 0;
+        for (const auto& theirs : share_->comm->all_gather(
+                 std::vector<Tables>{{told_sums_.data(), told_velocity_.data()}})) {
+            told_blocks_.sums[r] = theirs.at(0).sums;
+            told_blocks_.velocity[r++] = theirs.at(0).velocity;
+        }
+    }
+}
+
+/// Which of these blocks this rank tells, whenever there is a new table.
+template <class X, class T, int D>
+void Domain<X, T, D>::link_points() {
+    if (point_count_ == 0) return;
+    exec_.for_each(
+        std::int64_t(told_keys_.size()),
+        FindTold{told_keys_.data(), table_.keys, table_.slots, counts_.data(), told_slots_.data()});
+}
+
+/// Before the ranks meet.
+template <class X, class T, int D>
+void Domain<X, T, D>::tell_points() {
+    if (point_count_ == 0) return;
+    const Clock* clock = clock_buffer_.data();
+    exec_.for_each(point_count_, OpenPoints<D>{clock, sensor_records_.data(), points_.data(),
+                                               told_clock_.data()});
+    const std::int32_t sums = plan_.sum_channels * block_cells,
+                       velocities = plan_.velocity_channels * block_cells;
+    exec_.for_each(
+        std::int64_t(told_keys_.size()) * (sums + velocities),
+        TellBlocks<Grid, Sum>{clock, told_clock_.data(), told_slots_.data(), sums_[parity()].data(),
+                              velocity_.data(), sums, velocities, told_blocks_});
+}
+
+/// The tables of all become one where ranks have told their own alone.
+template <class X, class T, int D>
+void Domain<X, T, D>::swap_told_points() {
+    std::vector<Parcel> out, in;
+    const std::size_t sums = told_sums_.size(), velocities = told_velocity_.size();
+    std::size_t k = 0;
+    for (int r : share_->comm->others()) {
+        out.push_back({told_sums_.data(), sums * sizeof(Sum), r});
+        out.push_back({told_velocity_.data(), velocities * sizeof(Grid), r});
+        in.push_back({told_sums_in_.data() + k * sums, sums * sizeof(Sum), r});
+        in.push_back({told_velocity_in_.data() + k * velocities, velocities * sizeof(Grid), r});
+        ++k;
+    }
+    meeting_->swap(out, in);
+    // Each block is told by one rank: nothing is rounded.
+    for (std::size_t other = 0; other < k; ++other) {
+        exec_.for_each(std::int64_t(sums),
+                       AddSums<Sum>{told_sums_.data(), told_sums_in_.data() + other * sums});
+        exec_.for_each(
+            std::int64_t(velocities),
+            AddSums<Grid>{told_velocity_.data(), told_velocity_in_.data() + other * velocities});
+    }
+}
+
+/// After they have met. Before they meet again what has been read is forgotten.
+template <class X, class T, int D>
+void Domain<X, T, D>::sample_told_points() {
+    if (point_count_ == 0) return;
+    if (!reaches()) swap_told_points();
+    SamplePoints<Grid, Sum, D> points = sample_points();
+    auto& grid = points.node.grid;
+    grid.table = {table_.keys_of, std::int32_t(told_keys_.size()), told_keys_.data(), nullptr,
+                  nullptr};
+    grid.sums = told_sums_.data();
+    grid.velocity = told_velocity_.data();
+    points.node.clock = &told_clock_.data()->clock;
+    exec_.for_each_large(point_count_, SampleTold<Grid, Sum, D>{points, told_clock_.data()});
+    exec_.for_each(std::int64_t(told_sums_.size()),
+                   ForgetBlocks<Sum>{told_clock_.data(), told_sums_.data()});
+    exec_.for_each(std::int64_t(told_velocity_.size()),
+                   ForgetBlocks<Grid>{told_clock_.data(), told_velocity_.data()});
+}
+
+}  // namespace mpm

@@ -1,0 +1,268 @@
+// Smoothing over cells as devices do it, by integers, on a device that is none
+// (support/slow_device.hpp): against the CPU, in any order and cut, and what must not pass.
+#include "mpm/kernels/cell_sums.hpp"
+
+#include <gtest/gtest.h>
+
+#include "mpm/core/error.hpp"
+#include "mpm/physics/material/linear_elastic.hpp"
+#include "mpm/physics/material/tait_fluid.hpp"
+#include "mpm/solver/domain.hpp"
+#include "support/scene.hpp"
+#include "support/slow_device.hpp"
+
+namespace mpm {
+namespace {
+
+using test::forever;
+
+template <int D>
+BodyOps<SlowDevice, float, D> find_ops(const std::string& name, Smoothing) {
+    return name == TaitFluid::name ? test::slow_ops<TaitFluid, Smoothing::none, D>()
+                                   : test::slow_ops<LinearElastic, Smoothing::none, D>();
+}
+
+template <int D>
+std::unique_ptr<Engine> on_device(const Spec& s) {
+    BackendTraits traits;
+    traits.device = true;
+    traits.name = "slow";
+    traits.precision = Precision::single;
+    return std::make_unique<Domain<SlowDevice, float, D>>(s, make_plan(s, traits), SlowDevice(),
+                                                          find_ops<D>);
+}
+std::unique_ptr<Engine> on_device(const Spec& s) {
+    return s.dimension == 2 ? on_device<2>(s) : on_device<3>(s);
+}
+
+struct Form {
+    const char* name;
+    SmoothingChoice choice;
+};
+SmoothingChoice flux(FluxLimiter limiter, bool extrema) {
+    SmoothingChoice k;
+    k.form = CellForm::flux;
+    k.limiter = limiter;
+    k.extrema = extrema;
+    k.gamma = 0.5;
+    return k;
+}
+SmoothingChoice only(CellForm form) {
+    SmoothingChoice k;
+    k.form = form;
+    return k;
+}
+const Form forms[] = {{"C0", only(CellForm::constant)},
+                      {"C1", only(CellForm::linear)},
+                      {"NB", only(CellForm::nodal)},
+                      {"F0", flux(FluxLimiter::none, false)},
+                      {"F0L1", flux(FluxLimiter::linear, false)},
+                      {"F0L2", flux(FluxLimiter::quadratic, false)},
+                      {"F0A", flux(FluxLimiter::none, true)},
+                      {"F0AL1", flux(FluxLimiter::linear, true)},
+                      {"F0AL2", flux(FluxLimiter::quadratic, true)},
+                      {"F1", only(CellForm::linear_flux)}};
+
+/// Water and an elastic block that are thrown against walls, both smoothed.
+Spec thrown(int dimension, bool single, Kernel kernel, const SmoothingChoice& choice) {
+    const bool flat = dimension == 2;
+    Spec s = test::empty_scene(
+        dimension, single,
+        flat ? std::vector<std::int64_t>{40, 20} : std::vector<std::int64_t>{12, 8, 8});
+    s.gravity.value[std::size_t(dimension - 1)] = -9.81;
+    s.pipeline = "phased";
+    s.kernel.kernel = kernel;
+    if (kernel == Kernel::linear) {
+        s.kernel.gradient = GradientForm::shapes;
+        s.transfer.scheme = "PIC";
+    }
+    s.bodies.push_back(test::body(
+        s, "water", "TaitFluid", test::fluid(),
+        flat ? test::lattice(s, {0, 0}, {20, 12}, 2) : test::lattice(s, {0, 0, 0}, {6, 8, 5}, 2),
+        flat ? 4 : 8));
+    s.bodies.push_back(test::body(
+        s, "block", "LinearElastic", {800, 1e6, 0.3},
+        flat ? test::lattice(s, {34, 4}, {40, 9}, 3) : test::lattice(s, {9, 2, 2}, {12, 5, 5}, 2),
+        flat ? 9 : 8));
+    s.bodies[0].velocity[0] = 4;
+    s.bodies[1].velocity[0] = 2;
+    for (BodySpec& b : s.bodies) b.cell_smoothing = choice;
+    s.bodies[0].smoothed_field = "volume";
+    s.bodies[1].smoothed_field = "strain";
+    test::add_walls(s, Response::separable);
+    return s;
+}
+
+RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
+
+/// Root of mean squares of the pressures' differences, as a share of theirs.
+double apart(Engine& one, Engine& other, int body) {
+    const Attributes x = one.attributes(body, {"pressure"}),
+                     y = other.attributes(body, {"pressure"});
+    std::map<std::uint64_t, double> of;
+    for (std::size_t k = 0; k < y.id.size(); ++k) of[y.id[k]] = y.values.at("pressure").data[k];
+    double sum = 0, size = 0;
+    for (std::size_t k = 0; k < x.id.size(); ++k) {
+        const double p = of.at(x.id[k]);
+        sum += std::pow(x.values.at("pressure").data[k] - p, 2);
+        size += p * p;
+    }
+    EXPECT_GT(size, 0);
+    return std::sqrt(sum / size);
+}
+
+class SumsOfCells : public ::testing::TestWithParam<std::tuple<Form, int, Kernel>> {
+protected:
+    const SmoothingChoice choice = std::get<0>(GetParam()).choice;
+    const int dimension = std::get<1>(GetParam());
+    const Kernel kernel = std::get<2>(GetParam());
+    const int steps = 60;
+    Spec scene(bool single) const { return thrown(dimension, single, kernel, choice); }
+};
+
+TEST_P(SumsOfCells, do_what_the_cpu_does) {
+    const auto reference = make_cpu_engine(scene(false)), single = make_cpu_engine(scene(true)),
+               device = on_device(scene(true));
+    for (Engine* e : {reference.get(), single.get(), device.get()})
+        ASSERT_EQ(go(*e, steps).reason, "steps");
+    ASSERT_GT(device->statistics().at("sorts"), 0);
+    for (int b = 0; b < 2; ++b) {
+        // Sums of the grid have two to three bits less than single precision.
+        EXPECT_LT(apart(*device, *reference, b), 8 * apart(*single, *reference, b) + 1e-6);
+        const auto calls = device->smoothing(b).rows, expected = reference->smoothing(b).rows;
+        ASSERT_EQ(calls.size(), std::size_t(steps));
+        double change = 0, expected_change = 0, most = 0;
+        for (std::size_t k = 0; k < calls.size(); ++k) {
+            ASSERT_NEAR(calls[k].time, expected[k].time, 1e-5);
+            most = std::max(most, expected[k].before);
+            EXPECT_NEAR(calls[k].before, expected[k].before, 1e-4 * most + 1e-15);
+            EXPECT_LE(calls[k].change, 1e-6 * calls[k].before + 1e-16);
+            change += calls[k].change;
+            expected_change += expected[k].change;
+        }
+        EXPECT_LT(change, 0);
+        EXPECT_NEAR(change, expected_change, 1e-2 * std::abs(expected_change));
+    }
+}
+
+TEST_P(SumsOfCells, have_one_result_whatever_the_order) {
+    const auto once = on_device(scene(true)), other = on_device(scene(true));
+    test::cells_backwards = true;
+    go(*once, steps);
+    test::cells_backwards = false;
+    for (int n : {1, 8, 20, steps - 29}) {
+        go(*other, n);
+        other->attributes(0, {"pressure"});
+    }
+    ASSERT_GT(once->statistics().at("sorts"), 0);
+    EXPECT_EQ(test::state_bytes(*once), test::state_bytes(*other));
+    for (int b = 0; b < 2; ++b) {
+        const auto x = once->smoothing(b).rows, y = other->smoothing(b).rows;
+        ASSERT_EQ(x.size(), y.size());
+        for (std::size_t k = 0; k < x.size(); ++k) EXPECT_EQ(x[k].change, y[k].change);
+    }
+}
+
+std::string name_of(const ::testing::TestParamInfo<SumsOfCells::ParamType>& i) {
+    return std::string(std::get<0>(i.param).name) + "_" + std::to_string(std::get<1>(i.param)) +
+           "D_" + (std::get<2>(i.param) == Kernel::quadratic ? "quadratic" : "linear");
+}
+INSTANTIATE_TEST_SUITE_P(Forms, SumsOfCells,
+                         ::testing::Combine(::testing::ValuesIn(forms), ::testing::Values(2),
+                                            ::testing::Values(Kernel::quadratic)),
+                         name_of);
+INSTANTIATE_TEST_SUITE_P(Some, SumsOfCells,
+                         ::testing::Combine(::testing::Values(forms[2], forms[8], forms[9]),
+                                            ::testing::Values(3),
+                                            ::testing::Values(Kernel::quadratic, Kernel::linear)),
+                         name_of);
+
+TEST(CellSums, stand_before_the_fused_step_too) {
+    for (const Form& form : {forms[0], forms[2], forms[7]}) {
+        std::unique_ptr<Engine> engine[2];
+        for (int k = 0; k < 2; ++k) {
+            Spec s = thrown(2, true, Kernel::quadratic, form.choice);
+            s.bodies.pop_back();  // LinearElastic has no fused form
+            s.pipeline = k == 0 ? "auto" : "phased";
+            engine[k] = on_device(s);
+            ASSERT_EQ(go(*engine[k], 60).reason, "steps");
+        }
+        EXPECT_LT(apart(*engine[0], *engine[1], 0), 1e-5) << form.name;
+        const auto x = engine[0]->smoothing(0).rows, y = engine[1]->smoothing(0).rows;
+        ASSERT_EQ(x.size(), 60u);
+        EXPECT_NEAR(x.back().change, y.back().change, 1e-3 * std::abs(y.back().change));
+    }
+}
+
+TEST(CellScale, holds_all_particles_in_one_cell) {
+    for (std::uint64_t n : {1ull, 7ull, 8ull, 8'000'001ull, (1ull << 32) - 1}) {
+        const CellScale s = CellScale::of(n);
+        const long double most = std::ldexp(1.0L, 63);
+        EXPECT_LT(n * (s.field * (long double)(most_smoothed) + 0.5L), most);
+        EXPECT_LT(n * (s.one + 0.5L), most);
+        EXPECT_GT(8 * n * s.one, most) << "and wastes no more than two bits";
+    }
+}
+
+/// What a call leaves of a clock, of `particles` of 1 kg.
+Clock taken(double before, double after, double particles, const SmoothingChoice& choice,
+            SmoothingLog& log) {
+    Clock clock{};
+    const double sum[smoothing_sums] = {before, after};
+    TakeSmoothing::of(&clock, &log, 1.0, std::uint64_t(particles), true, choice, 3)(0, sum);
+    return clock;
+}
+
+TEST(TakeSmoothing, lets_pass_what_rounding_adds_and_halts_at_more) {
+    const SmoothingChoice c0 = only(CellForm::constant);
+    const double n = 8e6, q = 1e-5, quantum = 1 / CellScale::of(std::uint64_t(n)).field;
+    SmoothingLog log;
+    EXPECT_EQ(taken(n * q * q, n * q * q * 0.9, n, c0, log).halt, Halt::none);
+    // Each mean off by half a quantum, and all of a field that is no larger than that.
+    EXPECT_EQ(taken(n * q * q, n * std::pow(q + 0.4 * quantum, 2), n, c0, log).halt, Halt::none);
+    EXPECT_EQ(taken(0, n * std::pow(0.4 * quantum, 2), n, c0, log).halt, Halt::none);
+    EXPECT_EQ(log.calls, 3);
+    const Clock more = taken(n * q * q, n * q * q * 1.001, n, c0, log);
+    EXPECT_EQ(more.halt, Halt::fault);
+    EXPECT_EQ(more.fault, FaultKind::smoothing);
+    EXPECT_EQ(more.fault_particle >> 40, 3u);
+    EXPECT_EQ(taken(n * q * q, std::nan(""), n, c0, log).fault, FaultKind::smoothing);
+    log.beyond = fault_number(3, 17);
+    EXPECT_EQ(taken(1, 1, n, c0, log).fault, FaultKind::smoothing_range);
+}
+
+TEST(CellSums, refuse_a_strain_that_they_cannot_hold) {
+    Spec s = thrown(2, true, Kernel::quadratic, only(CellForm::constant));
+    BodySpec& b = s.bodies[1];
+    b.restored = true;
+    b.state_width = 3;
+    b.parameters[1] = 1e-6;  // so soft that nothing outruns a cell for it
+    std::vector<double> state(b.count * 3, 0.0);
+    state[3 * 11 + 2] = 40;  // a shear
+    b.state = rows_of(state, 3);
+    const auto engine = on_device(s);
+    const RunResult r = go(*engine, 5);
+    EXPECT_EQ(r.reason, "fault");
+    EXPECT_EQ(r.fault.code, "smoothing-range");
+    EXPECT_EQ(r.fault.body, "block");
+    EXPECT_EQ(r.fault.step, 0);
+    EXPECT_EQ(r.fault.ids, std::vector<std::uint64_t>{b.first_id + 11});
+}
+
+TEST(CellSums, what_is_not_built_for_devices_is_refused) {
+    const auto refused = [](const auto& change) {
+        Spec s = thrown(2, true, Kernel::quadratic, only(CellForm::constant));
+        s.transfer.scheme = "PIC";
+        change(s.bodies[1]);
+        EXPECT_THROW(on_device(s), SceneError);
+    };
+    refused([](BodySpec& b) {
+        b.assumed_part = TensorPart::full;
+        b.assumed = only(CellForm::constant);
+    });
+    refused([](BodySpec& b) { b.damping = 0.1; });
+    refused([](BodySpec& b) { b.force = {0, {0, 1}, {1, 1, 1, 1}}; });
+}
+
+}  // namespace
+}  // namespace mpm

@@ -1,0 +1,70 @@
+// What tests of several ranks compare with one, and a scene with something of everything.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "mpm/solver/engine.hpp"
+#include "support/scene.hpp"
+
+namespace mpm::test {
+
+inline RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
+
+/// Water with F-bar that runs under two solid blocks that fall, fast enough to cross the cuts.
+inline Spec gauged_scene(int dimension, bool single) {
+    Spec s = test::busy_scene(dimension, single);
+    s.bodies[0].velocity[0] = 5;
+    const bool flat = s.dimension == 2;
+    SensorSpec gauge;
+    gauge.name = "gauge";
+    gauge.kind = SensorKind::wave_gauge;
+    gauge.interval = 0.004;
+    gauge.axis = s.dimension - 1;
+    gauge.position = flat ? std::vector<double>{2.43, 0} : std::vector<double>{0.63, 0.7, 0};
+    gauge.body = 0;
+    s.sensors.push_back(gauge);
+    SensorSpec probe = gauge;
+    probe.name = "probe";
+    probe.kind = SensorKind::velocity_probe;
+    probe.position[std::size_t(s.dimension - 1)] = 0.31;
+    s.sensors.push_back(probe);
+    return s;
+}
+
+/// Everything that can be read of the particles, by id; and no id twice.
+inline void expect_same_particles(Engine& many, Engine& one, int bodies) {
+    EXPECT_EQ(many.step(), one.step());
+    EXPECT_EQ(many.time(), one.time());
+    EXPECT_EQ(many.time_step(), one.time_step());
+    for (int b = 0; b < bodies; ++b) {
+        const auto x = test::table(many, b), y = test::table(one, b);
+        ASSERT_EQ(many.attributes(b, {"mass"}).id.size(), x.size()) << "an id is there twice";
+        ASSERT_EQ(many.particle_count(b), one.particle_count(b));
+        EXPECT_TRUE(x == y) << "body " << b;
+    }
+}
+
+/// Gauges and probes to the bit, sums over ranks to `rounding` of the largest.
+inline void expect_same_samples(std::vector<Samples> many, std::vector<Samples> one,
+                                const Spec& scene, double rounding = 1e-11) {
+    ASSERT_EQ(many.size(), one.size());
+    for (std::size_t k = 0; k < one.size(); ++k) {
+        EXPECT_EQ(many[k].time, one[k].time);
+        ASSERT_EQ(many[k].values.data.size(), one[k].values.data.size());
+        const bool exact = scene.sensors[k].kind != SensorKind::energy &&
+                           scene.sensors[k].kind != SensorKind::load_cell;
+        double size = 0;
+        for (double v : one[k].values.data) size = std::max(size, std::abs(v));
+        // Loads are differences of single-precision velocities, added up in double.
+        for (std::size_t i = 0; i < one[k].values.data.size(); ++i)
+            ASSERT_NEAR(many[k].values.data[i], one[k].values.data[i], exact ? 0 : rounding * size)
+                << scene.sensors[k].name << " value " << i;
+    }
+}
+
+}  // namespace mpm::test
