@@ -34,6 +34,7 @@ AXES = (
     ("Transfer", ("transfer",)),
     ("Kernel", ("kernel",)),
     ("F-bar", ("F-bar", "solid", "F-bar size")),
+    ("Smoothing over cells", ("smoothing",)),
     ("Walls and layers", ("boundary",)),
     ("Choices together", ("together",)),
 )

@@ -3,9 +3,10 @@
     python benchmarks/tradeoff.py run --output benchmarks/results/tradeoff.jsonl [--device cuda]
     python benchmarks/tradeoff.py table       prints the table of the lines in --output
     python benchmarks/tradeoff.py write       writes what is made of them: the tables of
-                                              docs/choosing-a-method.md and docs/atlas.md, and
+                                              docs/choosing-a-method.md, docs/atlas.md and
+                                              docs/anti-locking.md, and
                                               python/libmpm/data/atlas.json
-    python benchmarks/tradeoff.py check       exit 1 if one of the three is out of date
+    python benchmarks/tradeoff.py check       exit 1 if one of the four is out of date
 
 One JSON line for every option (`tradeoff_options`) and case (`tradeoff_cases`) it applies to. A run
 goes on where an earlier one of the same size, device and version of the library stopped;
@@ -42,6 +43,7 @@ from atlas_data import DATA, shipped
 from atlas_page import ATLAS, atlas_page
 from result_pages import Line, load
 from tradeoff_cases import MEASURED, Measured
+from tradeoff_locking import LOCKING, locking_page
 from tradeoff_options import BASELINE, OPTIONS, Option
 from tradeoff_table import PAGE, RESULTS, page, seconds, tables
 
@@ -266,7 +268,10 @@ def main() -> int:
     if arguments.what == "table":
         print(tables(lines))
         return 0
-    made = {PAGE: page(lines), ATLAS: atlas_page(lines), DATA: shipped(lines)}
+    made = {
+        PAGE: page(lines), ATLAS: atlas_page(lines), LOCKING: locking_page(lines),
+        DATA: shipped(lines),
+    }  # fmt: skip
     for path, text in made.items():
         if arguments.what == "write":
             path.write_text(text, encoding="utf-8")

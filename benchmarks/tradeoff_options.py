@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from libmpm import FBar, Kernel, Method, Transfer
+from libmpm import AssumedFields, FBar, Kernel, Method, Smoothing, Transfer
 from libmpm._src.method import CROSSINGS
 from libmpm.boundaries import DecayLayer, Mirror, Response
 from libmpm.cases import Options
@@ -17,13 +17,13 @@ from libmpm.cases import Options
 BASELINE = "baseline"
 WATER = 2.2e9  # Pa, bulk modulus of real water
 #: Fields of an option that lines name only where they are not the usual ones.
-CHANGES = ("size", "cells", "per_cell", "bulk", "extent")
+CHANGES = ("size", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed")
 #: Forms of F-bar whose smoothing is set by a length.
 BY_LENGTH = ("two-volume", "split", "literal")
 LENGTH = 1.0  # cells, of those forms
 Group = Literal[
     "baseline", "transfer", "kernel", "F-bar", "F-bar size", "solid", "boundary", "precision",
-    "pipeline", "step", "cells", "particles", "bulk modulus", "dimension", "together",
+    "pipeline", "step", "cells", "particles", "bulk modulus", "dimension", "together", "smoothing",
 ]  # fmt: skip
 
 
@@ -57,6 +57,8 @@ class Option:
     per_cell: int | None = None
     bulk: float | None = None
     extent: str = ""
+    smoothing: str | None = None
+    assumed: str | None = None
     beside: str = BASELINE
 
     def choices(self, cfl: float, cell_size: float, wave_speed: float) -> Options:
@@ -69,6 +71,15 @@ class Option:
             walls=self.walls,
             layer=self.layer,
         )
+
+    def over_cells(self) -> dict[str, Any]:
+        """Return what a body is told of smoothing over cells and of assumed fields."""
+        made: dict[str, Any] = {}
+        if self.smoothing is not None:
+            made["smoothing"] = Smoothing(method=self.smoothing)  # type: ignore[arg-type]
+        if self.assumed is not None:
+            made["assumed"] = AssumedFields(over=self.assumed)  # type: ignore[arg-type]
+        return made
 
     @property
     def smoothed(self) -> float | None:
@@ -200,6 +211,25 @@ def _sizes() -> list[Option]:
     return made
 
 
+def _over_cells() -> list[Option]:
+    """Return smoothing over cells with and without means of stress and rate (Yang 2016)."""
+    flip, linear = Transfer(scheme="FLIP"), "linear, PIC-FLIP 0.95"
+    means = "FLIP, cell means"
+    return [
+        *(Option(f"smoothing {m}", "smoothing", smoothing=m) for m in ("C0", "F0AL1", "NB")),
+        Option(means, "smoothing", flip, assumed="cell", beside="FLIP"),
+        Option(f"{means}, smoothing F0AL1", "smoothing", flip, assumed="cell", smoothing="F0AL1",
+               beside=means),
+        Option(f"{linear}, smoothing F0AL1", "smoothing", Transfer(scheme="PIC-FLIP", flip=0.95),
+               Kernel(name="linear"), smoothing="F0AL1", beside=linear),
+        *(
+            Option(f"LinearElastic, smoothing {m}", "smoothing", material="LinearElastic",
+                   smoothing=m, beside="LinearElastic")
+            for m in ("C0", "F0AL1")
+        ),
+    ]  # fmt: skip
+
+
 HALF, DOUBLE, SLICE = "half the cells", "double the cells", "half the cells, slice"
 
 
@@ -270,6 +300,7 @@ OPTIONS: tuple[Option, ...] = (
     Option("mixed precision", "precision", precision="mixed"),
     Option("two-pass", "pipeline", pipeline="two-pass"),
     Option("phased", "pipeline", pipeline="phased"),
+    *_over_cells(),
     *_sizes(),
     *_changes(),
 )
@@ -279,5 +310,7 @@ SHORT = (
     BASELINE, "PIC", "FLIP", "PIC-FLIP 0.95", "AFLIP 0.95", "ASFLIP 0.95", "XPIC 5 every 5",
     "quadratic, kernel gradient", "cubic", "uGIMP", "linear, PIC-FLIP 0.95", "mirrored walls",
     "F-bar one-volume-gradient", "F-bar one-volume-gradient, 3.5 crossings", "F-bar two-volume",
-    "F-bar two-volume, 5 cells", "solid F-bar two-volume", "double precision",
+    "F-bar two-volume, 5 cells", "solid F-bar two-volume", "double precision", "smoothing C0",
+    "smoothing F0AL1", "LinearElastic", "LinearElastic, smoothing C0",
+    "LinearElastic, smoothing F0AL1",
 )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy
 import numpy.typing
 import typing
 import typing_extensions
-__all__: list[str] = ['Basis', 'Column', 'Engine', 'build_info', 'equation_of_state', 'material_table', 'plan']
+__all__: list[str] = ['Basis', 'Column', 'Engine', 'Processes', 'build_info', 'equation_of_state', 'material_table', 'plan', 'smooth_points']
 class Column:
     """
     Numbers one after another in the memory of an engine's device.
@@ -62,6 +62,10 @@ class Engine:
         ...
     def sensor_columns(self, sensor: typing.SupportsInt | typing.SupportsIndex) -> tuple[list[str], list[str]]:
         ...
+    def smoothing(self, body: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Rows (time, calls, energy before, its change, I_E) of smoothing over cells.
+        """
     def statistics(self) -> dict[str, float]:
         ...
     def sums(self) -> dict:
@@ -79,6 +83,37 @@ class Engine:
         ...
     @property
     def time_step(self) -> float:
+        ...
+class Processes:
+    """
+    This process among those of its job (design/ranks.md).
+    """
+    def __init__(self, seconds: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+    def stop(self, why: str) -> None:
+        ...
+    def tell_all(self, given: bytes) -> list:
+        """
+        What all gave, by rank.
+        """
+    def tell_first(self, given: bytes) -> typing.Any:
+        """
+        What all gave, by rank, on rank 0; None on the others.
+        """
+    @property
+    def launcher(self) -> str:
+        ...
+    @property
+    def local_rank(self) -> int:
+        ...
+    @property
+    def local_ranks(self) -> int:
+        ...
+    @property
+    def rank(self) -> int:
+        ...
+    @property
+    def ranks(self) -> int:
         ...
 class Basis:
     """
@@ -147,4 +182,8 @@ def material_table() -> list:
 def plan(spec: dict, kind: str) -> dict:
     """
     What a spec costs on a "cpu" or on a "cuda" device that need not exist, before anything is allocated (design/engine-contract.md).
+    """
+def smooth_points(field: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], mass: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], cell_size: typing.SupportsFloat | typing.SupportsIndex, choice: dict, passes: typing.SupportsInt | typing.SupportsIndex) -> tuple:
+    """
+    A field (n, components) on points, smoothed over cells, and energies of each pass.
     """

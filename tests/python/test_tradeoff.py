@@ -101,7 +101,7 @@ def test_options_differ_by_one_choice_from_what_they_stand_beside():
     names = {o.name: o for o in OPTIONS}
     assert len(names) == len(OPTIONS)
     plain = ("fbar", "solid_fbar", "material", "precision", "pipeline", "step", "walls", "layer")
-    changes = ("size", "cells", "per_cell", "bulk", "extent")
+    changes = ("size", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed")
     fields = ("transfer", "kernel", *plain, *changes)
     for option in OPTIONS:
         other = names[option.beside]

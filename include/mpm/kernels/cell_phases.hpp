@@ -138,8 +138,11 @@ std::size_t cell_numbers(const CellNumbers& n) {
         if (components == 0 || k.form == CellForm::none) return 0;
         return CellColumns<D>::columns(k, components);
     };
-    return std::size_t(std::max(width(n.smoothing, n.components),
-                                width(n.assumed, AssumedTensor<D>{n.part}.components())));
+    SmoothingChoice nodal;  // what a placed force gives back
+    nodal.form = CellForm::nodal;
+    return std::size_t(std::max({width(n.smoothing, n.components),
+                                 width(n.assumed, AssumedTensor<D>{n.part}.components()),
+                                 width(nodal, n.force.axis >= 0 ? D : 0)}));
 }
 
 }  // namespace mpm

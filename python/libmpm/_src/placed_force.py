@@ -18,9 +18,9 @@ __all__ = ["PlacedForce"]
 class PlacedForce(Value):
     """A force by mass beside gravity, linear between places along an axis.
 
-    Before the first place and after the last one their values hold. It acts by the particles, where
-    they stand at the beginning of a step, and is no part of the potential energy that sensors
-    report.
+    Before the first place and after the last one their values hold. Nodes take it from the
+    particles, where they stand at the beginning of a step, and particles from the nodes:
+    fᵢ = Σ m Nᵢ b(x). It is no part of the potential energy that sensors report.
 
     =========  ====  =====  ==================================================================
     parameter  unit  shape  meaning

@@ -81,7 +81,10 @@ class Smoothing(Value):
             field = check.choice("field", field, ("volume", "strain"))
         length = check.choice("flux_length", self.flux_length, ("face", "inertia"))
         if length != "face" and method != "F1":
-            check.fail(f"flux_length is '{length}' with method '{method}'; it belongs to 'F1'")
+            check.fail(
+                f"flux_length is '{length}' with method '{method}', which has no lines to compare; "
+                "leave it out, or use 'F1'"
+            )
         return {"method": method, "gamma": gamma, "field": field, "flux_length": length}
 
     def specification(self, stores_volume: bool = True) -> dict[str, Any]:
@@ -136,14 +139,14 @@ class AssumedFields(Value):
 class Smoothed:
     """What `smooth` made of a field.
 
-    ==============  ===========  ===========================================================
-    attribute       shape        meaning
-    ==============  ===========  ===========================================================
-    q               of the field the smoothed field
-    energy_change   (passes,)    change of Σ m q² by each pass, kg times the field's unit squared
-    index           (passes,)    I_E after each pass: Σ m (q̂ - q̄)² over that before the first,
+    =============  ============  ============================================================
+    attribute      shape         meaning
+    =============  ============  ============================================================
+    q              of the field  the smoothed field
+    energy_change  (passes,)     change of Σ m q² by each pass, kg times the field's unit squared
+    index          (passes,)     I_E after each pass: Σ m (q̂ - q̄)² over that before the first,
                                  less 1. 0: nothing is lost, -1: only the mean q̄ is left
-    ==============  ===========  ===========================================================
+    =============  ============  ============================================================
     """
 
     q: npt.NDArray[np.float64]

@@ -30,10 +30,11 @@ void for_each_by_colour(const Phase<Cpu, T, D>& phase, const F& f) {
     }
 }
 
-/// Mass, then one sum a component, of every node: lumped means by the grid's functions.
+/// Mass, then one sum a component, of every node: lumped means by the grid's functions, or by those
+/// of the deposit where they are modified.
 template <int W, class T, int D, class Get, class Put>
-void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int components, const Get& get,
-                     const Put& put) {
+void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int components, bool modified,
+                     const Get& get, const Put& put) {
     const auto& pass = phase.pass;
     const std::int32_t* neighbours = pass.grid.table.neighbours;
     const double m = pass.body.particle_mass;
@@ -44,7 +45,8 @@ void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int component
         return nodes + (there * block_cells + (place & 255)) * width;
     };
     for_each_by_colour(phase, [&](std::int32_t slot, const int(&home)[D], std::uint32_t q) {
-        const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+        Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+        if (modified) modify_for_deposit(reached.stencil, reached.at.xi);
         double value[most_components];
         for (int k = 0; k < components; ++k) value[k] = get(q, k);
         for_each_node(reached.stencil, places_in_grid<W>(reached.at.cell),
@@ -114,12 +116,14 @@ void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const Smoothin
     }
 }
 
+/// `as_deposited`: nodes' means by the functions of the deposit.
 template <class T, int D, class Get, class Put>
 void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
-                  int components, const Get& get, const Put& put) {
+                  int components, const Get& get, const Put& put, bool as_deposited = false) {
     const bool nodal = choice.form == CellForm::nodal;
     const int width = CellColumns<D>::columns(choice, components);
     const std::size_t piece = std::size_t(block_cells) * std::size_t(width);
+    const bool modified = as_deposited && phase.n.kernel.modified;
 #pragma omp parallel for schedule(static) \
     num_threads(phase_threads(*phase.pass.exec, phase.pass.body.count))
     for (std::int32_t slot = 0; slot < phase.pass.grid.table.slots; ++slot)
@@ -127,9 +131,9 @@ void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingCh
     if (!nodal)
         smooth_by_cells(phase, data, choice, components, get, put);
     else if (kernel_width(phase.n.kernel.kernel) == 3)
-        smooth_by_nodes<3>(phase, data, components, get, put);
+        smooth_by_nodes<3>(phase, data, components, modified, get, put);
     else
-        smooth_by_nodes<5>(phase, data, components, get, put);
+        smooth_by_nodes<5>(phase, data, components, modified, get, put);
 }
 
 /// Numbers of scratch, a tensor a particle.
@@ -181,14 +185,21 @@ void collected(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data
     assume(phase, n, data, [&](int a, int c) { return column.slope(a, c); });
 }
 
-/// A force by mass acts by the deposit: on the velocity that a particle brings, and stores.
+/// A force by mass acts by the deposit, on the velocity that a particle brings. One that stores its
+/// velocity keeps of that gain what the grid gives back, v <- v + dt sum N_i b_i (Yang 2016, 2.7):
+/// with dt b(x_p) instead, b - sum N_i b_i would add up without end in a body at rest.
 template <class T, int D>
-void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force) {
+void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force, double* data) {
     const auto& pass = phase.pass;
     const Scratch<D> column{phase.n.channels};
+    const std::size_t count = pass.body.count;
     const double dx = 1 / pass.numbers->rate, dt = pass.numbers->move * dx;
-#pragma omp parallel for schedule(dynamic, 4) \
-    num_threads(phase_threads(*pass.exec, pass.body.count))
+    const bool stores = phase.n.velocity >= 0;
+    // Nobody needs the velocity before forces any more.
+    const auto own = [&](int c, std::uint32_t q) -> T& {
+        return pass.scratch[std::size_t(column.before(c)) * count + q];
+    };
+#pragma omp parallel for schedule(dynamic, 4) num_threads(phase_threads(*pass.exec, count))
     for (std::int32_t h = 0; h < pass.body.homes; ++h) {
         const std::int32_t slot = pass.body.home[h];
         const double corner = pass.grid.table.corners[std::int64_t(slot) * D + force.axis];
@@ -197,11 +208,20 @@ void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force) {
                 (corner + home[force.axis] + 0.5 + double(pass.body.offset[force.axis][q])) * dx;
             for (int c = 0; c < D; ++c) {
                 const T gain = T(dt * force.at(x, c, D));
-                pass.scratch[std::size_t(column.value(c)) * pass.body.count + q] += gain;
-                if (phase.n.velocity >= 0) pass.body.state[phase.n.velocity + c][q] += gain;
+                pass.scratch[std::size_t(column.value(c)) * count + q] += gain;
+                if (stores) own(c, q) = gain;
             }
         });
     }
+    if (!stores) return;
+    SmoothingChoice nodal;
+    nodal.form = CellForm::nodal;
+    smooth_field(
+        phase, data, nodal, D, [&](std::uint32_t q, int c) { return double(own(c, q)); },
+        [&](std::int32_t, std::uint32_t q, const double* back) {
+            for (int c = 0; c < D; ++c) pass.body.state[phase.n.velocity + c][q] += T(back[c]);
+        },
+        true);
 }
 
 template <class T, int D>
@@ -226,7 +246,7 @@ void responded(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data
         }
     }
     assume(phase, n, data, [&](int a, int c) { return column.stress(a, c); });
-    if (n.force.axis >= 0) push(phase, n.force);
+    if (n.force.axis >= 0) push(phase, n.force, data);
 }
 
 template <class T, int D>
