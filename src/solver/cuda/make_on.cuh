@@ -1,11 +1,11 @@
+#pragma once
+
 #include "mpm/exec/cuda.cuh"
 #include "mpm/exec/cuda_meeting.cuh"
 #include "mpm/solver/make_domain.hpp"
-#include "mpm/solver/merged.hpp"
+#include "precisions.hpp"
 
 namespace mpm {
-
-namespace {
 
 /// With particles in T: one rank, as many as there are devices, or one of several processes.
 template <class X, class T>
@@ -19,18 +19,6 @@ std::unique_ptr<Engine> make_on(const Spec& s, const Plan& plan) {
                                [&] { return X(s.device, s.shared_device); });
     return make_ranks<X, T>(s, plan, std::make_unique<RankThreads>(s.ranks.count), [&](int rank) {
         return X(s.ranks.devices[std::size_t(rank)], s.shared_device);
-    });
-}
-
-}  // namespace
-
-std::unique_ptr<Engine> make_cuda_engine(const Spec& spec) {
-    check_processes(spec);
-    return make_merged(spec, [](const Spec& s) {
-        const Plan plan = make_plan(s, cuda_traits(s.precision));
-        if (s.precision == Precision::mixed) return make_on<CudaMixed, double>(s, plan);
-        return s.precision == Precision::single ? make_on<Cuda, float>(s, plan)
-                                                : make_on<Cuda, double>(s, plan);
     });
 }
 
