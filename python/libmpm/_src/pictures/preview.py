@@ -34,7 +34,7 @@ _CHUNK = 1 << 20
 
 def vertical_of(scene: Scene) -> int:
     """Return the axis along which gravity pulls most at the start; the last without gravity."""
-    from libmpm._src.lowering import initial_gravity
+    from libmpm._src.checks import initial_gravity
 
     strength = np.abs(initial_gravity(scene))
     return int(np.argmax(strength)) if strength.any() else scene.dimension - 1
