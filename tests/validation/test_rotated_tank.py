@@ -1,7 +1,7 @@
 """A tank of water at 45 degrees to the grid, its walls held by decay layers (Yang 2016, 5.1, V6).
 
 T5 of the digest: whatever the layer but "free" keeps water in, R_b of (5.2) comes to 1, F0AL1 sinks
-less than means at nodes do, and more particles lower the error of R_b. Expected duration: 10 s.
+less than means at nodes do, and more particles lower the error of R_b. Expected duration: 15 s.
 """
 
 import numpy as np

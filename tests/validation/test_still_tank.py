@@ -1,6 +1,6 @@
 """Water at rest in a tank by smoothing over cells: Yang (2016) 5.1, T4 of the digest's section 10.
 
-Expected duration: 30 s.
+Expected duration: 10 s.
 """
 
 import numpy as np
@@ -75,8 +75,8 @@ def test_means_of_cells_hold_water_still(method):
 
 
 def test_means_at_nodes_let_it_sink():
-    sunk, _, _ = found(tank("NB", "node", until=0.3))
-    held, _, _ = found(tank("F0AL1", until=0.3))
+    sunk, _, _ = found(tank("NB", "node", until=0.15))
+    held, _, _ = found(tank("F0AL1", until=0.15))
     assert sunk[-1] < held[-1] - 1e-3
 
 
