@@ -140,7 +140,12 @@ void Domain<X, T, D>::open_devices() {
         votes_.assign(std::vector<RankVote>(std::size_t(comm.ranks()), RankVote{}));
         std::vector<RankVote*> boxes;
         const char* asked = std::getenv("LIBMPM_RANK_SUMS");
-        adds_in_place_ = asked != nullptr && std::string(asked) == "in-place";
+        const std::string way = asked ? asked : "packed";
+        if (way != "packed" && way != "in-place")
+            throw SceneError("LIBMPM_RANK_SUMS is '" + way +
+                             "' in the environment; expected 'packed' or 'in-place'. Leave it out "
+                             "for 'packed'");
+        adds_in_place_ = way == "in-place";
         if (!meeting_->reaches()) return boxes_.assign({votes_.data()});
         for (const auto& theirs : comm.all_gather(std::vector<RankVote*>{votes_.data()}))
             boxes.push_back(theirs.at(0));

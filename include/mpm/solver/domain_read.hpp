@@ -363,7 +363,9 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     double bytes =
         double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() + touched_.bytes() +
                velocity_.bytes() + sums_[0].bytes() + sums_[1].bytes());
-    bytes += double(cells_.bytes());
+    bytes += double(cells_.bytes() + smoothing_energies_.bytes() + shared_out_.bytes() +
+                    shared_in_.bytes() + told_sums_.bytes() + told_sums_in_.bytes() +
+                    told_velocity_.bytes() + told_velocity_in_.bytes());
     for (const auto& b : bodies_) {
         for (const auto& c : b.offset) bytes += double(c.bytes());
         for (const auto& c : b.state) bytes += double(c.bytes());

@@ -187,6 +187,8 @@ void Domain<X, T, D>::load(const State& whole) {
     push_clock();
     meet_hosts();
     dead_ = false;
+    smoothing_logs_ = Buffer<X, SmoothingLog>(exec_);
+    for (Body& body : bodies_) body.smoothing_seen = 0;
 }
 
 template <class X, class T, int D>

@@ -421,7 +421,16 @@ Fault Domain<X, T, D>::describe_fault() {
     if (clock_.fault == FaultKind::smoothing_range) {
         ++f.step;  // found at once
         f.code = "smoothing-range";
-        f.message = "its strain is larger than sums of smoothing over cells can hold on a device";
+        f.message =
+            "the field that is smoothed is larger than sums of smoothing over cells can hold on "
+            "a device";
+        for (auto& column : body.state) {
+            T x;
+            exec_.download(&x, column.data() + k, sizeof x);
+            if (std::isfinite(double(x))) continue;
+            f.code = "non-finite";
+            f.message = "what it stores is not finite";
+        }
         return f;
     }
     f.code = "inverted";

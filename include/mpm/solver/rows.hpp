@@ -29,7 +29,7 @@ inline Rows rows_of(std::vector<double> values, int width) {
     return rows;
 }
 
-/// How many threads `in_parallel` takes at most.
+/// How many threads `in_parallel` takes at most: OMP_NUM_THREADS, or as many as there are cores.
 std::uint64_t most_threads();
 
 /// Calls f(first, last) for all of 0 <= k < n in parts of `least` or more, side by side; within

@@ -89,7 +89,8 @@ CudaPeers::CudaPeers(Cuda& exec, Communicator& comm) : exec_(exec), comm_(comm) 
     const int me = comm.rank(), ranks = comm.ranks();
     if (ranks > most_devices)
         throw DeviceError("the scene has " + std::to_string(ranks) +
-                          " devices; one process takes at most " + std::to_string(most_devices));
+                          " devices; one process takes at most " + std::to_string(most_devices) +
+                          ". Take fewer, or a process for each with ranks=\"processes\"");
     const cuda::DeviceGuard guard(exec.device());
     try {
         for (cudaEvent_t& event : post_->event)

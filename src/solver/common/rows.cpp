@@ -1,9 +1,9 @@
 #include "mpm/solver/rows.hpp"
 
+#include <cstdlib>
 #include <exception>
 #include <mutex>
 #include <string>
-#include <system_error>
 #include <thread>
 
 #include "mpm/core/error.hpp"
@@ -24,7 +24,12 @@ void check_range(std::uint64_t first, std::uint64_t last, std::uint64_t count) {
 
 }  // namespace
 
-std::uint64_t most_threads() { return std::max(1u, std::thread::hardware_concurrency()); }
+std::uint64_t most_threads() {
+    const unsigned there = std::max(1u, std::thread::hardware_concurrency());
+    const char* asked = std::getenv("OMP_NUM_THREADS");
+    const int most = asked ? std::atoi(asked) : 0;
+    return most > 0 ? std::min(there, unsigned(most)) : there;
+}
 
 void in_parallel(std::uint64_t n, std::uint64_t least,
                  const std::function<void(std::uint64_t, std::uint64_t)>& f) {
@@ -51,8 +56,8 @@ void in_parallel(std::uint64_t n, std::uint64_t least,
     std::uint64_t started = 1;
     try {
         for (; started < parts; ++started) threads.emplace_back(work, started);
-    } catch (const std::system_error&) {
-        // No more threads to be had: the rest is for this one.
+    } catch (const std::exception&) {
+        // No more threads, or memory for them, to be had: the rest is for this one.
     }
     work(0);
     for (; started < parts; ++started) work(started);
