@@ -9,8 +9,8 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <utility>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "mpm/core/config.hpp"
@@ -445,8 +445,8 @@ private:
         };
         std::vector<Kept> kept;
         std::unordered_map<void*, std::size_t> given;  // what large pieces in use really have
-        Peak now, most;           // of large pieces
-        void* staging = nullptr;  // pinned, for small downloads
+        Peak now, most;                                // of large pieces
+        void* staging = nullptr;                       // pinned, for small downloads
         double* maxima = nullptr;
         std::uint32_t* arrivals = nullptr;
     };
