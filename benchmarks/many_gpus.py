@@ -1,9 +1,10 @@
 """What several devices do with one scene: weak and strong scaling, and water that mixes.
 
 Each case runs on the first 1, 2, 4 ... of the devices that are given and appends a JSON line for
-each. Rates are wall time over the steps after the first ones; bytes are those that a step adds in
-the memory of other devices, at most. Cases on several devices say what part of the rate a device
-has of one alone in the same process (`efficiency`), where that was run.
+each. Rates are wall time over the steps after the first ones; bytes are those of a step, of all
+ranks, that are sent to others or read by them (sums added in place: added there, at most). Cases on
+several devices say what part of the rate a device has of one alone in the same process
+(`efficiency`), where that was run.
 
 Run:  python benchmarks/many_gpus.py --devices cuda:0 cuda:1 --json FILE
       python benchmarks/many_gpus.py --cases weak strong --seconds 10 --fbar default

@@ -55,7 +55,7 @@ struct Pass {
     // (kernels/staging.hpp).
     const std::int32_t* destinations;
     std::int32_t staged;
-    const Copies<Sum>* copies;     // devices: null where there is one rank alone
+    const Copies<Sum>* copies;     // devices: null where nothing is added in place
     std::int32_t full_homes;       // devices: of all ranks
     const std::int32_t* coloured;  // CPU: home blocks by colour; blocks of one colour share no node
     const std::int32_t* colour_start;  // (colours + 1)

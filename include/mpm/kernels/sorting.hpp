@@ -325,8 +325,8 @@ struct ListHomes {
 };
 
 /// How far behind the first a home block comes when blocks are handed to a device: those that add
-/// to another device's blocks, so that what goes there is under way while the rest is at work; then
-/// heavy ones, so that the last to finish are light.
+/// to another device's blocks, so that in place what goes there is under way while the rest is at
+/// work; then heavy ones, so that the last to finish are light.
 struct WeighHomes {
     static constexpr int bits = 3;
     const std::int32_t* home;

@@ -433,8 +433,9 @@ private:
     Buffer<X, Copies<Sum>> copies_of_sums_{exec_};  // of both sets of sums
     std::vector<std::array<Sum*, 2>> sums_of_;      // of each rank
     Buffer<X, std::uint8_t> counts_{exec_};         // RankShare::counts
-    // Where they do not reach each other: the blocks that each of them shares with this one, and
-    // their sums on the way out and in.
+    // Unless passes add in place: the blocks that each of them shares with this one, what this one
+    // has added to them, a piece for each other rank, and, where they do not reach each other's
+    // memory, the pieces of the others (else they are read where they are).
     std::vector<SharedWith> shared_with_;
     Buffer<X, std::int32_t> shared_slots_{exec_};
     Buffer<X, Sum> shared_out_{exec_}, shared_in_{exec_};

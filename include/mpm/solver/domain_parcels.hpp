@@ -10,7 +10,8 @@
 
 namespace mpm {
 
-/// Whether ranks add to each other's sums, and read each other's lists, where these are.
+/// Whether ranks read each other's lists and pieces, and may add to each other's sums, where these
+/// are.
 template <class X, class T, int D>
 bool Domain<X, T, D>::reaches() const {
     if constexpr (X::is_device) return !meeting_ || meeting_->reaches();
