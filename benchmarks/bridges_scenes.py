@@ -16,7 +16,6 @@ Per metre of thickness, which is the width of the flume.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,9 +110,7 @@ def net_area(model: Model, block: str) -> float:
     return float(found)
 
 
-def scene(
-    model: Model, method: str, bulk_modulus: float, block: str | None = None
-) -> libmpm.Scene:
+def scene(model: Model, method: str, bulk_modulus: float, block: str | None = None) -> libmpm.Scene:
     """Return a flume with a deck and perhaps a block; `method` is "fbar" or one of smoothing."""
     bore, dx = model.state(), model.cell
     made = libmpm.Scene(
@@ -198,10 +195,7 @@ def _float(made: libmpm.Scene, model: Model, bulk_modulus: float, block: str) ->
     """Add a block at floating equilibrium, with the speed of the flow."""
     length, density = BLOCKS[block]
     box = shapes.Box(lower=(START - length, 0.0), upper=(START, BLOCK))
-    with warnings.catch_warnings():
-        # A square block of 400 kg/m³ turns over; the source has it.
-        warnings.simplefilter("ignore", libmpm.ModelWarning)
-        floats = shapes.afloat(shape=box, density=density, level=model.state().depth, bed=0.0)
+    floats = shapes.afloat(shape=box, density=density, level=model.state().depth, bed=0.0)
     made.add_body(
         name="block",
         shape=floats.shape,
