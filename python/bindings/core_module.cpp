@@ -1,5 +1,6 @@
 // libmpm._core: the CPU backend, always built.
 #include <omp.h>
+#include <unistd.h>
 
 #include "basis_binding.hpp"
 #include "engine_binding.hpp"
@@ -50,6 +51,12 @@ void bind_processes(py::module_& m) {
             out.append(py::bytes(reinterpret_cast<const char*>(b.data()), b.size()));
         return out;
     };
+    // Ctrl-C reaches who waits for others. Python runs handlers in the main thread alone.
+    RankProcesses::while_waiting([] {
+        if (::gettid() != ::getpid() || !Py_IsInitialized()) return;
+        const py::gil_scoped_acquire locked;
+        if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    });
     py::class_<RankProcesses, std::shared_ptr<RankProcesses>>(
         m, "Processes", "This process among those of its job (design/ranks.md).")
         .def(py::init([](double seconds) {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,12 @@ public:
     void stop(const std::string& why) noexcept override;
     void check() override;
     void check_awaited(const std::vector<int>& ranks) override;
+
+    /// What to ask every 0.2 s while this process waits for others, at the start too: throws to
+    /// give up, which ends the work of all.
+    static void while_waiting(std::function<void()> ask);
+    /// Seconds after which it is said on stderr, once a wait, for whom this process waits.
+    static double patience;
 
     const Launch& launch() const { return launch_; }
     /// Processes on the host of this one, and which of them it is, in the order of ranks.
@@ -62,8 +69,10 @@ private:
     void find_first(double ends);
     void join(int rank, int socket);
     void find_locals(const std::vector<std::string>& hosts);
-    /// Sends and receives what is possible; waits for it at most so long, for ever below 0.
-    void move(int milliseconds);
+    /// Sends and receives what is possible; waits for it at most so long. Whether anything came.
+    bool move(int milliseconds);
+    /// For who has waited in vain since `began`: asks what to do, and says for whom it waits.
+    void ask(const std::vector<int>& awaited, double& began);
     void read(int rank);
     void write(int rank);
     void end(int rank, const std::string& how);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 
 #include "sockets.hpp"
 
@@ -18,6 +19,9 @@ constexpr std::uint64_t most_bytes = std::uint64_t(1) << 46;
 constexpr double seconds_to_tell = 2;
 /// How long a connection that comes in may take to say who it is.
 constexpr double seconds_to_greet = 5;
+
+/// Asked while this process waits for others.
+sockets::Hook hook;
 
 /// What a process says first on each connection.
 struct Hello {
@@ -70,11 +74,12 @@ std::string name_of(const Launch& launch) {
 
 /// The next of our processes that comes in; nothing at the end of time. Strangers are sent away.
 std::pair<Socket, Hello> accept_one(const Launch& launch, int listener, double ends) {
-    while (sockets::wait(listener, POLLIN, ends)) {
+    while (sockets::wait(listener, POLLIN, ends, hook)) {
         Socket s(::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
         if (!s) continue;
         Hello h;
-        if (!sockets::receive_all(s.get(), &h, sizeof h, std::min(ends, now() + seconds_to_greet)))
+        if (!sockets::receive_all(s.get(), &h, sizeof h, std::min(ends, now() + seconds_to_greet),
+                                  hook))
             continue;
         if (!h.ours() || h.job != number_of(launch.job)) continue;
         if (h.ranks != launch.ranks)
@@ -89,6 +94,10 @@ std::pair<Socket, Hello> accept_one(const Launch& launch, int listener, double e
 }
 
 }  // namespace
+
+double RankProcesses::patience = 30;
+
+void RankProcesses::while_waiting(std::function<void()> ask) { hook = std::move(ask); }
 
 RankProcesses::RankProcesses(const Launch& launch, double seconds)
     : launch_(launch), peers_(std::size_t(launch.ranks)) {
@@ -168,7 +177,7 @@ void RankProcesses::listen_first(double ends) {
     }
     for (int r : others())
         if (!sockets::send_all(peers_[std::size_t(r)].socket, places.data(),
-                               places.size() * sizeof(Place), ends))
+                               places.size() * sizeof(Place), ends, hook))
             missing({r}, "the connection broke to");
     for (std::size_t r = 0; r < places.size(); ++r) hosts[r] = text_of(places[r].host);
     find_locals(hosts);
@@ -179,12 +188,13 @@ void RankProcesses::find_first(double ends) {
     const Socket listener =
         sockets::listen_at(0, sockets::is_loopback(launch_.host), launch_.ranks + 16);
     const Hello hello = hello_of(launch_, sockets::port_of(listener.get()));
-    auto [first, why] = sockets::connect_to(launch_.host, launch_.port, ends);
+    auto [first, why] = sockets::connect_to(launch_.host, launch_.port, ends, hook);
     if (!first) missing({0}, "cannot be reached in time (" + why + "):");
     std::vector<Place> places(peers_.size());
     const std::string address = sockets::address_of_peer(first.get());
-    if (!sockets::send_all(first.get(), &hello, sizeof hello, ends) ||
-        !sockets::receive_all(first.get(), places.data(), places.size() * sizeof(Place), ends))
+    if (!sockets::send_all(first.get(), &hello, sizeof hello, ends, hook) ||
+        !sockets::receive_all(first.get(), places.data(), places.size() * sizeof(Place), ends,
+                              hook))
         missing({0}, "no word came in time of who is where, from");
     join(0, first.release());
     for (int r = 1; r < rank(); ++r) {
@@ -192,8 +202,8 @@ void RankProcesses::find_first(double ends) {
         std::string where = text_of(place.address);
         // Who reached rank 0 from its own host is to be found on that host.
         if (sockets::is_loopback(where)) where = address;
-        auto [socket, reason] = sockets::connect_to(where, int(place.port), ends);
-        if (!socket || !sockets::send_all(socket.get(), &hello, sizeof hello, ends))
+        auto [socket, reason] = sockets::connect_to(where, int(place.port), ends, hook);
+        if (!socket || !sockets::send_all(socket.get(), &hello, sizeof hello, ends, hook))
             missing({r}, "cannot be reached at " + where + ":" + std::to_string(place.port) +
                              " in time (" + reason + "):");
         join(r, socket.release());
@@ -231,18 +241,22 @@ std::vector<Bytes> RankProcesses::exchange(std::vector<Bytes> to, const std::vec
         peers_.at(std::size_t(p)).out.push_back(std::move(out));
         write(p);
     }
+    double began = 0;
     while (true) {
-        bool waits = false;
+        std::vector<int> awaited;
         for (int p : peers) {
             const Peer& peer = peers_[std::size_t(p)];
             const bool done = !peer.in.empty() && peer.out.empty();
             if (done) continue;
-            waits = true;
+            awaited.push_back(p);
             miss(p);
         }
+        // First: a faster rank may have ended its work behind the last message to this one.
+        if (awaited.empty()) break;
         if (stopped_) throw RankStopped(why_);
-        if (!waits) break;
-        move(-1);
+        if (move(sockets::slice)) continue;
+        if (began == 0) began = now();
+        ask(awaited, began);
     }
     for (int p : peers) {
         Peer& peer = peers_[std::size_t(p)];
@@ -250,6 +264,23 @@ std::vector<Bytes> RankProcesses::exchange(std::vector<Bytes> to, const std::vec
         peer.in.pop_front();
     }
     return in;
+}
+
+void RankProcesses::ask(const std::vector<int>& awaited, double& began) {
+    if (hook) {
+        try {
+            hook();
+        } catch (...) {
+            stop("rank " + std::to_string(rank()) + " was interrupted while it waited");
+            throw;
+        }
+    }
+    if (now() - began < patience) return;
+    began = std::numeric_limits<double>::infinity();  // once is enough
+    std::string list;
+    for (int p : awaited) list += (list.empty() ? "" : ", ") + std::to_string(p);
+    std::fprintf(stderr, "libmpm: rank %d of %d has waited %g s for rank%s %s, and goes on\n",
+                 rank(), ranks(), patience, awaited.size() > 1 ? "s" : "", list.c_str());
 }
 
 void RankProcesses::check() {
@@ -290,7 +321,7 @@ void RankProcesses::stop(const std::string& why) noexcept {
     }
 }
 
-void RankProcesses::move(int milliseconds) {
+bool RankProcesses::move(int milliseconds) {
     std::vector<pollfd> ready;
     std::vector<int> who;
     for (int r = 0; r < ranks(); ++r) {
@@ -299,12 +330,13 @@ void RankProcesses::move(int milliseconds) {
         ready.push_back({p.socket, short(POLLIN | (p.out.empty() ? 0 : POLLOUT)), 0});
         who.push_back(r);
     }
-    if (ready.empty()) return;
-    if (::poll(ready.data(), nfds_t(ready.size()), milliseconds) <= 0) return;
+    if (ready.empty()) return false;
+    if (::poll(ready.data(), nfds_t(ready.size()), milliseconds) <= 0) return false;
     for (std::size_t k = 0; k < ready.size(); ++k) {
         if (ready[k].revents & (POLLIN | POLLHUP | POLLERR)) read(who[k]);
         if (ready[k].revents & POLLOUT) write(who[k]);
     }
+    return true;
 }
 
 void RankProcesses::end(int rank, const std::string& how) {

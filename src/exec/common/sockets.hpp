@@ -13,6 +13,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <functional>
 #include <string>
 #include <utility>
 
@@ -47,20 +48,28 @@ private:
     int fd_ = -1;
 };
 
+/// Milliseconds after which who waits asks whether it shall go on.
+constexpr int slice = 200;
+/// Asked meanwhile; throws to give up.
+using Hook = std::function<void()>;
+
 /// Whether `events` came before the end.
-inline bool wait(int fd, short events, double ends) {
+inline bool wait(int fd, short events, double ends, const Hook& meanwhile = {}) {
     while (true) {
         const double left = ends - now();
         pollfd p{fd, events, 0};
-        const int n = ::poll(&p, 1, int(std::clamp(left, 0.0, 1e6) * 1000) + (left > 0));
+        const int most = int(std::clamp(left, 0.0, 1e6) * 1000) + (left > 0);
+        const int n = ::poll(&p, 1, meanwhile ? std::min(most, slice) : most);
         if (n > 0) return true;
         if (n < 0 && errno != EINTR) return false;
         if (n == 0 && now() >= ends) return false;
+        if (meanwhile) meanwhile();
     }
 }
 
 /// All bytes, or false at the end of time or of the connection.
-inline bool send_all(int fd, const void* data, std::size_t size, double ends) {
+inline bool send_all(int fd, const void* data, std::size_t size, double ends,
+                     const Hook& meanwhile = {}) {
     const char* at = static_cast<const char*>(data);
     while (size > 0) {
         const ssize_t n = ::send(fd, at, size, MSG_NOSIGNAL | MSG_DONTWAIT);
@@ -68,14 +77,15 @@ inline bool send_all(int fd, const void* data, std::size_t size, double ends) {
             at += n;
             size -= std::size_t(n);
         } else if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
-            if (!wait(fd, POLLOUT, ends)) return false;
+            if (!wait(fd, POLLOUT, ends, meanwhile)) return false;
         } else if (n == 0 || errno != EINTR) {
             return false;
         }
     }
     return true;
 }
-inline bool receive_all(int fd, void* data, std::size_t size, double ends) {
+inline bool receive_all(int fd, void* data, std::size_t size, double ends,
+                        const Hook& meanwhile = {}) {
     char* at = static_cast<char*>(data);
     while (size > 0) {
         const ssize_t n = ::recv(fd, at, size, MSG_DONTWAIT);
@@ -83,7 +93,7 @@ inline bool receive_all(int fd, void* data, std::size_t size, double ends) {
             at += n;
             size -= std::size_t(n);
         } else if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
-            if (!wait(fd, POLLIN, ends)) return false;
+            if (!wait(fd, POLLIN, ends, meanwhile)) return false;
         } else if (n == 0 || errno != EINTR) {
             return false;
         }
@@ -110,7 +120,8 @@ inline Socket listen_at(int port, bool this_host_alone, int most) {
     std::string why;
     for (const int family : {AF_INET6, AF_INET}) {
         if (this_host_alone && family == AF_INET6) continue;
-        Socket s(::socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0));
+        // Who was heard may be gone before it is accepted: that must not wait for the next.
+        Socket s(::socket(family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
         if (!s) {
             why = last_error();
             continue;
@@ -158,7 +169,8 @@ inline std::string address_of_peer(int fd) {
 }
 
 /// Connected to a host, tried until the end: who listens may come later. Else why not.
-inline std::pair<Socket, std::string> connect_to(const std::string& host, int port, double ends) {
+inline std::pair<Socket, std::string> connect_to(const std::string& host, int port, double ends,
+                                                 const Hook& meanwhile = {}) {
     std::string why = "no answer";
     do {
         addrinfo hints{}, *found = nullptr;
@@ -188,6 +200,7 @@ inline std::pair<Socket, std::string> connect_to(const std::string& host, int po
         }
         if (!failed) ::freeaddrinfo(found);
         ::usleep(50'000);
+        if (meanwhile) meanwhile();
     } while (now() < ends);
     return {Socket(), why};
 }

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstring>
 #include <numeric>
 #include <utility>
 
@@ -26,6 +27,11 @@ auto guarded(Communicator& comm, const Work& work) {
         comm.stop(name + " has failed");
         throw;
     }
+}
+
+/// Bit for bit: a parameter may be no number.
+bool alike(const std::vector<double>& a, const std::vector<double>& b) {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
 }
 
 /// What all processes must have alike, in numbers.
@@ -57,7 +63,7 @@ public:
         for (const SensorSpec& s : spec.sensors) kinds_.push_back(s.kind);
         const auto all = comm_->all_gather(outline(spec));
         for (std::size_t r = 1; r < all.size(); ++r)
-            if (all[r] != all[0])
+            if (!alike(all[r], all[0]))
                 throw SceneError("rank " + std::to_string(r) +
                                  " has another scene than rank 0; all processes must describe the "
                                  "same one, with the same seeds and files");

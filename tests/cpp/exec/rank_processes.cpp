@@ -96,6 +96,64 @@ TEST(RankProcesses, one_that_stops_stops_all) {
     }
 }
 
+TEST(RankProcesses, a_stop_behind_the_last_message_takes_nothing_back) {
+    const auto said = run_processes(2, [](const Link& link) -> std::string {
+        Communicator& c = *link;
+        // Rank 1 looks next when both the message and the stop behind it are there.
+        if (c.rank() == 1) RankProcesses::while_waiting([] { ::usleep(600'000); });
+        if (c.rank() == 0) ::usleep(300'000);
+        const auto in = c.all_gather(std::vector<int>{c.rank() + 5});
+        if (c.rank() == 0) {
+            c.stop("enough");
+            return "told";
+        }
+        if (in[0] != std::vector<int>{5}) return "wrong";
+        try {
+            c.all_gather(std::vector<int>{1});
+        } catch (const RankStopped& e) {
+            return std::string("then: ") + e.what();
+        }
+        return "nobody heard of it";
+    });
+    EXPECT_EQ(said[1], "then: enough");
+}
+
+TEST(RankProcesses, who_waits_asks_whether_to_go_on) {
+    const auto said = run_processes(2, [](const Link& link) -> std::string {
+        Communicator& c = *link;
+        if (c.rank() == 0) {
+            RankProcesses::while_waiting([] { throw std::runtime_error("a signal"); });
+            c.all_gather(std::vector<int>{1});
+        }
+        for (int k = 0; k < 5000; ++k) {
+            c.check();
+            ::usleep(1000);
+        }
+        return "nobody heard of it";
+    });
+    EXPECT_EQ(said[0], "threw: a signal");
+    EXPECT_EQ(said[1], "stopped: rank 0 was interrupted while it waited");
+    // At the start too, whoever it is that does not come.
+    RankProcesses::while_waiting([] { throw std::runtime_error("a signal"); });
+    const test::Work none = [](const Link&) -> std::string { return "met"; };
+    EXPECT_EQ(run_processes(2, none, 20, {1})[0], "threw: a signal");
+    EXPECT_EQ(run_processes(2, none, 20, {0})[1], "threw: a signal");
+    RankProcesses::while_waiting({});
+}
+
+TEST(RankProcesses, who_waits_long_says_for_whom) {
+    const auto said = run_processes(3, [](const Link& link) -> std::string {
+        Communicator& c = *link;
+        RankProcesses::patience = c.rank() == 0 ? 0.3 : 30;
+        ::testing::internal::CaptureStderr();
+        if (c.rank() == 2) ::usleep(1'500'000);
+        c.all_gather(std::vector<int>{1});
+        return ::testing::internal::GetCapturedStderr();
+    });
+    EXPECT_EQ(said[0], "libmpm: rank 0 of 3 has waited 0.3 s for rank 2, and goes on\n");
+    EXPECT_EQ(said[1], "");
+}
+
 TEST(RankProcesses, who_waits_elsewhere_hears_of_it) {
     const auto said = run_processes(2, [&](const Link& link) -> std::string {
         Communicator& c = *link;
