@@ -13,7 +13,7 @@ import pytest
 
 import libmpm
 from libmpm._src.output import frames
-from libmpm._src.output.atomic import file_name
+from libmpm._src.output.atomic import TEMPORARY, file_name
 from libmpm._src.output.writer import due_index, due_time
 from python import fake_engine
 
@@ -189,3 +189,22 @@ def test_a_full_disk_is_an_error_that_the_run_survives(tmp_path):
     found = frames.list_frames(tmp_path / "frames")["water"]
     assert list(found) == list(range(11))
     assert not list(Path(tmp_path).rglob("*.part"))
+
+
+def test_resume_removes_parts_that_come_later(tmp_path):
+    """Of ranks as processes, also where the folder holds no checkpoint."""
+    output = libmpm.Output(tmp_path / "run", frame_interval=0.05)
+    sim = libmpm.Simulation(fake_engine.small_scene(), device="cpu", output=output)
+    sim.run(until=0.1, progress=False)
+    sim.save_checkpoint(tmp_path / "state.npz")
+    sim.close()
+    parts = tmp_path / "run" / "frames" / "parts"
+    parts.mkdir()
+    last = due_index(sim.time, 0.05)
+    kept = parts / f"water_{last:06d}.0001.vtkhdf"
+    gone = [parts / f"water_{last + 1:06d}.0001.vtkhdf", parts / f"water{TEMPORARY}"]
+    for path in (kept, *gone):
+        path.touch()
+    again = libmpm.Simulation.resume(tmp_path / "state.npz", device="cpu", output=output)
+    again.run(until=again.time, progress=False)
+    assert list(parts.iterdir()) == [kept]

@@ -1,6 +1,6 @@
 """One rank a process: the bits of one, files as of one, errors and interrupts that end all.
 
-Expected duration: 15 s.
+Expected duration: 20 s.
 """
 
 from __future__ import annotations
@@ -206,6 +206,94 @@ def test_one_that_fails_ends_all(tmp_path):
     assert all(code != 0 for code, _, _ in told)
     assert "rank 1: RuntimeError: no such luck" in told[0][2]
     assert "no such luck" in told[1][2]
+
+
+def test_what_all_refuse_ends_nothing(tmp_path):
+    """A fault, and what one rank has no room for, is raised on all; a study goes on after it."""
+    code = """
+        from libmpm import materials, shapes
+        scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 1), gravity=(0, 0))
+        for name, x, speed in ("stays", 0.2, 0.0), ("leaves", 1.6, 1.0):
+            scene.add_body(
+                name=name, shape=shapes.Box(lower=(x, 0.3), upper=(x + 0.2, 0.6)),
+                material=materials.TaitFluid(bulk_modulus=1e4), velocity=(speed, 0.0))
+        def refused(kind, sim):
+            try:
+                sim.run(until=2.0)
+            except kind as error:
+                return str(error)
+        print(refused(libmpm.NumericalError, libmpm.Simulation(
+            scene, device="cpu", ranks="processes", threads=1)))
+        small = make()
+        if small.rank == 1:
+            def broken():
+                raise libmpm.CapacityError("no room")
+            small._require_memory = broken
+        print(refused(libmpm.CapacityError, small))
+        again = make()
+        again.run(until=0.02)
+        print(again.steps)
+    """
+    told = [text.splitlines() for _, text, _ in well(run(2, code, tmp_path))]
+    assert told[0][0] == told[1][0]
+    assert "left the domain" in told[0][0]
+    assert [lines[1] for lines in told] == ["rank 1: no room", "no room"]
+    assert told[0][2] == told[1][2] != "0"
+
+
+def test_guard_speaks_for_all(tmp_path):
+    """What a guard finds is found by all ranks, in the words of one process."""
+    code = """
+        guard = libmpm.Guard(mach=0.01, every=10)
+        more = {} if "ALONE" in os.environ else {"ranks": "processes"}
+        sim = libmpm.Simulation(
+            fake_engine.small_scene(), device="cpu", threads=1, guard=guard, **more)
+        try:
+            sim.run(until=1.0)
+        except libmpm.NumericalError as error:
+            print(error)
+    """
+    alone = well(run(1, code, tmp_path, ALONE="1"))[0][1]
+    assert "relative to the body's mean" in alone
+    assert [text for _, text, _ in well(run(2, code, tmp_path))] == [alone, alone]
+
+
+def test_a_failed_save_ends_all(tmp_path):
+    """Rank 0 writes for all: the others hear of it where they next wait."""
+    (tmp_path / "file").touch()
+    code = """
+        sim = make()
+        sim.step(1)
+        sim.save_checkpoint(f"{folder}/file/state.npz")
+        sim.step(1)
+    """
+    told = run(2, code, tmp_path)
+    assert [code for code, _, _ in told] == [1, 1]
+    assert "rank 0: OutputError" in told[1][2]
+
+
+def test_interrupt_reaches_who_waits(tmp_path):
+    """Ctrl-C ends a wait for a rank that does something else."""
+    code = """
+        import time
+        sim = make()
+        link = sim._backend.link
+        print("ready", flush=True)
+        if sim.rank == 1:
+            time.sleep(2.0)
+        link.tell(1)  # what rank 0 had to say is here already
+        link.tell(2)
+    """
+    made = start(2, code, tmp_path)
+    for process in made:
+        assert process.stdout.readline() == "ready\n"
+    time.sleep(0.3)
+    began = time.monotonic()
+    made[0].send_signal(signal.SIGINT)
+    told = [process.communicate(timeout=60)[1] for process in made]
+    assert time.monotonic() - began < 10
+    assert "KeyboardInterrupt" in told[0]
+    assert "rank 0 was interrupted while it waited" in told[1]
 
 
 def test_one_that_dies_ends_all(tmp_path):

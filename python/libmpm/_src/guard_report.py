@@ -34,18 +34,29 @@ class Offender:
         return f"body '{self.body}', particle {self.id} at ({place}) m"
 
 
+def _of_all(simulation: Simulation, mine: Offender | None, around: float = 0) -> Offender | None:
+    """Return that of all ranks that is furthest from `around`; all of them call this together."""
+    link = simulation._link
+    found = [mine]
+    if link is not None:
+        told = link.tell(None if mine is None else [mine.body, mine.id, mine.position, mine.value])
+        found = [None if x is None else Offender(x[0], x[1], tuple(x[2]), x[3]) for x in told]
+    left = [x for x in found if x is not None]
+    return max(left, key=lambda x: abs(x.value - around), default=None)
+
+
 def _largest(simulation: Simulation, body: str, name: str, around: float = 0) -> Offender | None:
-    view = simulation.particles[body]
-    if not len(view):
-        return None
-    read = view.read(["id", "position", name])
-    k = int(np.argmax(np.abs(read[name] - around)))
-    place = tuple(float(x) for x in read["position"][k])
-    return Offender(body, int(read["id"][k]), place, float(read[name][k]))
+    view, mine = simulation.particles[body], None
+    if len(view):
+        read = view.read(["id", "position", name])
+        k = int(np.argmax(np.abs(read[name] - around)))
+        place = tuple(float(x) for x in read["position"][k])
+        mine = Offender(body, int(read["id"][k]), place, float(read[name][k]))
+    return _of_all(simulation, mine, around)
 
 
 def fastest(simulation: Simulation, body: str | None = None) -> Offender | None:
-    """Return the fastest particle of a body, or of all."""
+    """Return the fastest particle of a body, or of all; ranks together, as all of these."""
     names = list(simulation.particles) if body is None else [body]
     found = [x for x in (_largest(simulation, n, "speed") for n in names) if x is not None]
     return max(found, key=lambda x: x.value, default=None)
@@ -53,14 +64,20 @@ def fastest(simulation: Simulation, body: str | None = None) -> Offender | None:
 
 def fastest_within(simulation: Simulation, body: str) -> Offender | None:
     """Return the particle that is fastest relative to its body's mean velocity."""
-    view = simulation.particles[body]
-    if not len(view):
-        return None
-    read = view.read(["id", "position", "velocity"])
-    relative = np.linalg.norm(read["velocity"] - read["velocity"].mean(axis=0), axis=1)
-    k = int(np.argmax(relative))
-    place = tuple(float(x) for x in read["position"][k])
-    return Offender(body, int(read["id"][k]), place, float(relative[k]))
+    view, link, mine = simulation.particles[body], simulation._link, None
+    read = view.read(["id", "position", "velocity"]) if len(view) else None
+    if link is None:
+        mean = None if read is None else read["velocity"].mean(axis=0)
+    else:
+        none = [0.0] * simulation.dimension
+        told = link.tell(none if read is None else read["velocity"].sum(axis=0).tolist())
+        mean = np.sum(told, axis=0) / max(1, link.add([len(view)])[0])
+    if read is not None:
+        relative = np.linalg.norm(read["velocity"] - mean, axis=1)
+        k = int(np.argmax(relative))
+        place = tuple(float(x) for x in read["position"][k])
+        mine = Offender(body, int(read["id"][k]), place, float(relative[k]))
+    return _of_all(simulation, mine)
 
 
 def most_strained(simulation: Simulation, body: str) -> Offender | None:
@@ -79,6 +96,11 @@ def missing(simulation: Simulation, index: int) -> str:
     """Return the ids of a body that no particle has, of those up to the highest one left."""
     name = list(simulation.particles)[index]
     ids = simulation.particles[name]["id"].astype(np.int64)
+    if simulation._link is not None:
+        everyone = simulation._link.gather({"id": ids})
+        if everyone is None:
+            return "rank 0 knows their ids"
+        ids = np.sort(everyone["id"])
     if not len(ids):
         return "none is left"
     doubled = ids[1:][np.diff(ids) == 0]

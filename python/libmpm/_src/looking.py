@@ -39,8 +39,9 @@ class Looking:
         process it is ``sim.particles[body].read([...])``, sorted.
         """
         run = self._simulation()
-        read = dict(run.particles[body].read(["id", *names]))
-        found = read if run._link is None else run._link.gather(read)
+        with run._together():
+            read = dict(run.particles[body].read(["id", *names]))
+            found = read if run._link is None else run._link.gather(read)
         if found is None:
             return None
         order = np.argsort(found["id"])

@@ -101,6 +101,11 @@ class Persistent(Looking):
         processes all call this, and rank 0 writes the state of all.
         """
         run = self._simulation()
+        with run._together():
+            self._save_checkpoint(Path(path))
+
+    def _save_checkpoint(self, path: Path) -> None:
+        run = self._simulation()
         engine, watch = run.engine, run._watch
         if watch is not None:
             watch.before_saving()
@@ -130,7 +135,7 @@ class Persistent(Looking):
         if run.rank > 0:  # the state of all is on rank 0
             return
         checkpoint = checkpoints.Checkpoint(header, state, sensors, memory)
-        checkpoints.save_checkpoint(Path(path), checkpoint)
+        checkpoints.save_checkpoint(path, checkpoint)
 
     @classmethod
     def resume(

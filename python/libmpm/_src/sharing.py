@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, cast
 
-from libmpm._src import backends
-from libmpm._src.errors import SceneError
+from libmpm._src import backends, errors
+from libmpm._src.errors import Error, NumericalError, SceneError
 from libmpm._src.lowering import choose_device
 from libmpm._src.processes import Link
 from libmpm._src.scene import Scene
@@ -72,15 +72,41 @@ class Sharing:
 
     @contextmanager
     def _together(self) -> Iterator[None]:
-        """What fails on one rank ends all; an interrupt is one that all have agreed upon."""
+        """What fails on one rank ends all; what all have agreed upon leaves them at work.
+
+        That is an interrupt, what `_alike` raises, and a `NumericalError`: the engine's faults and
+        what the guard finds are joined before anyone raises them.
+        """
         try:
             yield
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, NumericalError):
             raise
         except BaseException as error:
-            if self._link is not None:
+            if self._link is not None and not vars(error).get("alike", False):
                 self._link.stop(error)
             raise
+
+    @contextmanager
+    def _alike(self) -> Iterator[None]:
+        """What one rank refuses all refuse, each by an `Error` of that class: work may go on."""
+        own: Error | None = None
+        try:
+            yield
+        except Error as error:
+            if self._link is None:
+                raise
+            own = error
+        if self._link is None:
+            return
+        told = self._link.tell(None if own is None else [type(own).__name__, str(own)])
+        if own is None:
+            refused = [(r, *word) for r, word in enumerate(told) if word is not None]
+            if not refused:
+                return
+            rank, name, text = refused[0]
+            own = cast("Error", getattr(errors, name, Error)(f"rank {rank}: {text}"))
+        vars(own)["alike"] = True
+        raise own
 
     def _agreed(self, word: str) -> str:
         """Return why to stop, the same on all ranks."""

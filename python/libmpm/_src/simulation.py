@@ -333,7 +333,8 @@ class Simulation(Persistent, Sharing):
     def engine(self) -> Any:
         """The compiled engine; made when first asked for."""
         if self._engine is None:
-            self._require_memory()
+            with self._alike():
+                self._require_memory()
             start = self._scene.start
             resumed = self._restored is not None
             if start is not None and not resumed:

@@ -190,6 +190,8 @@ class Watch:
         watched = self._closed and sum(self._counts()) > HANDFUL
         if not found and guard.energy is not None and watched:
             found = self._gained(now, guard.energy)
+        # The verdict of all ranks at once, in the words of one.
+        found = self._simulation._agreed(found)
         if found:
             self.broken = found
             raise NumericalError(found)

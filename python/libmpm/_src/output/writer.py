@@ -281,11 +281,12 @@ class Writer:
                     for index, path in numbered.items():
                         if index > reached:
                             path.unlink()
+                frames.cut_parts(self._frames, reached)
             for path in checkpoints.find_checkpoints(self._checkpoints):
                 if checkpoints.step_of(path) > step:
                     path.unlink()
-                frames.cut_parts(self._frames, reached)
-            for folder in (self._folder, self._frames, self._checkpoints):
+            parts = self._frames / "parts"
+            for folder in (self._folder, self._frames, parts, self._checkpoints):
                 for part in folder.glob(f"*{TEMPORARY}"):
                     part.unlink()
             self._cut_removed(step)
