@@ -175,7 +175,8 @@ def deck_values(sim: libmpm.Simulation, model: Model) -> dict[str, float]:
     for name, force in (("x", across), ("y", up)):
         first = (force.time > 0.1) & (force.time < due + 0.5)
         late = force.time > 2.0
-        found[f"first_{name}"] = float(force.value[first].max())
+        if first.any():
+            found[f"first_{name}"] = float(force.value[first].max())
         if late.any():
             values = force.value[late]
             found[f"late_{name}"] = float(values.mean())

@@ -172,7 +172,7 @@ def fits(lines: Lines) -> list[list[str]]:
     sets = [("table 6.2", table)]
     sets += [(NAMES[m], [(a, f) for _, _, a, f in points(lines, m)]) for m in ("NB", "fbar")]
     for name, pairs in sets:
-        if len(pairs) > 2:
+        if len(pairs) > 5:
             slope, fit = exponent(pairs)
             least, most = min(f for _, f in pairs), max(f for _, f in pairs)
             row = [f"{len(pairs)}", f"{slope:.2f}", f"{fit:.2f}", f"{least:.0f}, {most:.0f}"]
