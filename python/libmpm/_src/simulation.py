@@ -465,7 +465,7 @@ class Simulation(Persistent, Sharing):
             self._open()
         title = self._scene.name or "libmpm"
         status, message = "stopped", ""
-        report = reporter(progress and self.rank == 0, self.time, until, title)
+        report = reporter(progress if self.rank == 0 else False, self.time, until, title)
         try:
             self._advance(-1, until, report)
             if self._stopped:
