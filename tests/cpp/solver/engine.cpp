@@ -14,11 +14,7 @@ namespace {
 
 using test::forever;
 
-#if defined(LIBMPM_SANITIZED)
-constexpr int parts[] = {17, 23};  // sanitizers take twenty times as long
-#else
-constexpr int parts[] = {37, 63};
-#endif
+constexpr int parts[] = {test::sanitized ? 17 : 37, test::sanitized ? 23 : 63};
 constexpr int whole_run = parts[0] + parts[1];
 
 RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }

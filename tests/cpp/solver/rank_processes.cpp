@@ -14,11 +14,7 @@ namespace {
 using test::forever;
 using Link = std::shared_ptr<Communicator>;
 
-#if defined(LIBMPM_SANITIZED)
-constexpr int parts[] = {9, 11};
-#else
-constexpr int parts[] = {27, 33};
-#endif
+constexpr int parts[] = {test::sanitized ? 9 : 27, test::sanitized ? 11 : 33};
 
 Spec scene_of(const Link& link, bool flat) {
     Spec s = test::busy_scene(flat ? 2 : 3, !flat);

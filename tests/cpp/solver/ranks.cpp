@@ -22,11 +22,7 @@ using test::expect_same_samples;
 using test::forever;
 using test::go;
 
-#if defined(LIBMPM_SANITIZED)
-constexpr int parts[] = {17, 23};  // sanitizers take twenty times as long
-#else
-constexpr int parts[] = {37, 63};
-#endif
+constexpr int parts[] = {test::sanitized ? 17 : 37, test::sanitized ? 23 : 63};
 constexpr int whole_run = parts[0] + parts[1];
 
 Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {

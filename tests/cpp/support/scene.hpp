@@ -17,6 +17,13 @@ namespace mpm::test {
 
 inline constexpr double forever = std::numeric_limits<double>::infinity();
 
+/// Sanitizers take twenty times as long: what is long is shorter there, and no test is left out.
+#if defined(LIBMPM_SANITIZED)
+inline constexpr bool sanitized = true;
+#else
+inline constexpr bool sanitized = false;
+#endif
+
 inline std::vector<double> fluid(double bulk_modulus = 2e5) {
     return {1000, bulk_modulus, 7.15, 0.001};
 }
