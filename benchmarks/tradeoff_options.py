@@ -173,9 +173,11 @@ def _kernels() -> list[Option]:
         "uGIMP, MLS gradient": Kernel(name="ugimp", gradient="mls"),
         "cpGIMP": Kernel(name="cpgimp"),
         "cpGIMP, MLS gradient": Kernel(name="cpgimp", gradient="mls"),
+        "CPDI": Kernel(name="cpdi"),
     }
     with_blend = {
         "linear, PIC-FLIP 0.95": Kernel(name="linear"),
+        "DDMP, PIC-FLIP 0.95": Kernel(name="ddmp"),
         "linear boundary, PIC-FLIP 0.95": Kernel(name="linear", boundary=True),
         "quadratic boundary, PIC-FLIP 0.95": Kernel(name="quadratic", boundary=True),
         "cubic boundary, PIC-FLIP 0.95": Kernel(name="cubic", boundary=True),

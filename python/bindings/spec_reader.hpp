@@ -226,11 +226,10 @@ inline TransferSpec read_transfer(const py::dict& d) {
 
 inline KernelSpec read_kernel(const py::dict& d) {
     const auto name = d["name"].cast<std::string>(), gradient = d["gradient"].cast<std::string>();
-    const std::map<std::string, Kernel> kernels = {{"linear", Kernel::linear},
-                                                   {"quadratic", Kernel::quadratic},
-                                                   {"cubic", Kernel::cubic},
-                                                   {"ugimp", Kernel::ugimp},
-                                                   {"cpgimp", Kernel::cpgimp}};
+    const std::map<std::string, Kernel> kernels = {
+        {"linear", Kernel::linear}, {"quadratic", Kernel::quadratic}, {"cubic", Kernel::cubic},
+        {"ugimp", Kernel::ugimp},   {"cpgimp", Kernel::cpgimp},       {"cpdi", Kernel::cpdi},
+        {"ddmp", Kernel::ddmp}};
     const auto it = kernels.find(name);
     if (it == kernels.end()) throw SceneError("kernel '" + name + "' is not built");
     if (gradient != "mls" && gradient != "kernel")

@@ -13,7 +13,7 @@ import libmpm
 from libmpm import Kernel, Method, Transfer, boundaries, materials, shapes
 from support import scenes
 from support.devices import device  # noqa: F401
-from support.methods_reference import AFFINE, KERNELS, SCHEMES, agree, choose
+from support.methods_reference import AFFINE, DOMAINS, KERNELS, SCHEMES, agree, choose
 
 OPTIONS = {
     "PIC-FLIP": {"flip": 0.9},
@@ -25,11 +25,11 @@ OPTIONS = {
 }
 #: Linear functions, GIMP with an affine part, and clamped splines with half cells at the ends
 #: accelerate a node that hardly any particle reaches without bound: such a run is soon over.
-BRIEF = {"linear": 5, "ugimp": 20, "cpgimp": 20}
+BRIEF = {"linear": 5, "ugimp": 20, "cpgimp": 20, "cpdi": 20, "ddmp": 5}
 
 
 def allowed(kernel, scheme, boundary=False):
-    return scheme not in AFFINE or (kernel != "linear" and not boundary)
+    return scheme not in AFFINE or (kernel not in ("linear", "ddmp") and not boundary)
 
 
 UNIFORM = [(k, s) for k in KERNELS for s in SCHEMES if allowed(k, s)]
@@ -53,6 +53,30 @@ def test_every_scheme_in_3d(kernel, scheme, device):
         device,
         min(BRIEF.get(kernel, 6), 6),
     )
+
+
+@pytest.mark.parametrize(
+    ("kernel", "scheme"), [(k, s) for k in DOMAINS for s in SCHEMES if allowed(k, s)]
+)
+def test_particle_and_dual_domains_in_2d(kernel, scheme):
+    spec = scenes.specification(scenes.crowded(2))
+    agree(choose(spec, scheme, kernel, **OPTIONS.get(scheme, {})), "cpu", BRIEF[kernel])
+
+
+@pytest.mark.parametrize(("kernel", "scheme"), [("cpdi", "ASFLIP"), ("cpdi", "XPIC"),
+                                                ("ddmp", "FLIP")])  # fmt: skip
+def test_particle_and_dual_domains_in_3d(kernel, scheme):
+    spec = scenes.specification(scenes.crowded(3))
+    agree(choose(spec, scheme, kernel, **OPTIONS.get(scheme, {})), "cpu", 3)
+
+
+@pytest.mark.parametrize("kernel", DOMAINS)
+def test_particle_and_dual_domains_are_refused_on_devices(kernel, device):
+    spec = choose(scenes.specification(scenes.crowded(2)), "FLIP", kernel)
+    if device == "cpu":
+        pytest.skip("they are built for it")
+    with pytest.raises(libmpm.SceneError, match=f"kernel '{kernel}' is not built for cuda"):
+        scenes.engine(spec, device)
 
 
 @pytest.mark.parametrize(("kernel", "scheme"), CLAMPED)

@@ -86,6 +86,16 @@ def test_only_cpgimp_stores_a_stretch() -> None:
     assert plan(kernel="cubic").bytes_per_node == base.bytes_per_node
 
 
+def test_only_cpdi_stores_edges_and_only_where_the_law_stores_no_gradient() -> None:
+    fluid, solid = plan(pipeline="phased"), plan(pipeline="phased", solid=True)
+    assert extra(plan(kernel="cpdi"), fluid) == {"edges"}
+    assert extra(plan(kernel="cpdi", solid=True), solid) == set()
+    assert extra(plan(kernel="ddmp", transfer="PIC"), fluid) == set()
+    for kernel, transfer in (("cpdi", "APIC"), ("ddmp", "PIC")):
+        found = plan(kernel=kernel, transfer=transfer)
+        assert (found.bytes_per_node, found.channels) == (fluid.bytes_per_node, fluid.channels)
+
+
 def test_fbar_on_a_solid_is_off_unless_given() -> None:
     assert plan(solid=True, fbar="default").pipeline == "fused"
     one = plan(solid=True, fbar=libmpm.FBar())

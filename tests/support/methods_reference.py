@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from support import scenes
+from support.domains_reference import CornerWeights, DualWeights
 from support.reference import PAD, Reference, corotated_stress, tait_pressure
 from support.tolerances import REFERENCE
 
@@ -206,6 +207,8 @@ ABSENT = {
 }  # fmt: skip
 
 KERNELS = ("linear", "quadratic", "cubic", "ugimp", "cpgimp")
+#: Those whose functions are no products over the axes.
+DOMAINS = ("cpdi", "ddmp")
 SCHEMES = ("PIC", "FLIP", "PIC-FLIP", "APIC", "AFLIP", "NFLIP", "SFLIP", "ASFLIP", "XPIC", "FMPM")
 AFFINE = ("APIC", "AFLIP", "ASFLIP")
 
@@ -240,20 +243,34 @@ class MethodsReference(Reference):
         super().__init__(spec)
 
     def _start(self, moving):
-        self.v, self.half, self.weights, self.volume = [], [], [], []
+        self.v, self.half, self.edges, self.weights, self.volume = [], [], [], [], []
         for k, body in enumerate(self.bodies):
             volume = self.mass[k] / body["parameters"]["density"]
             self.volume.append(volume)
             self.half.append(np.full((body["count"], self.d), volume ** (1 / self.d) / 2 / self.dx))
             self.v.append(np.array(moving[k]))
+            self.edges.append(np.broadcast_to(np.eye(self.d), (body["count"], self.d, self.d)))
             self.weights.append(self._weigh(k))
+        self._occupy()
         self._clear()
         for k, x in enumerate(self.position):
             still = np.zeros((*x.shape, self.d))
             self._deposit(k, still, still, self.jbar[k], np.zeros_like(x), self.jbar[k])
 
     def _weigh(self, k):
-        return Weights(self.kernel, self.position[k], self.half[k], self.dx, self.cells)
+        x, name = self.position[k], self.kernel["name"]
+        if name == "cpdi":
+            return CornerWeights(x, self.half[k][0, 0], self.edges[k], self.dx, self.cells)
+        if name == "ddmp":
+            return DualWeights(x, self.dx, self.cells)
+        return Weights(self.kernel, x, self.half[k], self.dx, self.cells)
+
+    def _occupy(self):
+        """Gradients of the dual domain, once all bodies have their places."""
+        if self.kernel["name"] == "ddmp":
+            mass = sum(w.scatter(self._masses(k)) for k, w in enumerate(self.weights))
+            for w in self.weights:
+                w.occupy(mass)
 
     def _masses(self, k):
         return np.full(self.bodies[k]["count"], self.mass[k])
@@ -344,7 +361,12 @@ class MethodsReference(Reference):
             self.position[k] = self.position[k] + dt * move
             if self.kernel["name"] == "cpgimp":
                 self.half[k] = self.half[k] * (1 + dt * np.einsum("naa->na", gradient[k]))
+            if self.bodies[k]["material"] == "TaitFluid":
+                self.edges[k] = self.edges[k] + dt * gradient[k] @ self.edges[k]
+            else:  # those of the material, F-bar's volume included
+                self.edges[k] = np.eye(self.d) + self.h[k]
             self.weights[k] = self._weigh(k)
+        self._occupy()
         speed = np.abs(v).max(axis=-1)
         if self.form == "kernel":  # light nodes count by their weight in a velocity
             speed = speed * np.minimum(1, self.m / min(self.mass))

@@ -30,6 +30,8 @@ struct PhaseNumbers {
     // State columns.
     int velocity = -1;       // D: what the particle stores
     int extent = -1;         // D: cpGIMP, stretch of its edges less one
+    int edges = -1;          // D x D: CPDI, F - I of its edges
+    bool own_edges = false;  // that the material does not store anyway
     bool sweeps = false;     // XPIC, FMPM
     std::int64_t every = 1;  // of their steps one filters
     bool lags = false;       // F-bar: the gathered average is not advanced
@@ -42,10 +44,11 @@ struct PhaseNumbers {
 
 /// What a launch adds to the grid, or reads of it.
 enum class Part : int {
-    step,     // all of a step
-    speeds,   // collects the velocity alone
-    vectors,  // D numbers a particle, to the momentum channels: a sweep of XPIC or FMPM
-    averages  // one number a particle, to the sum of its F-bar group: the split form
+    step,      // all of a step
+    speeds,    // collects the velocity alone
+    vectors,   // D numbers a particle, to the momentum channels: a sweep of XPIC or FMPM
+    averages,  // one number a particle, to the sum of its F-bar group: the split form
+    stresses   // what stresses push, after all masses: DDMP, whose step leaves it out
 };
 
 /// One body, one step.
@@ -56,7 +59,9 @@ struct Phase {
     Part part = Part::step;
     int source = 0;                     // sweeps: channel of nodal velocities that is gathered
     const std::int32_t* due = nullptr;  // nothing is collected where it points to 0
-    bool turns = false;                 // devices: the clock turns when the step's last is spread
+    const typename Pass<X, T, D>::Sum* masses =
+        nullptr;         // DDMP: sums that say where nodes have mass
+    bool turns = false;  // devices: the clock turns when the step's last is spread
 };
 
 /// True where a launch is to do nothing: the run has halted, or nobody is waiting for it. A sample
@@ -101,7 +106,7 @@ struct SpreadChannel {
 };
 template <int D>
 MPM_INLINE int spread_channels(const PhaseNumbers& n, Part part) {
-    if (part == Part::vectors) return D;
+    if (part == Part::vectors || part == Part::stresses) return D;
     if (part == Part::averages) return 1;
     return n.channels + (n.plain >= 0 ? D : 0) + 1;
 }

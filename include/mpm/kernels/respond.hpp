@@ -3,6 +3,7 @@
 #pragma once
 
 #include "mpm/kernels/phase.hpp"
+#include "mpm/physics/shape/parallelepiped.hpp"
 
 namespace mpm {
 
@@ -21,6 +22,7 @@ struct DepositBound {
         const bool shapes = k.gradient == GradientForm::shapes;
         switch (k.kernel) {
             case Kernel::linear:
+            case Kernel::ddmp:
                 return {1, 3};
             case Kernel::quadratic:
                 return {1.5, shapes ? 3.0 : 6.0};
@@ -72,6 +74,33 @@ struct Responded {
     bool far;
     G momentum, average;  // largest deposits
 };
+
+/// A parallelepiped follows F <- (I + dt grad v) F, where the material does not; false where it
+/// outgrows its stencil or has no volume left.
+template <int D, int C, class X, class T, class G>
+MPM_INLINE bool advance_edges(const Phase<X, T, D>& phase, T move, const Affine<G, D, C>& u,
+                              std::uint32_t q) {
+    Mat<T, D> h, strain;
+    const auto stored = [&](int a, int b) -> T& {
+        return phase.pass.body.state[phase.n.edges + a * D + b][q];
+    };
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
+        h.e[a][b] = stored(a, b);
+        strain.e[a][b] = move * T(u.slope[b][a]);
+    }
+    if (phase.n.own_edges) {
+        const Mat<T, D> change = product(strain, h);
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
+            h.e[a][b] = h.e[a][b] + (strain.e[a][b] + change.e[a][b]);
+            stored(a, b) = h.e[a][b];
+        }
+    }
+    const Mat<T, D> edges = half_edges_of(T(phase.n.kernel.half_edge), h);
+    bool fits = volume_change(h) > T(-1);
+    MPM_UNROLL for (int a = 0; a < D; ++a) fits =
+        fits && reach_along(edges, a) <= T(largest_half_edge);
+    return fits;
+}
 
 template <class Material, Smoothing S, class X, class T, int D>
 MPM_INLINE Responded<typename Pass<X, T, D>::Grid> respond_particle(
@@ -137,6 +166,7 @@ MPM_INLINE Responded<typename Pass<X, T, D>::Grid> respond_particle(
         pass.body.offset[a][q] = xi[a];
         far = far || absolute(xi[a]) > T(far_from_home);
     }
+    if (n.edges >= 0) fine = fine && advance_edges<D, C>(phase, k.move, u, q);
 
     const G force = G(T(0.25) * k.impulse);  // dt / (rho0 dx)
     const DepositBound bound = DepositBound::of(n.kernel, least_edge);

@@ -4,6 +4,8 @@
 #pragma once
 
 #include "mpm/kernels/phase.hpp"
+#include "mpm/physics/shape/dual_domain.hpp"
+#include "mpm/physics/shape/parallelepiped.hpp"
 
 namespace mpm {
 
@@ -89,6 +91,37 @@ MPM_INLINE V node_along(const Stencil<V, D, W>& s, const int (&k)[D], V weight, 
     return shapes ? node_slope(s, k, axis) : node_lever(s, k, weight, axis);
 }
 
+/// The same for particles that are parallelepipeds, and for gradients of the dual domain.
+template <class S>
+concept HasNodes = requires(const S& s) {
+    s.for_each([](const auto&, auto) {});
+};
+template <HasNodes S, int D, int W, class F>
+MPM_INLINE void for_each_node(const S& s, const Places<D, W>& places, const F& f) {
+    s.for_each([&](const auto& k, auto weight) {
+        int place = 0;
+        MPM_UNROLL for (int a = 0; a < D; ++a) place += places.part[a][k[a]];
+        f(k, place, weight);
+    });
+}
+template <class V, int D>
+MPM_INLINE V node_lever(const CornerStencil<V, D>& s, const CornerNode<D>& k, V weight, int axis) {
+    return s.lever(k, weight, axis);
+}
+template <class V, int D>
+MPM_INLINE V node_along(const CornerStencil<V, D>& s, const CornerNode<D>& k, V weight, int axis,
+                        bool) {
+    return s.gradient(k, weight, axis);
+}
+template <class V, int D>
+MPM_INLINE V node_lever(const DualStencil<V, D>& s, const DualNode<D>& k, V weight, int axis) {
+    return weight * s.distance[axis][k[axis]] * s.inverse[axis];
+}
+template <class V, int D>
+MPM_INLINE V node_along(const DualStencil<V, D>& s, const DualNode<D>& k, V, int axis, bool) {
+    return s.gradients[k.number][axis];
+}
+
 /// Where a particle stands: its cell counted from its home block's first, its offset there, and the
 /// cell in the domain.
 template <class G, int D>
@@ -121,13 +154,44 @@ MPM_INLINE Vec<G, D> half_edges(const PhaseNumbers& n, const BodyView<T, D>& bod
     return half;
 }
 
+/// Half-edges of a parallelepiped, cells; `state(r)` is number r of what its particle stores.
+template <int D, class State>
+MPM_INLINE auto half_edges_at(const PhaseNumbers& n, const State& state) {
+    using G = decltype(state(0));
+    Mat<G, D> h;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        MPM_UNROLL for (int b = 0; b < D; ++b) h.e[a][b] = state(n.edges + a * D + b);
+    }
+    return half_edges_of(G(n.kernel.half_edge), h);
+}
+
+/// The functions of particle q.
+template <class G, class T, int D, int W>
+MPM_INLINE void find_stencil(Stencil<G, D, W>& s, const PhaseNumbers& n, const BodyView<T, D>& body,
+                             const Standing<G, D>& at, std::uint32_t q) {
+    s = stencil_of<W>(n.kernel, at.xi, half_edges<G>(n, body, q), at.in_domain);
+}
+template <class G, class T, int D>
+MPM_INLINE void find_stencil(DualStencil<G, D>& s, const PhaseNumbers& n,
+                             const BodyView<T, D>& body, const Standing<G, D>& at,
+                             std::uint32_t q) {
+    find_stencil(static_cast<Stencil<G, D, 5>&>(s), n, body, at, q);
+    s.find(at.xi);
+}
+template <class G, class T, int D>
+MPM_INLINE void find_stencil(CornerStencil<G, D>& s, const PhaseNumbers& n,
+                             const BodyView<T, D>& body, const Standing<G, D>& at,
+                             std::uint32_t q) {
+    s.find(at.xi, half_edges_at<D>(n, [&](int r) { return G(body.state[r][q]); }));
+}
+
 /// Where particle q stands, whose home cell is `home` of the block in `slot`, and its functions
 /// there.
-template <int W, class X, class T, int D>
+template <int W, class X, class T, int D, class S = Stencil<typename Pass<X, T, D>::Grid, D, W>>
 struct Reached {
     using G = typename Pass<X, T, D>::Grid;
     Standing<G, D> at;
-    Stencil<G, D, W> stencil;
+    S stencil;
 
     MPM_INLINE Reached(const Phase<X, T, D>& phase, std::int32_t slot, const int (&home)[D],
                        std::uint32_t q) {
@@ -135,14 +199,13 @@ struct Reached {
         Vec<T, D> offset;
         MPM_UNROLL for (int a = 0; a < D; ++a) offset[a] = pass.body.offset[a][q];
         at.find(pass.grid.table.corners + std::int64_t(slot) * D, home, offset);
-        stencil = stencil_of<W>(phase.n.kernel, at.xi, half_edges<G>(phase.n, pass.body, q),
-                                at.in_domain);
+        find_stencil(stencil, phase.n, pass.body, at, q);
     }
 };
 
 /// Gathers for particle q into its scratch. `read(place)` gives a node's velocities by channel.
-template <int W, class X, class T, int D, class Read>
-MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D>& reached,
+template <int W, class X, class T, int D, class S, class Read>
+MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
                                  const Places<D, W>& places, std::uint32_t q, const Read& read) {
     using G = typename Pass<X, T, D>::Grid;
     constexpr int most = D + 1;
@@ -155,7 +218,7 @@ MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X
         G value[D] = {};
         const int source = phase.part == Part::vectors ? phase.source : 0;
         if (phase.part != Part::averages) {
-            for_each_node(s, places, [&](const int(&)[D], int place, G w) {
+            for_each_node(s, places, [&](const auto&, int place, G w) {
                 const auto u = read(place);
                 MPM_UNROLL for (int a = 0; a < D; ++a) value[a] += w * u[source + a];
             });
@@ -167,7 +230,7 @@ MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X
     bool guarded = false;
     const bool shapes = n.kernel.gradient == GradientForm::shapes, separate = n.separate_affine();
     const int average = n.channels > D ? pass.group.average : -1;
-    for_each_node(s, places, [&](const int(&k)[D], int place, G w) {
+    for_each_node(s, places, [&](const auto& k, int place, G w) {
         const auto u = read(place);
         G along[D];
         MPM_UNROLL for (int a = 0; a < D; ++a) along[a] = node_along(s, k, w, a, shapes);
@@ -213,8 +276,8 @@ MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X
 
 /// Spreads what particle q has in scratch: calls add(channel, place, amount) for a particle of unit
 /// mass, channels as `spread_channel` counts them.
-template <int W, class X, class T, int D, class Add>
-MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D>& reached,
+template <int W, class X, class T, int D, class S, class Add>
+MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
                                 const Places<D, W>& places, std::uint32_t q, const Add& add) {
     using G = typename Pass<X, T, D>::Grid;
     const auto& pass = phase.pass;
@@ -225,14 +288,25 @@ MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X,
     const auto get = [&](int c) { return pass.scratch[std::size_t(c) * count + q]; };
     if (phase.part == Part::averages) {
         const G j = get(column.value(D));
-        for_each_node(s, places, [&](const int(&)[D], int place, G w) { add(0, place, w * j); });
+        for_each_node(s, places, [&](const auto&, int place, G w) { add(0, place, w * j); });
         return;
     }
     G value[D];
     MPM_UNROLL for (int c = 0; c < D; ++c) value[c] = get(column.value(c));
     if (phase.part == Part::vectors) {
-        for_each_node(s, places, [&](const int(&)[D], int place, G w) {
+        for_each_node(s, places, [&](const auto&, int place, G w) {
             MPM_UNROLL for (int c = 0; c < D; ++c) add(c, place, w * value[c]);
+        });
+        return;
+    }
+    if (phase.part == Part::stresses) {
+        for_each_node(s, places, [&](const auto& k, int place, G w) {
+            MPM_UNROLL for (int c = 0; c < D; ++c) {
+                G force = G(0);
+                MPM_UNROLL for (int a = 0; a < D; ++a) force =
+                    force + get(column.stress(a, c)) * node_along(s, k, w, a, true);
+                add(c, place, -force);
+            }
         });
         return;
     }
@@ -248,7 +322,7 @@ MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X,
         average = get(column.value(D));
         MPM_UNROLL for (int a = 0; a < D; ++a) if (pass.carry) tilt[a] = get(column.slope(a, D));
     }
-    for_each_node(s, places, [&](const int(&k)[D], int place, G w) {
+    for_each_node(s, places, [&](const auto& k, int place, G w) {
         G along[D];
         MPM_UNROLL for (int a = 0; a < D; ++a) along[a] = node_along(s, k, w, a, shapes);
         MPM_UNROLL for (int c = 0; c < D; ++c) {

@@ -8,7 +8,7 @@
 
 namespace mpm {
 
-inline constexpr int max_state_columns = 16;
+inline constexpr int max_state_columns = 24;
 
 /// Nodal values of all active blocks. Sums by block, channel, node: entry (slot * channels + c) *
 /// 64

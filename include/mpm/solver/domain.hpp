@@ -116,6 +116,7 @@ private:
     void place_body(Body& body, const BodySpec& spec);
     void set_pressure(Body& body, const BodySpec& spec, std::uint32_t at);
     void deposit_body(Body& body, int number, const std::vector<double>& velocity, int to);
+    void deposit_stresses(Body& body, int number, int to);
     void first_deposit(const Spec& spec);
     template <class Chosen>
     void deposit(const Spec& spec, const Chosen& chosen, double dt);
@@ -171,9 +172,16 @@ private:
     // domain_read.hpp
     void prepare_velocities();
     Array positions(Body& body);
-    template <int W>
-    void see_grid(const PhaseNumbers& n, const std::vector<Grid>& grid,
-                  const std::int32_t* neighbours, std::int32_t slot, const int (&base)[D],
+    /// The grid on the host, as particles of one block see it.
+    struct SeenGrid {
+        const Grid* velocity;
+        const Sum* masses;  // where gradients ask for them
+        const std::int32_t* neighbours;
+    };
+    template <class S>
+    void see_nodes(S& stencil, const SeenGrid& grid, const int (&base)[D], bool shapes,
+                   double (&v)[D], double (&rate)[D][D]) const;
+    void see_grid(const PhaseNumbers& n, const SeenGrid& grid, const int (&base)[D],
                   const Vec<double, D>& xi, const std::int64_t (&block)[D], const double* state,
                   double (&v)[D], double (&rate)[D][D]) const;
     void collect_samples();
@@ -323,9 +331,9 @@ private:
             return momentum_sum;
         return group_sum;
     }
-    bool wide_kernel() const {
-        return spec_.kernel.kernel == Kernel::cubic || spec_.kernel.kernel == Kernel::cpgimp;
-    }
+    bool wide_kernel() const { return kernel_width(spec_.kernel.kernel) == 5; }
+    /// Where stresses push depends on which nodes have mass: they are spread after all masses.
+    bool stresses_apart() const { return spec_.kernel.kernel == Kernel::ddmp; }
     int parity() const { return int(clock_.step & 1); }
     GridView<Grid, Sum, D> grid_view(int parity) {
         return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(),

@@ -33,7 +33,8 @@ struct CountIds {
 };
 
 /// Fills the columns that are asked for, each null otherwise. `lanes` workers share a home block.
-template <class T, class Grid, int D>
+/// Devices have no particles that are parallelepipeds.
+template <class T, class Grid, int D, bool device>
 struct GatherColumns {
     static constexpr int lanes = 32;
 
@@ -51,7 +52,18 @@ struct GatherColumns {
     std::uint64_t* id;
     double *position, *velocity, *speed, *kinetic_energy, *volume_ratio, *mass;
 
-    template <int W>
+    template <class S>
+    MPM_INLINE void look(const S& stencil, std::int32_t slot, const Standing<double, D>& at,
+                         double (&v)[D]) const {
+        for_each_node(
+            stencil, places_in_grid<S::width>(at.cell), [&](const auto&, int place, double w) {
+                const std::int32_t to =
+                    table.neighbours[std::int64_t(slot) * Block<D>::neighbours + (place >> 8)];
+                if (to < 0) return;
+                const Grid* u = nodes + (std::int64_t(to) * block_cells + (place & 255)) * channels;
+                for (int a = 0; a < D; ++a) v[a] += w * double(u[a]);
+            });
+    }
     MPM_INLINE void look(std::int32_t slot, std::uint32_t q, const std::int32_t* corner,
                          const int (&home)[D], double (&v)[D]) const {
         Vec<double, D> offset, half;
@@ -62,15 +74,19 @@ struct GatherColumns {
         }
         Standing<double, D> at;
         at.find(corner, home, offset);
-        const auto stencil = stencil_of<W>(n.kernel, at.xi, half, at.in_domain);
-        for_each_node(
-            stencil, places_in_grid<W>(at.cell), [&](const int(&)[D], int place, double w) {
-                const std::int32_t to =
-                    table.neighbours[std::int64_t(slot) * Block<D>::neighbours + (place >> 8)];
-                if (to < 0) return;
-                const Grid* u = nodes + (std::int64_t(to) * block_cells + (place & 255)) * channels;
-                for (int a = 0; a < D; ++a) v[a] += w * double(u[a]);
-            });
+        if constexpr (!device) {
+            if (n.edges >= 0) {
+                CornerStencil<double, D> stencil;
+                stencil.find(at.xi,
+                             half_edges_at<D>(n, [&](int r) { return double(body.state[r][q]); }));
+                look(stencil, slot, at, v);
+                return;
+            }
+        }
+        if (wide)
+            look(stencil_of<5>(n.kernel, at.xi, half, at.in_domain), slot, at, v);
+        else
+            look(stencil_of<3>(n.kernel, at.xi, half, at.in_domain), slot, at, v);
     }
 
     MPM_INLINE void operator()(std::int64_t i) const {
@@ -96,10 +112,8 @@ struct GatherColumns {
             double v[D] = {}, square = 0;
             if (n.velocity >= 0) {
                 for (int a = 0; a < D; ++a) v[a] = double(body.state[n.velocity + a][q]);
-            } else if (wide) {
-                look<5>(slot, q, corner, home, v);
             } else {
-                look<3>(slot, q, corner, home, v);
+                look(slot, q, corner, home, v);
             }
             for (int a = 0; a < D; ++a) {
                 if (velocity) velocity[to * D + a] = v[a];
@@ -154,7 +168,7 @@ Gathered Domain<X, T, D>::gather(int number, const std::vector<std::string>& nam
     }
     if (left.empty()) return out;
 
-    GatherColumns<T, Grid, D> columns{};
+    GatherColumns<T, Grid, D, X::is_device> columns{};
     const bool moving = std::any_of(left.begin(), left.end(), [](const std::string& name) {
         return name == "velocity" || name == "speed" || name == "kinetic_energy";
     });
@@ -201,7 +215,8 @@ Gathered Domain<X, T, D>::gather(int number, const std::vector<std::string>& nam
     columns.cell_size = spec_.cell_size;
     for (int a = 0; a < D; ++a) columns.origin[a] = origin.empty() ? 0 : origin[std::size_t(a)];
     columns.first_id = body.first_id;
-    exec_.for_each(std::int64_t(body.homes) * GatherColumns<T, Grid, D>::lanes, columns);
+    exec_.for_each(std::int64_t(body.homes) * GatherColumns<T, Grid, D, X::is_device>::lanes,
+                   columns);
     exec_.wait();
     return out;
 }

@@ -10,6 +10,7 @@ Phase<X, T, D> Domain<X, T, D>::phase(Body& body, int number, int parity_to) {
     Phase<X, T, D> p{};
     p.pass = pass(body, number, parity_to);
     p.n = body.plan.phase;
+    if (stresses_apart()) p.masses = sums_[parity()].data();
     return p;
 }
 
@@ -211,6 +212,17 @@ void Domain<X, T, D>::run_phases() {
         after_respond(bodies_[b], p);
         phase_ops_.spread(p);
     }
+    for (std::size_t b : moving) deposit_stresses(bodies_[b], int(b), 1 - parity());
+}
+
+/// What is left in scratch, once all masses are in the sums that it goes to.
+template <class X, class T, int D>
+void Domain<X, T, D>::deposit_stresses(Body& body, int number, int to) {
+    if (!stresses_apart()) return;
+    Phase<X, T, D> p = phase(body, number, to);
+    p.part = Part::stresses;
+    p.masses = sums_[to].data();
+    phase_ops_.spread(p);
 }
 
 }  // namespace mpm

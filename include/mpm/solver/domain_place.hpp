@@ -335,9 +335,15 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
         deposit_body(body, int(b), spec.bodies[b].velocity, parity());
     }
+    for (std::size_t b = 0; stresses_apart() && b < bodies_.size(); ++b) {
+        if (bodies_[b].homes == 0 || !chosen(spec.bodies[b])) continue;
+        deposit_stresses(bodies_[b], int(b), parity());
+        bodies_[b].scratch = Buffer<X, Grid>(exec_);
+    }
 }
 
-/// Adds what the particles of one body deposit with these velocities to the sums of that parity.
+/// Adds what the particles of one body deposit with these velocities to the sums of that parity,
+/// their stresses where these are not apart.
 template <class X, class T, int D>
 void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity,
                                    int to) {
@@ -370,7 +376,7 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
         body.ops.initial(pass(body, number, to));
     }
     exec_.wait();
-    body.scratch = Buffer<X, Grid>(exec_);
+    if (!stresses_apart()) body.scratch = Buffer<X, Grid>(exec_);
 }
 
 }  // namespace mpm

@@ -66,28 +66,26 @@ std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
     return names;
 }
 
-/// Velocity and its gradient (1/s) at a particle whose stencil is around cell `base` of its home
-/// block.
 template <class X, class T, int D>
-template <int W>
-void Domain<X, T, D>::see_grid(const PhaseNumbers& n, const std::vector<Grid>& grid,
-                               const std::int32_t* neighbours, std::int32_t slot,
-                               const int (&base)[D], const Vec<double, D>& xi,
-                               const std::int64_t (&block)[D], const double* state, double (&v)[D],
-                               double (&rate)[D][D]) const {
-    std::int64_t cell[D];
-    Vec<double, D> half;
-    for (int a = 0; a < D; ++a) {
-        cell[a] = block[a] * Block<D>::edge + base[a];
-        half[a] = n.kernel.half_edge * (n.extent >= 0 ? 1 + state[n.extent + a] : 1.0);
+template <class S>
+void Domain<X, T, D>::see_nodes(S& stencil, const SeenGrid& grid, const int (&base)[D], bool shapes,
+                                double (&v)[D], double (&rate)[D][D]) const {
+    const Places<D, S::width> places = places_in_grid<S::width>(base);
+    if constexpr (std::is_same_v<S, DualStencil<double, D>>) {
+        stencil.find_gradients([&](const DualNode<D>& node) {
+            int place = 0;
+            for (int a = 0; a < D; ++a) place += places.part[a][node[a]];
+            const std::int32_t to = grid.neighbours[place >> 8];
+            return to >= 0 &&
+                   grid.masses[(std::size_t(to) * std::size_t(plan_.sum_channels)) * block_cells +
+                               std::size_t(place & 255)] > Sum(0);
+        });
     }
-    const auto stencil = stencil_of<W>(n.kernel, xi, half, cell);
-    const bool shapes = n.kernel.gradient == GradientForm::shapes;
-    for_each_node(stencil, places_in_grid<W>(base), [&](const int(&k)[D], int place, double w) {
-        const std::int32_t to = neighbours[std::size_t(slot) * Block<D>::neighbours + (place >> 8)];
+    for_each_node(stencil, places, [&](const auto& k, int place, double w) {
+        const std::int32_t to = grid.neighbours[place >> 8];
         if (to < 0) return;
-        const Grid* u =
-            grid.data() + (std::size_t(to) * block_cells + (place & 255)) * plan_.velocity_channels;
+        const Grid* u = grid.velocity + (std::size_t(to) * block_cells + std::size_t(place & 255)) *
+                                            std::size_t(plan_.velocity_channels);
         for (int a = 0; a < D; ++a) {
             v[a] += w * double(u[a]);
             for (int b = 0; b < D; ++b) {
@@ -96,6 +94,39 @@ void Domain<X, T, D>::see_grid(const PhaseNumbers& n, const std::vector<Grid>& g
             }
         }
     });
+}
+
+/// Velocity and its gradient (1/s) at a particle whose stencil is around cell `base` of its home
+/// block.
+template <class X, class T, int D>
+void Domain<X, T, D>::see_grid(const PhaseNumbers& n, const SeenGrid& grid, const int (&base)[D],
+                               const Vec<double, D>& xi, const std::int64_t (&block)[D],
+                               const double* state, double (&v)[D], double (&rate)[D][D]) const {
+    const bool shapes = n.kernel.gradient == GradientForm::shapes;
+    if (n.edges >= 0) {
+        CornerStencil<double, D> stencil;
+        stencil.find(xi, half_edges_at<D>(n, [&](int r) { return state[r]; }));
+        see_nodes(stencil, grid, base, shapes, v, rate);
+        return;
+    }
+    std::int64_t cell[D];
+    Vec<double, D> half;
+    for (int a = 0; a < D; ++a) {
+        cell[a] = block[a] * Block<D>::edge + base[a];
+        half[a] = n.kernel.half_edge * (n.extent >= 0 ? 1 + state[n.extent + a] : 1.0);
+    }
+    if (n.kernel.kernel == Kernel::ddmp) {
+        DualStencil<double, D> stencil;
+        static_cast<Stencil<double, D, 5>&>(stencil) = stencil_of<5>(n.kernel, xi, half, cell);
+        stencil.find(xi);
+        see_nodes(stencil, grid, base, shapes, v, rate);
+    } else if (kernel_width(n.kernel.kernel) == 3) {
+        auto stencil = stencil_of<3>(n.kernel, xi, half, cell);
+        see_nodes(stencil, grid, base, shapes, v, rate);
+    } else {
+        auto stencil = stencil_of<5>(n.kernel, xi, half, cell);
+        see_nodes(stencil, grid, base, shapes, v, rate);
+    }
 }
 
 template <class X, class T, int D>
@@ -164,6 +195,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     const auto keys = keys_.host();
     const auto neighbours = neighbours_.host();
     const std::vector<Grid> grid = moving ? velocity_.host() : std::vector<Grid>();
+    const std::vector<Sum> masses =
+        moving && stresses_apart() ? sums_[parity()].host() : std::vector<Sum>();
     std::vector<std::vector<T>> offset, state;
     for (auto& c : body.offset) offset.push_back(c.host(body.count));
     for (auto& c : body.state) state.push_back(c.host(body.count));
@@ -228,14 +261,9 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
             }
             for (std::size_t r = 0; r < state.size(); ++r) s[r] = double(state[r][q]);
             if (moving) {
-                const auto read = [&]<int W>() {
-                    see_grid<W>(body.plan.phase, grid, neighbours.data(), slot, base, xi, block, s,
-                                v, rate);
-                };
-                if (kernel_width(spec_.kernel.kernel) == 3)
-                    read.template operator()<3>();
-                else
-                    read.template operator()<5>();
+                const SeenGrid seen{grid.data(), masses.data(),
+                                    neighbours.data() + std::size_t(slot) * Block<D>::neighbours};
+                see_grid(body.plan.phase, seen, base, xi, block, s, v, rate);
             }
             for (int a = 0; a < D && body.plan.phase.velocity >= 0; ++a)
                 v[a] = s[body.plan.phase.velocity + a];

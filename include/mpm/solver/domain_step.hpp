@@ -1,6 +1,7 @@
 // Domain: the life of a step, and what happens when the clock halts.
 #pragma once
 
+#include "mpm/kernels/transfers.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
@@ -442,7 +443,7 @@ Fault Domain<X, T, D>::describe_fault() {
         furthest = std::max(furthest, std::abs(double(x)));
     }
     std::vector<double> state;
-    double widest = 0;  // half-edge of cpGIMP
+    double widest = 0;  // half-edge of cpGIMP and CPDI
     for (auto& column : body.state) {
         T x;
         exec_.download(&x, column.data() + k, sizeof x);
@@ -452,10 +453,15 @@ Fault Domain<X, T, D>::describe_fault() {
     for (int a = 0; a < D && body.plan.phase.extent >= 0; ++a)
         widest = std::max(widest, body.plan.phase.kernel.half_edge *
                                       (1 + state[std::size_t(body.plan.phase.extent + a)]));
+    if (body.plan.phase.edges >= 0) {
+        const auto edges = half_edges_at<D>(body.plan.phase, [&](int r) { return state[r]; });
+        for (int a = 0; a < D; ++a) widest = std::max(widest, reach_along(edges, a));
+    }
     if (widest > largest_half_edge && f.code != "non-finite") {
         f.code = "stretched";
         f.value = 2 * widest;
-        f.message = "its edges, which kernel 'cpgimp' follows, grew beyond three cells";
+        f.message = std::string("its edges, which kernel '") + name_of(spec_.kernel.kernel) +
+                    "' follows, grew beyond three cells";
     } else if (f.code == "non-finite") {
         f.message = "its position or state is not finite";
     } else if (furthest > 1.75) {

@@ -79,6 +79,8 @@ struct Plan {
 
 Plan make_plan(const Spec& spec, const BackendTraits& backend);
 
+const char* name_of(Kernel kernel);
+
 /// True where a scene asks for more than the fused step of affine transfer has. Smoothing over
 /// cells alone is done before a step where sums of cells are integers, in any pipeline.
 bool needs_phases(const Spec& spec, bool device);

@@ -29,7 +29,7 @@ _CAUSES = {
     ),
     "stretched": (
         "a particle was stretched further than its kernel reaches",
-        "use kernel 'ugimp' or a B-spline, or more particles per cell",
+        "use kernel 'ugimp', 'ddmp' or a B-spline, or more particles per cell",
     ),
     "left-domain": (
         "particles left the domain",

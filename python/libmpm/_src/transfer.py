@@ -17,7 +17,7 @@ SHIFTS = ("SFLIP", "ASFLIP")
 #: Transfers that sweep the grid.
 SWEEPS = ("XPIC", "FMPM")
 SCHEMES = ("PIC", "FLIP", "PIC-FLIP", "APIC", "AFLIP", "NFLIP", "SFLIP", "ASFLIP", "XPIC", "FMPM")
-KERNELS = ("linear", "quadratic", "cubic", "ugimp", "cpgimp")
+KERNELS = ("linear", "quadratic", "cubic", "ugimp", "cpgimp", "cpdi", "ddmp")
 
 
 @value
@@ -184,20 +184,25 @@ class Kernel(Value):
     ===========  ====  =========  ===============================================================
 
     Names: B-splines "linear", "quadratic", "cubic"; "ugimp", the mean of the linear function over a
-    particle that keeps its size, "cpgimp", over one that follows its stretch along each axis.
+    particle that keeps its size, "cpgimp", over one that follows its stretch along each axis;
+    "cpdi", over a parallelepiped that follows its whole deformation, by its corners; "ddmp", linear
+    functions whose gradients come from the grid the more the nearer a particle is to where they
+    jump. The last two are for the CPU; "cpdi" stores the edges (d² numbers) of particles whose law
+    does not store F, and a particle that grows beyond three cells is a named error.
 
-    Linear functions and those that end with the domain have second moments that vanish at nodes:
-    transfers with an affine part and gradient "mls" are undefined there and refused. Raises
-    `SceneError`.
+    Linear functions, "ddmp" and those that end with the domain have second moments that vanish at
+    nodes: transfers with an affine part and gradient "mls" are undefined there and refused, as is
+    "mls" for "cpdi". Raises `SceneError`.
 
-    Source: Bonus (2023) 2.28; Bardenhagen and Kober (2004) for GIMP; Steffen, Kirby and Berzins
-    (2008) for splines at boundaries; Yang (2016) A.4 and A.5 (the clamp corrected) for modified
-    functions, A.8 and A.9 for moved nodes.
+    Source: Bonus (2023) 2.28; Bardenhagen and Kober (2004) for GIMP; Sadeghirad, Brannon and
+    Burghardt (2011) and Yang (2016) 2.40 to 2.43 for CPDI; Zhang, Ma and Giguere (2011) and Yang
+    (2016) 2.18 to 2.23 for DDMP; Steffen, Kirby and Berzins (2008) for splines at boundaries; Yang
+    (2016) A.4 and A.5 (the clamp corrected) for modified functions, A.8 and A.9 for moved nodes.
     """
 
     label: ClassVar[str] = "Kernel"
 
-    name: Literal["linear", "quadratic", "cubic", "ugimp", "cpgimp"] = "quadratic"
+    name: Literal["linear", "quadratic", "cubic", "ugimp", "cpgimp", "cpdi", "ddmp"] = "quadratic"
     gradient: Literal["mls", "kernel"] | None = None
     boundary: bool = False
     modified: bool = False
@@ -210,7 +215,7 @@ class Kernel(Value):
             gradient = check.choice("gradient", gradient, ("mls", "kernel"))
         if not isinstance(self.boundary, bool):
             check.fail(f"boundary is {self.boundary!r}; expected True or False")
-        elif self.boundary and name in ("ugimp", "cpgimp"):
+        elif self.boundary and name not in ("linear", "quadratic", "cubic"):
             check.fail(
                 f"boundary is True for '{name}'; splines that end with the domain are linear, "
                 "quadratic or cubic; leave it out"
@@ -223,7 +228,12 @@ class Kernel(Value):
                 f"modified is True for {self.text()}; it is defined for linear functions; leave "
                 "it out"
             )
-        if not check.problems and gradient == "mls" and not self.has_moments:
+        if not check.problems and gradient == "mls" and name == "cpdi":
+            check.fail(
+                "gradient is 'mls' for kernel 'cpdi', whose gradients are those of its corners; "
+                "use 'kernel'"
+            )
+        elif not check.problems and gradient == "mls" and not self.has_moments:
             check.fail(
                 f"gradient is 'mls' for {self.text()}: it divides by the second moment of the "
                 "functions, which is zero at their nodes; use 'kernel'"
@@ -233,7 +243,7 @@ class Kernel(Value):
     @property
     def has_moments(self) -> bool:
         """Whether the second moment is nowhere zero, as affine transfers and "mls" need."""
-        return self.name != "linear" and not self.boundary
+        return self.name not in ("linear", "ddmp") and not self.boundary
 
     @property
     def form(self) -> str:

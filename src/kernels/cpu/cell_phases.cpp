@@ -32,9 +32,10 @@ void for_each_by_colour(const Phase<Cpu, T, D>& phase, const F& f) {
 
 /// Mass, then one sum a component, of every node: lumped means by the grid's functions, or by those
 /// of the deposit where they are modified.
-template <int W, class T, int D, class Get, class Put>
+template <class S, class T, int D, class Get, class Put>
 void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int components, bool modified,
                      const Get& get, const Put& put) {
+    constexpr int W = S::width;
     const auto& pass = phase.pass;
     const std::int32_t* neighbours = pass.grid.table.neighbours;
     const double m = pass.body.particle_mass;
@@ -45,12 +46,14 @@ void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int component
         return nodes + (there * block_cells + (place & 255)) * width;
     };
     for_each_by_colour(phase, [&](std::int32_t slot, const int(&home)[D], std::uint32_t q) {
-        Reached<W, Cpu, T, D> reached(phase, slot, home, q);
-        if (modified) modify_for_deposit(reached.stencil, reached.at.xi);
+        Reached<W, Cpu, T, D, S> reached(phase, slot, home, q);
+        if constexpr (std::is_same_v<S, Stencil<T, D, 3>>) {
+            if (modified) modify_for_deposit(reached.stencil, reached.at.xi);
+        }
         double value[most_components];
         for (int k = 0; k < components; ++k) value[k] = get(q, k);
         for_each_node(reached.stencil, places_in_grid<W>(reached.at.cell),
-                      [&](const int(&)[D], int place, T w) {
+                      [&](const auto&, int place, T w) {
                           double* to = of(slot, place);
                           to[0] += m * double(w);
                           for (int k = 0; k < components; ++k)
@@ -62,10 +65,10 @@ void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int component
     for (std::int32_t h = 0; h < pass.body.homes; ++h) {
         const std::int32_t slot = pass.body.home[h];
         for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
-            const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+            const Reached<W, Cpu, T, D, S> reached(phase, slot, home, q);
             double value[most_components] = {};
             for_each_node(reached.stencil, places_in_grid<W>(reached.at.cell),
-                          [&](const int(&)[D], int place, T w) {
+                          [&](const auto&, int place, T w) {
                               const double* from = of(slot, place);
                               if (!(from[0] > 0)) return;
                               for (int k = 0; k < components; ++k)
@@ -131,9 +134,11 @@ void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingCh
     if (!nodal)
         smooth_by_cells(phase, data, choice, components, get, put);
     else if (kernel_width(phase.n.kernel.kernel) == 3)
-        smooth_by_nodes<3>(phase, data, components, modified, get, put);
+        smooth_by_nodes<Stencil<T, D, 3>>(phase, data, components, modified, get, put);
+    else if (phase.n.kernel.kernel == Kernel::cpdi)
+        smooth_by_nodes<CornerStencil<T, D>>(phase, data, components, modified, get, put);
     else
-        smooth_by_nodes<5>(phase, data, components, modified, get, put);
+        smooth_by_nodes<Stencil<T, D, 5>>(phase, data, components, modified, get, put);
 }
 
 /// Numbers of scratch, a tensor a particle.

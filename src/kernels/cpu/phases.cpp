@@ -9,21 +9,39 @@ namespace cpu {
 
 namespace {
 
-template <int W, class T, int D>
+/// Gradients of the dual domain ask which nodes have mass.
+template <class T, int D, class S>
+void find_gradients(const Phase<Cpu, T, D>&, const std::int32_t*, const Places<D, S::width>&, S&) {}
+template <class T, int D>
+void find_gradients(const Phase<Cpu, T, D>& phase, const std::int32_t* neighbours,
+                    const Places<D, 5>& places, DualStencil<T, D>& stencil) {
+    const std::int64_t numbers = std::int64_t(phase.pass.grid.sum_channels) * block_cells;
+    stencil.find_gradients([&](const DualNode<D>& node) {
+        int place = 0;
+        for (int a = 0; a < D; ++a) place += places.part[a][node[a]];
+        return phase.masses[neighbours[place >> 8] * numbers + (place & 255)] > T(0);
+    });
+}
+
+template <class S, class T, int D>
 void collect_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
+    constexpr int W = S::width;
     const auto& g = phase.pass.grid;
     const std::int32_t* neighbours = g.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
     for_each_of_block<T, D>(phase.pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
-        const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
-        collect_particle(phase, reached, places_in_grid<W>(reached.at.cell), q, [&](int place) {
+        Reached<W, Cpu, T, D, S> reached(phase, slot, home, q);
+        const Places<D, W> places = places_in_grid<W>(reached.at.cell);
+        if (phase.part == Part::step) find_gradients(phase, neighbours, places, reached.stencil);
+        collect_particle(phase, reached, places, q, [&](int place) {
             return g.velocity + g.velocity_place(neighbours[place >> 8], place & 255);
         });
     });
 }
 
 /// Sums of one block's particles go straight to the grid.
-template <int W, bool modified, class T, int D>
+template <class S, bool modified, class T, int D>
 void spread_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
+    constexpr int W = S::width;
     const auto& pass = phase.pass;
     const auto& g = pass.grid;
     const SpreadTargets<D> to(phase.n, phase.part, pass.group);
@@ -31,8 +49,11 @@ void spread_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
     const T m = T(pass.body.particle_mass);
     const std::int32_t* neighbours = g.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
     for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
-        Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+        Reached<W, Cpu, T, D, S> reached(phase, slot, home, q);
         if constexpr (modified) modify_for_deposit(reached.stencil, reached.at.xi);
+        const Places<D, W> places = places_in_grid<W>(reached.at.cell);
+        if (phase.part == Part::stresses)
+            find_gradients(phase, neighbours, places, reached.stencil);
         const auto add = [&](int channel, int place, T amount) {
             T* sums = g.sums + std::int64_t(neighbours[place >> 8]) * g.sum_channels * block_cells +
                       (place & 255);
@@ -40,23 +61,34 @@ void spread_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
             if (weighs && channel == to.channels - 1)
                 sums[pass.group.weight * block_cells] += m * amount;
         };
-        spread_particle(phase, reached, places_in_grid<W>(reached.at.cell), q, add);
+        spread_particle(phase, reached, places, q, add);
     });
+}
+
+/// Calls f with a stencil of the kernel's kind.
+template <class T, int D, class F>
+void with_stencil(Kernel kernel, const F& f) {
+    if (kernel == Kernel::cpdi)
+        f(CornerStencil<T, D>{});
+    else if (kernel == Kernel::ddmp)
+        f(DualStencil<T, D>{});
+    else if (kernel_width(kernel) == 3)
+        f(Stencil<T, D, 3>{});
+    else
+        f(Stencil<T, D, 5>{});
 }
 
 template <class T, int D>
 void collect_body(const Phase<Cpu, T, D>& phase) {
     if (idle(phase)) return;
     const auto& pass = phase.pass;
-    const bool narrow = kernel_width(phase.n.kernel.kernel) == 3;
+    with_stencil<T, D>(phase.n.kernel.kernel, [&](auto stencil) {
+        using S = decltype(stencil);
 #pragma omp parallel for schedule(dynamic, 4) \
     num_threads(phase_threads(*pass.exec, pass.body.count))
-    for (std::int32_t h = 0; h < pass.body.homes; ++h) {
-        if (narrow)
-            collect_block<3>(phase, pass.body.home[h]);
-        else
-            collect_block<5>(phase, pass.body.home[h]);
-    }
+        for (std::int32_t h = 0; h < pass.body.homes; ++h)
+            collect_block<S>(phase, pass.body.home[h]);
+    });
 }
 
 template <class T, int D>
@@ -64,18 +96,21 @@ void spread_body(const Phase<Cpu, T, D>& phase) {
     const auto& pass = phase.pass;
     if (idle(phase)) return;
     const int threads = phase_threads(*pass.exec, pass.body.count);
-    const bool narrow = kernel_width(phase.n.kernel.kernel) == 3;
-    for (int colour = 0; colour < pass.colours; ++colour) {
+    const auto by_colours = [&](const auto& block) {
+        for (int colour = 0; colour < pass.colours; ++colour) {
 #pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-        for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k) {
-            if (phase.n.kernel.modified)
-                spread_block<3, true>(phase, pass.coloured[k]);
-            else if (narrow)
-                spread_block<3, false>(phase, pass.coloured[k]);
-            else
-                spread_block<5, false>(phase, pass.coloured[k]);
+            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k)
+                block(pass.coloured[k]);
         }
+    };
+    if (phase.n.kernel.modified) {
+        by_colours([&](std::int32_t slot) { spread_block<Stencil<T, D, 3>, true>(phase, slot); });
+        return;
     }
+    with_stencil<T, D>(phase.n.kernel.kernel, [&](auto stencil) {
+        using S = decltype(stencil);
+        by_colours([&](std::int32_t slot) { spread_block<S, false>(phase, slot); });
+    });
 }
 
 }  // namespace

@@ -37,22 +37,22 @@ const Scheme& scheme_of(const TransferSpec& t) {
     throw SceneError("transfer '" + t.scheme + "' is unknown; there are " + known);
 }
 
-const char* name_of(Kernel k) {
-    constexpr const char* names[] = {"linear", "quadratic", "cubic", "ugimp", "cpgimp"};
-    return names[int(k)];
-}
-
 /// First moments are singular where a particle stands on a node of linear or clamped functions.
 void refuse_undefined(const Spec& spec, const Scheme& scheme) {
     const KernelSpec& k = spec.kernel;
-    const bool gimp = k.kernel == Kernel::ugimp || k.kernel == Kernel::cpgimp;
-    if (k.clamped && gimp)
-        throw SceneError("kernel '" + std::string(name_of(k.kernel)) +
-                         "' with boundary splines: these are defined for linear, quadratic and "
+    const std::string kernel = "kernel '" + std::string(name_of(k.kernel)) + "'";
+    if (k.clamped && k.kernel != Kernel::linear && k.kernel != Kernel::quadratic &&
+        k.kernel != Kernel::cubic)
+        throw SceneError(kernel +
+                         " with boundary splines: these are defined for linear, quadratic and "
                          "cubic ones. Leave boundary out");
-    if (k.kernel != Kernel::linear && !k.clamped) return;
+    if (k.kernel == Kernel::cpdi && k.gradient == GradientForm::moments)
+        throw SceneError("gradient 'mls' with " + kernel +
+                         ", whose gradients are those of its corners' functions. Use gradient "
+                         "'kernel'");
+    if (!is_linear(k.kernel) && !k.clamped) return;
     const std::string what =
-        k.clamped ? std::string(name_of(k.kernel)) + " boundary splines" : "kernel 'linear'";
+        k.clamped ? std::string(name_of(k.kernel)) + " boundary splines" : kernel;
     if (scheme.affine)
         throw SceneError("transfer '" + spec.transfer.scheme + "' with " + what +
                          ": its affine part divides by the second moment of the functions, which "
@@ -114,6 +114,12 @@ CellNumbers cells_of(const Spec& spec, const Scheme& scheme, const BodySpec& bod
 }
 
 }  // namespace
+
+const char* name_of(Kernel k) {
+    constexpr const char* names[] = {"linear", "quadratic", "cubic", "ugimp",
+                                     "cpgimp", "cpdi",      "ddmp"};
+    return names[int(k)];
+}
 
 bool needs_phases(const Spec& spec, bool device) {
     const KernelSpec& k = spec.kernel;
@@ -221,10 +227,16 @@ void plan_phases(const Spec& spec, Plan& plan) {
         const double density = material(body.material).density(body.parameters.data());
         p.phase.kernel.half_edge =
             0.5 * std::pow(body.particle_mass / density, 1.0 / D) / spec.cell_size;
-        const bool gimp =
-            spec.kernel.kernel == Kernel::ugimp || spec.kernel.kernel == Kernel::cpgimp;
+        const bool corners = spec.kernel.kernel == Kernel::cpdi,
+                   sized = corners || spec.kernel.kernel == Kernel::ugimp ||
+                           spec.kernel.kernel == Kernel::cpgimp;
+        if (corners) {
+            const bool stored = std::string(material(body.material).columns[0].name) == "H";
+            p.phase.own_edges = !stored;
+            if (stored) p.phase.edges = 0;
+        }
         const double most = spec.kernel.kernel == Kernel::ugimp ? 0.5 : largest_half_edge;
-        if (gimp && p.phase.kernel.half_edge > most * (1 + 1e-9))
+        if (sized && p.phase.kernel.half_edge > most * (1 + 1e-9))
             throw SceneError("body '" + body.name + "' has particles of " +
                              std::to_string(2 * p.phase.kernel.half_edge) + " cells; kernel '" +
                              name_of(spec.kernel.kernel) + "' takes at most " +

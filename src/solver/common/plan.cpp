@@ -80,13 +80,14 @@ std::string limit_text(const BodySpec& body, const char* what, double value, con
 /// What a particle stores beside its material's numbers, and the memory that this takes.
 void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
     const int real = backend.real();
-    const auto state = [&](const char* name, int& at) {
+    const auto state = [&](const char* name, int numbers, int& at) {
         at = p.state_columns;
-        p.state_columns += D;
-        p.columns.push_back({name, D, D * real});
+        p.state_columns += numbers;
+        p.columns.push_back({name, numbers, numbers * real});
     };
-    if (p.phase.scheme.memory != Memory::none) state("velocity", p.phase.velocity);
-    if (p.phase.kernel.kernel == Kernel::cpgimp) state("stretch", p.phase.extent);
+    if (p.phase.scheme.memory != Memory::none) state("velocity", D, p.phase.velocity);
+    if (p.phase.kernel.kernel == Kernel::cpgimp) state("stretch", D, p.phase.extent);
+    if (p.phase.own_edges) state("edges", D * D, p.phase.edges);
     if (p.state_columns > max_state_columns)
         throw SceneError("body '" + p.name + "' would store " + std::to_string(p.state_columns) +
                          " numbers a particle beside its position; at most " +
@@ -130,6 +131,10 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             "assumed fields, numerical damping, placed forces, modified functions and gradients "
             "by moved nodes are not built for " +
             backend.name + "; use device=\"cpu\", or remove them");
+    const Kernel kernel = spec.kernel.kernel;
+    if ((kernel == Kernel::cpdi || kernel == Kernel::ddmp) && backend.device)
+        throw SceneError("kernel '" + std::string(name_of(kernel)) + "' is not built for " +
+                         backend.name + "; use device=\"cpu\", or another kernel");
     Plan plan;
     const int real = backend.real();
     const std::string numbers = backend.numbers();

@@ -74,7 +74,7 @@ class RankDevices : public ::testing::TestWithParam<std::tuple<int, Way>> {
 protected:
     const int dimension = std::get<0>(GetParam());
     const Way way = std::get<1>(GetParam());
-    const int half = (dimension == 2 ? 60 : 20) / (test::sanitized ? 2 : 1);
+    const int half = dimension == 3 ? 20 : test::sanitized ? 30 : 60;
     Spec scene() { return test::gauged_scene(dimension, true); }
 };
 
@@ -291,9 +291,13 @@ TEST_P(RankDevicesEnd, wall_time_stops_all_at_one_step) {
     expect_same_particles(*many, *one, 3);
 }
 
-const auto ways = ::testing::Values(Way::in_place, Way::packed, Way::parcels);
-INSTANTIATE_TEST_SUITE_P(Dimensions, RankDevices,
-                         ::testing::Combine(::testing::Values(2, 3), ways));
+const std::vector all_ways = {Way::in_place, Way::packed, Way::parcels};
+const auto ways = ::testing::ValuesIn(all_ways);
+INSTANTIATE_TEST_SUITE_P(Plane, RankDevices, ::testing::Combine(::testing::Values(2), ways));
+INSTANTIATE_TEST_SUITE_P(
+    Solid, RankDevices,
+    ::testing::Combine(::testing::Values(3),
+                       ::testing::ValuesIn(test::sanitized ? std::vector{Way::packed} : all_ways)));
 INSTANTIATE_TEST_SUITE_P(Ways, RankDevicesMixing, ways);
 INSTANTIATE_TEST_SUITE_P(Ways, RankDevicesEnd, ways);
 

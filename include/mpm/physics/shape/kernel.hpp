@@ -8,6 +8,8 @@
 //   GIMP        (H(r + l) - H(r - l)) / (2 l), H the integral of the linear one: the mean of the
 //               linear function over a particle of half-edge l (Bardenhagen and Kober 2004). l
 //               stays in uGIMP and follows the particle's stretch along each axis in cpGIMP.
+//   CPDI        parallelepiped.hpp
+//   DDMP        linear weights, gradients of dual_domain.hpp
 //
 // Clamped splines are those of the same degree on the knots that lie inside the domain and on its
 // ends as often as needed: nothing is left outside, and the outermost function is 1 at the wall
@@ -19,13 +21,17 @@
 
 namespace mpm {
 
-enum class Kernel : int { linear, quadratic, cubic, ugimp, cpgimp };
+enum class Kernel : int { linear, quadratic, cubic, ugimp, cpgimp, cpdi, ddmp };
 /// Where velocity gradients and internal forces come from: first moments (MLS-MPM) or gradients of
 /// the shape functions.
 enum class GradientForm : int { moments, shapes };
 
 /// Nodes along an axis that a particle may reach from the centre of its cell.
-inline int kernel_width(Kernel k) { return k == Kernel::cubic || k == Kernel::cpgimp ? 5 : 3; }
+inline int kernel_width(Kernel k) {
+    return k == Kernel::linear || k == Kernel::quadratic || k == Kernel::ugimp ? 3 : 5;
+}
+/// Weights are those of the linear functions.
+MPM_INLINE bool is_linear(Kernel k) { return k == Kernel::linear || k == Kernel::ddmp; }
 
 /// Largest half-edge of a particle that five nodes along an axis can hold.
 inline constexpr double largest_half_edge = 1.5;
@@ -82,6 +88,7 @@ MPM_INLINE ShapeValue<V> shape_value(Kernel kernel, V r, V half) {
     const V d = absolute(r), sign = r < V(0) ? V(-1) : V(1);
     switch (kernel) {
         case Kernel::linear:  // its slopes are `linear_slope`
+        case Kernel::ddmp:
             return {detail::hat(r), d < V(1) ? -sign : V(0)};
         case Kernel::quadratic: {
             const V rest = V(1.5) - d;
@@ -128,6 +135,7 @@ struct KernelChoice {
 /// A particle's nodes along each axis: number W / 2 is the centre of its cell.
 template <class V, int D, int W>
 struct Stencil {
+    static constexpr int width = W;
     V weight[D][W];
     V slope[D][W];     // d weight / d x_p
     V distance[D][W];  // of the node from the particle
@@ -139,7 +147,7 @@ template <int W, class V, int D>
 MPM_INLINE Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& xi,
                                        const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
     Stencil<V, D, W> s;
-    const int degree = k.kernel == Kernel::linear ? 1 : (k.kernel == Kernel::quadratic ? 2 : 3);
+    const int degree = is_linear(k.kernel) ? 1 : (k.kernel == Kernel::quadratic ? 2 : 3);
     MPM_UNROLL for (int a = 0; a < D; ++a) {
         const bool at_end = k.clamped && (cell[a] < 3 || cell[a] >= k.cells[a] - 3);
         V moment = V(0);
@@ -162,7 +170,7 @@ MPM_INLINE Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& x
                 for (int m = 1; m <= degree; ++m) away = away + knot[m] / V(degree);
             } else {
                 f = shape_value(k.kernel, -away, half[a]);
-                if (k.kernel == Kernel::linear) f.slope = linear_slope(n - W / 2, xi[a]);
+                if (is_linear(k.kernel)) f.slope = linear_slope(n - W / 2, xi[a]);
             }
             s.weight[a][n] = f.value;
             s.slope[a][n] = f.slope;
