@@ -1,5 +1,14 @@
 # What is generated from the list of models in src/kernels/models.cmake.
 include("${PROJECT_SOURCE_DIR}/src/kernels/models.cmake")
+foreach(model IN LISTS LIBMPM_MODELS)
+  if(NOT model IN_LIST MPM_MODELS)
+    list(JOIN MPM_MODELS ", " known)
+    message(FATAL_ERROR "LIBMPM_MODELS names ${model}; there are ${known}")
+  endif()
+endforeach()
+if(LIBMPM_MODELS)
+  set(MPM_MODELS ${LIBMPM_MODELS})
+endif()
 
 function(mpm_model_header model out) # TaitFluid -> tait_fluid
   string(REGEX REPLACE "([a-z0-9])([A-Z])" "\\1_\\2" name "${model}")
