@@ -114,12 +114,18 @@ def test_apic_conserves_angular_momentum(gradient, kernel):
     assert abs(spin) < 1e-12
 
 
-@pytest.mark.parametrize("kernel", ["ugimp", "cpgimp"])
+@pytest.mark.parametrize("kernel", ["ugimp", "cpgimp", "cpdi"])
 def test_apic_with_gimp_nearly_does(kernel):
     """The second moment changes along a particle's way, and the affine part's share with it."""
     momentum, spin = spinning("APIC", kernel)
     assert momentum < 1e-12
     assert 1e-8 < abs(spin) < 2e-3
+
+
+@pytest.mark.parametrize("kernel", ["cpdi", "ddmp"])
+def test_forces_of_particle_and_dual_domains_add_up(kernel):
+    """Also at a surface, where spans are empty: no force goes to a node without mass."""
+    assert spinning("PIC-FLIP", kernel, flip=0.9)[0] < 1e-12
 
 
 @pytest.mark.parametrize("scheme", LOSSES)

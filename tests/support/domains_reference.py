@@ -37,7 +37,8 @@ class DenseWeights:
 
     def hats(self, x):
         """Linear functions at points (n, d): (n, nodes)."""
-        return np.prod(np.maximum(0.0, 1 - np.abs(x[:, None] - self.nodes) / self.dx), axis=-1)
+        hat = np.maximum(0.0, 1 - np.abs(x[:, None] - self.nodes) / self.dx)
+        return np.prod(np.where(hat < 1e-13, 0.0, hat), axis=-1)  # a rounding away is on the node
 
     def gather(self, field):
         flat = field.reshape(len(self.nodes), -1)

@@ -160,6 +160,51 @@ TEST(Corners, have_the_gradients_of_the_divergence_theorem) {
     }
 }
 
+/// A body of sheared particles fills space without gaps: a uniform stress pushes no node inside it.
+/// Boxes along the axes (cpGIMP) overlap and leave gaps.
+TEST(Corners, of_neighbours_meet) {
+    const Mat<double, 2> f = {{{1.1, 0.45}, {-0.2, 0.9}}};
+    Mat<double, 2> h = f;
+    for (int a = 0; a < 2; ++a) h.e[a][a] -= 1;
+    KernelChoice boxes;
+    boxes.kernel = Kernel::cpgimp;
+    std::map<Key<2>, std::array<double, 2>> force, of_boxes;
+    for (int i = -16; i < 16; ++i) {
+        for (int j = -16; j < 16; ++j) {
+            const double X[2] = {0.5 * i + 0.25, 0.5 * j + 0.25};
+            Vec<double, 2> xi, half;
+            int cell[2];
+            std::int64_t far[2];
+            for (int a = 0; a < 2; ++a) {
+                const double x = f.e[a][0] * X[0] + f.e[a][1] * X[1];
+                cell[a] = int(std::floor(x + 0.5));
+                far[a] = cell[a] + 100;
+                xi[a] = x - cell[a];
+                half[a] = 0.25 * f.e[a][a];
+            }
+            const auto s = corners_of<2>(xi, half_edges_of(0.25, h));
+            s.for_each([&](const CornerNode<2>& node, double w) {
+                auto& to = force[{cell[0] + node[0], cell[1] + node[1]}];
+                for (int a = 0; a < 2; ++a) to[std::size_t(a)] += s.gradient(node, w, a);
+            });
+            const auto box = stencil_of<5>(boxes, xi, half, far);
+            for (int m = 0; m < 25; ++m) {
+                auto& to = of_boxes[{cell[0] + m / 5, cell[1] + m % 5}];
+                to[0] += box.slope[0][m / 5] * box.weight[1][m % 5];
+                to[1] += box.weight[0][m / 5] * box.slope[1][m % 5];
+            }
+        }
+    }
+    double largest = 0;
+    for (int i = -1; i <= 5; ++i) {
+        for (int j = -1; j <= 5; ++j) {
+            for (double x : force.at({i, j})) EXPECT_NEAR(x, 0, 1e-12);
+            for (double x : of_boxes.at({i, j})) largest = std::max(largest, std::abs(x));
+        }
+    }
+    EXPECT_GT(largest, 0.01) << "boxes are no match for shear";
+}
+
 /// A particle that is no larger than a point is one of the linear functions.
 TEST(Corners, are_linear_functions_where_a_particle_is_small) {
     test::Random random(6);

@@ -9,6 +9,8 @@
 // with the half-edges as columns of A, all lengths in cells. Node i is the centre of cell i.
 #pragma once
 
+#include <limits>
+
 #include "mpm/core/linalg.hpp"
 #include "mpm/physics/shape/kernel.hpp"
 
@@ -68,7 +70,7 @@ struct CornerStencil {
                 }
                 at = smaller(larger(at, V(0)), V(width - 1));
                 low[m][a] = int(at) < width - 2 ? int(at) : width - 2;
-                upper[m][a] = at - V(low[m][a]);
+                upper[m][a] = on_node_or(at - V(low[m][a]));
                 pull[m][a] = over * gradient;
                 // Of the linear functions themselves, about where the corner is.
                 moment.e[a][a] =
@@ -80,6 +82,13 @@ struct CornerStencil {
         MPM_UNROLL for (int a = 0; a < D; ++a) {
             MPM_UNROLL for (int b = 0; b < D; ++b) inverse[a][b] = turned.e[a][b] * scale;
         }
+    }
+
+    /// A corner a rounding away from a node stands on it: corners of lattices often do, and must
+    /// not touch the nodes beyond by chance.
+    MPM_INLINE static V on_node_or(V above) {
+        constexpr V rounding = V(32) * std::numeric_limits<V>::epsilon();
+        return above < rounding ? V(0) : above > V(1) - rounding ? V(1) : above;
     }
 
     /// Calls f(node, weight) for every node of every corner; a node may come more than once.
