@@ -34,8 +34,9 @@ file(CONFIGURE OUTPUT "${_mpm_generated}/mpm/kernels/models.inc" CONTENT "${_mpm
 target_include_directories(mpm_flags INTERFACE "${_mpm_generated}")
 
 # mpm_instantiate(<backend> <out>): one unit per model, written from
-# src/kernels/instantiate_<backend>*.in with @MODEL@ (TaitFluid) and @MODEL_HEADER@ (tait_fluid).
-# One source per model, not per kernel: the latter doubles the compile time.
+# src/kernels/instantiate_<backend>*.in with @MODEL@ (TaitFluid), @MODEL_HEADER@ (tait_fluid) and
+# @PART@ (0: all; of long models 1 to 4 on the CPU). One source per model, not per kernel: the
+# latter doubles the compile time.
 function(mpm_instantiate backend out)
   file(GLOB templates CONFIGURE_DEPENDS
     "${PROJECT_SOURCE_DIR}/src/kernels/instantiate_${backend}*.in")
@@ -46,9 +47,16 @@ function(mpm_instantiate backend out)
     cmake_path(GET stem_and_suffix EXTENSION suffix)
     foreach(MODEL IN LISTS MPM_MODELS)
       mpm_model_header(${MODEL} MODEL_HEADER)
-      set(unit "${_mpm_generated}/${stem}_${MODEL_HEADER}${suffix}")
-      configure_file("${template}" "${unit}" @ONLY)
-      list(APPEND units "${unit}")
+      set(parts 0)
+      if(backend STREQUAL cpu AND MODEL IN_LIST MPM_LONG_MODELS)
+        set(parts 1 2 3 4)
+      endif()
+      foreach(PART IN LISTS parts)
+        string(REGEX REPLACE "^0$" "" number "${PART}")
+        set(unit "${_mpm_generated}/${stem}_${MODEL_HEADER}${number}${suffix}")
+        configure_file("${template}" "${unit}" @ONLY)
+        list(APPEND units "${unit}")
+      endforeach()
     endforeach()
   endforeach()
   set(${out} ${units} PARENT_SCOPE)
