@@ -91,18 +91,28 @@ MPM_INLINE V node_along(const Stencil<V, D, W>& s, const int (&k)[D], V weight, 
     return shapes ? node_slope(s, k, axis) : node_lever(s, k, weight, axis);
 }
 
-/// The same for particles that are parallelepipeds, and for gradients of the dual domain.
-template <class S>
-concept HasNodes = requires(const S& s) {
-    s.for_each([](const auto&, auto) {});
-};
-template <HasNodes S, int D, int W, class F>
-MPM_INLINE void for_each_node(const S& s, const Places<D, W>& places, const F& f) {
+namespace detail {
+
+template <class S, int D, int W, class F>
+MPM_INLINE void for_each_own_node(const S& s, const Places<D, W>& places, const F& f) {
     s.for_each([&](const auto& k, auto weight) {
         int place = 0;
         MPM_UNROLL for (int a = 0; a < D; ++a) place += places.part[a][k[a]];
         f(k, place, weight);
     });
+}
+
+}  // namespace detail
+
+/// The same for particles that are parallelepipeds, and for gradients of the dual domain.
+template <class V, int D, class F>
+MPM_INLINE void for_each_node(const CornerStencil<V, D>& s, const Places<D, 5>& places,
+                              const F& f) {
+    detail::for_each_own_node(s, places, f);
+}
+template <class V, int D, class F>
+MPM_INLINE void for_each_node(const DualStencil<V, D>& s, const Places<D, 5>& places, const F& f) {
+    detail::for_each_own_node(s, places, f);
 }
 template <class V, int D>
 MPM_INLINE V node_lever(const CornerStencil<V, D>& s, const CornerNode<D>& k, V weight, int axis) {

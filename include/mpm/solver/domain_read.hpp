@@ -103,11 +103,13 @@ void Domain<X, T, D>::see_grid(const PhaseNumbers& n, const SeenGrid& grid, cons
                                const Vec<double, D>& xi, const std::int64_t (&block)[D],
                                const double* state, double (&v)[D], double (&rate)[D][D]) const {
     const bool shapes = n.kernel.gradient == GradientForm::shapes;
-    if (n.edges >= 0) {
-        CornerStencil<double, D> stencil;
-        stencil.find(xi, half_edges_at<D>(n, [&](int r) { return state[r]; }));
-        see_nodes(stencil, grid, base, shapes, v, rate);
-        return;
+    if constexpr (!X::is_device) {
+        if (n.edges >= 0) {
+            CornerStencil<double, D> stencil;
+            stencil.find(xi, half_edges_at<D>(n, [&](int r) { return state[r]; }));
+            see_nodes(stencil, grid, base, shapes, v, rate);
+            return;
+        }
     }
     std::int64_t cell[D];
     Vec<double, D> half;
@@ -115,12 +117,16 @@ void Domain<X, T, D>::see_grid(const PhaseNumbers& n, const SeenGrid& grid, cons
         cell[a] = block[a] * Block<D>::edge + base[a];
         half[a] = n.kernel.half_edge * (n.extent >= 0 ? 1 + state[n.extent + a] : 1.0);
     }
-    if (n.kernel.kernel == Kernel::ddmp) {
-        DualStencil<double, D> stencil;
-        static_cast<Stencil<double, D, 5>&>(stencil) = stencil_of<5>(n.kernel, xi, half, cell);
-        stencil.find(xi);
-        see_nodes(stencil, grid, base, shapes, v, rate);
-    } else if (kernel_width(n.kernel.kernel) == 3) {
+    if constexpr (!X::is_device) {
+        if (n.kernel.kernel == Kernel::ddmp) {
+            DualStencil<double, D> stencil;
+            static_cast<Stencil<double, D, 5>&>(stencil) = stencil_of<5>(n.kernel, xi, half, cell);
+            stencil.find(xi);
+            see_nodes(stencil, grid, base, shapes, v, rate);
+            return;
+        }
+    }
+    if (kernel_width(n.kernel.kernel) == 3) {
         auto stencil = stencil_of<3>(n.kernel, xi, half, cell);
         see_nodes(stencil, grid, base, shapes, v, rate);
     } else {
