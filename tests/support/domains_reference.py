@@ -118,7 +118,8 @@ class DualWeights(DenseWeights):
         # Spans by their lowest node, those with mass at all of their nodes.
         held = np.ones(tuple(n - 1 for n in self.shape), bool)
         for up in bits(d):
-            held &= mass[tuple(slice(u, n - 1 + u) for u, n in zip(up, self.shape, strict=True))] > 0
+            part = tuple(slice(u, n - 1 + u) for u, n in zip(up, self.shape, strict=True))
+            held &= mass[part] > 0
         spans = np.argwhere(held)
         points = np.array(list(itertools.product(GAUSS, repeat=d)))
         values = {tuple(u): np.where(u == 1, points, 1 - points) for u in bits(d)}
