@@ -158,7 +158,7 @@ def refused(*words, **choices):
 
 
 @pytest.mark.parametrize("scheme", AFFINE)
-@pytest.mark.parametrize("kernel", ["linear", "quadratic boundary", "cubic boundary"])
+@pytest.mark.parametrize("kernel", ["linear", "ddmp", "quadratic boundary", "cubic boundary"])
 def test_affine_transfers_need_second_moments(kernel, scheme):
     name, _, clamped = kernel.partition(" ")
     flip = None if scheme == "APIC" else 0.9
@@ -169,16 +169,53 @@ def test_affine_transfers_need_second_moments(kernel, scheme):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["linear", "quadratic", "cubic"])
+@pytest.mark.parametrize("name", ["linear", "quadratic", "cubic", *DOMAINS])
 def test_gradients_by_moments_need_them_too(name):
     refused(
         "mls", name,
         transfer=lambda: Transfer(scheme="FLIP"),
-        kernel=lambda: Kernel(name=name, gradient="mls", boundary=name != "linear"),
+        kernel=lambda: Kernel(name=name, gradient="mls", boundary=name in ("quadratic", "cubic")),
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["ugimp", "cpgimp"])
+@pytest.mark.parametrize("kernel", DOMAINS)
+def test_particle_and_dual_domains_are_for_one_rank(kernel):
+    with pytest.raises(libmpm.SceneError, match=f"kernel '{kernel}'"):
+        libmpm.Simulation(pool(kernel=kernel, transfer="PIC"), device=["cpu", "cpu"])
+
+
+def test_dual_domains_have_no_inlets():
+    scene = pool(kernel="ddmp", transfer="PIC")
+    inlet = boundaries.Inflow(body="water", face="x-", velocity=1.0, level=0.5)
+    scene.add_flow(name="inlet", flow=inlet)
+    with pytest.raises(libmpm.SceneError, match="kernel 'ddmp' with inlets"):
+        scenes.engine(scenes.specification(scene))
+
+
+def test_a_parallelepiped_that_outgrows_its_stencil_is_named():
+    spec = choose(scenes.specification(pool()), "PIC", "cpdi")
+    body = spec["bodies"][0]
+    body["velocity"] = 20.0 * np.stack([body["position"][:, 1], 0 * body["position"][:, 0]], -1)
+    report = scenes.engine(spec).run(5000, np.inf, 60.0)
+    assert report["fault"]["code"] == "stretched"
+    assert "kernel 'cpdi'" in report["fault"]["message"]
+    assert report["fault"]["value"] > 3  # cells
+
+
+@pytest.mark.parametrize("kernel", DOMAINS)
+def test_particle_and_dual_domains_resume_to_the_bit(kernel):
+    spec = choose(scenes.specification(scenes.crowded(2)), "FLIP", kernel)
+    straight, other = scenes.engine(spec), scenes.engine(spec)
+    scenes.advance(straight, 2)
+    other.load(straight.save())
+    for machine in (straight, other):
+        scenes.advance(machine, 3)
+    for name in ("position", "velocity"):
+        found = [scenes.by_id(machine, 0, name) for machine in (straight, other)]
+        assert np.array_equal(*found)
+
+
+@pytest.mark.parametrize("name", ["ugimp", "cpgimp", *DOMAINS])
 def test_boundary_splines_are_splines(name):
     refused(
         "boundary", name,
@@ -275,6 +312,12 @@ def column_error(height, **options):
 def test_particles_cross_cells_quietly(options):
     """2 % of ρ g H, where the linear functions' jumps of the gradient leave more than half."""
     assert column_error(16, **options)[0] < 0.02
+
+
+@pytest.mark.parametrize("scheme", ["PIC", "FLIP"])
+def test_dual_domains_let_them_cross(scheme):
+    """Differences over two cells are coarser than splines, and do not jump."""
+    assert column_error(16, kernel="ddmp", scheme=scheme)[0] < 0.03
 
 
 @pytest.mark.parametrize("scheme", ["PIC", "FLIP"])

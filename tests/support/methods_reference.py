@@ -361,10 +361,7 @@ class MethodsReference(Reference):
             self.position[k] = self.position[k] + dt * move
             if self.kernel["name"] == "cpgimp":
                 self.half[k] = self.half[k] * (1 + dt * np.einsum("naa->na", gradient[k]))
-            if self.bodies[k]["material"] == "TaitFluid":
-                self.edges[k] = self.edges[k] + dt * gradient[k] @ self.edges[k]
-            else:  # those of the material, F-bar's volume included
-                self.edges[k] = np.eye(self.d) + self.h[k]
+            self.edges[k] = self.edges[k] + dt * gradient[k] @ self.edges[k]
             self.weights[k] = self._weigh(k)
         self._occupy()
         speed = np.abs(v).max(axis=-1)

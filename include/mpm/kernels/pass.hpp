@@ -116,6 +116,7 @@ struct MaterialInfo {
     double (*volume_from_pressure)(double pressure, const double*);  // null unless volumetric
     int (*reals)(int dimension);
     bool stores_strain;                      // the total small strain alone
+    bool stores_gradient;                    // F - I, as the first of its numbers
     double (*shear_modulus)(const double*);  // Pa; null where there is none
 };
 
@@ -146,6 +147,7 @@ MaterialInfo describe_material() {
         return d == 2 ? Material::template reals<2> : Material::template reals<3>;
     };
     m.stores_strain = requires { Material::stores_strain; };
+    m.stores_gradient = requires { Material::stores_gradient; };
     if constexpr (requires { &Material::shear_modulus; })
         m.shear_modulus = &Material::shear_modulus;
     static_assert(sizeof(Material::parameters) / sizeof(Parameter) <= max_parameters);

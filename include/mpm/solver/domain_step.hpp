@@ -453,15 +453,21 @@ Fault Domain<X, T, D>::describe_fault() {
     for (int a = 0; a < D && body.plan.phase.extent >= 0; ++a)
         widest = std::max(widest, body.plan.phase.kernel.half_edge *
                                       (1 + state[std::size_t(body.plan.phase.extent + a)]));
+    bool flat = false;
     if (body.plan.phase.edges >= 0) {
         const auto edges = half_edges_at<D>(body.plan.phase, [&](int r) { return state[r]; });
         for (int a = 0; a < D; ++a) widest = std::max(widest, reach_along(edges, a));
+        flat = !(determinant(edges, cofactors(edges)) > 0);
     }
+    const std::string follows =
+        std::string("its edges, which kernel '") + name_of(spec_.kernel.kernel) + "' follows, ";
     if (widest > largest_half_edge && f.code != "non-finite") {
         f.code = "stretched";
         f.value = 2 * widest;
-        f.message = std::string("its edges, which kernel '") + name_of(spec_.kernel.kernel) +
-                    "' follows, grew beyond three cells";
+        f.message = follows + "grew beyond three cells";
+    } else if (flat && f.code != "non-finite") {
+        f.code = "stretched";
+        f.message = follows + "enclose no volume any more";
     } else if (f.code == "non-finite") {
         f.message = "its position or state is not finite";
     } else if (furthest > 1.75) {

@@ -235,7 +235,6 @@ void Domain<X, T, D>::deposit_arrivals() {
                                                fresh.home.data()});
         if constexpr (!X::is_device) sort_by_colour(fresh);
         deposit_body(fresh, arrival.body, arrival.rows.velocity, to);
-        deposit_stresses(fresh, arrival.body, to);
         if constexpr (!X::is_device) {
             if (share_) end_of_sums(parity(), true);
         } else {

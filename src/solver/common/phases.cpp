@@ -50,6 +50,11 @@ void refuse_undefined(const Spec& spec, const Scheme& scheme) {
         throw SceneError("gradient 'mls' with " + kernel +
                          ", whose gradients are those of its corners' functions. Use gradient "
                          "'kernel'");
+    if (k.kernel == Kernel::ddmp && (!spec.inlets.empty() || spec.start.given))
+        throw SceneError(kernel + " with " +
+                         (spec.start.given ? "a start from the nodes of a checkpoint" : "inlets") +
+                         ": where its forces go depends on all masses at once, and these come "
+                         "later. Use another kernel");
     if (!is_linear(k.kernel) && !k.clamped) return;
     const std::string what =
         k.clamped ? std::string(name_of(k.kernel)) + " boundary splines" : kernel;
@@ -231,7 +236,9 @@ void plan_phases(const Spec& spec, Plan& plan) {
                    sized = corners || spec.kernel.kernel == Kernel::ugimp ||
                            spec.kernel.kernel == Kernel::cpgimp;
         if (corners) {
-            const bool stored = std::string(material(body.material).columns[0].name) == "H";
+            // F-bar writes back an F of another volume.
+            const bool stored =
+                material(body.material).stores_gradient && body.smoothing == SmoothingForm::none;
             p.phase.own_edges = !stored;
             if (stored) p.phase.edges = 0;
         }

@@ -12,6 +12,7 @@
 
 #include "mpm/core/number.hpp"
 #include "mpm/kernels/model_headers.inc"
+#include "mpm/physics/material/hypoelastic.hpp"
 #include "support/random.hpp"
 
 namespace mpm {

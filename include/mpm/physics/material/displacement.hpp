@@ -46,6 +46,7 @@ MPM_INLINE MaskOf<V> admissible_displacement_gradient(const V (&state)[D * D]) {
 /// What materials share whose state is H alone.
 struct StoresDisplacement {
     static constexpr const char* needs = "deformation_gradient";
+    static constexpr bool stores_gradient = true;
     static constexpr Column columns[] = {{"H", {4, 9}, "displacement gradient F - I", "1"}};
     template <int D>
     static constexpr int reals = (D * D);

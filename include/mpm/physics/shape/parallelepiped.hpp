@@ -68,7 +68,7 @@ struct CornerStencil {
                     at = at + edges.e[a][b] * side;
                     gradient = gradient + cofactor.e[a][b] * side;
                 }
-                at = smaller(larger(at, V(0)), V(width - 1));
+                at = at > V(0) ? smaller(at, V(width - 1)) : V(0);  // not a number is a place too
                 low[m][a] = int(at) < width - 2 ? int(at) : width - 2;
                 upper[m][a] = on_node_or(at - V(low[m][a]));
                 pull[m][a] = over * gradient;
