@@ -185,7 +185,7 @@ class RanksMixing : public ::testing::TestWithParam<Mixing> {};
 TEST_P(RanksMixing, nobody_is_lost_or_doubled) {
     const auto [dimension, ranks] = GetParam();
     const char* asked = std::getenv("LIBMPM_MIXING_STEPS");
-    const int steps = asked ? std::atoi(asked) : test::sanitized || dimension == 3 ? 600 : 9996;
+    const int steps = asked ? std::atoi(asked) : test::sanitized || dimension == 3 ? 600 : 10002;
     const auto one = make_cpu_engine(shaken(dimension, true));
     const auto many = make_cpu_engine(with_ranks(shaken(dimension, true), ranks, -1, 1.1));
     std::set<std::uint64_t> all;
