@@ -126,8 +126,8 @@ AXES: tuple[Axis, ...] = (
         (1.0, 100.0), turning, limit=200.0, cheap=False,
     ),
     axis(
-        "turns, to 1e4", "1", "of a free square; its corners go at Mach 0.05", 100.0, None,
-        (100.0, 1e4), turning, limit=4000.0, on_demand=True, cheap=False,
+        "turns, to 1e4", "1", "of a free square; its corners go at Mach 0.05", 1e4, None,
+        (1e4, 1e4), turning, limit=4000.0, on_demand=True, cheap=False, also=(1e4,),
     ),
     *(
         axis(

@@ -145,6 +145,16 @@ def test_the_stiffest_body_limits_the_time_step_and_is_named() -> None:
     assert both.time_step == pytest.approx(0.4 * 0.1 / wave)
 
 
+def test_a_solid_faster_than_the_water_is_a_warning_with_its_price() -> None:
+    soft, both = build().plan(device="cpu"), build(solid=True).plan(device="cpu")
+    assert not soft.warnings
+    (told,) = both.warnings
+    steps = soft.time_step / both.time_step
+    assert "'block'" in told and f"{steps:.2g} times the steps" in told
+    assert f"youngs_modulus × {steps**-2:.2g} costs none" in told
+    assert f"warning: {told}" in str(both)
+
+
 @pytest.mark.parametrize("precision", ["single", "double"])
 def test_the_engine_holds_what_the_plan_said(precision: str) -> None:
     simulation = libmpm.Simulation(build(solid=True), device="cpu", precision=precision)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from libmpm._src import backends, checks
 from libmpm._src.checks_range import check_sweeps
+from libmpm._src.checks_steps import faster_than_water
 from libmpm._src.errors import SceneError
 from libmpm._src.lowering import check_backend, choose_device, choose_precision, lower
 from libmpm._src.supply import flow_rows
@@ -101,7 +102,7 @@ class Plan:
             raise SceneError(f"plan: until is {until!r}; expected a finite time ≥ 0 s, or None")
         self._result = dict(result)
         self._planes = checks.planes(scene)
-        self._warnings = checks.check_scene(scene)[1]
+        self._warnings = checks.check_scene(scene)[1] + faster_than_water(scene)
         spacings = {b["name"]: float(b["particle_spacing"]) for b in self._result["bodies"]}
         self._flows = flow_rows(scene, spacings)
         self._scene: dict[str, Any] = {
@@ -208,7 +209,7 @@ class Plan:
 
     @property
     def warnings(self) -> list[str]:
-        """What the scene's checks doubt."""
+        """What the scene's checks doubt, and solids that cost steps which its water needs not."""
         return list(self._warnings)
 
     @property
