@@ -32,12 +32,22 @@ def number(value: float | None) -> str:
     return "–" if value is None else f"{value:.3g}"
 
 
+def beyond(line: Line) -> str:
+    """Return the furthest of the single values beyond the end of an axis, where all of them hold."""
+    if line["side"] != "upper" or line["holds_to"] is None:
+        return ""
+    more = [(v, outcome) for v, outcome, *_ in line["probes"] if v > line["holds_to"]]
+    if not more or any(outcome != "holds" for _, outcome in more):
+        return ""
+    return f", also at {max(v for v, _ in more):.5g}"
+
+
 def span(line: Line | None) -> str:
     """Return how far a side holds, and how it breaks."""
     if line is None:
         return "–"
     if line["breaks_at"] is None:
-        held = number(line["holds_to"])
+        held = number(line["holds_to"]) + beyond(line)
         worse = "" if line["worst"] == "holds" else f"; {line['worst']} at {line['worst_at']:.3g}"
         return f"{held}{worse}"
     text = f"{number(line['holds_to'])}, then {line['outcome']}"
