@@ -8,7 +8,8 @@ sample is drawn by a seed and goes through the study engine; what has run is not
 `plateau` is the mean force over 20 to 80 % of 2 L / c_d over t_d v h_d √(ρ E_l) (eq. 6.9), and
 `ratio` over eq. 6.10 with the height of `design.spread_height`.
 
-Run:  python benchmarks/block_impacts.py --runs 525 --folder build/blocks --json FILE
+Run:  python benchmarks/block_impacts.py --runs 525 --folder build/blocks --json FILE \
+          --figure docs/figures/block_impacts.png
 """
 
 from __future__ import annotations
@@ -98,6 +99,31 @@ def summary(table: Any) -> dict[str, Any]:
     return found
 
 
+def draw(table: Any, path: Path) -> None:
+    """Draw the mean forces of all runs over (6.9) and over (6.10)."""
+    from matplotlib.figure import Figure
+
+    length, contact = np.asarray(table["length"]), np.asarray(table["contact"])
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    offset = np.random.default_rng(1).uniform(-0.9, 0.9, len(length))  # runs side by side
+    whole = contact == HEIGHT
+    left.plot((length + offset)[whole], np.asarray(table["plateau"])[whole], ".", ms=4)
+    left.set_title("whole front: over (6.9)")
+    for h in sorted(set(contact[~whole])):
+        one = contact == h
+        places = (length + offset)[one]
+        right.plot(places, np.asarray(table["ratio"])[one], ".", ms=4, label=f"{h:g} m of 3 m")
+    right.set_title("part of the front: over (6.10)")
+    right.legend(frameon=False)
+    for axes in (left, right):
+        axes.axhline(1, color="0.6", lw=0.8, zorder=0)
+        axes.set_xlabel("length of the block [m]")
+        axes.set_xticks(LENGTHS)
+    left.set_ylabel("mean force over the formula's")
+    figure.savefig(path, dpi=130)
+
+
 def main() -> None:
     """Run the sample, print the statistics and append them to a file if asked."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -107,6 +133,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("build/block_impacts"))
     parser.add_argument("--workers", type=int)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--figure", type=Path)
     a = parser.parse_args()
     study = libmpm.Study(
         a.folder, scene, sample(a.runs, a.seed, a.whole), until=until, response=response
@@ -126,6 +153,8 @@ def main() -> None:
     if a.json:
         with a.json.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line) + "\n")
+    if a.figure:
+        draw(table, a.figure)
 
 
 if __name__ == "__main__":

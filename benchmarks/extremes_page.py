@@ -33,7 +33,7 @@ def number(value: float | None) -> str:
 
 
 def beyond(line: Line) -> str:
-    """Return the furthest of the single values beyond the end of an axis, where all of them hold."""
+    """Return the furthest of the single values beyond an axis, where all of them hold."""
     if line["side"] != "upper" or line["holds_to"] is None:
         return ""
     more = [(v, outcome) for v, outcome, *_ in line["probes"] if v > line["holds_to"]]

@@ -152,7 +152,7 @@ def test_a_cells_particles_share_the_assumed_volume_rate(tmp_path):
 @pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("method", ["C0", "F0AL1", "NB", "F0"])
 def test_bar_in_equilibrium(tmp_path, method, free):
-    """Yang (2016) 3.6.1 with 10 kN/m: means of cells hold, what diffuses loses the stress."""
+    """T2, Yang (2016) 3.6.1 with 10 kN/m: means of cells hold, what diffuses loses the stress."""
     bar = Bar(
         tmp_path, 16, load=-10e3, courant=0.1, damping=0.02, modified=True, free=free,
         smoothing=libmpm.Smoothing(method=method), strain="static",
@@ -194,8 +194,8 @@ def rises(time, value):
 
 @pytest.mark.parametrize("free", [False, True])
 def test_bar_in_vibration(tmp_path, free):
-    """Yang (2016) 3.6.2 with 10 N/m, by theory: the end of a held bar swings between 0 and -2 q L
-    with 4 L / c, the middle of a free one between 0 and -q L / 2 with 2 L / c."""
+    """T3, Yang (2016) 3.6.2 with 10 N/m, by theory: the end of a held bar swings between 0 and
+    -2 q L with 4 L / c, the middle of a free one between 0 and -q L / 2 with 2 L / c."""
     lowest, period = (-8.0, 0.16) if free else (-32.0, 0.32)
     at = slice(93, 99) if free else slice(0, 3)  # of the cells beside the middle, or the first
     found = []

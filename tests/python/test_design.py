@@ -309,7 +309,7 @@ BLOCKS = np.array(
 
 
 def test_impacts_of_table_6_4() -> None:
-    """Both formulas give the printed digits for all six blocks, and stiffness and mass the same."""
+    """T9: both formulas give the digits for all six blocks, and stiffness and mass the same."""
     length, density, contact, pulse, force, by_pulse, by_areas, ratio = BLOCKS
     v, area, modulus = 0.8645, 0.15, 0.03e9
     mass = design.bar_mass(density=density, area=area, length=length)
