@@ -29,6 +29,7 @@ from libmpm._src.guard_report import (
     missing,
     moment,
     most_strained,
+    smoothing_remedy,
 )
 from libmpm._src.method import FBar
 from libmpm._src.parameters import wave_speed
@@ -61,6 +62,9 @@ SLOW = 0.3
 #: How much faster a node must be for a body to be looked at again that was found slow.
 AGAIN = 1.1
 
+#: Cells that a wave crosses, at least, in the time over which smoothing is judged.
+CROSSED = 100
+
 
 class Watch:
     """A guard at work on one simulation."""
@@ -78,11 +82,18 @@ class Watch:
         self._gravity = float(np.linalg.norm(initial_gravity(scene)))
         self._sound = [wave_speed(body.material) or math.inf for body in scene.bodies]
         self._exact = not any(_smooths_apart(body) for body in scene.bodies)
+        smoothed = [i for i, body in enumerate(scene.bodies) if body.smoothing is not None]
+        self._smoothed = smoothed if guard.smoothing is not None else []
+        #: What smoothing had taken in processes before this one, kg, by body: the engine's record
+        #: begins anew in each.
+        self._taken = {name: row[0] for name, row in self._memory.smoothing.items()}
         #: Why the run may not go on; empty while it may.
         self.broken = ""
 
     def memory(self) -> dict[str, Any]:
         """Return what it remembers as plain values."""
+        for number in self._smoothed:
+            self._record(number)
         return asdict(self._memory)
 
     def limit(self, steps: int) -> int:
@@ -105,6 +116,9 @@ class Watch:
         if memory.step < 0:
             self._begin()
         elif step % self.every == 0 and step > memory.step:
+            # Before what ends the run: it may be why.
+            for number in self._smoothed:
+                self._smooths(number)
             self._judge()
         else:
             return
@@ -150,6 +164,8 @@ class Watch:
         memory.packing = self._packing(now)
         self._count_from(now)
         self._take(now)
+        for number in self._smoothed:
+            self._record(number)
 
     def _count_from(self, now: Mapping[str, Any]) -> None:
         memory = self._memory
@@ -275,6 +291,43 @@ class Watch:
                     f"volume, or a higher bulk modulus; Guard(volume=...) or {OFF}"
                 )
         return ""
+
+    def _record(self, number: int) -> list[float]:
+        """Return what smoothing has done to a body: see `Memory.smoothing`."""
+        simulation = self._simulation
+        name = simulation.scene.bodies[number].name
+        row = self._memory.smoothing.setdefault(name, [0.0, 0.0, 0.0, simulation.time])
+        _, _, before, change, _ = simulation.engine.smoothing(number).T
+        row[0] = self._taken.get(name, 0.0) - float(change.sum())
+        row[1] = max(row[1], float(before.max(initial=0.0)))
+        return row
+
+    def _smooths(self, number: int) -> None:
+        """Warn of smoothing that takes more than its body holds, and is given it again."""
+        simulation, memory, bound = self._simulation, self._memory, self._guard.smoothing
+        body, sound = simulation.scene.bodies[number], self._sound[number]
+        taken, held, marked, since = row = self._record(number)
+        crossed = sound * (simulation.time - since) / simulation.scene.cell_size
+        # Half a step less than the whole count, for the sum of the steps' rounding.
+        if crossed + 0.5 * sound * simulation.dt / simulation.scene.cell_size < CROSSED:
+            return
+        row[2:] = taken, simulation.time
+        assert bound is not None and body.smoothing is not None
+        if body.name in memory.smooths or not math.isfinite(crossed):
+            return
+        if not taken - marked > bound * held * crossed / CROSSED:
+            return
+        memory.smooths.append(body.name)
+        warnings.warn(
+            f"body '{body.name}': since {since:.4g} s its smoothing '{body.smoothing.method}' took "
+            f"{taken - marked:.4g} kg of Σ m q², {(taken - marked) / held:.3g} times the most that "
+            f"the body has held, while a wave crossed {crossed:.0f} cells, {moment(simulation)}; "
+            f"expected at most {bound * crossed / CROSSED:.3g} times. Since the start it has taken "
+            f"{taken / held:.3g} times that: load and motion restore what it takes, and stresses "
+            f"are not those of the body's law. Remedy: {smoothing_remedy(body)}; "
+            f"Guard(smoothing=...), or None to leave it unwatched",
+            ModelWarning, stacklevel=5,
+        )  # fmt: skip
 
     def _packing(self, now: Mapping[str, Any]) -> float:
         """Return the density at the nodes by that of the particles' volumes; 1 where unknown.
