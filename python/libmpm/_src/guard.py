@@ -31,9 +31,9 @@ class Guard(Value):
     packing    1     > 0      excess of the density at the nodes, in scenes of water alone, over
                               that of the particles' own volumes
     mach       1     > 0      speed within a body, in parts of its sound speed
-    smoothing  1     > 0      energy Σ m q² that smoothing over cells takes from a body while a wave
-                              crosses 100 cells, in parts of the most that it has held; more is a
-                              `ModelWarning`, once a body, and ends nothing
+    smoothing  1     > 0      energy that smoothing over cells takes from a body while a wave
+                              crosses 100 cells, in parts of the most that the body held and of
+                              what has been released; more is a `ModelWarning`, once a body
     particles  -     -        whether particles are counted
     =========  ====  =======  ==============================================================
 
@@ -47,7 +47,7 @@ class Guard(Value):
     volume: float | None = 0.05
     packing: float | None = 0.5
     mach: float | None = 1.0
-    smoothing: float | None = 1.0
+    smoothing: float | None = 0.2
     particles: bool = True
 
     def _check(self, check: Checker) -> dict[str, Any]:

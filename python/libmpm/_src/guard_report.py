@@ -154,5 +154,5 @@ def smoothing_remedy(body: Body) -> str:
         ways.append("'C0', which moves nothing between cells")
     ways.append("more cells in the body")
     if body.material.table.stores_volume:
-        ways.append("FBar() instead of smoothing")
-    return ", ".join(ways)
+        ways += ["more particles per cell", "FBar() instead of smoothing"]
+    return "; ".join(ways)

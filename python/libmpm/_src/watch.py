@@ -116,10 +116,7 @@ class Watch:
         if memory.step < 0:
             self._begin()
         elif step % self.every == 0 and step > memory.step:
-            # Before what ends the run: it may be why.
-            for number in self._smoothed:
-                self._smooths(number)
-            self._judge()
+            self._judge(warns=True)
         else:
             return
         memory.step = step
@@ -189,12 +186,15 @@ class Watch:
 
     # What may not be --------------------------------------------------------------------------
 
-    def _judge(self) -> None:
+    def _judge(self, warns: bool = False) -> None:
         now = self._condition()
         if self._memory.changed:
             self._count_from(now)
         self._take(now)
         guard = self._guard
+        # Before what ends the run: it may be why.
+        for number in self._smoothed if warns else ():
+            self._smooths(number)
         found = self._lost() if guard.particles else ""
         found = found or self._unreal(now)
         if not found and guard.mach is not None:
@@ -303,30 +303,35 @@ class Watch:
         return row
 
     def _smooths(self, number: int) -> None:
-        """Warn of smoothing that takes more than its body holds, and is given it again."""
+        """Warn of smoothing that takes what a body must hold, again and again."""
         simulation, memory, bound = self._simulation, self._memory, self._guard.smoothing
         body, sound = simulation.scene.bodies[number], self._sound[number]
+        assert bound is not None and body.smoothing is not None
         taken, held, marked, since = row = self._record(number)
-        crossed = sound * (simulation.time - since) / simulation.scene.cell_size
-        # Half a step less than the whole count, for the sum of the steps' rounding.
-        if crossed + 0.5 * sound * simulation.dt / simulation.scene.cell_size < CROSSED:
+        cell = simulation.scene.cell_size
+        crossed = sound * (simulation.time - since) / cell
+        # Half a step for the rounding of the sum of steps.
+        if not crossed + 0.5 * sound * simulation.dt / cell > CROSSED:
             return
         row[2:] = taken, simulation.time
-        assert bound is not None and body.smoothing is not None
-        if body.name in memory.smooths or not math.isfinite(crossed):
-            return
-        if not taken - marked > bound * held * crossed / CROSSED:
+        # Waves of pressure carry ½ c² m q²; what moves and falls can become such a wave.
+        share = 0.5 * sound**2
+        there = share * held + memory.kinetic + memory.fallen
+        took, allowed = share * (taken - marked), bound * crossed / CROSSED * there
+        # What a start is not smooth by is taken once, and is no more than was held.
+        if body.name in memory.smooths or not (taken > held and took > allowed):
             return
         memory.smooths.append(body.name)
+        unit = "J" if simulation.dimension == 3 else "J/m"
         warnings.warn(
-            f"body '{body.name}': since {since:.4g} s its smoothing '{body.smoothing.method}' took "
-            f"{taken - marked:.4g} kg of Σ m q², {(taken - marked) / held:.3g} times the most that "
-            f"the body has held, while a wave crossed {crossed:.0f} cells, {moment(simulation)}; "
-            f"expected at most {bound * crossed / CROSSED:.3g} times. Since the start it has taken "
-            f"{taken / held:.3g} times that: load and motion restore what it takes, and stresses "
-            f"are not those of the body's law. Remedy: {smoothing_remedy(body)}; "
-            f"Guard(smoothing=...), or None to leave it unwatched",
-            ModelWarning, stacklevel=5,
+            f"body '{body.name}': smoothing '{body.smoothing.method}' has taken "
+            f"{taken / held:.3g} times the energy that the body held at most, "
+            f"{took:.4g} {unit} of it since {since:.4g} s, while a wave crossed {crossed:.0f} "
+            f"cells, {moment(simulation)}; expected at most {allowed:.4g} {unit}: {bound:g} for "
+            f"each {CROSSED} cells of the {there:.4g} {unit} that the body held at most and that "
+            "have been released. The body does not hold its stress: it gives way to its load. "
+            f"Remedy: {smoothing_remedy(body)}; Guard(smoothing=None) leaves it unwatched",
+            ModelWarning, stacklevel=6,
         )  # fmt: skip
 
     def _packing(self, now: Mapping[str, Any]) -> float:
