@@ -90,6 +90,7 @@ class Bar:
                 response=boundaries.Prescribed(components="x"),
                 motion=still,
             )
+        self.scene = scene
         told = lower(scene, precision="double", threads=1)
         if strain is not None:
             body = told["bodies"][0]

@@ -31,6 +31,9 @@ class Guard(Value):
     packing    1     > 0      excess of the density at the nodes, in scenes of water alone, over
                               that of the particles' own volumes
     mach       1     > 0      speed within a body, in parts of its sound speed
+    smoothing  1     > 0      energy that smoothing over cells takes from a body while a wave
+                              crosses 100 cells, in parts of the most that the body held and of
+                              what has been released; more is a `ModelWarning`, once a body
     particles  -     -        whether particles are counted
     =========  ====  =======  ==============================================================
 
@@ -44,6 +47,7 @@ class Guard(Value):
     volume: float | None = 0.05
     packing: float | None = 0.5
     mach: float | None = 1.0
+    smoothing: float | None = 0.2
     particles: bool = True
 
     def _check(self, check: Checker) -> dict[str, Any]:
@@ -51,7 +55,7 @@ class Guard(Value):
         found: dict[str, Any] = {}
         if self.every is not None:
             found["every"] = check.integer("every", self.every, lower=1)
-        for name in ("energy", "volume", "packing", "mach"):
+        for name in ("energy", "volume", "packing", "mach", "smoothing"):
             bound = getattr(self, name)
             if bound is not None:
                 found[name] = check.number(name, bound, lower=0, lower_open=True, remedy=remedy)

@@ -42,3 +42,8 @@ class Memory:
     #: were last looked at for it.
     warned: list[str] = field(default_factory=list)
     seen: dict[str, float] = field(default_factory=dict)
+    #: By body with smoothing over cells: energy Σ m q² that it has taken, and the most that the
+    #: body has held, kg; what it had taken when it was last judged, and that time, s.
+    smoothing: dict[str, list[float]] = field(default_factory=dict)
+    #: Bodies that have been warned of for it.
+    smooths: list[str] = field(default_factory=list)

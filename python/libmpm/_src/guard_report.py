@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from libmpm._src.parts import Body
     from libmpm._src.simulation import Simulation
 
 __all__ = ["OFF", "Offender", "energy_remedy", "fastest", "fastest_within", "in_words", "missing"]
-__all__ += ["moment", "most_strained"]
+__all__ += ["moment", "most_strained", "smoothing_remedy"]
 
 #: Ids shown in a message; the rest is counted.
 _SHOWN = 8
@@ -141,3 +142,17 @@ def energy_remedy(simulation: Simulation) -> str:
     if simulation.precision == "single":
         ways.append("precision='double'")
     return f"{'; '.join(ways)}; where the growth is meant, Guard(energy=...) or {OFF}"
+
+
+def smoothing_remedy(body: Body) -> str:
+    """Return what takes less from a body than its smoothing over cells, as a remedy."""
+    assert body.smoothing is not None
+    method, ways = body.smoothing.method, []
+    if method in ("F0", "NB"):
+        ways.append("a limiter, Smoothing(method='F0AL1')")
+    if method not in ("C0", "C1"):
+        ways.append("'C0', which moves nothing between cells")
+    ways.append("more cells in the body")
+    if body.material.table.stores_volume:
+        ways += ["more particles per cell", "FBar() instead of smoothing"]
+    return "; ".join(ways)

@@ -29,6 +29,7 @@ from libmpm._src.guard_report import (
     missing,
     moment,
     most_strained,
+    smoothing_remedy,
 )
 from libmpm._src.method import FBar
 from libmpm._src.parameters import wave_speed
@@ -61,6 +62,9 @@ SLOW = 0.3
 #: How much faster a node must be for a body to be looked at again that was found slow.
 AGAIN = 1.1
 
+#: Cells that a wave crosses, at least, in the time over which smoothing is judged.
+CROSSED = 100
+
 
 class Watch:
     """A guard at work on one simulation."""
@@ -78,11 +82,18 @@ class Watch:
         self._gravity = float(np.linalg.norm(initial_gravity(scene)))
         self._sound = [wave_speed(body.material) or math.inf for body in scene.bodies]
         self._exact = not any(_smooths_apart(body) for body in scene.bodies)
+        smoothed = [i for i, body in enumerate(scene.bodies) if body.smoothing is not None]
+        self._smoothed = smoothed if guard.smoothing is not None else []
+        #: What smoothing had taken in processes before this one, kg, by body: the engine's record
+        #: begins anew in each.
+        self._taken = {name: row[0] for name, row in self._memory.smoothing.items()}
         #: Why the run may not go on; empty while it may.
         self.broken = ""
 
     def memory(self) -> dict[str, Any]:
         """Return what it remembers as plain values."""
+        for number in self._smoothed:
+            self._record(number)
         return asdict(self._memory)
 
     def limit(self, steps: int) -> int:
@@ -105,7 +116,7 @@ class Watch:
         if memory.step < 0:
             self._begin()
         elif step % self.every == 0 and step > memory.step:
-            self._judge()
+            self._judge(warns=True)
         else:
             return
         memory.step = step
@@ -150,6 +161,8 @@ class Watch:
         memory.packing = self._packing(now)
         self._count_from(now)
         self._take(now)
+        for number in self._smoothed:
+            self._record(number)
 
     def _count_from(self, now: Mapping[str, Any]) -> None:
         memory = self._memory
@@ -173,12 +186,15 @@ class Watch:
 
     # What may not be --------------------------------------------------------------------------
 
-    def _judge(self) -> None:
+    def _judge(self, warns: bool = False) -> None:
         now = self._condition()
         if self._memory.changed:
             self._count_from(now)
         self._take(now)
         guard = self._guard
+        # Before what ends the run: it may be why.
+        for number in self._smoothed if warns else ():
+            self._smooths(number)
         found = self._lost() if guard.particles else ""
         found = found or self._unreal(now)
         if not found and guard.mach is not None:
@@ -275,6 +291,48 @@ class Watch:
                     f"volume, or a higher bulk modulus; Guard(volume=...) or {OFF}"
                 )
         return ""
+
+    def _record(self, number: int) -> list[float]:
+        """Return what smoothing has done to a body: see `Memory.smoothing`."""
+        simulation = self._simulation
+        name = simulation.scene.bodies[number].name
+        row = self._memory.smoothing.setdefault(name, [0.0, 0.0, 0.0, simulation.time])
+        _, _, before, change, _ = simulation.engine.smoothing(number).T
+        row[0] = self._taken.get(name, 0.0) - float(change.sum())
+        row[1] = max(row[1], float(before.max(initial=0.0)))
+        return row
+
+    def _smooths(self, number: int) -> None:
+        """Warn of smoothing that takes what a body must hold, again and again."""
+        simulation, memory, bound = self._simulation, self._memory, self._guard.smoothing
+        body, sound = simulation.scene.bodies[number], self._sound[number]
+        assert bound is not None and body.smoothing is not None
+        taken, held, marked, since = row = self._record(number)
+        cell = simulation.scene.cell_size
+        crossed = sound * (simulation.time - since) / cell
+        # Half a step for the rounding of the sum of steps.
+        if not crossed + 0.5 * sound * simulation.dt / cell > CROSSED:
+            return
+        row[2:] = taken, simulation.time
+        # Waves of pressure carry ½ c² m q²; what moves and falls can become such a wave.
+        share = 0.5 * sound**2
+        there = share * held + memory.kinetic + memory.fallen
+        took, allowed = share * (taken - marked), bound * crossed / CROSSED * there
+        # What a start is not smooth by is taken once, and is no more than was held.
+        if body.name in memory.smooths or not (taken > held and took > allowed):
+            return
+        memory.smooths.append(body.name)
+        unit = "J" if simulation.dimension == 3 else "J/m"
+        warnings.warn(
+            f"body '{body.name}': smoothing '{body.smoothing.method}' has taken "
+            f"{taken / held:.3g} times the energy that the body held at most, "
+            f"{took:.4g} {unit} of it since {since:.4g} s, while a wave crossed {crossed:.0f} "
+            f"cells, {moment(simulation)}; expected at most {allowed:.4g} {unit}: {bound:g} for "
+            f"each {CROSSED} cells of the {there:.4g} {unit} that the body held at most and that "
+            "have been released. The body does not hold its stress: it gives way to its load. "
+            f"Remedy: {smoothing_remedy(body)}; Guard(smoothing=None) leaves it unwatched",
+            ModelWarning, stacklevel=6,
+        )  # fmt: skip
 
     def _packing(self, now: Mapping[str, Any]) -> float:
         """Return the density at the nodes by that of the particles' volumes; 1 where unknown.
