@@ -259,7 +259,30 @@ class Simulation(Persistent, Sharing):
 
     @property
     def statistics(self) -> dict[str, Any]:
-        """Counters of the engine, such as the number of sorts."""
+        """Counters of the engine; of several ranks the sums of theirs, unless said otherwise.
+
+        ===============  ====  ================================================================
+        key              unit  meaning
+        ===============  ====  ================================================================
+        sorts, tables    1     sorts since the start, and those that made a new table of blocks;
+                               the same on all ranks
+        blocks           1     in the tables: with particles, and their neighbours
+        lone             1     particles that are treated one by one (CUDA, sparse bodies)
+        fastest_node     m/s   in the last step, of all ranks
+        drift            1     cells that a particle may have moved since the last sort
+        bytes            B     held now by particles, blocks and what goes to other ranks
+        most_bytes_used  B     CUDA: the most in use at a time
+        most_bytes_held  B     CUDA: the most held for use at a time
+        ranks            1     these and all below where there are several
+        imbalance        1     the largest load of a rank over the mean one, at the last sort
+        rebalances       1     sorts that moved cuts
+        migrated         1     changes of rank by particles
+        shared_blocks    1     blocks that others hold too, added up over ranks
+        bytes_of_sums    B     sums sent to other ranks since the start
+        ===============  ====  ================================================================
+
+        Grids of functions have their own (`docs/grids.md`).
+        """
         return dict(self.engine.statistics())
 
     @property

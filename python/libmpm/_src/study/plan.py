@@ -27,6 +27,7 @@ OPTIONS: Mapping[str, Any] = {
     "threads": None,
     "shared_device": False,
     "time_step": None,
+    "partition": None,
 }
 #: The options that change results; the others tell cases apart only where a row varies them.
 _PHYSICAL = ("precision", "pipeline", "shared_device", "time_step")
