@@ -1,6 +1,6 @@
 """How ranks are cut is the user's choice, and changes no bit.
 
-Expected duration: 3 s.
+Expected duration: 5 s.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def test_what_does_not_fit_the_scene():
         with pytest.raises(libmpm.SceneError, match=r"on one device, 'cpu'.*\['cpu', 'cpu'\], or"):
             libmpm.Simulation(flume(), device=device, partition=Partition())
     pair = ["cpu", "cpu"]
-    with pytest.raises(libmpm.SceneError, match="'z' in a scene of 2 .*use 'x' or 'y', 'curve'"):
+    with pytest.raises(libmpm.SceneError, match=r"'z' in a scene of 2 .*use 'x' or 'y', 'curve'"):
         libmpm.Simulation(flume(), device=pair, partition=Partition(cuts="z"))
     libmpm.Simulation(fake_engine.small_scene(), device=pair, partition=Partition(cuts="z"))
     with pytest.raises(libmpm.SceneError, match=r"partition is 'x'; expected Partition\("):
