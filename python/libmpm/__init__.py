@@ -35,6 +35,7 @@ from libmpm._src.errors import (
 from libmpm._src.field import Field
 from libmpm._src.guard import Guard
 from libmpm._src.method import FBar, Method
+from libmpm._src.partition import Partition
 from libmpm._src.placed_force import PlacedForce
 from libmpm._src.plan import Plan
 from libmpm._src.scene import Scene
@@ -70,6 +71,7 @@ __all__ = [
     "NumericalError",
     "Output",
     "OutputError",
+    "Partition",
     "PlacedForce",
     "Plan",
     "Results",

@@ -89,7 +89,9 @@ def _seconds(text: str) -> float:
 
 
 def _add_execution(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
+    parser.add_argument(
+        "--device", default="auto", help="auto, cpu, cuda, cuda:N, or several: cuda:0,cuda:1"
+    )
     parser.add_argument("--precision", default="auto", help="auto, single, mixed or double")
     parser.add_argument("--pipeline", default="auto", help="auto, fused, two-pass or phased")
     parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
@@ -108,6 +110,15 @@ def _add_writing(parser: argparse.ArgumentParser) -> None:
         help="do not look for energy from nowhere, crushed volumes and lost particles",
     )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    parser.add_argument(
+        "--cuts", choices=("x", "y", "z", "curve"),
+        help="several devices: parts by planes across an axis, or along a space-filling curve",
+    )  # fmt: skip
+    parser.add_argument(
+        "--rebalance-above", type=float, metavar="RATIO",
+        help="several devices: largest load over the mean above which cuts move; 0 = at every "
+        "sort, inf = never; default: 1.05",
+    )  # fmt: skip
 
 
 def _add_scaling(parser: argparse.ArgumentParser) -> None:
@@ -174,7 +185,7 @@ def _parser() -> argparse.ArgumentParser:
     resume = commands.add_parser("resume", help="continue a run after a stop or kill")
     resume.add_argument("path", type=Path, help="folder of the run, or a checkpoint file")
     resume.add_argument("-o", "--output", type=Path, help="another folder for the rest")
-    resume.add_argument("--device", help="default: the checkpoint's own")
+    resume.add_argument("--device", help="as of run; default: the checkpoint's own")
     _add_writing(resume)
 
     from libmpm._src.bench import add_arguments
@@ -210,8 +221,25 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _execution(arguments: argparse.Namespace) -> dict[str, Any]:
-    names = ("device", "precision", "pipeline", "threads")
-    return {name: getattr(arguments, name) for name in names}
+    names = ("precision", "pipeline", "threads")
+    chosen = {name: getattr(arguments, name) for name in names}
+    return chosen | {"device": _device(arguments.device)}
+
+
+def _device(text: str) -> str | list[str]:
+    """Return one device, or those between commas."""
+    return text.split(",") if "," in text else text
+
+
+def _partition(arguments: argparse.Namespace) -> Any:
+    """Return the partition that was asked for, or None."""
+    given = {"cuts": arguments.cuts, "rebalance_above": arguments.rebalance_above}
+    given = {name: word for name, word in given.items() if word is not None}
+    if not given:
+        return None
+    from libmpm._src.partition import Partition
+
+    return Partition(**given)
 
 
 def _scaling(arguments: argparse.Namespace) -> Any:
@@ -301,8 +329,9 @@ def _run_source(
         # What was cut off before its first checkpoint has nothing to go on from.
         overwrite = True
     simulation = start(
-        source, folder, overwrite=overwrite, guard=not arguments.no_guard, **_execution(arguments)
-    )
+        source, folder, overwrite=overwrite, guard=not arguments.no_guard,
+        partition=_partition(arguments), **_execution(arguments),
+    )  # fmt: skip
     return _finish(simulation, until, arguments)
 
 
@@ -337,9 +366,12 @@ def _go_on(
     from libmpm._src.output.writer import Output
     from libmpm._src.simulation import Simulation
 
-    device = None if arguments.device == "auto" else arguments.device
+    named = arguments.device
     simulation = Simulation.resume(
-        path, device=device, guard=None if arguments.no_guard else "same"
+        path,
+        device=None if named in (None, "auto") else _device(named),
+        guard=None if arguments.no_guard else "same",
+        partition=_partition(arguments) or "same",
     )
     recorded = simulation.recorded_output()
     folder = output or (path if path.is_dir() else None)

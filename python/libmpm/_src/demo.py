@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
 from libmpm._src import report
+from libmpm._src.partition import Partition
 from libmpm._src.runfile import RunFile, read_run_file
 from libmpm._src.simulation import Simulation
 
@@ -27,12 +29,13 @@ def start(
     source: RunFile,
     folder: Path,
     *,
-    device: str = "auto",
+    device: str | Sequence[str] = "auto",
     precision: str = "single",
     pipeline: str = "auto",
     threads: int = 0,
     overwrite: bool = False,
     guard: bool = True,
+    partition: Partition | None = None,
 ) -> Simulation:
     """Return the simulation of a scene file that writes into `folder`."""
     simulation = Simulation(
@@ -42,6 +45,7 @@ def start(
         pipeline=pipeline,
         threads=threads,
         guard=guard,
+        partition=partition,
         output=source.settings.output(folder, overwrite=overwrite),
     )
     simulation.run_settings = source.settings.to_dict()

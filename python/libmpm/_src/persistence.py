@@ -18,6 +18,7 @@ from libmpm._src.looking import Looking
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.together import open_together
 from libmpm._src.output.writer import Output, Writer
+from libmpm._src.partition import Partition, recorded_partition
 from libmpm._src.scene import Scene
 from libmpm._src.sensing.custom import storable
 
@@ -116,6 +117,7 @@ class Persistent(Looking):
             "device": run.device,
             "ranks": run.ranks,
             "devices": run._backend.devices,
+            "partition": None if run.partition is None else run.partition.to_dict(),
             "precision": run.precision,
             "pipeline": run.pipeline,
             "threads": run._requested["threads"],
@@ -147,6 +149,7 @@ class Persistent(Looking):
         functions: Mapping[str, Callable[[Any], Any]] | None = None,
         guard: Guard | bool | Literal["same"] | None = "same",
         ranks: str | None = None,
+        partition: Partition | Literal["same"] | None = "same",
     ) -> Simulation:
         """Continue from a checkpoint file, or from the newest whole one in a run's folder.
 
@@ -156,6 +159,8 @@ class Persistent(Looking):
         the checkpoint's time: samples, frames and checkpoints after it are removed. `functions`
         are those of `sensors.Custom` sensors, by name. `guard` "same" goes on watching as the run
         before did. `ranks` "processes" goes on in the processes that a launcher has started.
+        `partition` "same" cuts as the run before did, where several ranks go on; at the start the
+        cuts are made for the state of the checkpoint.
         """
         _, source = checkpoints.find_newest(Path(path), checkpoints.load_checkpoint)
         header = source.header
@@ -166,9 +171,10 @@ class Persistent(Looking):
             chosen = recorded if device is None else device
         elif device is None and header.get("ranks", 1) > 1:
             chosen = header.get("devices") or [chosen] * header["ranks"]
-        same = (
-            backends.select(chosen) if ranks is None else backends.select_process(chosen)
-        ).kind == recorded
+        backend = backends.select(chosen) if ranks is None else backends.select_process(chosen)
+        same = backend.kind == recorded
+        if partition == "same":
+            partition = recorded_partition(header, backend)
         if guard == "same":
             recorded_guard = header.get("guard", Guard().to_dict())
             guard = None if recorded_guard is None else Guard.from_dict(recorded_guard)
@@ -185,6 +191,7 @@ class Persistent(Looking):
             functions=functions,
             guard=guard,
             ranks=ranks,
+            partition=partition,
         )
         simulation._restored = source
         simulation.run_settings = header.get("run") or {}

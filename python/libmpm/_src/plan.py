@@ -41,7 +41,7 @@ RATE_ON_FUNCTIONS = 5e5
 def build_plan(
     scene: Scene,
     *,
-    device: str = "auto",
+    device: str | Sequence[str] = "auto",
     precision: str = "auto",
     pipeline: str = "auto",
     until: float | None = None,
@@ -50,6 +50,8 @@ def build_plan(
     shared_device: bool = False,
 ) -> Plan:
     """Return the plan of a scene; the device need not exist on this machine.
+
+    Of several devices it is that of all on the first.
 
     Raises `SceneError`, warns as `Scene.validate`.
     """

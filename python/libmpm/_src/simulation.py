@@ -33,6 +33,7 @@ from libmpm._src.lowering import (
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.sensor_file import Series
 from libmpm._src.output.writer import Output, Writer
+from libmpm._src.partition import Partition, as_partition, told_ranks
 from libmpm._src.persistence import Persistent
 from libmpm._src.plan import Plan, build_plan
 from libmpm._src.progress import Progress, State, reporter
@@ -79,6 +80,9 @@ class Simulation(Persistent, Sharing):
         "processes" shares the scene among the processes that `mpirun`, `srun` or `torchrun` has
         started: each makes this simulation and all the same calls, and has a part of the particles.
         None: by `device` alone, whatever has started this process.
+    partition
+        Where several ranks share the scene: how its blocks are cut, and when anew, a `Partition`.
+        None has it chosen. The results have the same bits with any.
     shared_device
         True where other simulations run on the same CUDA device at the same time: together they
         are faster, one alone is slower. Results differ from those without it by rounding, and are
@@ -110,6 +114,7 @@ class Simulation(Persistent, Sharing):
         functions: Mapping[str, Callable[[Any], Any]] | None = None,
         guard: Guard | bool | None = True,
         ranks: str | None = None,
+        partition: Partition | None = None,
     ) -> None:
         """Check the request; nothing is allocated yet."""
         self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
@@ -126,6 +131,7 @@ class Simulation(Persistent, Sharing):
             self._scene, device, threads, ranks
         )
         check_backend(self._backend.kind, precision)
+        self._partition = as_partition(partition, self._backend, self._scene.dimension)
         self._guard = as_guard(guard)
         self._watch: Watch | None = None
         self._output = Output(output) if isinstance(output, str | Path) else output
@@ -253,7 +259,30 @@ class Simulation(Persistent, Sharing):
 
     @property
     def statistics(self) -> dict[str, Any]:
-        """Counters of the engine, such as the number of sorts."""
+        """Counters of the engine; of several ranks the sums of theirs, unless said otherwise.
+
+        ===============  ====  ================================================================
+        key              unit  meaning
+        ===============  ====  ================================================================
+        sorts, tables    1     sorts since the start, and those that made a new table of blocks;
+                               the same on all ranks
+        blocks           1     in the tables: with particles, and their neighbours
+        lone             1     particles that are treated one by one (CUDA, sparse bodies)
+        fastest_node     m/s   in the last step, of all ranks
+        drift            1     cells that a particle may have moved since the last sort
+        bytes            B     held now by particles, blocks and what goes to other ranks
+        most_bytes_used  B     CUDA: the most in use at a time
+        most_bytes_held  B     CUDA: the most held for use at a time
+        ranks            1     these and all below where there are several
+        imbalance        1     the largest load of a rank over the mean one, at the last sort
+        rebalances       1     sorts that moved cuts
+        migrated         1     changes of rank by particles
+        shared_blocks    1     blocks that others hold too, added up over ranks
+        bytes_of_sums    B     sums sent to other ranks since the start
+        ===============  ====  ================================================================
+
+        Grids of functions have their own (`docs/grids.md`).
+        """
         return dict(self.engine.statistics())
 
     @property
@@ -327,6 +356,11 @@ class Simulation(Persistent, Sharing):
         """How many ranks share the scene."""
         return self._backend.ranks
 
+    @property
+    def partition(self) -> Partition | None:
+        """How the ranks' cuts are made, as asked for; None where the engine chooses."""
+        return self._partition
+
     # Construction on first use ----------------------------------------------------------------
 
     @property
@@ -346,12 +380,7 @@ class Simulation(Persistent, Sharing):
                     shell=start is not None and self._loads_state, **self._requested,
                 )  # fmt: skip
             self._initial.into(specification)
-            if self.ranks > 1:
-                specification["ranks"] = {"count": self.ranks}
-                if self._backend.link is not None:
-                    specification["ranks"]["processes"] = self._backend.link.process
-                if self._backend.indices:
-                    specification["ranks"]["devices"] = list(self._backend.indices)
+            specification |= told_ranks(self._backend, self._partition)
             saved = self._restored if self._loads_state else None
             if saved is not None:
                 specification |= saved.stored_as()

@@ -208,7 +208,7 @@ def _columns(x: Any) -> bool:
 
 
 #: What the headers of older versions lack.
-_LATER = ("run", "shared_device", "displaced", "until", "output", "guard", "arrays")
+_LATER = ("run", "shared_device", "displaced", "until", "output", "guard", "arrays", "partition")
 
 #: What a header must hold: key -> (test, in words).
 _HEADER: dict[str, tuple[Callable[[Any], bool], str]] = {
@@ -230,6 +230,7 @@ _HEADER: dict[str, tuple[Callable[[Any], bool], str]] = {
     "until": (lambda x: x is None or _number(x), "seconds"),
     "output": (lambda x: x is None or isinstance(x, dict), "settings of an Output"),
     "guard": (lambda x: x is None or isinstance(x, dict), "settings of a Guard"),
+    "partition": (lambda x: x is None or isinstance(x, dict), "settings of a Partition"),
     "arrays": (lambda x: isinstance(x, dict), "shapes by name"),
     "numbers": (lambda x: isinstance(x, dict), "an object"),
     "columns": (_columns, "names and units of every sensor"),

@@ -199,7 +199,7 @@ class Runner:
             "parameters": {
                 "parameters": plain(item.parameters),
                 "until": what.until,
-                "options": options,
+                "options": plain(options),
                 "trunk": what.trunk,
             },
             "study_run": self._name,

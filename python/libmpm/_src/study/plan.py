@@ -15,7 +15,7 @@ from libmpm._src.scene import Scene
 from libmpm._src.sensing.custom import check_storable
 from libmpm._src.study.files import CHECKPOINT, STATUS, TRUNKS, glance
 from libmpm._src.study.rows import accepts, call_with, describe, digest, lacking
-from libmpm._src.values import Checker, nearest
+from libmpm._src.values import Checker, nearest, plain
 
 __all__ = ["OPTIONS", "Plan", "Planner", "Resolved", "Trunk"]
 
@@ -27,6 +27,7 @@ OPTIONS: Mapping[str, Any] = {
     "threads": None,
     "shared_device": False,
     "time_step": None,
+    "partition": None,
 }
 #: The options that change results; the others tell cases apart only where a row varies them.
 _PHYSICAL = ("precision", "pipeline", "shared_device", "time_step")
@@ -180,7 +181,7 @@ class Planner:
             handed = {"checkpoint": self.folder / TRUNKS / trunk / CHECKPOINT}
         scene = _scene(self.factory(**handed, **parameters), "the factory")
         options = self._options(row, scene)
-        axes = {k: row[k] for k in self.run_axes if k in row and k not in _PHYSICAL}
+        axes = {k: plain(row[k]) for k in self.run_axes if k in row and k not in _PHYSICAL}
         until = _seconds(self.until, parameters)
         _check_end(scene, until, "trunk" if trunk else "checkpoint")
         content = _content(scene, until, options) | {"axes": axes, "trunk": trunk}

@@ -55,7 +55,8 @@ class Study:
                                 for `response` = costs only
     trunk                -      a `Trunk` that cases share; None = none
     options              -      options of `Simulation` (device, precision, pipeline, threads,
-                                shared_device, time_step) as a mapping, or a callable as for `until`
+                                shared_device, time_step, partition) as a mapping, or a callable as
+                                for `until`
     run_axes             -      names of such options that rows carry, beside the parameters of
                                 the factory: ("device", "precision")
     frame_interval       s      as in `Output`, like the two below; None = no frames
@@ -70,8 +71,8 @@ class Study:
     bodies to the simulation. A row whose factory raises is a failed row; the others go on.
 
     A case lies in ``cases/<hash>``, named by what decides its results: scene, end, precision, time
-    step, pipeline and trunk. Device and threads count only where rows vary them. Rows that come to
-    the same case share its folder and its run. Raises `SceneError` with all problems.
+    step, pipeline and trunk. Device, threads and partition count only where rows vary them. Rows
+    that come to the same case share its folder and its run. Raises `SceneError` with all problems.
     """
 
     @keywords_only("Study", 3)

@@ -265,7 +265,10 @@ class _Attempt:
             return None
         try:
             made = Simulation.resume(
-                self._folder, device=self._task["options"]["device"], output=output
+                self._folder,
+                device=self._task["options"]["device"],
+                output=output,
+                partition=self._task["options"]["partition"] or "same",
             )
         except CheckpointError as error:
             warnings.warn(f"{error}; the case starts again", stacklevel=2)
