@@ -1,6 +1,6 @@
 """Several ranks share a scene: the bits of one, files as of one, resumed on another number.
 
-Expected duration: 10 s.
+Expected duration: 30 s.
 """
 
 from __future__ import annotations
@@ -24,6 +24,13 @@ CASES: dict[str, dict[str, Any]] = {
     "vortex": {"cells": 16, "turnovers": 0.3},
     "slope-basin": {"until": 1.0},
     "pump-current": {"until": 1.0},
+    "tank": {"cells": 16, "steps": 1000},
+    "buoyancy": {"until": 0.05},
+    "dam-break": {"cells": 12, "until": 3.0},
+    "ritter": {"cells": 10},
+    "incline": {"cells": 4},
+    "block-impact": {},
+    "column-collapse": {"cells": 16, "duration": 1.5},
 }
 
 
