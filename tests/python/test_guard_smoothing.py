@@ -37,8 +37,8 @@ def warned(run):
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         run()
-    assert all(w.category is libmpm.ModelWarning for w in seen)
-    return [str(w.message) for w in seen]
+    # What the collector finds of earlier tests, files left open say, is warned of meanwhile.
+    return [str(w.message) for w in seen if issubclass(w.category, libmpm.ModelWarning)]
 
 
 @pytest.mark.parametrize("method", ["F0", "NB"])
