@@ -78,6 +78,10 @@ private:
     void end(int rank, const std::string& how);
     /// Ends the work of all where a rank that this one waits for has ended.
     void miss(int rank);
+    /// Throws `RankStopped` where one has stopped.
+    void end_if_stopped();
+    /// Tells all others why.
+    void tell() noexcept;
     [[noreturn]] void missing(const std::vector<int>& ranks, const std::string& what) const;
     void close_all() noexcept;
 

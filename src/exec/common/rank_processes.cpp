@@ -232,7 +232,7 @@ void RankProcesses::find_locals(const std::vector<std::string>& hosts) {
 }
 
 std::vector<Bytes> RankProcesses::exchange(std::vector<Bytes> to, const std::vector<int>& peers) {
-    if (stopped_) throw RankStopped(why_);
+    end_if_stopped();
     std::vector<Bytes> in(peers_.size());
     for (int p : peers) {
         Outgoing out;
@@ -253,7 +253,7 @@ std::vector<Bytes> RankProcesses::exchange(std::vector<Bytes> to, const std::vec
         }
         // First: a faster rank may have ended its work behind the last message to this one.
         if (awaited.empty()) break;
-        if (stopped_) throw RankStopped(why_);
+        end_if_stopped();
         if (move(sockets::slice)) continue;
         if (began == 0) began = now();
         ask(awaited, began);
@@ -285,13 +285,13 @@ void RankProcesses::ask(const std::vector<int>& awaited, double& began) {
 
 void RankProcesses::check() {
     move(0);
-    if (stopped_) throw RankStopped(why_);
+    end_if_stopped();
 }
 
 void RankProcesses::check_awaited(const std::vector<int>& ranks) {
     move(0);
     for (int p : ranks) miss(p);
-    if (stopped_) throw RankStopped(why_);
+    end_if_stopped();
 }
 
 void RankProcesses::miss(int rank) {
@@ -302,15 +302,31 @@ void RankProcesses::miss(int rank) {
 }
 
 void RankProcesses::stop(const std::string& why) noexcept {
-    if (stopped_) return;  // all have been told, by this rank or by the one that it heard it from
-    stopped_ = told_ = true;
+    if (stopped_) return;  // all have been told, or will be before this rank ends
+    stopped_ = true;
     try {
         why_ = why;
+    } catch (...) {
+    }
+    tell();
+}
+
+/// What was heard is passed on before this rank ends: others would find its connection closed, and
+/// not know why, if the word of who stopped came to them later.
+void RankProcesses::end_if_stopped() {
+    if (!stopped_) return;
+    if (!told_) tell();
+    throw RankStopped(why_);
+}
+
+void RankProcesses::tell() noexcept {
+    told_ = true;
+    try {
         for (Peer& p : peers_) {
             if (p.socket < 0 || p.ended) continue;
             Outgoing out;
-            out.header = {Kind::stop, 0, why.size()};
-            out.bytes.assign(why.begin(), why.end());
+            out.header = {Kind::stop, 0, why_.size()};
+            out.bytes.assign(why_.begin(), why_.end());
             p.out.push_back(std::move(out));
         }
         const double ends = now() + seconds_to_tell;
