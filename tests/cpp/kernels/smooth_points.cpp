@@ -1,5 +1,6 @@
-// T1 of Yang (2016): smoothing of a bar's strain, pass after pass: the index I_E against values from
-// an independent implementation, and what holds of every form in one, two and three dimensions.
+// T1 of Yang (2016): smoothing of a bar's strain, pass after pass: the index I_E against values
+// from an independent implementation, and what holds of every form in one, two and three
+// dimensions.
 #include "mpm/kernels/cpu/smooth_points.hpp"
 
 #include <gtest/gtest.h>
