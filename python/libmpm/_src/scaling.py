@@ -185,8 +185,8 @@ UNITS: dict[str, dict[str, str]] = {
 #: Values that never are part of a scene: recipes that make bodies, and ratios.
 OUTSIDE = frozenset(
     {
-        "DebrisField", "Froude", "Guard", "Piece", "Placement", "Prototype", "SpreadAngles",
-        "UniformAngles",
+        "DebrisField", "Froude", "Guard", "Partition", "Piece", "Placement", "Prototype",
+        "SpreadAngles", "UniformAngles",
     }
 )  # fmt: skip
 
