@@ -131,8 +131,21 @@ class Runner:
         most = len(self.arguments.devices)
         return [n for n in self.arguments.counts or (1, 2, 4, 8) if n <= most]
 
-    def run(self, case: str, sized: Sized, ranks: int, steps: int, *, bits: bool = False) -> Line:
-        """Run a scene on the first `ranks` devices until the steps or the seconds are over."""
+    def run(
+        self,
+        case: str,
+        sized: Sized,
+        ranks: int,
+        steps: int,
+        *,
+        bits: bool = False,
+        partition: libmpm.Partition | None = None,
+    ) -> Line:
+        """Run a scene on the first `ranks` devices until the steps or the seconds are over.
+
+        With `bits` all steps are made, and positions digested; with a `partition` of its own all
+        steps are made, and the most uneven share at the end of a chunk is told.
+        """
         scene, time_step = sized
         names = self.arguments.devices[:ranks]
         began = time.perf_counter()
@@ -142,7 +155,11 @@ class Runner:
             kind = names[0].partition(":")[0]
             where = {"device": mine or kind, "ranks": "processes"}
         simulation = libmpm.Simulation(
-            scene, time_step=time_step, precision=self.arguments.precision, **where
+            scene,
+            time_step=time_step,
+            precision=self.arguments.precision,
+            partition=partition,
+            **where,
         )
         names = simulation._backend.devices
         try:
@@ -152,12 +169,16 @@ class Runner:
             before, at = simulation.statistics, simulation.timings
             started = time.perf_counter()
             marks = [(0, 0.0)]
+            shares = [float(before.get("imbalance", 1.0))]
             while marks[-1][0] < steps:
-                over = not bits and marks[-1][1] >= self.arguments.seconds
+                whole = bits or partition is not None
+                over = not whole and marks[-1][1] >= self.arguments.seconds
                 if simulation._agreed("over" if over else ""):
                     break
                 simulation.step(min(CHUNK, steps - marks[-1][0]))
                 marks.append((simulation.steps - WARM, time.perf_counter() - started))
+                if partition is not None:
+                    shares.append(float(simulation.statistics.get("imbalance", 1.0)))
             done, seconds = marks[-1]
             after = simulation.statistics
             count = sum(simulation.totals())
@@ -202,6 +223,8 @@ class Runner:
                 "tables_s": simulation.timings.get("tables", 0.0) - at.get("tables", 0.0),
                 "rebalances": after.get("rebalances", 0),
                 "imbalance": after.get("imbalance", 1.0),
+                "most_imbalance": max(shares) if partition is not None else None,
+                "partition": None if partition is None else repr(partition),
                 "grid_blocks": after.get("blocks"),
                 "planned_bytes": simulation.plan.memory_total,
                 "most_bytes_held": after.get("most_bytes_held"),
@@ -262,6 +285,16 @@ def small(runner: Runner) -> Iterator[Line]:
     yield from split(runner, 8e6, "8 M")
 
 
+def spreading(runner: Runner) -> Iterator[Line]:
+    """A dam break of 8 M across planes: with the cuts that it starts with, and moving ones."""
+    for limit in (None, libmpm.Partition().rebalance_above):
+        partition = libmpm.Partition(cuts="x", rebalance_above=limit)
+        name = f"spreading: 8 M, cuts {'stay' if limit is None else 'move'}"
+        sized = collapse(runner.size(8e6))
+        steps = runner.arguments.mixing_steps
+        yield runner.run(name, sized, runner.counts()[-1], steps, partition=partition)
+
+
 def mixing(runner: Runner) -> Iterator[Line]:
     """A collapse of 1 M that runs long: ids checked, and the bits of one device."""
     first = None
@@ -276,7 +309,7 @@ def mixing(runner: Runner) -> Iterator[Line]:
 
 CASES: dict[str, Callable[[Runner], Iterator[Line]]] = {
     "mixing": mixing, "small": small, "strong": strong, "weak": weak, "large": large,
-    "capacity": capacity,
+    "capacity": capacity, "spreading": spreading,
 }  # fmt: skip
 
 
