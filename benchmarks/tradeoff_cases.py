@@ -102,7 +102,7 @@ class Measured:
 
     def applies(self, option: Option, size: str = "small") -> bool:
         """Return whether an option changes anything here, and is worth its time."""
-        if size not in self.sizes:
+        if size not in self.sizes or (size == "device" and option.of_the_cpu()):
             return False
         finest = self.finest if size == "small" else min(self.finest, 2.0)
         changed = option.group in CHANGING

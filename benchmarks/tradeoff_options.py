@@ -72,6 +72,10 @@ class Option:
             layer=self.layer,
         )
 
+    def of_the_cpu(self) -> bool:
+        """Return whether other backends refuse it."""
+        return self.kernel.name in ("cpdi", "ddmp") or self.assumed is not None
+
     def over_cells(self) -> dict[str, Any]:
         """Return what a body is told of smoothing over cells and of assumed fields."""
         made: dict[str, Any] = {}
