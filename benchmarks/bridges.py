@@ -6,8 +6,10 @@
     python benchmarks/bridges.py --device cpu --bulk-modulus 1e6 --budget 900
     python benchmarks/bridges.py --page                    figures and tables of docs/bridges.md
 
-V7: the models of table 5.3 with F-bar, F0AL1 and NB. V8: the deck a cell above the still water,
-without debris, and a tenth of the modulus of water against all of it. V9: blocks of table 6.1.
+V7: the models of table 5.3 with F-bar, F0AL1 and NB, all with FLIP, and with F-bar and APIC. V8:
+the deck a cell above the still water, without debris, and a tenth of the modulus of water against
+all of it. V9: blocks of table 6.1. K: loads of M1 until 1.5 s by modulus, cells and transfer, on
+one core: --cases K --device cpu.
 
 One JSON line a run is appended to --output; what it has for the same kind of device and modulus is
 left out, so that a stopped command goes on when it is given again; `--again` measures anew. No
@@ -55,7 +57,13 @@ KEPT = 0.05  # s, of histories
 
 #: Of water, in the source's damming runs and as it is, Pa.
 SOFT, REAL = 0.22e9, 2.2e9
-METHODS = ("fbar", "F0AL1", "NB")
+METHODS = ("FLIP NB", "FLIP F0AL1", "FLIP fbar", "fbar")
+#: Those of V8 and V9; those of K, with the moduli of each, Pa.
+FEW = ("FLIP NB", "FLIP fbar")
+LADDER = {
+    "M1": dict.fromkeys(("fbar", "NB", *METHODS[:3]), (1e6, 1e7, 1e8)),
+    "M1-R": dict.fromkeys(("fbar", "NB", *FEW), (1e6, 1e7)),
+}
 
 
 @dataclass(frozen=True)
@@ -80,11 +88,11 @@ def jobs(cases: Sequence[str], modulus: float) -> list[Job]:
     """Return the runs of some cases, the cheap ones first."""
     found = []
     if "V9" in cases:
-        for method in ("NB", "fbar"):
+        for method in FEW:
             for model, blocks in (("I", tuple(BLOCKS)), ("II", ("B1", "B2", "B3", "B5"))):
                 found += [Job("V9", model, method, modulus, 3.0, b) for b in ("", *blocks)]
     if "V8" in cases:
-        found += [Job("V8", "II", m, modulus, 6.0) for m in ("NB", "fbar")]
+        found += [Job("V8", "II", m, modulus, 6.0) for m in FEW]
     if "V7" in cases:
         for model in ("F1", "F2", "F3", "F1-R"):
             found += [Job("V7", model, m, modulus, 2.0) for m in METHODS]
@@ -92,10 +100,13 @@ def jobs(cases: Sequence[str], modulus: float) -> list[Job]:
             found += [Job("V7", model, m, modulus, 6.0) for m in METHODS]
     # Ten times the modulus: what it changes.
     if "V8" in cases:
-        found += [Job("V8", "II", m, 10 * modulus, 6.0) for m in ("NB", "fbar")]
+        found += [Job("V8", "II", m, 10 * modulus, 6.0) for m in FEW]
     if "V7" in cases:
         found += [Job("V7", "M1-L", m, 10 * modulus, 6.0) for m in METHODS]
-    return found
+    if "K" in cases:
+        for model, ladder in LADDER.items():
+            found += [Job("K", model, m, k, 1.5) for m, some in ladder.items() for k in some]
+    return sorted(found, key=lambda job: job.case == "K" and steps(job))
 
 
 def steps(job: Job) -> float:
@@ -165,7 +176,8 @@ def front(sim: libmpm.Simulation, model: Model) -> dict[str, float]:
 def deck_values(sim: libmpm.Simulation, model: Model) -> dict[str, float]:
     """Return forces of a deck in N, and what the text of the source speaks about.
 
-    "first" is until 0.5 s after the front is due at the deck, "late" from 2 s on.
+    "first" is until 0.5 s after the front is due at the deck, "middle" from 0.8 to 1.45 s, "late"
+    from 2 s on.
     """
     bore = model.state()
     due = FRONT / bore.speed if model.bore else 0.0
@@ -175,6 +187,7 @@ def deck_values(sim: libmpm.Simulation, model: Model) -> dict[str, float]:
     for name, force in (("x", across), ("y", up)):
         first = (force.time > 0.1) & (force.time < due + 0.5)
         late = force.time > 2.0
+        found[f"middle_{name}"] = between(force.time, force.value, 0.8, 1.45)
         if first.any():
             found[f"first_{name}"] = float(force.value[first].max())
         if late.any():
@@ -351,7 +364,7 @@ def main() -> int:
     )
     parser.add_argument("--cases", nargs="+", default=["V7", "V8", "V9"])
     parser.add_argument("--device", default="cuda", help="cpu or cuda:N")
-    parser.add_argument("--methods", nargs="+", default=METHODS, help=", ".join(METHODS))
+    parser.add_argument("--methods", nargs="+", help=", ".join((*METHODS, "NB")))
     parser.add_argument("--only", default="", help="part of the names of runs")
     parser.add_argument("--bulk-modulus", type=float, default=SOFT, help="Pa")
     parser.add_argument("--until", type=float, help="s simulated, in place of 3 or 6")
@@ -368,7 +381,9 @@ def main() -> int:
         bridges_page.write(a.output)
         return 0
     chosen = [
-        j for j in jobs(a.cases, a.bulk_modulus) if a.only in j.name and j.method in a.methods
+        j
+        for j in jobs(a.cases, a.bulk_modulus)
+        if a.only in j.name and j.method in (a.methods or [j.method])
     ]
     if a.until is not None:
         chosen = [Job(**{**asdict(j), "until": a.until}) for j in chosen]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bridges import METHODS, SOFT
+from bridges import FEW, LADDER, METHODS, SOFT
 from bridges_scenes import BLOCKS, DENSITY, MODELS, TABLE, Model, net_area
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -20,8 +20,17 @@ PAGE, FIGURES = ROOT / "docs" / "bridges.md", ROOT / "docs" / "figures"
 MARKS = "<!-- {} of benchmarks/bridges.py -->", "<!-- end of {} -->"
 #: Load of model II without a block, N: a number of the text.
 STEADY = {"II": "120"}
-NAMES = {"fbar": "F-bar", "F0AL1": "F0AL1", "NB": "NB"}
-COLOURS = {"fbar": "tab:blue", "F0AL1": "tab:orange", "NB": "tab:green"}
+NAMES = {
+    "fbar": "F-bar, APIC", "NB": "NB, APIC", "FLIP fbar": "F-bar", "FLIP F0AL1": "F0AL1",
+    "FLIP NB": "NB",
+}  # fmt: skip
+LONG = NAMES | {m: f"{NAMES[m]}, FLIP" for m in METHODS if m.startswith("FLIP")}
+COLOURS = {
+    "fbar": "tab:red",
+    "FLIP fbar": "tab:blue",
+    "FLIP F0AL1": "tab:orange",
+    "FLIP NB": "tab:green",
+}
 
 
 class Lines:
@@ -122,6 +131,22 @@ def moduli(lines: Lines) -> list[list[str]]:
     return rows
 
 
+def ladder(path: Path) -> list[list[str]]:
+    """Return the load of M1 from 0.8 to 1.45 s by modulus, cells and transfer, on one core."""
+    found = {
+        (x["model"], x["method"], x["bulk_modulus"]): x for x in load(path) if x["case"] == "K"
+    }
+    moduli = (1e6, 1e7, 1e8)
+    rows = [["model", "method", *(f"F_x at {k:.0e} Pa" for k in moduli), "s on one core"]]
+    for model, methods in LADDER.items():
+        for method in methods:
+            lines = [found.get((model, method, k)) for k in moduli]
+            if any(lines):
+                took = ", ".join(f"{x['seconds']:.0f}" for x in lines if x)
+                rows.append([model, LONG[method], *(value(x, "middle_x") for x in lines), took])
+    return rows
+
+
 def exponent(points: Iterable[tuple[float, float]]) -> tuple[float, float]:
     """Return exponent and R² of force against area, straight in logarithms."""
     area, force = np.log(np.array(list(points))).T
@@ -149,7 +174,7 @@ def damming(lines: Lines) -> list[list[str]]:
     ]]  # fmt: skip
     for model, blocks in (("I", tuple(BLOCKS)), ("II", ("B1", "B2", "B3", "B5"))):
         for block in ("", *blocks):
-            nb, fbar = (lines.get("V9", model, m, block) for m in ("NB", "fbar"))
+            nb, fbar = (lines.get("V9", model, m, block) for m in FEW)
             if nb is None and fbar is None:
                 continue
             there = TABLE.get((model, block))
@@ -170,7 +195,7 @@ def fits(lines: Lines) -> list[list[str]]:
     rows = [["", "blocks", "exponent", "R²", "least and most F_de, N"]]
     table = [(x[1], 1000 * x[0]) for x in TABLE.values()]
     sets = [("table 6.2", table)]
-    sets += [(NAMES[m], [(a, f) for _, _, a, f in points(lines, m)]) for m in ("NB", "fbar")]
+    sets += [(NAMES[m], [(a, f) for _, _, a, f in points(lines, m)]) for m in FEW]
     for name, pairs in sets:
         if len(pairs) > 5:
             slope, fit = exponent(pairs)
@@ -253,7 +278,7 @@ def draw_damming(lines: Lines) -> None:
     first, second, third = figure.subplots(1, 3)
     for axes, model in ((first, "I"), (second, "II")):
         for k, block in enumerate(("", *BLOCKS)):
-            line = lines.get("V9", model, "NB", block) or lines.get("V9", model, "fbar", block)
+            line = next((x for m in FEW if (x := lines.get("V9", model, m, block))), None)
             if line is not None:
                 colour = "k" if not block else f"C{k - 1}"
                 curve(axes, line, "force_x", color=colour, label=block or "no block")
@@ -264,7 +289,7 @@ def draw_damming(lines: Lines) -> None:
     third.loglog(areas, peaks, "kx", label="table 6.2")
     span = np.array([0.135, 0.23])
     third.loglog(span, 782e3 * span**3.56, "k:", linewidth=1.0, label="782 kN A^3.56")
-    for method in ("NB", "fbar"):
+    for method in FEW:
         found = points(lines, method)
         if found:
             label = f"{NAMES[method]}"
@@ -293,8 +318,10 @@ def write(results: Path) -> None:
     tables: Sequence[tuple[str, list[list[str]]]] = (
         ("fronts", fronts(lines)), ("decks", decks(lines)), ("moduli", moduli(lines)),
         ("damming", damming(lines)), ("fits", fits(lines)),
+        ("ladder", ladder(results)),
     )  # fmt: skip
     for name, rows in tables:
         begin, end = (m.format(f"table {name}") for m in MARKS)
-        text = [head, "", *markdown(rows)] if len(rows) > 1 else ["Not run."]
+        over = [] if name == "ladder" else [head, ""]
+        text = [*over, *markdown(rows)] if len(rows) > 1 else ["Not run."]
         PAGE.write_text(filled(PAGE, begin, end, "\n".join(text)), encoding="utf-8")

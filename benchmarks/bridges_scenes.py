@@ -111,8 +111,12 @@ def net_area(model: Model, block: str) -> float:
 
 
 def scene(model: Model, method: str, bulk_modulus: float, block: str | None = None) -> libmpm.Scene:
-    """Return a flume with a deck and perhaps a block; `method` is "fbar" or one of smoothing."""
+    """Return a flume with a deck and perhaps a block.
+
+    `method` is "fbar" or one of smoothing, with APIC, or with FLIP where that word comes first.
+    """
     bore, dx = model.state(), model.cell
+    transfer, _, locking = method.rpartition(" ")
     made = libmpm.Scene(
         dimension=2,
         cell_size=dx,
@@ -120,15 +124,16 @@ def scene(model: Model, method: str, bulk_modulus: float, block: str | None = No
         upper=(model.outlet, ROOF),
         gravity=(0.0, -9.81),
         # What splashes over the roof is gone.
-        method=libmpm.Method(leaving="delete"),
+        method=libmpm.Method(leaving="delete", transfer=transfer or "APIC"),
     )
     # One body: smoothing over cells is within a body.
     water: shapes.Solid = shapes.Box(lower=(-model.inlet, 0.0), upper=(GAUGE, bore.depth))
     water = water | shapes.Box(lower=(GAUGE, 0.0), upper=(model.outlet, model.flume))
     speed = f"where(x < 0, {bore.velocity!r}, 0)" if model.bore else f"{bore.velocity!r}"
     how: dict[str, Any] = {}
-    if method != "fbar":
-        how = {"fbar": None, "smoothing": libmpm.Smoothing(method=method)}
+    if locking != "fbar":
+        smoothing = libmpm.Smoothing(method=locking)  # type: ignore[arg-type]
+        how = {"fbar": None, "smoothing": smoothing}
     made.add_body(
         name="water",
         shape=water,

@@ -29,6 +29,9 @@ def on_a_device():
     need_device()
 
 
+#: Of the values of particles, so that the means of a cell's eight stray by 2⁻³³ and more.
+TIE = 2e-9
+
 CASES = [
     (2, "quadratic", "volume"), (2, "linear", "strain"), (3, "linear", "volume"),
     (3, "quadratic", "strain"),
@@ -51,7 +54,11 @@ def test_a_step_smooths_as_arrays_do(tmp_path, method, dimension, kernel, field,
         state = state_of(engine)
         before = by_id(engine, "position")
         made = smooth(state, 1, before - shift, DX, method=method)
-        clear = ~undecided(state, before - shift, method, made.q, rounding=1e-11)
+        # Means are sums in steps of 2⁻³³: of means as near as that either may be the larger.
+        ties = [
+            undecided(state, before - shift, method, made.q, rounding=r) for r in (1e-11, TIE)
+        ]
+        clear = ~np.logical_or(*ties)
         assert clear.mean() > 0.8, clear.mean()
         engine.run(1, np.inf, 1e9)
         after = state_of(engine)

@@ -180,7 +180,7 @@ def test_one_that_fails_ends_all(tmp_path):
 
 
 def test_what_cannot_be_is_named(tmp_path):
-    """No NCCL, one device for two, a sensor that is not built."""
+    """No NCCL, one device for two, one that is not there, a sensor that runs in Python."""
     told = run("make(scenes.slosh()).step(1)", tmp_path, LIBMPM_NCCL="/nowhere/libnccl.so.2")
     for code, _, error in told:
         assert code == 1
@@ -192,7 +192,8 @@ def test_what_cannot_be_is_named(tmp_path):
     assert all(code == 1 and "'cuda:77' does not exist" in error for code, _, error in told)
     code = """
         scene = scenes.slosh()
-        scene.add_sensor(name="level", sensor=libmpm.sensors.WaveGauge(position=(0.5, 0.3)))
+        look = libmpm.sensors.Custom(function=len, columns="n", interval=0.01)
+        scene.add_sensor(name="level", sensor=look)
         make(scene).step(1)
     """
     told = run(code, tmp_path)
