@@ -83,6 +83,18 @@ def test_text(plan: libmpm.Plan) -> None:
     assert max(map(len, text.splitlines())) < 130
 
 
+def test_ranks_need_more_for_particles_that_move(scene: libmpm.Scene) -> None:
+    one, three = libmpm.Plan(RESULT, scene=scene), libmpm.Plan(RESULT, scene=scene, ranks=3)
+    assert "migration" not in one.memory and one.memory_of_rank == one.memory_total
+    own = sum(b["particles"] * b["bytes_per_particle"] for b in RESULT["bodies"])
+    most = max(b["particles"] for b in RESULT["bodies"])
+    # An eighth of all, and the one column that is copied, of 4 to 8 bytes a number.
+    assert own / 8 + 4 * most <= three.memory["migration"] <= own / 8 + 9 * most + 1
+    assert three.memory_total == one.memory_total + three.memory["migration"]
+    assert three.memory_total <= 3 * three.memory_of_rank < three.memory_total + 3
+    assert "on each of 3 ranks" in str(three)
+
+
 def test_html_is_escaped(plan: libmpm.Plan) -> None:
     page = plan._repr_html_()
     assert page.count("<table>") == page.count("</table>") == 3

@@ -48,10 +48,12 @@ def build_plan(
     time_step: float | None = None,
     threads: int = 0,
     shared_device: bool = False,
+    ranks: int | None = None,
 ) -> Plan:
     """Return the plan of a scene; the device need not exist on this machine.
 
-    Of several devices it is that of all on the first.
+    Of several devices it is that of all on the first. `ranks`: how many share the scene; None = as
+    many as `device` names.
 
     Raises `SceneError`, warns as `Scene.validate`.
     """
@@ -79,6 +81,7 @@ def build_plan(
         precision=precision,
         until=until,
         threads=threads,
+        ranks=ranks or (1 if isinstance(device, str) else len(device)),
     )
 
 
@@ -98,11 +101,20 @@ class Plan:
         precision: str = "single",
         until: float | None = None,
         threads: int = 0,
+        ranks: int = 1,
     ) -> None:
-        """Wrap the engine's plan of `scene`; `until` in s, ≥ 0, adds steps and cost."""
+        """Wrap the engine's plan of `scene`; `until` in s, ≥ 0, adds steps and cost.
+
+        With several `ranks` memory has a part for particles that change rank.
+        """
         if until is not None and not (math.isfinite(until) and until >= 0):
             raise SceneError(f"plan: until is {until!r}; expected a finite time ≥ 0 s, or None")
         self._result = dict(result)
+        self._ranks = ranks
+        if ranks > 1:
+            moved = _migration(self._result["bodies"])
+            self._result["memory"] = {**self._result["memory"], "migration": moved}
+            self._result["memory_total"] = self._result["memory_total"] + moved
         self._planes = checks.planes(scene)
         self._warnings = checks.check_scene(scene)[1] + faster_than_water(scene)
         spacings = {b["name"]: float(b["particle_spacing"]) for b in self._result["bodies"]}
@@ -194,13 +206,27 @@ class Plan:
 
     @property
     def memory(self) -> dict[str, int]:
-        """Bytes by use: particles, sort, grid, tables."""
+        """Bytes by use: particles, sort, grid, tables; of several ranks migration."""
         return {k: int(v) for k, v in self._result["memory"].items()}
 
     @property
     def memory_total(self) -> int:
-        """Bytes in all."""
+        """Bytes in all, of all ranks."""
         return int(self._result["memory_total"])
+
+    @property
+    def ranks(self) -> int:
+        """How many ranks share the scene."""
+        return self._ranks
+
+    @property
+    def memory_of_rank(self) -> int:
+        """Bytes of each rank, or device, while their shares are even.
+
+        A share may be `Partition.rebalance_above` times that. On top come blocks beside the cuts,
+        which several ranks hold, the wider sums of ranks on the CPU, and about 0.2 GB on a device.
+        """
+        return math.ceil(self.memory_total / self._ranks)
 
     # What follows from it ------------------------------------------------------------------
 
@@ -295,6 +321,8 @@ class Plan:
                 ),
             ]
         parts = ", ".join(f"{k} {_size(v)}" for k, v in self.memory.items())
+        if self._ranks > 1:
+            parts = f"{_size(self.memory_of_rank)} on each of {self._ranks} ranks; {parts}"
         rows.append(("memory", f"{_size(self.memory_total)} ({parts})"))
         return rows
 
@@ -358,6 +386,20 @@ class Plan:
             f"<Plan: {self.particles:,} particles, {self.pipeline} on {self.device}, "
             f"{self.precision}, {_size(self.memory_total)}>"
         )
+
+
+def _migration(bodies: Sequence[Mapping[str, Any]]) -> int:
+    """Return the bytes that bodies take beyond one rank's where particles come and go.
+
+    A column that is too short for who comes becomes an eighth longer than needed
+    (`Domain::admit`), one after another: the old one is there until the new one is full.
+    """
+    longer = sum(int(b["particles"]) * int(b["bytes_per_particle"]) / 8 for b in bodies)
+    number = max(
+        (c["bytes"] / max(c["reals"], 1) for b in bodies for c in b["columns"]), default=0.0
+    )
+    both = max((int(b["particles"]) for b in bodies), default=0) * number * 9 / 8
+    return math.ceil(longer + both)
 
 
 def _size(number: int) -> str:

@@ -215,7 +215,9 @@ class Simulation(Persistent, Sharing):
         """What the simulation stores, runs and costs."""
         if self._plan is None:
             with warned_already():
-                self._plan = build_plan(self._scene, device=self.device, **self._requested)
+                self._plan = build_plan(
+                    self._scene, device=self.device, ranks=self.ranks, **self._requested
+                )
         return self._plan
 
     @property
