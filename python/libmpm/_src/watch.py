@@ -19,6 +19,7 @@ from libmpm._src.checks import initial_gravity
 from libmpm._src.errors import ModelWarning, NumericalError
 from libmpm._src.flow import Inflow
 from libmpm._src.guard import Guard, opened_by
+from libmpm._src.guard_level import basin_of
 from libmpm._src.guard_memory import Memory
 from libmpm._src.guard_report import (
     OFF,
@@ -53,6 +54,10 @@ CALM = 1e-5
 #: Part of the elastic energy at the start that is not told from rounding.
 STORED = 0.01
 
+#: What the middle of water may lie too low by, in cells: the grid does not see where in a cell the
+#: particles of a film lie.
+SLACK = 0.1
+
 #: Particles of a scene, at most, whose energy is not watched: they may share no node, and what
 #: passes between their strains and the affine part of their motion shows in neither sum.
 HANDFUL = 8
@@ -80,6 +85,7 @@ class Watch:
         self.every = guard.every or EVERY
         self._closed = not opened_by(scene)
         self._gravity = float(np.linalg.norm(initial_gravity(scene)))
+        self._basin = basin_of(scene) if guard.level is not None else None
         self._sound = [wave_speed(body.material) or math.inf for body in scene.bodies]
         self._exact = not any(_smooths_apart(body) for body in scene.bodies)
         smoothed = [i for i, body in enumerate(scene.bodies) if body.smoothing is not None]
@@ -159,6 +165,7 @@ class Watch:
         memory.volumes = [None if math.isnan(j) else j for j in now["volume_ratio"]]
         memory.particles, memory.supplied = self._counts(), self._supplied()
         memory.packing = self._packing(now)
+        memory.sunk = max(0.0, self._lies(now)[0])
         self._count_from(now)
         self._take(now)
         for number in self._smoothed:
@@ -203,6 +210,8 @@ class Watch:
             found = self._swollen(now, guard.volume)
         if not found and guard.packing is not None:
             found = self._crowded(now, guard.packing)
+        if not found and guard.level is not None:
+            found = self._sunk(now, guard.level)
         watched = self._closed and sum(self._counts()) > HANDFUL
         if not found and guard.energy is not None and watched:
             found = self._gained(now, guard.energy)
@@ -334,19 +343,30 @@ class Watch:
             ModelWarning, stacklevel=6,
         )  # fmt: skip
 
+    def _fluid_volume(self, now: Mapping[str, Any]) -> tuple[float, float]:
+        """Return what the particles' volumes add up to, m³ (2D: m²), and the density at rest.
+
+        Both zero in scenes that are not of water of one density alone.
+        """
+        bodies = self._simulation.scene.bodies
+        densities = {body.material.parameters()["density"] for body in bodies}
+        fluid = all(body.material.table.stores_volume for body in bodies)
+        counts = self._counts()
+        if not fluid or len(densities) != 1 or not sum(counts):
+            return 0.0, 0.0
+        density = float(densities.pop())
+        ratio = sum(n * j for n, j in zip(counts, now["volume_ratio"], strict=True) if n)
+        return float(now["mass"] / density * ratio / sum(counts)), density
+
     def _packing(self, now: Mapping[str, Any]) -> float:
         """Return the density at the nodes by that of the particles' volumes; 1 where unknown.
 
         A full node of water at rest density has 1, a free surface less, piled particles more.
         """
-        bodies = self._simulation.scene.bodies
-        densities = {body.material.parameters()["density"] for body in bodies}
-        fluid = all(body.material.table.stores_volume for body in bodies)
-        if not fluid or len(densities) != 1 or math.isnan(now["density"]):
+        volume, _ = self._fluid_volume(now)
+        if not volume > 0 or math.isnan(now["density"]):
             return 1.0
-        counts = self._counts()
-        volume = sum(n * j for n, j in zip(counts, now["volume_ratio"], strict=True) if n)
-        return float(now["density"] / densities.pop() * volume / max(sum(counts), 1))
+        return float(now["density"] * volume / now["mass"])
 
     def _crowded(self, now: Mapping[str, Any], bound: float) -> str:
         simulation, start = self._simulation, max(1.0, self._memory.packing)
@@ -359,6 +379,36 @@ class Watch:
             "lost volume that its pressure does not know of. Remedy: more particles per cell, "
             "transfer 'APIC', precision='double' or a longer time step, in which small strains "
             f"are not lost; Guard(packing=...) or {OFF}"
+        )
+
+    def _lies(self, now: Mapping[str, Any]) -> tuple[float, float, float, float]:
+        """Return how much lower than it can the middle of all water lies, m, and what that is from.
+
+        Height of the middle, the least that it can be and that of the floor below it, m, against
+        gravity from the domain's lower corner; all zero where it is not known.
+        """
+        volume, _ = self._fluid_volume(now)
+        least = self._basin.lowest_middle(volume) if self._basin is not None else None
+        if least is None:
+            return 0.0, 0.0, 0.0, 0.0
+        middle = now["potential"] / (now["mass"] * self._gravity)
+        return least[0] - middle, middle, *least
+
+    def _sunk(self, now: Mapping[str, Any], bound: float) -> str:
+        simulation = self._simulation
+        below, middle, least, floor = self._lies(now)
+        allowed = self._memory.sunk + bound * (least - floor) + SLACK * simulation.scene.cell_size
+        if below <= allowed:
+            return ""
+        names = ", ".join(f"'{body.name}'" for body in simulation.scene.bodies)
+        return (
+            f"water has sunk: the middle of {names} lies {middle - floor:.4g} m above the floor "
+            f"{moment(simulation)}; expected at least {least - floor - allowed:.4g} m: the "
+            f"{self._fluid_volume(now)[0]:.4g} {'m³' if simulation.dimension == 3 else 'm²'} that "
+            f"its particles say they are can lie no lower than {least - floor:.4g} m, less "
+            f"{bound:g} of that and {SLACK:g} of a cell. Its pressure does not know of that loss. "
+            "Remedy: fbar=None or a longer FBar(time=...), in which particles forget less of how "
+            f"they are squeezed, Mirror walls where water stands; Guard(level=...) or {OFF}"
         )
 
     def _stores_shape(self, index: int) -> bool:
