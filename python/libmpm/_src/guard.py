@@ -31,7 +31,8 @@ class Guard(Value):
     packing    1     > 0      excess of the density at the nodes, in scenes of water alone, over
                               that of the particles' own volumes
     level      1     > 0      part of its height above the floor by which the middle of water may
-                              lie lower than its volume can in the domain, beside a tenth of a cell
+                              lie lower than its volume can in the domain, beside a tenth of a cell;
+                              more is a `ModelWarning`, once
     mach       1     > 0      speed within a body, in parts of its sound speed
     smoothing  1     > 0      energy that smoothing over cells takes from a body while a wave
                               crosses 100 cells, in parts of the most that the body held and of

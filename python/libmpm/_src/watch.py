@@ -202,6 +202,8 @@ class Watch:
         # Before what ends the run: it may be why.
         for number in self._smoothed if warns else ():
             self._smooths(number)
+        if warns and guard.level is not None and not self._memory.sinks:
+            self._sinks(now, guard.level)
         found = self._lost() if guard.particles else ""
         found = found or self._unreal(now)
         if not found and guard.mach is not None:
@@ -210,8 +212,6 @@ class Watch:
             found = self._swollen(now, guard.volume)
         if not found and guard.packing is not None:
             found = self._crowded(now, guard.packing)
-        if not found and guard.level is not None:
-            found = self._sunk(now, guard.level)
         watched = self._closed and sum(self._counts()) > HANDFUL
         if not found and guard.energy is not None and watched:
             found = self._gained(now, guard.energy)
@@ -394,22 +394,26 @@ class Watch:
         middle = now["potential"] / (now["mass"] * self._gravity)
         return least[0] - middle, middle, *least
 
-    def _sunk(self, now: Mapping[str, Any], bound: float) -> str:
-        simulation = self._simulation
+    def _sinks(self, now: Mapping[str, Any], bound: float) -> None:
+        """Warn of water that has got lower than its volume can lie."""
+        simulation, memory = self._simulation, self._memory
         below, middle, least, floor = self._lies(now)
-        allowed = self._memory.sunk + bound * (least - floor) + SLACK * simulation.scene.cell_size
+        allowed = memory.sunk + bound * (least - floor) + SLACK * simulation.scene.cell_size
         if below <= allowed:
-            return ""
+            return
+        memory.sinks = True
         names = ", ".join(f"'{body.name}'" for body in simulation.scene.bodies)
-        return (
-            f"water has sunk: the middle of {names} lies {middle - floor:.4g} m above the floor "
-            f"{moment(simulation)}; expected at least {least - floor - allowed:.4g} m: the "
-            f"{self._fluid_volume(now)[0]:.4g} {'m³' if simulation.dimension == 3 else 'm²'} that "
-            f"its particles say they are can lie no lower than {least - floor:.4g} m, less "
-            f"{bound:g} of that and {SLACK:g} of a cell. Its pressure does not know of that loss. "
-            "Remedy: fbar=None or a longer FBar(time=...), in which particles forget less of how "
-            f"they are squeezed, Mirror walls where water stands; Guard(level=...) or {OFF}"
-        )
+        volume, unit = self._fluid_volume(now)[0], "m³" if simulation.dimension == 3 else "m²"
+        warnings.warn(
+            f"body {names}: its middle has sunk to {middle - floor:.4g} m above the floor "
+            f"{moment(simulation)}; the {volume:.4g} {unit} of its particles can lie no lower than "
+            f"{least - floor:.4g} m in this domain; expected at least {least - floor - allowed:.4g} "
+            f"m, {bound:g} of that and {SLACK:g} of a cell less. It has lost volume that its "
+            "pressure does not know of. Remedy: precision='double' for water that rests for "
+            "millions of steps, a longer FBar(time=...) or fbar=None, Slip or Separable walls "
+            "instead of Mirror where water strikes them; Guard(level=None) leaves it unwatched",
+            ModelWarning, stacklevel=6,
+        )  # fmt: skip
 
     def _stores_shape(self, index: int) -> bool:
         """Whether the volume of a solid is elastic, and nothing from outside presses on it."""
