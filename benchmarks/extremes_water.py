@@ -318,6 +318,7 @@ AXES: tuple[Axis, ...] = (
     Axis(
         "steps, to 1e7", "1", "a tank of 8 x 4 cells at rest", 1e7, None, (1e7, 1e7), "integer",
         lambda v: SMALL.rest(round(v)), limit=4000.0, on_demand=True, cheap=False, also=(1e7,),
+        warns="middle has sunk",
     ),
     Axis(
         "steps, stiff", "1", "the same with K = 1e10 Pa", 1e3, (1e3, 1e6), (1e3, 1e6), "integer",

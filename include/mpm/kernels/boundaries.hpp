@@ -188,6 +188,11 @@ struct Images {
             face[a] = f;
         }
     }
+    /// From here on the node `cell` shares no more by the planes across this axis.
+    MPM_INLINE void part(int axis, std::int64_t cell) {
+        at[axis][0] = cell;
+        count[axis] = 1;
+    }
     /// f(cell, sign of each component against that at `inside`) for every node that shares.
     template <class F>
     MPM_INLINE void each(const F& f) const {

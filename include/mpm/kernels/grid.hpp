@@ -220,7 +220,7 @@ struct UpdateGrid {
                 std::int64_t c[D];
                 node.cell(slot, n, c);
                 const Images<D> images(node.boundaries, c);
-                if (images.mirrored) return update_mirrored(images, m, out, maxima);
+                if (images.mirrored) return update_mirrored(images, c, m, out, maxima);
             }
         }
         Vec<T, D> v{};
@@ -269,8 +269,8 @@ struct UpdateGrid {
         }
     }
     /// The same for a node that shares with others by mirrored planes.
-    MPM_INLINE void update_mirrored(const Images<D>& images, T own_mass, T* out,
-                                    double (&maxima)[maxima_count]) const {
+    MPM_INLINE void update_mirrored(Images<D> images, const std::int64_t (&cell)[D], T own_mass,
+                                    T* out, double (&maxima)[maxima_count]) const {
         const T m = node.shared_mass(images);
         Vec<T, D> v{};
         if (m > T(0)) v = node.mirrored_velocity(images, v, NothingSeen{});
@@ -280,16 +280,6 @@ struct UpdateGrid {
                       keeps ? kept.counts(v[a], m, node.least_mass) : absolute(double(v[a])));
         }
         if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(own_mass));
-        for (int k = 0; k < group_count; ++k) {
-            const GroupChannels& c = groups[k];
-            T sum = 0, weight = 0;
-            node.each_image(images, [&](const Sum* s, const double(&)[D]) {
-                sum += from_sum<T>(s[c.sum * block_cells], node.clock->unit_read[group_sum]);
-                weight += from_sum<T>(s[(c.weight < 0 ? 0 : c.weight) * block_cells],
-                                      node.clock->unit_read[mass_sum]);
-            });
-            out[c.average] = m > T(0) && weight > T(0) ? sum / weight : T(0);
-        }
         if constexpr (keeps) {
             // A wall has changed it, whatever its velocity was before.
             if (kept.guard >= 0) out[kept.guard] = T(m > T(0) ? 1 : 0);
@@ -301,6 +291,21 @@ struct UpdateGrid {
                 });
                 out[kept.before + a] = m > T(0) ? T(images.sign[a]) * plain / m : T(0);
             }
+        }
+        // Pressure grows towards a plane that gravity presses on, and an image would end that slope
+        // there: water would relax to less than its weight beside the plane, and sink for ever. The
+        // slope that is carried leads on to the node beyond (design/walls.md, 3).
+        for (int a = 0; a < D; ++a)
+            if (node.clock->gravity[a] != 0) images.part(a, cell[a]);
+        for (int k = 0; k < group_count; ++k) {
+            const GroupChannels& c = groups[k];
+            T sum = 0, weight = 0;
+            node.each_image(images, [&](const Sum* s, const double(&)[D]) {
+                sum += from_sum<T>(s[c.sum * block_cells], node.clock->unit_read[group_sum]);
+                weight += from_sum<T>(s[(c.weight < 0 ? 0 : c.weight) * block_cells],
+                                      node.clock->unit_read[mass_sum]);
+            });
+            out[c.average] = m > T(0) && weight > T(0) ? sum / weight : T(0);
         }
     }
     MPM_INLINE T average(Sum sum, Sum weight) const {

@@ -30,6 +30,9 @@ class Guard(Value):
     volume     1     > 0      change of a body's mean volume ratio beyond what pressure does
     packing    1     > 0      excess of the density at the nodes, in scenes of water alone, over
                               that of the particles' own volumes
+    level      1     > 0      part of its height above the floor by which the middle of water may
+                              lie lower than its volume can in the domain, beside a tenth of a cell;
+                              more is a `ModelWarning`, once
     mach       1     > 0      speed within a body, in parts of its sound speed
     smoothing  1     > 0      energy that smoothing over cells takes from a body while a wave
                               crosses 100 cells, in parts of the most that the body held and of
@@ -46,6 +49,7 @@ class Guard(Value):
     energy: float | None = 0.2
     volume: float | None = 0.05
     packing: float | None = 0.5
+    level: float | None = 0.05
     mach: float | None = 1.0
     smoothing: float | None = 0.2
     particles: bool = True
@@ -55,7 +59,7 @@ class Guard(Value):
         found: dict[str, Any] = {}
         if self.every is not None:
             found["every"] = check.integer("every", self.every, lower=1)
-        for name in ("energy", "volume", "packing", "mach", "smoothing"):
+        for name in ("energy", "volume", "packing", "level", "mach", "smoothing"):
             bound = getattr(self, name)
             if bound is not None:
                 found[name] = check.number(name, bound, lower=0, lower_open=True, remedy=remedy)

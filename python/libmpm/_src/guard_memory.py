@@ -32,6 +32,10 @@ class Memory:
     volumes: list[float | None] = field(default_factory=list)
     #: Density at the nodes by that of the particles' volumes at the start.
     packing: float = 1.0
+    #: By how much the middle of the water lay lower at the start than it can, m.
+    sunk: float = 0.0
+    #: That it lies too low now has been warned of.
+    sinks: bool = False
     #: Particles that each body must have but for those that came since.
     particles: list[int] = field(default_factory=list)
     #: Particles that inlets had supplied to each body when that was counted.

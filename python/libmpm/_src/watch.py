@@ -19,6 +19,7 @@ from libmpm._src.checks import initial_gravity
 from libmpm._src.errors import ModelWarning, NumericalError
 from libmpm._src.flow import Inflow
 from libmpm._src.guard import Guard, opened_by
+from libmpm._src.guard_level import basin_of
 from libmpm._src.guard_memory import Memory
 from libmpm._src.guard_report import (
     OFF,
@@ -53,6 +54,10 @@ CALM = 1e-5
 #: Part of the elastic energy at the start that is not told from rounding.
 STORED = 0.01
 
+#: What the middle of water may lie too low by, in cells: the grid hardly sees where in a cell its
+#: particles lie.
+SLACK = 0.1
+
 #: Particles of a scene, at most, whose energy is not watched: they may share no node, and what
 #: passes between their strains and the affine part of their motion shows in neither sum.
 HANDFUL = 8
@@ -80,6 +85,7 @@ class Watch:
         self.every = guard.every or EVERY
         self._closed = not opened_by(scene)
         self._gravity = float(np.linalg.norm(initial_gravity(scene)))
+        self._basin = basin_of(scene) if guard.level is not None else None
         self._sound = [wave_speed(body.material) or math.inf for body in scene.bodies]
         self._exact = not any(_smooths_apart(body) for body in scene.bodies)
         smoothed = [i for i, body in enumerate(scene.bodies) if body.smoothing is not None]
@@ -159,6 +165,7 @@ class Watch:
         memory.volumes = [None if math.isnan(j) else j for j in now["volume_ratio"]]
         memory.particles, memory.supplied = self._counts(), self._supplied()
         memory.packing = self._packing(now)
+        memory.sunk = max(0.0, self._lies(now)[0])
         self._count_from(now)
         self._take(now)
         for number in self._smoothed:
@@ -195,6 +202,8 @@ class Watch:
         # Before what ends the run: it may be why.
         for number in self._smoothed if warns else ():
             self._smooths(number)
+        if warns and guard.level is not None and not self._memory.sinks:
+            self._sinks(now, guard.level)
         found = self._lost() if guard.particles else ""
         found = found or self._unreal(now)
         if not found and guard.mach is not None:
@@ -334,19 +343,30 @@ class Watch:
             ModelWarning, stacklevel=6,
         )  # fmt: skip
 
+    def _fluid_volume(self, now: Mapping[str, Any]) -> tuple[float, float]:
+        """Return what the particles' volumes add up to, m³ (2D: m²), and the density at rest.
+
+        Both zero in scenes that are not of water of one density alone.
+        """
+        bodies = self._simulation.scene.bodies
+        densities = {body.material.parameters()["density"] for body in bodies}
+        fluid = all(body.material.table.stores_volume for body in bodies)
+        counts = self._counts()
+        if not fluid or len(densities) != 1 or not sum(counts):
+            return 0.0, 0.0
+        density = float(densities.pop())
+        ratio = sum(n * j for n, j in zip(counts, now["volume_ratio"], strict=True) if n)
+        return float(now["mass"] / density * ratio / sum(counts)), density
+
     def _packing(self, now: Mapping[str, Any]) -> float:
         """Return the density at the nodes by that of the particles' volumes; 1 where unknown.
 
         A full node of water at rest density has 1, a free surface less, piled particles more.
         """
-        bodies = self._simulation.scene.bodies
-        densities = {body.material.parameters()["density"] for body in bodies}
-        fluid = all(body.material.table.stores_volume for body in bodies)
-        if not fluid or len(densities) != 1 or math.isnan(now["density"]):
+        volume, _ = self._fluid_volume(now)
+        if not volume > 0 or math.isnan(now["density"]):
             return 1.0
-        counts = self._counts()
-        volume = sum(n * j for n, j in zip(counts, now["volume_ratio"], strict=True) if n)
-        return float(now["density"] / densities.pop() * volume / max(sum(counts), 1))
+        return float(now["density"] * volume / now["mass"])
 
     def _crowded(self, now: Mapping[str, Any], bound: float) -> str:
         simulation, start = self._simulation, max(1.0, self._memory.packing)
@@ -360,6 +380,41 @@ class Watch:
             "transfer 'APIC', precision='double' or a longer time step, in which small strains "
             f"are not lost; Guard(packing=...) or {OFF}"
         )
+
+    def _lies(self, now: Mapping[str, Any]) -> tuple[float, float, float, float]:
+        """Return how much lower than it can the middle of all water lies, m, and what that is from.
+
+        Height of the middle, the least that it can be and that of the floor below it, m, against
+        gravity from the domain's lower corner; all zero where it is not known.
+        """
+        volume, _ = self._fluid_volume(now)
+        least = self._basin.lowest_middle(volume) if self._basin is not None else None
+        if least is None or least[0] - least[1] < self._simulation.scene.cell_size:
+            return 0.0, 0.0, 0.0, 0.0
+        middle = now["potential"] / (now["mass"] * self._gravity)
+        return least[0] - middle, middle, *least
+
+    def _sinks(self, now: Mapping[str, Any], bound: float) -> None:
+        """Warn of water that has got lower than its volume can lie."""
+        simulation, memory = self._simulation, self._memory
+        below, middle, least, floor = self._lies(now)
+        allowed = memory.sunk + bound * (least - floor) + SLACK * simulation.scene.cell_size
+        if below <= allowed:
+            return
+        memory.sinks = True
+        names = ", ".join(f"'{body.name}'" for body in simulation.scene.bodies)
+        volume, unit = self._fluid_volume(now)[0], "m³" if simulation.dimension == 3 else "m²"
+        warnings.warn(
+            f"body {names}: its middle has sunk to {middle - floor:.4g} m above the floor "
+            f"{moment(simulation)}; the {volume:.4g} {unit} of its particles can lie no lower than "
+            f"{least - floor:.4g} m in this domain; expected at least "
+            f"{least - floor - allowed:.4g} m, {bound:g} of that and {SLACK:g} of a cell less. It "
+            "has lost volume that its pressure does not know of. Remedy: precision='double' for "
+            "water that rests for millions of steps, a longer FBar(time=...) or fbar=None, Slip or "
+            "Separable walls instead of Mirror where water strikes them; Guard(level=None) leaves "
+            "it unwatched",
+            ModelWarning, stacklevel=6,
+        )  # fmt: skip
 
     def _stores_shape(self, index: int) -> bool:
         """Whether the volume of a solid is elastic, and nothing from outside presses on it."""
