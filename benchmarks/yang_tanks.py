@@ -7,8 +7,8 @@
 
 3.2 m of water, K 2.2e9 Pa, double precision, linear functions as deposits modify them, FLIP,
 Courant 0.1. At 0 degrees walls hold nodes, at 45 degrees the grid is turned about the tank's lower
-left corner and walls are decay layers "quadratic". C0 and the F forms go with means over cells, NB with means at
-nodes; "cell means" are those without smoothing, "none" is neither, F-bar the default.
+left corner and walls are decay layers "quadratic". C0 and the F forms go with means over cells, NB
+with means at nodes; "cell means" are those without smoothing, "none" is neither, F-bar the default.
 
 One JSON line a run is appended to --output; no run begins after --budget seconds of wall time. Most
 runs that last 3 s have `SOFT` for K, a hundredth: rho g H / K = 0.15 %, and a tenth of the steps.
@@ -46,7 +46,7 @@ METHODS = ("none", "F-bar", "cell means", "C0", "F0AL1", "F0", "NB")
 
 @dataclass(frozen=True)
 class Job:
-    """A run: degrees of the grid, cells a length, particles a cell and axis, method, K, duration."""
+    """A run: degrees of the grid, cells a length, particles a cell and axis, method, K, time."""
 
     degrees: int
     cells: int
