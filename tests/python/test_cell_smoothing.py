@@ -349,6 +349,49 @@ def test_what_does_not_fit_is_refused_by_name(scene, named):
         scene().plan(device="cpu")
 
 
+SOLID = {"density": 1000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.2}
+PLASTIC = [
+    materials.VonMises(**SOLID, yield_stress=1e3),
+    materials.DruckerPrager(**SOLID, friction_angle=30.0),
+    materials.CamClay(**SOLID, friction_angle=40.0, log_plastic_volume=-0.05),
+]
+
+
+@pytest.mark.parametrize("material", PLASTIC, ids=lambda m: type(m).__name__)
+def test_total_strain_is_not_to_be_had_beside_plastic_strain(material):
+    name = type(material).__name__
+    with pytest.raises(libmpm.SceneError, match=f"strain' for {name}, which stores its elastic"):
+        body_scene(material, smoothing=libmpm.Smoothing(method="C0")).plan(device="cpu")
+    told = lower(body_scene(material), with_particles=False)
+    told["bodies"][0]["smoothing"] = libmpm.Smoothing(method="C0").specification(False)
+    with pytest.raises(libmpm.SceneError, match=f"'strain', which {name} does not store"):
+        _core.plan(told, "cpu")
+
+
+@pytest.mark.parametrize("method", ["C0", "C1"])
+def test_smoothing_beside_plastic_strain_that_stays_adds_energy(method):
+    """With P for C0 or C1 and ε^p untouched (Yang 2016, 3.67) the elastic strain becomes
+    P ε^e - (1 - P) ε^p, and Σ m |ε^e|² changes by Σ m |(1 - P) ε^p|² - Σ m |(1 - P) ε^e|²."""
+    random = np.random.default_rng(3)
+    x = random.random((400, 2))
+    mass = 1 + random.random(400)
+    elastic = random.standard_normal((400, 3))
+
+    def energy(strain):
+        return (mass[:, None] * strain**2).sum()
+
+    def rest(strain):
+        return strain - smooth(strain, mass, x, 0.2, method=method).q
+
+    for much in (0.1, 10.0):
+        plastic = much * random.standard_normal((400, 3))
+        smoothed = smooth(elastic + plastic, mass, x, 0.2, method=method).q - plastic
+        change = energy(smoothed) - energy(elastic)
+        by_parts = energy(rest(plastic)) - energy(rest(elastic))
+        assert change == pytest.approx(by_parts, rel=1e-10)
+        assert (change > 0) == (much > 1)
+
+
 @pytest.mark.parametrize(
     "body",
     [
