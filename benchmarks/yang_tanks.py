@@ -50,7 +50,7 @@ class Job:
 
     degrees: int
     cells: int
-    particles: int
+    per_axis: int
     method: str
     bulk_modulus: float
     until: float
@@ -59,7 +59,7 @@ class Job:
     def name(self) -> str:
         """What tells runs apart."""
         return (
-            f"{self.degrees} deg {self.cells} cells {self.particles} x {self.particles} "
+            f"{self.degrees} deg {self.cells} cells {self.per_axis} x {self.per_axis} "
             f"{self.method} K={self.bulk_modulus:g} {self.until:g} s"
         )
 
@@ -71,7 +71,7 @@ class Job:
     @property
     def updates(self) -> float:
         """Steps times particles."""
-        return self.until / self.time_step * (self.cells * self.particles) ** 2
+        return self.until / self.time_step * (self.cells * self.per_axis) ** 2
 
 
 def jobs() -> list[Job]:
@@ -111,7 +111,7 @@ class Tank:
         angle = math.radians(job.degrees)
         self.along = np.array([math.cos(angle), -math.sin(angle)])  # the floor, in the grid's axes
         self.up = np.array([math.sin(angle), math.cos(angle)])
-        size, n = WIDTH / job.cells, job.cells * job.particles
+        size, n = WIDTH / job.cells, job.cells * job.per_axis
         at = (np.arange(n) + 0.5) * WIDTH / n
         x, y = (c.ravel()[:, None] for c in np.meshgrid(at, at))
         file = folder / "water.npy"
@@ -219,7 +219,7 @@ def measure(job: Job) -> dict[str, Any]:
         except libmpm.Error as error:
             ended = str(error).splitlines()[0]
         line |= {
-            "particles": (job.cells * job.particles) ** 2,
+            "particles": (job.cells * job.per_axis) ** 2,
             "steps": tank.sim.steps,
             "pipeline": tank.sim.pipeline,
             "seconds": round(time.perf_counter() - began, 2),

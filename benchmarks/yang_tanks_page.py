@@ -28,7 +28,7 @@ class Lines:
 
     def __init__(self, path: Path) -> None:
         """Read a file."""
-        names = ("degrees", "cells", "particles", "bulk_modulus", "until", "method")
+        names = ("degrees", "cells", "per_axis", "bulk_modulus", "until", "method")
         self.by = {tuple(x[n] for n in names): x for x in load(path)}
 
     def get(self, degrees: int, column: Column, method: str) -> Line | None:
