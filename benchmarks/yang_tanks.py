@@ -86,6 +86,7 @@ def jobs() -> list[Job]:
     # Across the grid: more particles, and as long as the source.
     found += [Job(45, 8, 6, method, REAL, SHORT) for method in METHODS]
     found += [Job(45, 8, 3, method, REAL, LONG) for method in METHODS]
+    found += [Job(0, 16, 3, method, REAL, LONG) for method in ("none", "F0AL1")]
     return sorted(found, key=lambda job: (job.updates, -job.degrees, job.until))
 
 

@@ -20,6 +20,7 @@ ACROSS = {f"{c} cells": (c, 3, REAL, SHORT) for c in CELLS} | {"8, 6 x 6": (8, 6
 LASTING = {f"{c} cells": (c, 3, SOFT, LONG) for c in CELLS} | {
     "8 cells, K 2.2e9": (8, 3, REAL, LONG)
 }
+STYLES = "osv^D*x"
 Column = tuple[int, int, float, float]
 
 
@@ -76,16 +77,15 @@ def draw(lines: Lines) -> None:
             x, y = [p[0] for p in points], [p[1] for p in points]
             if name == "h_eq":
                 y = [max(100 * (1 - v / WIDTH), 1e-4) for v in y]
-            ax.loglog(x, y, "o-", color=f"C{k}", markersize=3, linewidth=1, label=method)
+            ax.loglog(x, y, f"{STYLES[k]}-", color=f"C{k}", ms=4, linewidth=1, label=method)
         ax.set_xticks(CELLS, [str(c) for c in CELLS])
         ax.minorticks_off()
         ax.set_title(title, fontsize=8)
         ax.set_xlabel("cells a length", fontsize=7)
         ax.tick_params(labelsize=7)
-    axes[0].legend(fontsize=6)
-    from bridges_page import save
-
-    save(figure, FIGURE.stem)
+    handles, names = axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, fontsize=7, ncols=len(names), loc="outside lower center")
+    figure.savefig(FIGURE, dpi=80, metadata={"Software": None})
 
 
 def write(results: Path) -> None:
