@@ -174,6 +174,10 @@ def test_what_does_not_fit_is_refused_by_name():
     )  # fmt: skip
     with pytest.raises(libmpm.SceneError, match=r"TaitFluid.*use hydrostatic"):
         water.validate()
+    fed = block("LinearElastic", 2, GIVEN["LinearElastic", 2], 0.0, 0.4)
+    fed.add_flow(name="in", flow=boundaries.Inflow(body="b", face="x-", velocity=0.1, level=0.4))
+    with pytest.raises(libmpm.SceneError, match="'b': stress is given, and inflow 'in' feeds"):
+        fed.validate()
     refused("4 components for LinearElastic.*expected 3: xx, yy, xy; zz follows", stress=(0,) * 4)
     refused("3 components for Hypoelastic.*expected 4: xx, yy, xy, zz", materials.Hypoelastic)
     # No small strain has more tension than its modulus: J σ = 2 μ e + λ tr(e) I.

@@ -47,6 +47,12 @@ def check_stress(scene: Scene, body: Body, check: Checker) -> None:
             f"that has it; expected {known} on square cells; {remedy}"
         )
         return
+    for placed in scene.flows:
+        if getattr(placed.flow, "body", None) == body.name:
+            check.fail(
+                f"stress is given, and inflow '{placed.name}' feeds the body; expected one of "
+                "them: what flows in has no stress; remove stress, or feed another body"
+            )
     names = _GIVEN[table.name][scene.dimension]
     if len(stress) != len(names):
         follows = "; zz follows as ν (xx + yy)" if names == _PLANE else ""
