@@ -1,6 +1,6 @@
 """Stresses that bodies on square cells start with, for laws that store stress or small strain.
 
-Expected duration: 3 s.
+Expected duration: 6 s.
 """
 
 import numpy as np
