@@ -107,6 +107,7 @@ inline void read_between_parts(const py::dict& d, BodySpec& b, int dimension) {
                              "' are not built");
         b.assumed.form = over == "cell" ? CellForm::constant : CellForm::nodal;
         b.assumed_part = parts.at(part);
+        b.assumed_rate = s["rate"].cast<bool>();
     }
     if (d.contains("damping")) b.damping = d["damping"].cast<double>();
     if (d.contains("force")) {
@@ -167,9 +168,11 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
     if (d.contains("id_count")) b.id_count = d["id_count"].cast<std::uint64_t>();
     if (d.contains("state")) {
         const auto width = d["state_width"].cast<int>();
-        b.restored = true;
         b.state_width = width;
         b.state = read_rows(d["state"], b.count, {width}, "body '" + b.name + "': state");
+    }
+    if (d.contains("ids")) {
+        b.restored = true;
         const auto ids = py::array_t<std::uint32_t, py::array::c_style>::ensure(d["ids"]);
         if (!ids || std::uint64_t(ids.size()) != b.count)
             throw SceneError("body '" + b.name + "': ids are no array of " +

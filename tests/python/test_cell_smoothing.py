@@ -82,9 +82,13 @@ def hats(x, modified):
 
 
 @pytest.mark.parametrize("modified", [False, True])
-@pytest.mark.parametrize("over", [None, "cell", "node"])
-def test_nodal_sums_are_those_of_the_mean_stress(tmp_path, over, modified):
-    assumed = None if over is None else libmpm.AssumedFields(over=over, part="full")
+@pytest.mark.parametrize(
+    ("over", "rate"), [(None, True), ("cell", True), ("node", True), ("cell", False)]
+)
+def test_nodal_sums_are_those_of_the_mean_stress(tmp_path, over, rate, modified):
+    assumed = None
+    if over is not None:
+        assumed = libmpm.AssumedFields(over=over, part="full", rate=rate)
     engine, _ = drifting(
         tmp_path, 2, "linear", None, modified=modified, assumed=assumed, modulus=50.0, fbar=None
     )
@@ -144,6 +148,42 @@ def test_a_cells_particles_share_the_assumed_volume_rate(tmp_path):
         spread.append(max(np.ptp(rate[cell.ravel() == c]) for c in range(cell.max() + 1)))
     assert spread[0] > 1e-7
     assert spread[1] < 1e-14
+
+
+def swaying(assumed, steps=40):
+    """A block of LinearElastic that a smooth velocity field strains within its cells."""
+    scene = body_scene(
+        STEEL, method=libmpm.Method(transfer="FLIP", kernel="linear", time_step=2e-4),
+        velocity=libmpm.Field(components=("0.01 * sin(20 * x * y)", "0.01 * cos(15 * x)")),
+        assumed=assumed, particles_per_cell=4,
+    )  # fmt: skip
+    sim = libmpm.Simulation(scene, device="cpu", precision="double", threads=1)
+    sim.step(steps)
+    found = sim.particles["b"]
+    order = np.argsort(found["id"])
+    # The state's own stress: its spread within cells is that of the strains.
+    return found["position"][order], found["stress"][order].reshape(-1, 4)
+
+
+@pytest.mark.parametrize("over", ["cell", "node"])
+def test_a_mean_of_strains_drives_a_body_as_a_mean_of_rates_does(over):
+    """Yang (2016) 3.44 to 3.48: without the assumed rate the mean stress is C : ε̃ (3.43), of which
+    mean rates make the same while a cell keeps its particles: a mean of means is itself. Lumped
+    means at nodes are not, and what is strained by them is smoothed twice."""
+    forms = [libmpm.AssumedFields(over=over, part="full", rate=r) for r in (True, False)]
+    (place, stress), (other, own) = (swaying(a) for a in forms)
+    plain, _ = swaying(None)
+    spans = np.floor(place / 0.1 - 0.5)
+    assert (spans == np.floor(other / 0.1 - 0.5)).all()
+    cell = np.unique(spans, axis=0, return_inverse=True)[1].ravel()
+    spread = [max(np.ptp(s[cell == c, 0]) for c in range(cell.max() + 1)) for s in (stress, own)]
+    moved, apart = abs(place - plain).max(), abs(place - other).max()
+    assert moved > 1e-6
+    if over == "cell":
+        assert apart < 1e-12 * moved
+        assert spread[0] < 1e-9 * spread[1]
+    else:
+        assert apart > 0.1 * moved
 
 
 # ---- bars ---------------------------------------------------------------------------------------
@@ -307,6 +347,49 @@ def body_scene(material, method=None, **body):
 def test_what_does_not_fit_is_refused_by_name(scene, named):
     with pytest.raises(libmpm.SceneError, match=named):
         scene().plan(device="cpu")
+
+
+SOLID = {"density": 1000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.2}
+PLASTIC = [
+    materials.VonMises(**SOLID, yield_stress=1e3),
+    materials.DruckerPrager(**SOLID, friction_angle=30.0),
+    materials.CamClay(**SOLID, friction_angle=40.0, log_plastic_volume=-0.05),
+]
+
+
+@pytest.mark.parametrize("material", PLASTIC, ids=lambda m: type(m).__name__)
+def test_total_strain_is_not_to_be_had_beside_plastic_strain(material):
+    name = type(material).__name__
+    with pytest.raises(libmpm.SceneError, match=f"strain' for {name}, which stores its elastic"):
+        body_scene(material, smoothing=libmpm.Smoothing(method="C0")).plan(device="cpu")
+    told = lower(body_scene(material), with_particles=False)
+    told["bodies"][0]["smoothing"] = libmpm.Smoothing(method="C0").specification(False)
+    with pytest.raises(libmpm.SceneError, match=f"'strain', which {name} does not store"):
+        _core.plan(told, "cpu")
+
+
+@pytest.mark.parametrize("method", ["C0", "C1"])
+def test_smoothing_beside_plastic_strain_that_stays_adds_energy(method):
+    """With P for C0 or C1 and ε^p untouched (Yang 2016, 3.67) the elastic strain becomes
+    P ε^e - (1 - P) ε^p, and Σ m |ε^e|² changes by Σ m |(1 - P) ε^p|² - Σ m |(1 - P) ε^e|²."""
+    random = np.random.default_rng(3)
+    x = random.random((400, 2))
+    mass = 1 + random.random(400)
+    elastic = random.standard_normal((400, 3))
+
+    def energy(strain):
+        return (mass[:, None] * strain**2).sum()
+
+    def rest(strain):
+        return strain - smooth(strain, mass, x, 0.2, method=method).q
+
+    for much in (0.1, 10.0):
+        plastic = much * random.standard_normal((400, 3))
+        smoothed = smooth(elastic + plastic, mass, x, 0.2, method=method).q - plastic
+        change = energy(smoothed) - energy(elastic)
+        by_parts = energy(rest(plastic)) - energy(rest(elastic))
+        assert change == pytest.approx(by_parts, rel=1e-10)
+        assert (change > 0) == (much > 1)
 
 
 @pytest.mark.parametrize(

@@ -151,14 +151,14 @@ def test_what_square_cells_lack_is_refused():
     scene.add_body(name="a", shape=shapes.Cells(), material=ELASTIC)
     scene.add_body(
         name="b", shape=shapes.Box(lower=(0, 0), upper=(1, 1)), material=ELASTIC,
-        stress=(0, 0, 0, 0), lattice=(2, 2, 2),
+        tractions=libmpm.Traction(face="x+", value=(1, 0)), lattice=(2, 2, 2),
     )  # fmt: skip
     scene.add_boundary(
         name="c", shape=shapes.Outline(points=((0, 0), (1, 0))), response=boundaries.Slip()
     )
     with pytest.raises(libmpm.SceneError) as error:
         scene.validate()
-    for text in ("body 'a': shapes.Cells", "body 'b': stress", "lattice has 3", "boundary 'c'"):
+    for text in ("body 'a': shapes.Cells", "body 'b': tractions", "lattice has 3", "boundary 'c'"):
         assert text in str(error.value)
 
 

@@ -327,10 +327,11 @@ def _methods() -> list[libmpm.Scene]:
     scene.add_body(
         name="w", shape=_box(0, 0, 0.5, 0.4), material=WATER,
         smoothing=libmpm.Smoothing(method="F0", gamma=0.5, field="volume"),
-        assumed=libmpm.AssumedFields(over="node", part="full"),
+        assumed=libmpm.AssumedFields(over="node", part="full", rate=False),
     )  # fmt: skip
     scene.add_body(
         name="bar", shape=_box(0.6, 0.1, 0.9, 0.4), material=materials.LinearElastic(**SOLID),
+        stress=libmpm.Field(components=("-100 * y", "3", "x")),
         smoothing=libmpm.Smoothing(method="F1", flux_length="inertia"), damping=0.02,
         force=libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((0.1, 0.0), (-0.1, 0.2))),
     )  # fmt: skip

@@ -3,7 +3,7 @@
 // (kernels/cell_smoothing.hpp).
 //
 //   collected    L <- L (I + dt L)^-1 (Yang 2016, A.8, A.9); then its means where a body assumes
-//                them (M8, M9)
+//                them (M8, M9); none of the rate in the form (3.43)
 //   smooth       the state as it was, by the cells that the particles stood in
 //   responded    tau_ij += 2 l xi sqrt(M rho) d_ij (i = j), sqrt(G rho) (i != j) (A.6); then the
 //                means of the stress, by the cells that the particles have come to

@@ -44,10 +44,12 @@ struct CellNumbers {
     TensorPart part = TensorPart::none;  // of them
     double normal = 0, shear = 0;        // numerical damping, Pa s: l xi sqrt(M rho) and of G
     bool deformed = false;               // gradients by the moved nodes
+    bool rate = true;                    // assumed too, not the stress alone
     PlacedForce force;                   // beside gravity
 
     bool smooths() const { return smoothing.form != CellForm::none; }
-    bool changes_rates() const { return deformed || part != TensorPart::none; }
+    bool assumes_rates() const { return rate && part != TensorPart::none; }
+    bool changes_rates() const { return deformed || assumes_rates(); }
     bool changes_deposits() const {
         return normal > 0 || part != TensorPart::none || force.axis >= 0;
     }

@@ -106,11 +106,12 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
                    });
     if (!s.ids.empty()) exec_.upload(body.id.data(), s.ids.data(), s.count * sizeof s.ids[0]);
     if (s.state) {
-        const std::size_t width = body.state.size();
-        if (std::size_t(s.state_width) != width)
+        // A body that begins here is given what its material stores, the first of what it keeps.
+        const std::size_t width = std::size_t(s.state_width);
+        if (s.restored ? width != body.state.size() : width > body.state.size())
             throw SceneError("body '" + s.name + "' has " + std::to_string(s.state_width) +
                              " numbers a particle to begin with; this run stores " +
-                             std::to_string(width));
+                             std::to_string(body.state.size()));
         std::vector<double> rows;
         std::vector<T> column;
         for (std::uint64_t first = 0; first < s.count; first += piece_rows) {

@@ -60,8 +60,8 @@ struct BodySpec {
     bool restored = false;
     std::vector<std::uint32_t> ids;  // (count,) above first_id, below id_count; empty: the rows
     std::uint64_t id_count = 0;      // ids kept for the body; 0: as many as particles
-    Rows state;                      // (count, state_width): what its particles store
-    int state_width = 0;
+    Rows state;  // (count, state_width): what its particles store; of one that begins here, what
+    int state_width = 0;  // its material stores, or empty: all zero
     // On functions over cells only:
     Rows volume;  // (count,) m^2, or empty: all alike, from the mass
     Rows stress;  // (count, 4) Pa: xx, yy, xy, zz of materials that store it, or empty
@@ -74,7 +74,8 @@ struct BodySpec {
     std::string smoothed_field;  // "volume" or "strain"
     SmoothingChoice assumed;     // `constant` or `nodal` where `assumed_part` is any
     TensorPart assumed_part = TensorPart::none;
-    double damping = 0;  // ratio xi
+    bool assumed_rate = true;  // of the rate too, not of the stress alone
+    double damping = 0;        // ratio xi
     PlacedForce force;
     // What it keeps of the velocity that it stores, where the transfer makes it store one.
     double keep = 1;            // alpha

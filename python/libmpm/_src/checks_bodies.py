@@ -16,6 +16,7 @@ from libmpm._src.geometry.choices import Columns, Jitter
 from libmpm._src.geometry.point_file import PointFile
 from libmpm._src.geometry.solid import Bounds, Solid
 from libmpm._src.geometry.volume import overlap_depth, shared_bounds
+from libmpm._src.initial_stress import check_stress
 from libmpm._src.method import FBar
 from libmpm._src.parameters import wave_speed
 from libmpm._src.shapes import Box, OrientedBox
@@ -135,6 +136,8 @@ def check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str])
     _check_material(check, scene, body)
     if fits and isinstance(body.velocity, Field) and len(body.velocity) == d:
         check.problems += _check_field(scene, body)
+    if fits and isinstance(body.stress, Field) and on_cells and not check.problems:
+        check.problems += _at_the_middle(body, body.stress, "stress")
     names = [b.name for b in scene.bodies]
     for other in body.subtract_from:
         if other == body.name:
@@ -156,9 +159,18 @@ def _check_field(scene: Scene, body: Body) -> list[str]:
             body.velocity.at(position, where)
             if isinstance(body.stress, Field) and len(body.stress) == 4:
                 body.stress.at(position, f"body '{body.name}': stress")
-        elif isinstance(body.shape, Solid | PointFile):
-            corners = np.array(body.shape.bounds(), dtype=np.float64)
-            body.velocity.at(corners.mean(axis=0, keepdims=True), where)
+    except SceneError as error:
+        return list(error.problems)
+    return _at_the_middle(body, body.velocity, "velocity") if scene.grid is None else []
+
+
+def _at_the_middle(body: Body, field: Field, name: str) -> list[str]:
+    """Evaluate a field at the middle of a shape's bounds."""
+    if not isinstance(body.shape, Solid | PointFile):
+        return []
+    corners = np.array(body.shape.bounds(), dtype=np.float64)
+    try:
+        field.at(corners.mean(axis=0, keepdims=True), f"body '{body.name}': {name}")
     except SceneError as error:
         return list(error.problems)
     return []
@@ -184,6 +196,8 @@ def _check_material(check: Checker, scene: Scene, body: Body) -> None:
                 f"hydrostatic is {body.hydrostatic:g} for {table.name}, which stores no volume "
                 "ratio to start from; expected a fluid; remove hydrostatic"
             )
+    if scene.grid is None:
+        check_stress(scene, body, check)
     _check_transfer(scene, body, check)
     _check_smoothing(scene, body, check)
     if isinstance(body.fbar, FBar) and not table.fbar:
@@ -220,9 +234,12 @@ def _check_smoothing(scene: Scene, body: Body, check: Checker) -> None:
         check.fail("fbar and smoothing are both given; expected at most one; remove one of them")
     has = "volume" if table.stores_volume else "strain" if table.name == "LinearElastic" else None
     if has is None or smoothing.field not in (None, has):
+        why = "which does not store it"
+        if has is None and table.needs == "elastic_strain":
+            why = "which stores its elastic strain, from which the total one does not follow"
         check.fail(
-            f"smoothing of field '{smoothing.field or 'strain'}' for {table.name}, which does not "
-            "store it; expected 'volume' of a fluid or 'strain' of LinearElastic; remove smoothing"
+            f"smoothing of field '{smoothing.field or 'strain'}' for {table.name}, {why}; expected "
+            "'volume' of a fluid or 'strain' of LinearElastic; remove smoothing"
         )
 
 

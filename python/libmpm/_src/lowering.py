@@ -24,6 +24,7 @@ from libmpm._src.checks_steps import check_intervals, check_step, too_slow
 from libmpm._src.errors import SceneError
 from libmpm._src.field import Field
 from libmpm._src.filling import bounds_of, fill
+from libmpm._src.initial_stress import stored_stress
 from libmpm._src.method import CROSSINGS, FBar
 from libmpm._src.parameters import wave_speed
 from libmpm._src.sensing.values import Sampled
@@ -270,20 +271,27 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
     pressure = None
     if body.hydrostatic is not None and with_particles:
         pressure = still_water(scene, body.hydrostatic, parameters["density"], at_hand(points))
-    return {
-        "name": body.name,
-        "material": body.material.table.name,
-        "parameters": parameters,
-        "count": points.count,
-        "bounds": filling.bounds,
-        "particle_mass": mass,
-        "first_id": first,
-        "position": at_hand(points) if with_particles else None,
-        "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
-        "pressure": pressure,
-        "fbar": _fbar(scene, body),
-        "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
-    } | _over_cells(scene, body)
+    starts: dict[str, Any] = {}
+    if body.stress is not None and with_particles:
+        starts = stored_stress(scene, body, points.rows, points.count)
+    return (
+        {
+            "name": body.name,
+            "material": body.material.table.name,
+            "parameters": parameters,
+            "count": points.count,
+            "bounds": filling.bounds,
+            "particle_mass": mass,
+            "first_id": first,
+            "position": at_hand(points) if with_particles else None,
+            "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
+            "pressure": pressure,
+            "fbar": _fbar(scene, body),
+            "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
+        }
+        | starts
+        | _over_cells(scene, body)
+    )
 
 
 def _over_cells(scene: Scene, body: Body) -> dict[str, Any]:

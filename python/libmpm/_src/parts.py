@@ -79,7 +79,7 @@ class Body(Value):
         if not isinstance(velocity, Field):
             velocity = check.vector("velocity", velocity, unit="m/s")
         if stress is not None and not isinstance(stress, Field):
-            stress = check.vector("stress", stress, lengths=(4,), unit="Pa")
+            stress = check.vector("stress", stress, lengths=(3, 4, 6), unit="Pa")
         given = (self.tractions,) if isinstance(self.tractions, Traction) else self.tractions
         tractions = None if isinstance(given, str) else sequence(given)
         if tractions is None:

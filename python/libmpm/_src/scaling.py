@@ -91,7 +91,7 @@ UNITS: dict[str, dict[str, str]] = {
         "name": TEXT, "gradient": TEXT, "boundary": TEXT, "modified": TEXT, "moved_nodes": TEXT,
     },
     "Smoothing": {"method": TEXT, "gamma": "1", "field": TEXT, "flux_length": TEXT},
-    "AssumedFields": {"over": TEXT, "part": TEXT},
+    "AssumedFields": {"over": TEXT, "part": TEXT, "rate": TEXT},
     "PlacedForce": {"axis": TEXT, "place": "m", "value": "m/s²"},
     # shapes
     "Box": {"lower": "m", "upper": "m"},

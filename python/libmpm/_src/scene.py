@@ -286,8 +286,9 @@ class Scene:
         subtract_from       -     names     bodies that lose their particles inside this one
         lattice             1     (d,)      particles of a box on each of its axes, in place of
                                             particles_per_cell
-        stress              Pa    (4,)      xx, yy, xy, zz at the start, or a `Field`; on a `grid`,
-                                            of materials that store their stress
+        stress              Pa    (k,)      Cauchy stress at the start, or a `Field`: xx, yy, xy, zz
+                                            of Hypoelastic in 2D; xx, yy, xy of LinearElastic in
+                                            2D, whose zz follows; xx, yy, zz, yz, xz, xy in 3D
         tractions           -     -         `Traction` values on faces of a Box, on a `grid`
         transfer            -     Transfer  of the scene's scheme, with a flip and shifts of its
                                             own; None = that of the scene's `Method`

@@ -110,21 +110,27 @@ class AssumedFields(Value):
     over       -     see below   "cell", one mean a cell, or "node", lumped means at nodes,
                                  interpolated: Σ m Nᵢ σ / Σ m Nᵢ
     part       -     see below   "volumetric" (traces alone), "deviatoric" or "full" tensors
+    rate       -     bool        False: of the stress alone. Every particle is strained by its own
+                                 rate; where the law is linear in what it stores (LinearElastic),
+                                 σ̃ = C : ε̃ with the mean ε̃ of the strains
     =========  ====  ==========  ===============================================================
 
     In plane strain the trace is that of the plane. Cells as of `Smoothing`, which it goes with; by
     transfers without an affine part; on the CPU. One mean a cell leaves zero-energy modes.
     Raises `SceneError`.
 
-    Source: Yang (2016) 3.1, 3.2, eqs. (3.26), (3.27), (3.29), (3.30).
+    Source: Yang (2016) 3.1, 3.2, eqs. (3.26), (3.27), (3.29), (3.30); without the rate (3.37),
+    (3.39), (3.43).
     """
 
     label: ClassVar[str] = "AssumedFields"
 
     over: Literal["cell", "node"] = "cell"
     part: Literal["volumetric", "deviatoric", "full"] = "volumetric"
+    rate: bool = True
 
     def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance("rate", self.rate, (bool,), "True or False")
         return {
             "over": check.choice("over", self.over, ("cell", "node")),
             "part": check.choice("part", self.part, ("volumetric", "deviatoric", "full")),
@@ -132,7 +138,7 @@ class AssumedFields(Value):
 
     def specification(self) -> dict[str, Any]:
         """Return what the engine is told."""
-        return {"over": self.over, "part": self.part}
+        return {"over": self.over, "part": self.part, "rate": self.rate}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -187,7 +187,7 @@ void collected(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data
                 for (int a = 0; a < D; ++a) at(a, c) = moved.e[c][a] / move;
         }
     }
-    assume(phase, n, data, [&](int a, int c) { return column.slope(a, c); });
+    if (n.assumes_rates()) assume(phase, n, data, [&](int a, int c) { return column.slope(a, c); });
 }
 
 /// A force by mass acts by the deposit, on the velocity that a particle brings. One that stores its

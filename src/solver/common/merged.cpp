@@ -28,6 +28,7 @@ bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
            // Cells and nodal means are a body's own.
            !works_between_parts(a) && !works_between_parts(b) && a.guard == b.guard &&
            a.held_by == b.held_by && bool(a.pressure) == bool(b.pressure) &&
+           bool(a.state) == bool(b.state) && a.state_width == b.state_width &&
            a.first_id + ids_of(a) == b.first_id && a.count > 0 && b.count > 0 &&
            ids_of(a) + ids_of(b) < most_ids &&
            (a.velocity == b.velocity || ids_of(a) + ids_of(b) <= most_with_velocities);

@@ -88,6 +88,7 @@ CellNumbers cells_of(const Spec& spec, const Scheme& scheme, const BodySpec& bod
     n.smoothing = body.cell_smoothing;
     n.assumed = body.assumed;
     n.part = body.assumed_part;
+    n.rate = body.assumed_rate;
     n.force = body.force;
     if (scheme.affine && (n.deformed || n.part != TensorPart::none || body.damping > 0))
         throw SceneError(who +

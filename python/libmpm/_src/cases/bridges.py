@@ -37,8 +37,29 @@ _DISC = {"density": 3000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.25}
 _LAWS = {"deformed": FixedCorotated, "rates": Hypoelastic}
 
 
+def _spinning_stress(middle: float) -> Field:
+    """Stress of a disc about x = `middle` that spins in plane strain, Pa: xx, yy, xy, zz.
+
+    σ_r = a (3 - 2 ν) (R² - r²), σ_θ = a ((3 - 2 ν) R² - (1 + 2 ν) r²), a = ρ ω² / (8 (1 - ν)).
+    """
+    nu = _DISC["poissons_ratio"]
+    scale = _DISC["density"] * _RATE**2 / (8 * (1 - nu))
+    square = f"((x - {middle})**2 + y**2)"
+    radial = f"{scale * (3 - 2 * nu)} * ({_RADIUS**2} - {square})"
+    # σ_θ - σ_r = a (2 - 4 ν) r², turned to the axes.
+    more = scale * (2 - 4 * nu)
+    return Field(
+        components=(
+            f"{radial} + {more} * y**2",
+            f"{radial} + {more} * (x - {middle})**2",
+            f"-{more} * (x - {middle}) * y",
+            f"{nu} * (2 * {radial} + {more} * {square})",
+        )
+    )
+
+
 def _spinning_disc(p: Parameters, options: Options) -> Scene:
-    """Two discs that spin freely: one of a law in F, one of a law in rates."""
+    """Two discs that spin freely: one of a law in F, one of a law in rates, in equilibrium."""
     dx = _RADIUS / p["cells"]
     half = (p["cells"] + 4) * dx
     scene = Scene(
@@ -59,6 +80,7 @@ def _spinning_disc(p: Parameters, options: Options) -> Scene:
             material=law(**_DISC),
             particles_per_cell=p["particles"],
             velocity=Field(components=spin),
+            stress=_spinning_stress(middle) if law is Hypoelastic else None,
             **(solid_choices(options) if law is FixedCorotated else {}),
         )
         quantities = ("orientation", "angular_velocity")

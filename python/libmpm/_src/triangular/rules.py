@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from libmpm._src.boundaries import Response, Separable
 from libmpm._src.errors import SceneError
-from libmpm._src.field import Field
 from libmpm._src.method import FBar
 from libmpm._src.sensors import VelocityProbe, WaveGauge
 from libmpm._src.shapes import Box
@@ -157,8 +156,8 @@ def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
             f"stress is given for {body.material.table.name}, which stores none; expected a "
             "material such as Hypoelastic; remove stress"
         )
-    if isinstance(body.stress, Field) and len(body.stress) != 4:
-        check.fail(f"stress has {len(body.stress)} formulas; expected 4: xx, yy, xy, zz")
+    if body.stress is not None and len(body.stress) != 4:
+        check.fail(f"stress has {len(body.stress)} components; expected 4: xx, yy, xy, zz")
     problems += check.problems
     return fits
 
@@ -217,7 +216,7 @@ def check_square_cells(scene: Scene, problems: list[str]) -> bool:
         if isinstance(body.shape, Cells | Points):
             wrong.append(body.shape.label)
             fine = False
-        wrong += [key for key in ("stress", "tractions") if getattr(body, key)]
+        wrong += ["tractions"] if body.tractions else []
         for what in wrong:
             problems.append(f"body '{body.name}': {what} on a grid of square cells; {remedy}")
         if body.lattice is not None and len(body.lattice) != scene.dimension:
