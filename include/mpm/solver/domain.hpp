@@ -228,6 +228,7 @@ private:
     void end_of_sums(int parity, bool first);
     void list_mirrors();
     void rebalance(const std::vector<std::uint64_t>& load);
+    void weigh_by_time(std::vector<BlockWeight>& blocks);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
     // domain_points.hpp
     std::vector<std::uint64_t> blocks_of_points(const std::vector<PointRecord<D>>& points) const;
@@ -362,7 +363,7 @@ private:
     }
     TurnStep<D> turn_step() { return {{clock_buffer_.data(), spec_.cell_size}, begin_step()}; }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
-    double now() const {
+    static double now() {
         return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
             .count();
     }

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "mpm/data/partition.hpp"
+#include "mpm/data/rank_costs.hpp"
 #include "mpm/exec/communicator.hpp"
 #include "mpm/kernels/clock.hpp"
 
@@ -103,6 +105,13 @@ struct RankShare {
     // Of the ranks that hold a block one counts its nodes, where each is to count once.
     std::vector<std::uint8_t> counts;
 
+    // Where loads are by measured time: this rank's, in s; when its vote began, and with it a wait
+    // for the others; what each step since the last telling has taken it; what all have made of it.
+    std::function<double()> seconds;
+    double votes_at = 0;
+    std::vector<double> worked;
+    CostRates costs;
+
     double wall_ends = 0;
     bool wall_over = false;  // for any rank
 
@@ -197,6 +206,7 @@ struct DecideTogether {
     double now;
 
     void operator()(const double* maxima) const {
+        if (share->seconds) share->votes_at = share->seconds();
         RankVote mine = vote_of(*clock, maxima);
         mine.wall_over = now > share->wall_ends;
         RankVote all{};
