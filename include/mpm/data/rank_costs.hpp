@@ -25,10 +25,11 @@ inline std::uint64_t usual_nanoseconds(std::vector<double> seconds) {
     return std::uint64_t(std::llround(std::clamp(*middle, 0.0, 1e9) * 1e9));
 }
 
-/// Time by weight of each rank, over that of all, smoothed: half of what was known and half of what
-/// is new. It is put down to the blocks that the rank had. Where it is the rank that is slow and
-/// not its blocks, those that it hands on are thought too heavy, the next telling corrects that,
-/// and the cuts come to rest where all take the same time, whatever makes it so.
+/// Time by weight of each rank, over that of all, smoothed: half of what was known, which is 1 at
+/// first, and half of what is new. It is put down to the blocks that the rank had. Where it is the
+/// rank that is slow and not its blocks, those that it hands on are thought too heavy, the next
+/// telling corrects that, and the cuts come to rest where all take the same time, whatever makes it
+/// so.
 class CostRates {
 public:
     static constexpr std::uint64_t one = 1024;
@@ -52,9 +53,8 @@ public:
                 now = double(of[r].nanoseconds) * double(weight) /
                       (double(of[r].weight) * double(time));
             now = std::clamp(now, 1 / most, most);
-            rate_[r] = told_ ? 0.5 * (rate_[r] + now) : now;
+            rate_[r] = 0.5 * (rate_[r] + now);
         }
-        told_ = true;
     }
     /// By which a weight of this rank counts.
     std::uint64_t of(int rank) const {
@@ -63,7 +63,6 @@ public:
 
 private:
     std::vector<double> rate_;
-    bool told_ = false;
 };
 
 }  // namespace mpm
