@@ -3,6 +3,7 @@
 // each other's memory and where they do not.
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <set>
 
 #include "mpm/core/error.hpp"
