@@ -1,6 +1,7 @@
 // What a weight costs on each rank, from the times that all have told of their own work. Times are
 // measured, so no two runs have the same, and no bit of a run may depend on them: only the cuts do.
-// All ranks compute from the same numbers by products and quotients alone, and find the same.
+// All ranks compute from the same integers by products, quotients and a halved sum, none of which
+// compilers fuse, and find the same.
 #pragma once
 
 #include <algorithm>
