@@ -273,6 +273,7 @@ def test_command_line(tmp_path, capsys):
     assert "inside it" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*run, "--cuts", "x", "--at", "left"])
+    assert "'left'; expected places in m, such as 1.5,3.0" in capsys.readouterr().err
     assert main([*run, "--cuts", "x", "--at", "2.2", "--wall-limit", "0"]) == 6
     assert libmpm.Simulation.resume(out).partition == Partition(cuts="x", at=(2.2,))
     resume = ["resume", str(out), "--until", "0.01", "--no-picture", "--quiet"]

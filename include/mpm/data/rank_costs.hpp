@@ -36,6 +36,8 @@ public:
     static constexpr std::uint64_t one = 1024;
     /// Fewer tell nothing.
     static constexpr std::size_t fewest_steps = 4;
+    /// More are forgotten.
+    static constexpr std::size_t most_steps = 4096;
     /// A rank without anything to do, or a clock that stood still, is no reason to move all.
     static constexpr double most = 64;
 

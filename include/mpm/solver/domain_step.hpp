@@ -237,8 +237,11 @@ void Domain<X, T, D>::one_step() {
             const double at = seconds();
             run_bodies();
             // What this rank has done, and not what it has waited for others.
-            if (share_ && share_->seconds)
+            if (share_ && share_->seconds) {
+                // A scene at rest may have no sort for as long as it runs.
+                if (share_->worked.size() == CostRates::most_steps) share_->worked.clear();
                 share_->worked.push_back(share_->votes_at - begins + (seconds() - at));
+            }
             if (share_) end_of_sums(1 - parity(), false);
         }
         exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});

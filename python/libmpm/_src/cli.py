@@ -246,7 +246,12 @@ def _device(text: str) -> str | list[str]:
 
 def _places(text: str) -> tuple[float, ...]:
     """Return the numbers between commas."""
-    return tuple(float(part) for part in text.split(","))
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}; expected places in m, such as 1.5,3.0"
+        ) from None
 
 
 def _partition(arguments: argparse.Namespace) -> Any:
