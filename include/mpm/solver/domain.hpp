@@ -363,7 +363,7 @@ private:
     }
     TurnStep<D> turn_step() { return {{clock_buffer_.data(), spec_.cell_size}, begin_step()}; }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
-    static double now() {
+    double now() const {
         return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
             .count();
     }

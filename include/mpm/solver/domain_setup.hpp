@@ -22,7 +22,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
             if (ranks.seconds)
                 share_->seconds = [&ranks, r = share_->rank()] { return ranks.seconds(r); };
             else
-                share_->seconds = [] { return now(); };
+                share_->seconds = &thread_seconds;
         }
     }
     for (int a = 0; a < D; ++a) {

@@ -269,7 +269,7 @@ struct RanksSpec {
     bool grouped = false;
     // The load of a block is by the time that its rank's steps have taken; else by particles.
     bool measured = false;
-    // Then: the time of a rank, s, where it is not that of the wall.
+    // Then: the time of a rank, s, where it is not that which its thread has worked.
     std::function<double(int rank)> seconds;
     // The largest load over the mean one at which a sort deals blocks anew, where that helps; 0: at
     // every sort.

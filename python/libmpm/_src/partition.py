@@ -43,7 +43,7 @@ class Partition(Value):
                                       rank, such as (("water",), ("deck", "pier")); None = nothing
     weights          -     see below  "particles": the load of a block is its particles, and 16 for
                                       having any; "measured": that times what it has cost its rank
-                                      of late, by the time of the rank's own work (CPU)
+                                      of late, by the processor time of its own work (CPU)
     rebalance_above  1     0, or ≥ 1  largest load of a rank over the mean one, above which a sort
                                       cuts anew where that makes it 3 % less or better; 0 = at every
                                       sort, at any price; None = never
