@@ -490,6 +490,8 @@ inline Spec read_spec(const py::dict& d) {
         if (r.contains("axis")) s.ranks.axis = r["axis"].cast<int>();
         if (r.contains("rebalance_above"))
             s.ranks.rebalance_above = r["rebalance_above"].cast<double>();
+        if (r.contains("planes")) s.ranks.planes = r["planes"].cast<std::vector<std::int64_t>>();
+        if (r.contains("measured")) s.ranks.measured = r["measured"].cast<bool>();
     }
     s.cell_size = d["cell_size"].cast<double>();
     s.cells = d["cells"].cast<std::vector<std::int64_t>>();
@@ -506,6 +508,11 @@ inline Spec read_spec(const py::dict& d) {
     for (const auto& b : d["bodies"])
         s.bodies.push_back(read_body(b.cast<py::dict>(), s.dimension));
     if (s.bodies.empty()) throw SceneError("the scene has no body; add one with scene.add_body");
+    if (d.contains("ranks") && d["ranks"].contains("groups")) {  // of each body
+        const auto groups = d["ranks"]["groups"].cast<std::vector<int>>();
+        s.ranks.grouped = true;
+        for (std::size_t b = 0; b < s.bodies.size(); ++b) s.bodies[b].groups = {{0, groups.at(b)}};
+    }
     int restricted = 0;
     for (const auto& item : d["boundaries"]) {
         const py::dict b = item.cast<py::dict>();

@@ -82,6 +82,11 @@ public:
     /// Where each rank but the first begins.
     const std::vector<std::uint64_t>& cuts() const { return cuts_; }
     void set_cuts(std::vector<std::uint64_t> cuts) { cuts_ = std::move(cuts); }
+    /// Planes in front of these blocks, which are counted from the first of the domain.
+    void cut_at(const std::vector<std::int64_t>& planes) {
+        cuts_.clear();
+        for (std::int64_t first : planes) cuts_.push_back(std::uint64_t(first + BlockKeys<D>::rim));
+    }
 
     /// Pieces as even as whole blocks, or planes of them, allow. Weights are integers and blocks
     /// are put in order first, so every rank that knows the same blocks finds the same cuts.
@@ -130,6 +135,31 @@ inline double imbalance(const std::vector<std::uint64_t>& loads) {
     return total == 0 ? 1.0 : double(most) * double(loads.size()) / double(total);
 }
 
+/// The load of each rank by these blocks.
+template <int D>
+std::vector<std::uint64_t> loads_of(const BlockPartition<D>& partition,
+                                    const std::vector<BlockWeight>& blocks) {
+    std::vector<std::uint64_t> loads(std::size_t(partition.ranks()), 0);
+    for (const BlockWeight& b : blocks) loads[std::size_t(partition.owner(b.key))] += b.weight;
+    return loads;
+}
+
+/// Makes new cuts by these blocks, unless they are hardly better: few blocks are never even, and
+/// what is gained by less than 3 % is not worth the way. Those who want them at any price, who say
+/// 0, have them. `was`: how uneven the present cuts are. Whether cuts have moved.
+template <int D>
+bool recut(BlockPartition<D>& partition, const std::vector<BlockWeight>& blocks,
+           double rebalance_above, double was) {
+    const auto before = partition.cuts();
+    partition.cut(blocks, partition.ranks());
+    if (partition.cuts() == before) return false;
+    if (rebalance_above > 0 && imbalance(loads_of(partition, blocks)) > 0.97 * was) {
+        partition.set_cuts(before);
+        return false;
+    }
+    return true;
+}
+
 /// Faces between blocks of different owners, which is what ranks will have to share. `blocks`: by
 /// ascending key.
 template <int D>
@@ -164,9 +194,7 @@ BlockPartition<D> choose_partition(const BlockKeys<D>& keys, std::vector<BlockWe
         planes(keys, int(longest - std::begin(keys.counts)));
     const auto unevenness = [&](BlockPartition<D>& partition) {
         partition.cut(blocks, ranks);
-        std::vector<std::uint64_t> loads(std::size_t(ranks), 0);
-        for (const BlockWeight& b : blocks) loads[std::size_t(partition.owner(b.key))] += b.weight;
-        return imbalance(loads);
+        return imbalance(loads_of(partition, blocks));
     };
     const double of_curve = unevenness(curve), of_planes = unevenness(planes);
     const bool take = of_planes <= std::max(even, of_curve) &&

@@ -228,6 +228,7 @@ private:
     void end_of_sums(int parity, bool first);
     void list_mirrors();
     void rebalance(const std::vector<std::uint64_t>& load);
+    void weigh_by_time(std::vector<BlockWeight>& blocks);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
     // domain_points.hpp
     std::vector<std::uint64_t> blocks_of_points(const std::vector<PointRecord<D>>& points) const;

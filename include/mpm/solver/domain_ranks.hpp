@@ -181,18 +181,32 @@ void Domain<X, T, D>::end_of_sums(int parity, bool first) {
 template <class X, class T, int D>
 void Domain<X, T, D>::rebalance(const std::vector<std::uint64_t>& load) {
     RankShare<D>& s = *share_;
-    std::vector<std::uint64_t> loads(s.keys.size(), 0);
     std::vector<BlockWeight> blocks;
-    for (std::size_t slot = 0; slot < load.size(); ++slot) {
-        if (load[slot] == 0) continue;
-        blocks.push_back({table_.keys[slot], load[slot] + weight_of_block});
-        loads[std::size_t(s.partition.owner(table_.keys[slot]))] += blocks.back().weight;
-    }
+    for (std::size_t slot = 0; slot < load.size(); ++slot)
+        if (load[slot] > 0) blocks.push_back({table_.keys[slot], load[slot] + weight_of_block});
+    if (s.seconds) weigh_by_time(blocks);
     s.loads.assign(s.keys.size(), 0);
-    for (const auto& theirs : s.comm->all_gather(loads))
+    for (const auto& theirs : s.comm->all_gather(loads_of(s.partition, blocks)))
         for (std::size_t r = 0; r < theirs.size(); ++r) s.loads[r] += theirs[r];
     const double was = imbalance(s.loads);
     if (was > s.rebalance_above) deal_anew(blocks, was);
+}
+
+/// Weights of this rank's blocks, by what a weight has cost the ranks that own them.
+template <class X, class T, int D>
+void Domain<X, T, D>::weigh_by_time(std::vector<BlockWeight>& blocks) {
+    RankShare<D>& s = *share_;
+    // As many steps on all ranks.
+    if (s.worked.size() >= CostRates::fewest_steps) {
+        StepCost mine{usual_nanoseconds(std::move(s.worked)), 0};
+        s.worked.clear();
+        for (const BlockWeight& b : blocks) mine.weight += b.weight;
+        std::vector<StepCost> all;
+        for (const auto& theirs : s.comm->all_gather(std::vector<StepCost>{mine}))
+            all.push_back(theirs.at(0));
+        s.costs.tell(all);
+    }
+    for (BlockWeight& b : blocks) b.weight *= s.costs.of(s.partition.owner(b.key));
 }
 
 /// `blocks`: of this rank, `was`: how uneven the present cuts are; all ranks together.
@@ -202,18 +216,8 @@ void Domain<X, T, D>::deal_anew(const std::vector<BlockWeight>& blocks, double w
     std::vector<BlockWeight> all;
     for (const auto& theirs : s.comm->all_gather(blocks))
         all.insert(all.end(), theirs.begin(), theirs.end());
-    const auto before = s.partition.cuts();
-    s.partition.cut(all, s.ranks());
-    if (s.partition.cuts() == before) return;
-    std::vector<std::uint64_t> loads(std::size_t(s.ranks()), 0);
-    for (const BlockWeight& b : all) loads[std::size_t(s.partition.owner(b.key))] += b.weight;
-    // Few blocks are never even: cuts that are hardly better are not worth the way. Those who want
-    // new ones at any price have them.
-    if (s.rebalance_above > 0 && imbalance(loads) > 0.97 * was) {
-        s.partition.set_cuts(before);
-        return;
-    }
-    s.loads = loads;
+    if (!recut(s.partition, all, s.rebalance_above, was)) return;
+    s.loads = loads_of(s.partition, all);
     ++s.rebalances;
 }
 

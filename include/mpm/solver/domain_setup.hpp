@@ -17,6 +17,13 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         share_->comm = link.comm;
         share_->partition = link.partition;
         share_->rebalance_above = link.rebalance_above;
+        if (const RanksSpec& ranks = spec_.ranks; ranks.measured) {
+            share_->costs = CostRates(share_->ranks());
+            if (ranks.seconds)
+                share_->seconds = [&ranks, r = share_->rank()] { return ranks.seconds(r); };
+            else
+                share_->seconds = &thread_seconds;
+        }
     }
     for (int a = 0; a < D; ++a) {
         if (spec_.cells[a] < 1)

@@ -101,7 +101,12 @@ void Domain<X, T, D>::load(const State& whole) {
     State own;
     if (share_) {
         if constexpr (X::is_device) meeting_->begin_anew();
-        share_->partition.cut(weigh_state(whole, bodies_.size()), share_->ranks());
+        share_->partition = first_partition<D>(
+            table_.keys_of, spec_.ranks, weigh_state(whole, bodies_.size()),
+            spec_.ranks.grouped ? group_state(whole, spec_.bodies) : std::vector<GroupWeight>(),
+            &share_->partition);
+        share_->worked.clear();
+        share_->costs = CostRates(share_->ranks());
         own = share_of_state<D>(whole, bodies_.size(), share_->partition, table_.keys_of,
                                 share_->mirrors, share_->rank());
     }

@@ -227,13 +227,21 @@ void Domain<X, T, D>::one_step() {
         }
         ++clock_.step;  // what the queue assumes; fetch_clock() brings the truth
     } else {
-        const double t0 = now();
+        const auto seconds = [&] { return share_ && share_->seconds ? share_->seconds() : 0; };
+        const double t0 = now(), begins = seconds();
         update_grid();
         const double t1 = now();
         run_sensors();
         const double t2 = now();
         if (clock_buffer_.data()->halt == Halt::none) {
+            const double at = seconds();
             run_bodies();
+            // What this rank has done, and not what it has waited for others.
+            if (share_ && share_->seconds) {
+                // A scene at rest may have no sort for as long as it runs.
+                if (share_->worked.size() == CostRates::most_steps) share_->worked.clear();
+                share_->worked.push_back(share_->votes_at - begins + (seconds() - at));
+            }
             if (share_) end_of_sums(1 - parity(), false);
         }
         exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "mpm/data/partition.hpp"
+#include "mpm/data/partition_groups.hpp"
 #include "mpm/kernels/placing.hpp"
 #include "mpm/solver/blob.hpp"
 #include "mpm/solver/rank_share.hpp"
@@ -79,6 +79,28 @@ BlockKeys<D> keys_of_domain(const Spec& spec) {
     return keys;
 }
 
+/// The partition that ranks begin with: where the loads are even, unless planes or groups of bodies
+/// were asked for. `present`: at hand, whose row is kept; else a row is chosen where none is named.
+template <int D>
+BlockPartition<D> first_partition(const BlockKeys<D>& keys, const RanksSpec& ranks,
+                                  std::vector<BlockWeight> blocks,
+                                  const std::vector<GroupWeight>& groups,
+                                  const BlockPartition<D>* present = nullptr) {
+    const int axis = present ? present->axis() : ranks.axis;
+    if (axis == RanksSpec::chosen && ranks.grouped)
+        return choose_for_groups<D>(keys, std::move(blocks), groups, ranks.count);
+    if (axis == RanksSpec::chosen)
+        return choose_partition<D>(keys, std::move(blocks), ranks.count, ranks.rebalance_above);
+    BlockPartition<D> partition(keys, axis);
+    if (!ranks.planes.empty())
+        partition.cut_at(ranks.planes);
+    else if (ranks.grouped)
+        cut_by_groups(partition, groups, ranks.count);
+    else
+        partition.cut(blocks, ranks.count);
+    return partition;
+}
+
 /// What each rank begins with: the same scene with its own particles, which keep their ids. Of one
 /// rank `only`, where the others are elsewhere; theirs are then without particles.
 template <int D>
@@ -89,33 +111,45 @@ struct RankScenes {
     explicit RankScenes(const Spec& scene, int only = -1) {
         const BlockKeys<D> keys = keys_of_domain<D>(scene);
         using Counts = std::unordered_map<std::uint64_t, std::uint64_t>;
-        Counts weight;
-        for (const BodySpec& body : scene.bodies)
+        const std::size_t groups = scene.ranks.grouped ? std::size_t(scene.ranks.count) : 1;
+        std::vector<Counts> weight(groups);
+        for (const BodySpec& body : scene.bodies) {
+            const auto group = [&](std::uint64_t row) {
+                return groups == 1 ? 0 : group_of(body, body.ids.empty() ? row : body.ids[row]);
+            };
             detail::walk_rows<D>(
                 scene, body, keys,
-                [](std::uint64_t, const std::vector<std::uint64_t>& of) {
+                [&](std::uint64_t first, const std::vector<std::uint64_t>& of) {
                     // Particles that follow each other mostly stand in one block.
-                    Counts counts;
+                    std::vector<Counts> counts(groups);
                     std::uint64_t* here = nullptr;
+                    int last = -1;
                     for (std::size_t k = 0; k < of.size(); ++k) {
-                        if (k == 0 || of[k] != of[k - 1]) here = &counts[of[k]];
+                        const int g = group(first + k);
+                        if (k == 0 || of[k] != of[k - 1] || g != last)
+                            here = &counts[std::size_t(g)][of[k]];
+                        last = g;
                         ++*here;
                     }
                     return counts;
                 },
-                [&](const Counts& counts) {
-                    for (const auto& [key, particles] : counts) weight[key] += particles;
+                [&](const std::vector<Counts>& counts) {
+                    for (std::size_t g = 0; g < groups; ++g)
+                        for (const auto& [key, particles] : counts[g]) weight[g][key] += particles;
                 });
-        std::vector<BlockWeight> blocks;
-        for (const auto& [key, particles] : weight)
-            blocks.push_back({key, particles + weight_of_block});
-        if (scene.ranks.axis == RanksSpec::chosen) {
-            partition = choose_partition<D>(keys, std::move(blocks), scene.ranks.count,
-                                            scene.ranks.rebalance_above);
-        } else {
-            partition = BlockPartition<D>(keys, scene.ranks.axis);
-            partition.cut(blocks, scene.ranks.count);
         }
+        Counts all;
+        std::vector<GroupWeight> grouped;
+        for (std::size_t g = 0; g < groups; ++g) {
+            for (const auto& [key, particles] : weight[g]) {
+                all[key] += particles;
+                if (scene.ranks.grouped) grouped.push_back({key, int(g), particles});
+            }
+        }
+        std::vector<BlockWeight> blocks;
+        for (const auto& [key, particles] : all)
+            blocks.push_back({key, particles + weight_of_block});
+        partition = first_partition<D>(keys, scene.ranks, std::move(blocks), grouped);
 
         spec.assign(std::size_t(scene.ranks.count), scene);
         for (Spec& s : spec) {
@@ -185,6 +219,29 @@ inline std::vector<BlockWeight> weigh_state(const State& all, std::size_t bodies
     for (BlockWeight& block : blocks)
         if (block.weight > 0) block.weight += weight_of_block;
     return blocks;
+}
+
+/// Particles of a saved state by their blocks and groups.
+inline std::vector<GroupWeight> group_state(const State& all, const std::vector<BodySpec>& bodies) {
+    const auto keys = detail::from_blob<std::uint64_t>(all, "keys");
+    std::vector<GroupWeight> out;
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+        const std::string p = "body" + std::to_string(b) + "_";
+        const auto start = detail::from_blob<std::uint32_t>(all, p + "cell_start"),
+                   id = detail::from_blob<std::uint32_t>(all, p + "id");
+        for (std::size_t k = 0; k < keys.size(); ++k) {
+            const std::size_t before = out.size();
+            for (std::size_t q = start.at(k * block_cells); q < start.at((k + 1) * block_cells);
+                 ++q) {
+                const int group = group_of(bodies[b], id.at(q));
+                std::size_t w = before;
+                while (w < out.size() && out[w].group != group) ++w;
+                if (w == out.size()) out.push_back({keys[k], group, 0});
+                ++out[w].particles;
+            }
+        }
+    }
+    return out;
 }
 
 /// The part of a saved state that lies in the blocks of one rank, and the blocks around them.

@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <ctime>
+#include <functional>
 #include <vector>
 
 #include "mpm/data/partition.hpp"
+#include "mpm/data/rank_costs.hpp"
 #include "mpm/exec/communicator.hpp"
 #include "mpm/kernels/clock.hpp"
 
@@ -17,6 +20,14 @@ inline constexpr std::uint64_t fault_elsewhere = no_fault - 1;
 
 /// What a home block costs beside its particles, in particles.
 inline constexpr std::uint64_t weight_of_block = 16;
+
+/// Processor time of the calling thread, in s. It stands still while the thread waits, be it for a
+/// processor that others use, and so says what was to do and not who else was there.
+inline double thread_seconds() {
+    std::timespec t{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
+}
 
 /// Blocks on both sides of a mirrored wall, where these are not the same.
 struct MirrorPlane {
@@ -102,6 +113,13 @@ struct RankShare {
     std::vector<std::vector<std::int32_t>> destinations;  // of each body: (slots, 3^D)
     // Of the ranks that hold a block one counts its nodes, where each is to count once.
     std::vector<std::uint8_t> counts;
+
+    // Where loads are by measured time: this rank's clock, in s; when its vote began, and with it
+    // a wait for the others; what each step since the last telling has taken; what all made of it.
+    std::function<double()> seconds;
+    double votes_at = 0;
+    std::vector<double> worked;
+    CostRates costs;
 
     double wall_ends = 0;
     bool wall_over = false;  // for any rank
@@ -197,6 +215,7 @@ struct DecideTogether {
     double now;
 
     void operator()(const double* maxima) const {
+        if (share->seconds) share->votes_at = share->seconds();
         RankVote mine = vote_of(*clock, maxima);
         mine.wall_over = now > share->wall_ends;
         RankVote all{};

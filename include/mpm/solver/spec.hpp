@@ -45,6 +45,12 @@ struct TractionSpec {
     TableSpec value;                       // Pa
 };
 
+/// Particles of a body from an id on, until the next of these, that are to begin on one rank.
+struct GroupOfIds {
+    std::uint64_t first;  // above the body's first id
+    int group;
+};
+
 struct BodySpec {
     std::string name;
     std::string material;
@@ -82,6 +88,8 @@ struct BodySpec {
     SchemeNumbers shift{};      // the rule of beta alone
     bool guard = true;          // beta is 0 where a boundary changed a node's velocity
     std::uint64_t held_by = 0;  // bit mask of the boundaries that are for some bodies alone
+    // Where ranks begin with groups of bodies: by ascending id, the first of 0.
+    std::vector<GroupOfIds> groups;
 };
 
 /// Does a body ask for what only the phased step has between its parts?
@@ -91,6 +99,16 @@ inline bool works_between_parts(const BodySpec& b) {
 }
 
 inline std::uint64_t ids_of(const BodySpec& b) { return b.id_count ? b.id_count : b.count; }
+
+/// The group of a particle by its id above the body's first; of a body without groups 0.
+inline int group_of(const BodySpec& b, std::uint64_t id) {
+    int group = 0;
+    for (const GroupOfIds& g : b.groups) {
+        if (g.first > id) break;
+        group = g.group;
+    }
+    return group;
+}
 
 /// Where a run begins that goes on from another with other bodies: the nodal velocities and
 /// averages of that run, which its particles' bodies (`restored`) take with them.
@@ -244,6 +262,16 @@ struct RanksSpec {
     // Blocks are dealt by planes across it, along a space-filling curve, or as `choose_partition`
     // has it.
     int axis = chosen;
+    // Planes across `axis` to begin with, by the first block behind each, counted from the domain's
+    // first; empty: where loads are even.
+    std::vector<std::int64_t> planes;
+    // Each rank begins with one group of bodies (BodySpec::groups), as far as pieces of the row can
+    // have it so.
+    bool grouped = false;
+    // The load of a block is by the time that its rank's steps have taken; else by particles.
+    bool measured = false;
+    // Then: the time of a rank, s, where it is not that which its thread has worked.
+    std::function<double(int rank)> seconds;
     // The largest load over the mean one at which a sort deals blocks anew, where that helps; 0: at
     // every sort.
     double rebalance_above = 1.05;

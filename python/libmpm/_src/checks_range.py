@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from libmpm._src.parts import Boundary
     from libmpm._src.scene import Scene
 
-__all__ = ["check_numbers", "check_range", "check_sweeps"]
+__all__ = ["block_edge", "check_numbers", "check_range", "check_sweeps"]
 
 #: Cells are numbered with 32 bits along each axis; what boundaries reach beyond is taken off.
 _MOST_CELLS = 2**31 - 1024
@@ -61,6 +61,11 @@ def check_range(scene: Scene, problems: list[str], doubts: list[str]) -> bool:
             )
     _check_narrow(scene, doubts)
     return len(problems) == before
+
+
+def block_edge(dimension: int) -> int:
+    """Return the cells along an edge of a block of the grid, of 64 cells in all."""
+    return _EDGE[dimension]
 
 
 def _check_cells(scene: Scene, problems: list[str]) -> None:

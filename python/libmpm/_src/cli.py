@@ -115,6 +115,19 @@ def _add_writing(parser: argparse.ArgumentParser) -> None:
         help="several devices: parts by planes across an axis, or along a space-filling curve",
     )  # fmt: skip
     parser.add_argument(
+        "--at", type=_places, metavar="X,...",
+        help="with --cuts x, y or z: places of the first planes, m, one fewer than devices",
+    )  # fmt: skip
+    parser.add_argument(
+        "--by", choices=("body", "material"),
+        help="several devices: each begins with a body, or the bodies of one material",
+    )  # fmt: skip
+    parser.add_argument(
+        "--weights", choices=("particles", "measured"),
+        help="several CPU ranks: loads by particles, or by the time that they took; default: "
+        "particles",
+    )  # fmt: skip
+    parser.add_argument(
         "--rebalance-above", type=float, metavar="RATIO",
         help="several devices: largest load over the mean above which cuts move; 0 = at every "
         "sort, inf = never; default: 1.05",
@@ -231,9 +244,20 @@ def _device(text: str) -> str | list[str]:
     return text.split(",") if "," in text else text
 
 
+def _places(text: str) -> tuple[float, ...]:
+    """Return the numbers between commas."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}; expected places in m, such as 1.5,3.0"
+        ) from None
+
+
 def _partition(arguments: argparse.Namespace) -> Any:
     """Return the partition that was asked for, or None."""
-    given = {"cuts": arguments.cuts, "rebalance_above": arguments.rebalance_above}
+    names = ("cuts", "at", "by", "weights", "rebalance_above")
+    given = {name: getattr(arguments, name) for name in names}
     given = {name: word for name, word in given.items() if word is not None}
     if not given:
         return None

@@ -81,7 +81,8 @@ class Simulation(Persistent, Sharing):
         started: each makes this simulation and all the same calls, and has a part of the particles.
         None: by `device` alone, whatever has started this process.
     partition
-        Where several ranks share the scene: how its blocks are cut, and when anew, a `Partition`.
+        Where several ranks share the scene: how its blocks are cut, where at the start, and when
+        anew, a `Partition`.
         None has it chosen. The results have the same bits with any.
     shared_device
         True where other simulations run on the same CUDA device at the same time: together they
@@ -131,7 +132,7 @@ class Simulation(Persistent, Sharing):
             self._scene, device, threads, ranks
         )
         check_backend(self._backend.kind, precision)
-        self._partition = as_partition(partition, self._backend, self._scene.dimension)
+        self._partition = as_partition(partition, self._backend, self._scene)
         self._guard = as_guard(guard)
         self._watch: Watch | None = None
         self._output = Output(output) if isinstance(output, str | Path) else output
@@ -382,7 +383,7 @@ class Simulation(Persistent, Sharing):
                     shell=start is not None and self._loads_state, **self._requested,
                 )  # fmt: skip
             self._initial.into(specification)
-            specification |= told_ranks(self._backend, self._partition)
+            specification |= told_ranks(self._backend, self._partition, self._scene)
             saved = self._restored if self._loads_state else None
             if saved is not None:
                 specification |= saved.stored_as()

@@ -74,6 +74,9 @@ void append(BodySpec& to, const BodySpec& b, int dimension) {
         if (to.ids.empty()) add(BodySpec(to), 0);
         add(b, ids_of(to));
     }
+    for (const GroupOfIds& g : b.groups)
+        if (to.groups.empty() || to.groups.back().group != g.group)
+            to.groups.push_back({ids_of(to) + g.first, g.group});
     to.id_count = ids_of(to) + ids_of(b);
     to.count += b.count;
     for (int a = 0; a < dimension; ++a) {

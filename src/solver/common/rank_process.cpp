@@ -46,11 +46,17 @@ std::vector<double> outline(const Spec& spec) {
                                double(spec.boundaries.size()),
                                double(spec.inlets.size()),
                                double(spec.ranks.axis),
-                               spec.ranks.rebalance_above};
+                               spec.ranks.rebalance_above,
+                               double(spec.ranks.measured),
+                               double(spec.ranks.grouped),
+                               double(spec.ranks.planes.size())};
+    for (const std::int64_t first : spec.ranks.planes) out.push_back(double(first));
     for (const std::int64_t n : spec.cells) out.push_back(double(n));
     for (const BodySpec& b : spec.bodies) {
         out.insert(out.end(), {double(b.count), b.particle_mass, double(b.first_id)});
         out.insert(out.end(), b.parameters.begin(), b.parameters.end());
+        for (const GroupOfIds& g : b.groups)
+            out.insert(out.end(), {double(g.first), double(g.group)});
     }
     return out;
 }

@@ -15,6 +15,27 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     if (spec.ranks.axis >= spec.dimension)
         throw SceneError("ranks are dealt by planes across axis " +
                          std::to_string(spec.ranks.axis) + ", which the scene has not");
+    if (const auto& planes = spec.ranks.planes; !planes.empty()) {
+        if (spec.ranks.axis < 0)
+            throw SceneError("planes are given for ranks that are dealt across no axis; name one");
+        if (planes.size() + 1 != std::size_t(spec.ranks.count))
+            throw SceneError(std::to_string(planes.size()) + " planes are given for " +
+                             std::to_string(spec.ranks.count) +
+                             " ranks; give one fewer than ranks");
+        for (std::size_t k = 0; k < planes.size(); ++k)
+            if (planes[k] < (k == 0 ? 1 : planes[k - 1] + 1))
+                throw SceneError("the planes between ranks do not ascend from block 1 on");
+    }
+    if (spec.ranks.grouped) {
+        for (const BodySpec& b : spec.bodies)
+            for (const GroupOfIds& g : b.groups)
+                if (g.group < 0 || g.group >= spec.ranks.count)
+                    throw SceneError("body '" + b.name + "' is of group " +
+                                     std::to_string(g.group) + "; there are as many as ranks, " +
+                                     std::to_string(spec.ranks.count));
+        if (!spec.ranks.planes.empty())
+            throw SceneError("ranks begin with groups of bodies and at planes; give one of them");
+    }
     if (spec.start.given) refuse("going on from a run with other bodies", "take one rank");
     if (spec.pipeline == "phased")
         refuse("pipeline 'phased'", "take one rank, or pipeline 'auto' with transfer APIC");
@@ -53,6 +74,9 @@ void check_devices(const Spec& spec) {
         throw SceneError("the scene has " + std::to_string(spec.ranks.count) + " ranks and names " +
                          std::to_string(spec.ranks.devices.size()) +
                          " devices; name one for each, such as ['cuda:0', 'cuda:1']");
+    if (spec.ranks.measured)
+        throw SceneError(
+            "loads by measured time are not built for ranks on devices; take particles");
     if (spec.ranks.count > most_device_ranks)
         throw SceneError("the scene has " + std::to_string(spec.ranks.count) +
                          " ranks on devices; it takes at most " +

@@ -115,6 +115,18 @@ TEST(Partition, planes_are_planes) {
     EXPECT_EQ(before, 2);
 }
 
+TEST(Partition, planes_lie_where_they_were_asked_for) {
+    const auto keys = keys_of<2>(8);
+    BlockPartition<2> partition(keys, 1);
+    partition.cut_at({2, 3, 7});
+    ASSERT_EQ(partition.ranks(), 4);
+    const int owner[] = {0, 0, 0, 0, 1, 2, 2, 2, 2, 3, 3};  // of the rim and the domain
+    for (std::int64_t y = -2; y < 9; ++y) {
+        const std::int64_t b[2] = {5, y};
+        EXPECT_EQ(partition.owner(keys.key(b)), owner[y + 2]) << y;
+    }
+}
+
 TEST(Partition, fewer_blocks_than_ranks) {
     const auto keys = keys_of<2>(8);
     BlockPartition<2> partition(keys, BlockPartition<2>::curve);

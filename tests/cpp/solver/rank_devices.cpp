@@ -3,6 +3,7 @@
 // each other's memory and where they do not.
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <set>
 
 #include "mpm/core/error.hpp"
@@ -96,6 +97,30 @@ TEST_P(RankDevices, have_the_bits_of_one) {
             expect_same_samples(many->drain(), samples, scene(), 1e-9);
         }
     }
+}
+
+/// At planes, and with groups of bodies; until a sort moves the cuts, and again after a resume.
+TEST_P(RankDevices, begin_where_they_are_asked_to) {
+    const auto one = make(scene());
+    go(*one, 2 * half);
+    for (bool planes : {true, false}) {
+        Spec s = with_ranks(scene(), 2, 0, planes ? std::numeric_limits<double>::infinity() : 1.05);
+        if (planes) s.ranks.planes = {1};
+        s.ranks.grouped = !planes;
+        s.bodies[0].groups = {{0, 0}};
+        s.bodies[1].groups = s.bodies[2].groups = {{0, 1}};
+        const auto many = make(s, way), again = make(s, way);
+        go(*many, half);
+        again->load(many->save());
+        go(*again, half);
+        expect_same_particles(*again, *one, 3);
+        if (planes) {
+            EXPECT_EQ(again->statistics().at("rebalances"), 0);
+        }
+    }
+    Spec timed = with_ranks(scene(), 2);
+    timed.ranks.measured = true;
+    EXPECT_THROW(make(timed, way), SceneError);
 }
 
 TEST_P(RankDevices, may_cut_anew_at_every_sort) {
