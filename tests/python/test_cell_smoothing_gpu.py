@@ -55,9 +55,7 @@ def test_a_step_smooths_as_arrays_do(tmp_path, method, dimension, kernel, field,
         before = by_id(engine, "position")
         made = smooth(state, 1, before - shift, DX, method=method)
         # Means are sums in steps of 2⁻³³: of means as near as that either may be the larger.
-        ties = [
-            undecided(state, before - shift, method, made.q, rounding=r) for r in (1e-11, TIE)
-        ]
+        ties = [undecided(state, before - shift, method, made.q, rounding=r) for r in (1e-11, TIE)]
         clear = ~np.logical_or(*ties)
         assert clear.mean() > 0.8, clear.mean()
         engine.run(1, np.inf, 1e9)
