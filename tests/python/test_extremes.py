@@ -98,6 +98,20 @@ def test_stress_beside_which_motion_rounds_away_is_named(device):  # noqa: F811
     assert found.steps <= 1
 
 
+def test_samples_fall_due_in_the_steps_that_viscosity_allows():
+    """Waves allow 4e-3 s, viscosity 1.25e-6 s: 2e-8 s is often for one of them."""
+    for viscosity, step in ((1e-3, 4e-3), (1e6, 1.25e-6)):
+        scene = block(material=materials.TaitFluid(bulk_modulus=1e5, viscosity=viscosity))
+        scene.add_sensor(name="energy", sensor=libmpm.sensors.Energy(interval=2e-8))
+        if step > 1e-4:
+            with pytest.raises(libmpm.SceneError, match=r"time step of 0\.004 s; .* every step"):
+                libmpm.Simulation(scene, device="cpu")
+            continue
+        run = libmpm.Simulation(scene, device="cpu")
+        assert run.plan.time_step == pytest.approx(step)
+        run.step(2)
+
+
 def block(material=None, **options):
     """A free block of water of 4 cells without gravity."""
     scene = libmpm.Scene(

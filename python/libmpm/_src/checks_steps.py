@@ -31,9 +31,15 @@ def _least_way(precision: str) -> float:
 
 
 def _step(scene: Scene, fixed: float | None) -> float:
-    """Return the time step that waves allow, s; 0 if their speed is not known here."""
+    """Return the time step that waves and viscosity allow, s; 0 if it is not known here."""
     fastest = max((wave_speed(b.material) or 0.0 for b in scene.bodies), default=0.0)
-    return fixed or (scene.method.cfl * scene.cell_size / fastest if fastest > 0 else 0.0)
+    if fixed or not fastest > 0:
+        return fixed or 0.0
+    cfl, dx = scene.method.cfl, scene.cell_size
+    told = [body.material.parameters() for body in scene.bodies]
+    nu = max(max(p.get("viscosity", 0), p.get("largest_viscosity", 0)) / p["density"] for p in told)
+    part = min(0.5, max(1 - scene.dimension * cfl**2, 0.1))  # step_limit of src/solver
+    return min(cfl * dx / fastest, part * dx**2 / (4 * nu) if nu > 0 else np.inf)
 
 
 def check_intervals(scene: Scene, fixed: float | None) -> None:
