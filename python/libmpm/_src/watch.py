@@ -54,8 +54,8 @@ CALM = 1e-5
 #: Part of the elastic energy at the start that is not told from rounding.
 STORED = 0.01
 
-#: What the middle of water may lie too low by, in cells: the grid does not see where in a cell the
-#: particles of a film lie.
+#: What the middle of water may lie too low by, in cells: the grid hardly sees where in a cell its
+#: particles lie.
 SLACK = 0.1
 
 #: Particles of a scene, at most, whose energy is not watched: they may share no node, and what
@@ -389,7 +389,7 @@ class Watch:
         """
         volume, _ = self._fluid_volume(now)
         least = self._basin.lowest_middle(volume) if self._basin is not None else None
-        if least is None:
+        if least is None or least[0] - least[1] < self._simulation.scene.cell_size:
             return 0.0, 0.0, 0.0, 0.0
         middle = now["potential"] / (now["mass"] * self._gravity)
         return least[0] - middle, middle, *least
@@ -407,11 +407,12 @@ class Watch:
         warnings.warn(
             f"body {names}: its middle has sunk to {middle - floor:.4g} m above the floor "
             f"{moment(simulation)}; the {volume:.4g} {unit} of its particles can lie no lower than "
-            f"{least - floor:.4g} m in this domain; expected at least {least - floor - allowed:.4g} "
-            f"m, {bound:g} of that and {SLACK:g} of a cell less. It has lost volume that its "
-            "pressure does not know of. Remedy: precision='double' for water that rests for "
-            "millions of steps, a longer FBar(time=...) or fbar=None, Slip or Separable walls "
-            "instead of Mirror where water strikes them; Guard(level=None) leaves it unwatched",
+            f"{least - floor:.4g} m in this domain; expected at least "
+            f"{least - floor - allowed:.4g} m, {bound:g} of that and {SLACK:g} of a cell less. It "
+            "has lost volume that its pressure does not know of. Remedy: precision='double' for "
+            "water that rests for millions of steps, a longer FBar(time=...) or fbar=None, Slip or "
+            "Separable walls instead of Mirror where water strikes them; Guard(level=None) leaves "
+            "it unwatched",
             ModelWarning, stacklevel=6,
         )  # fmt: skip
 
