@@ -212,5 +212,27 @@ TEST(Images, of_a_corner_are_four_and_reflect) {
     EXPECT_FALSE(Images<2>(view, middle).mirrored);
 }
 
+TEST(Images, apart_across_an_axis_share_along_the_other) {
+    BoundaryRecord<2> walls{};
+    walls.active = 1;
+    for (int a = 0; a < 2; ++a) walls.upper[a] = 8;
+    for (int f = 0; f < 4; ++f) {
+        walls.present[f] = 1;
+        walls.law[f].response = Response::mirror;
+    }
+    const BoundaryView<2> view{&walls, 1, nullptr, 1.0, 1};
+    for (const std::int64_t y : {-1, 0}) {
+        const std::int64_t cell[2] = {7, y};
+        Images<2> images(view, cell);
+        images.part(1, y);
+        std::vector<std::int64_t> seen;
+        images.each([&](const std::int64_t(&at)[2], const double(&)[2]) {
+            EXPECT_EQ(at[1], y);
+            seen.push_back(at[0]);
+        });
+        EXPECT_EQ(seen, (std::vector<std::int64_t>{7, 8}));
+    }
+}
+
 }  // namespace
 }  // namespace mpm
