@@ -151,21 +151,52 @@ def test_honest_scenes_are_left_alone(scene, device):  # noqa: F811
         simulation.step(1500)
 
 
+def spilling(faces, flow=None, **more):
+    """Return a domain that is walled on some faces, with a slab of water over half of its floor."""
+    scene = libmpm.Scene(
+        dimension=2, lower=(0.0, 0.0), upper=(1.0, 0.8), cell_size=DX, gravity=(0.0, -9.81), **more
+    )
+    walls = shapes.DomainWalls(faces=faces)
+    scene.add_boundary(name="walls", shape=walls, response=slip())
+    if flow is not None:
+        scene.add_flow(name="out", flow=flow)
+    body = shapes.Box(lower=(0, 0), upper=(0.6, 0.4))
+    scene.add_body(name="water", shape=body, material=water(4e5))
+    return scene
+
+
 def test_open_scenes_are_judged_too(monkeypatch):
-    # What comes in and goes out has a volume of its own at every look.
+    """What goes out by a side takes its volume along: the middle stays above what is left."""
     from libmpm._src.watch import Watch
 
-    scene = domain((1.0, 0.8), response={f: slip() for f in ("y-", "y+", "x-", "x+")})
-    scene.add_body(
-        name="water", shape=shapes.Box(lower=(0, 0), upper=(0.6, 0.4)), material=water(4e5)
-    )
     lows = []
     seen = Watch._lies
     monkeypatch.setattr(Watch, "_lies", lambda self, now: lows.append(seen(self, now)) or lows[-1])
-    start(scene, libmpm.Guard(every=50)).step(100)
-    below, middle, least, floor = lows[0]
-    assert (middle, least, floor) == pytest.approx((0.2, 0.12, 0.0), abs=2e-3)
-    assert below == pytest.approx(least - middle)
+    scene = spilling(("y-", "x-"), boundaries.Outflow(face="x+"))
+    sim = start(scene, libmpm.Guard(every=200))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sim.run(until=1.0, progress=False)
+    assert sim.outflow["out"].values[-1, 0] > 50
+    assert lows[0][1:] == pytest.approx((0.2, 0.12, 0.0), abs=2e-3)
+    left = len(sim.particles["water"]) * (0.5 * DX) ** 2
+    assert lows[-1][2] == pytest.approx(0.5 * left, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("flow", "more"),
+    [
+        (boundaries.Outflow(face="y-"), {}),
+        (None, {"method": libmpm.Method(leaving="delete")}),
+    ],
+)
+def test_nothing_is_low_where_there_is_no_floor(flow, more):
+    """Half a particle hangs out of the domain before its place does."""
+    scene = spilling(("x-", "x+"), flow, **more)
+    assert basin_of(scene) is None
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*has sunk")
+        start(scene, libmpm.Guard(every=50)).run(until=0.5, progress=False)
 
 
 # The least height --------------------------------------------------------------------------------
@@ -181,6 +212,30 @@ def test_a_basin_is_filled_from_its_lowest_place():
     # 0.2 m² in the pit at 0.2 m, 0.4 m² above it at 0.5 m.
     assert basin.lowest_middle(0.6) == pytest.approx((0.4, 0.0))
     assert basin.lowest_middle(0.0) is None and basin.lowest_middle(1.5) is None
+
+
+def test_boxes_are_where_the_engine_puts_them():
+    """A face in the middle of a cell goes up; g cos 90° is no second direction."""
+    for low, face in ((0.125, 0.15), (0.225, 0.25)):
+        scene = domain((1.0, 1.0), gravity=(6e-16, -9.81))
+        box = shapes.Box(lower=(low, 0.0), upper=(1.0, 0.9))
+        scene.add_boundary(name="shelf", shape=box, response=slip())
+        assert basin_of(scene).areas[0] == pytest.approx(face)
+
+
+def test_many_boxes_are_quickly_told():
+    random = np.random.default_rng(0)
+    scene = domain((10.0, 10.0, 4.0), gravity=(0.0, 0.0, -9.81))
+    taken = np.zeros((200, 200, 80), dtype=bool)
+    for k in range(150):
+        low = random.integers(0, (190, 190, 70))
+        high = low + random.integers(1, 10, 3)
+        taken[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = True
+        box = shapes.Box(lower=low * DX, upper=high * DX)
+        scene.add_boundary(name=f"box-{k}", shape=box, response=slip())
+    basin = basin_of(scene)
+    free = np.diff(basin.bounds) @ basin.areas
+    assert free == pytest.approx((~taken).sum() * DX**3)
 
 
 @pytest.mark.parametrize("seed", range(5))

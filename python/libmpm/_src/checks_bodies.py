@@ -49,12 +49,18 @@ _MOST_POINTS = 2**33
 #: Particles looked at together.
 _PIECE = 1 << 18
 
+#: Components of gravity below this part of the largest are rounding.
+_RESIDUE = 1e-12
+
 
 def initial_gravity(scene: Scene) -> npt.NDArray[np.float64]:
     """Return gravity at time 0, (d,), m/s²."""
     if isinstance(scene.gravity, TimeTable):
         return scene.gravity.at(0.0)
-    return np.asarray(scene.gravity, dtype=np.float64)
+    gravity = np.array(scene.gravity, dtype=np.float64)
+    # What g cos 90° leaves is no direction of its own.
+    gravity[np.abs(gravity) < _RESIDUE * np.abs(gravity).max()] = 0.0
+    return gravity
 
 
 def wrong_dimension(check: Checker, name: str, have: int, want: int) -> bool:

@@ -116,7 +116,8 @@ def _add_writing(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--at", type=_places, metavar="X,...",
-        help="with --cuts x, y or z: places of the first planes, m, one fewer than devices",
+        help="with --cuts x, y or z: places of the first planes, m, one fewer than devices; "
+        "--at=-1.2,0.4 where the first is negative",
     )  # fmt: skip
     parser.add_argument(
         "--by", choices=("body", "material"),
@@ -254,8 +255,8 @@ def _places(text: str) -> tuple[float, ...]:
         ) from None
 
 
-def _partition(arguments: argparse.Namespace) -> Any:
-    """Return the partition that was asked for, or None."""
+def _partition(arguments: argparse.Namespace, path: Path | None = None) -> Any:
+    """Return the partition that was asked for, the rest from a checkpoint; None for neither."""
     names = ("cuts", "at", "by", "weights", "rebalance_above")
     given = {name: getattr(arguments, name) for name in names}
     given = {name: word for name, word in given.items() if word is not None}
@@ -263,7 +264,17 @@ def _partition(arguments: argparse.Namespace) -> Any:
         return None
     from libmpm._src.partition import Partition
 
-    return Partition(**given)
+    kept: dict[str, Any] = {}
+    if path is not None:
+        from libmpm._src.output import checkpoint
+
+        header, _ = checkpoint.find_newest(path, checkpoint.load_header)[1]
+        kept = {k: v for k, v in (header.get("partition") or {}).items() if k != "type"}
+    # Both say where ranks begin.
+    for name, other in (("at", "by"), ("by", "at")):
+        if name in given:
+            kept.pop(other, None)
+    return Partition(**(kept | given))
 
 
 def _scaling(arguments: argparse.Namespace) -> Any:
@@ -395,7 +406,7 @@ def _go_on(
         path,
         device=None if named in (None, "auto") else _device(named),
         guard=None if arguments.no_guard else "same",
-        partition=_partition(arguments) or "same",
+        partition=_partition(arguments, path) or "same",
     )
     recorded = simulation.recorded_output()
     folder = output or (path if path.is_dir() else None)

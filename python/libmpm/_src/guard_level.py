@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.boundaries import Prescribed
-from libmpm._src.checks import initial_gravity
-from libmpm._src.shapes import Box
+from libmpm._src.checks import faces_present, initial_gravity, snap
+from libmpm._src.shapes import Box, DomainWalls
 from libmpm._src.timetable import TimeTable
 
 if TYPE_CHECKING:
@@ -54,10 +54,12 @@ class Basin:
 
 
 def basin_of(scene: Scene) -> Basin | None:
-    """Return what boundaries leave free of a domain; None where gravity is not along an axis.
+    """Return what boundaries leave free of a domain; None where the level says nothing.
 
-    Boxes that stay where they are and let nothing in take their place away. Others, and surfaces of
-    any shape, count as free: that is lower, never higher, than what water can fill.
+    That is where gravity changes or is not along an axis, and where the face that it points at is
+    not walled: what falls through takes its middle out of the domain first. Boxes that stay where
+    they are and let nothing in take their place away. Others, and surfaces of any shape, count as
+    free: that is lower, never higher, than what water can fill.
     """
     if scene.grid is not None or isinstance(scene.gravity, TimeTable):
         return None
@@ -66,44 +68,44 @@ def basin_of(scene: Scene) -> Basin | None:
     if len(along) != 1:
         return None
     axis = int(along[0])
-    lower, upper = np.asarray(scene.lower, float), np.asarray(scene.upper, float)
-    boxes = [_cells(scene, b.shape) for b in scene.boundaries if _stands(b)]  # type: ignore[arg-type]
+    if not _floored(scene, f"{'xyz'[axis]}{'+' if gravity[axis] > 0 else '-'}"):
+        return None
+    boxes = [snap(scene, b.shape) for b in scene.boundaries if _stands(b)]  # type: ignore[arg-type]
     edges = [
-        np.unique(np.clip([lower[a], upper[a], *(x[a] for box in boxes for x in box)],
-                          lower[a], upper[a]))
-        for a in range(len(lower))
-    ]  # fmt: skip
-    middles = np.meshgrid(*[0.5 * (e[1:] + e[:-1]) for e in edges], indexing="ij")
-    free = np.ones(middles[0].shape, dtype=bool)
+        np.unique(np.clip([0, cells, *(x[a] for box in boxes for x in box)], 0, cells))
+        for a, cells in enumerate(scene.cells)
+    ]
+    free = np.ones([len(edge) - 1 for edge in edges], dtype=bool)
     for low, high in boxes:
-        free &= ~np.logical_and.reduce(
-            [(x > a) & (x < b) for x, a, b in zip(middles, low, high, strict=True)]
-        )
-    for a, edge in enumerate(edges):
-        if a != axis:
-            shape = np.ones(len(edges), dtype=int)
-            shape[a] = -1
-            free = free * np.diff(edge).reshape(shape)
-    areas = free.sum(axis=tuple(a for a in range(len(edges)) if a != axis), dtype=float)
-    bounds = edges[axis] - lower[axis]
+        free[tuple(
+            slice(*np.searchsorted(edge, np.clip([a, b], 0, edge[-1])))
+            for edge, a, b in zip(edges, low, high, strict=True)
+        )] = False  # fmt: skip
+    # Areas of the layers: sums over what lies across, one axis after another.
+    dx = scene.cell_size
+    areas = np.moveaxis(free, axis, 0).astype(float)
+    for edge in reversed([edge for a, edge in enumerate(edges) if a != axis]):
+        areas = areas @ (np.diff(edge) * dx)
+    bounds = edges[axis] * dx
     if gravity[axis] > 0:
         bounds, areas = -bounds[::-1], areas[::-1]
     return Basin(bounds, areas)
 
 
-def _stands(boundary: Boundary) -> bool:
-    """Whether it is a box on cell faces that keeps everything out all the time."""
+def _keeps(boundary: Boundary) -> bool:
+    """Whether a boundary is there all the time, stays, and keeps all bodies out."""
     held = (boundary.motion, boundary.time, boundary.within)
     keeps = not any(isinstance(r, Prescribed) for r in boundary.responses)
-    box = isinstance(boundary.shape, Box) and not boundary.is_surface and not boundary.bodies
-    return box and keeps and all(x is None for x in held)
+    return keeps and not boundary.bodies and all(x is None for x in held)
 
 
-def _cells(scene: Scene, box: Box) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the corners of a box on the cell faces next to it."""
-    lower = np.asarray(scene.lower, float)
-    low, high = (
-        lower + scene.cell_size * np.round((np.asarray(x, float) - lower) / scene.cell_size)
-        for x in (box.lower, box.upper)
-    )
-    return low, high
+def _stands(boundary: Boundary) -> bool:
+    """Whether it is a box on cell faces that keeps everything out all the time."""
+    return isinstance(boundary.shape, Box) and not boundary.is_surface and _keeps(boundary)
+
+
+def _floored(scene: Scene, face: str) -> bool:
+    """Whether a face of the domain is a wall that nothing leaves by."""
+    walls = (b for b in scene.boundaries if isinstance(b.shape, DomainWalls) and _keeps(b))
+    walled = any(face in faces_present(scene, b) for b in walls)
+    return walled and not any(placed.flow.face == face for placed in scene.flows)

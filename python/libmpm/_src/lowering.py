@@ -15,6 +15,7 @@ from libmpm._src.boundaries import Prescribed, Response
 from libmpm._src.checks import (
     extent_of,
     faces_present,
+    initial_gravity,
     relative,
     snap,
     vertical_axis,
@@ -161,6 +162,8 @@ def lower(
     if problems := check_numbers(scene, precision, bodies):
         raise SceneError(problems)
     gravity = scene.gravity
+    if not isinstance(gravity, TimeTable):
+        gravity = constant(initial_gravity(scene).tolist())
     return (
         {
             "dimension": scene.dimension,
@@ -171,7 +174,7 @@ def lower(
             "threads": threads,
             "cell_size": scene.cell_size,
             "cells": list(scene.cells),
-            "gravity": _table(gravity if isinstance(gravity, TimeTable) else constant(gravity)),
+            "gravity": _table(gravity),
             "cfl": scene.method.cfl,
             "time_step": fixed,
             "leaving": scene.method.leaving,

@@ -55,7 +55,8 @@ class Partition(Value):
 
     `by` takes as many groups as ranks. A rank has all particles in its blocks, and its blocks are
     one piece of the row that is cut; so cuts are where most particles come to lie with their group.
-    Groups beside each other are parted, one inside another is not.
+    Groups beside each other are parted, one inside another is not, and may leave a rank with
+    nothing. Ranks take groups in the order in which these lie along the row.
 
     With `cuts`, `by` and `rebalance_above` all None planes are taken however uneven they are.
     Raises `SceneError`.

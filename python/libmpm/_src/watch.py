@@ -85,7 +85,12 @@ class Watch:
         self.every = guard.every or EVERY
         self._closed = not opened_by(scene)
         self._gravity = float(np.linalg.norm(initial_gravity(scene)))
-        self._basin = basin_of(scene) if guard.level is not None else None
+        densities = {body.material.parameters()["density"] for body in scene.bodies}
+        fluid = all(body.material.table.stores_volume for body in scene.bodies)
+        #: kg/m³, at rest, in scenes of water of one density; 0 in others.
+        self._density = float(densities.pop()) if fluid and len(densities) == 1 else 0.0
+        judged = self._density > 0 and guard.level is not None
+        self._basin = basin_of(scene) if judged else None
         self._sound = [wave_speed(body.material) or math.inf for body in scene.bodies]
         self._exact = not any(_smooths_apart(body) for body in scene.bodies)
         smoothed = [i for i, body in enumerate(scene.bodies) if body.smoothing is not None]
@@ -348,15 +353,11 @@ class Watch:
 
         Both zero in scenes that are not of water of one density alone.
         """
-        bodies = self._simulation.scene.bodies
-        densities = {body.material.parameters()["density"] for body in bodies}
-        fluid = all(body.material.table.stores_volume for body in bodies)
         counts = self._counts()
-        if not fluid or len(densities) != 1 or not sum(counts):
+        if self._density == 0 or not sum(counts):
             return 0.0, 0.0
-        density = float(densities.pop())
         ratio = sum(n * j for n, j in zip(counts, now["volume_ratio"], strict=True) if n)
-        return float(now["mass"] / density * ratio / sum(counts)), density
+        return float(now["mass"] / self._density * ratio / sum(counts)), self._density
 
     def _packing(self, now: Mapping[str, Any]) -> float:
         """Return the density at the nodes by that of the particles' volumes; 1 where unknown.
