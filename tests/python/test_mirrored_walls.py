@@ -80,3 +80,30 @@ def test_half_of_a_column_that_falls_apart_is_the_whole(form):
     assert found[0].shape == found[1].shape
     assert found[0][:, 0].max() > 0.3, "it has moved"
     assert np.sort(found[0], axis=0) == pytest.approx(np.sort(found[1], axis=0), abs=1e-9)
+
+
+@pytest.mark.parametrize("transfer", ["APIC", "FLIP"])
+def test_what_particles_keep_does_not_go_with_placed_forces(transfer):
+    """A force that presses on a mirrored bed is gravity with APIC; what FLIP keeps runs away."""
+    found = []
+    for gravity, force in ((-9.81, None), (0.0, -9.81)):
+        made = libmpm.Scene(
+            dimension=2, lower=(0, 0), upper=(0.4, 0.6), cell_size=DX, gravity=(0, gravity),
+            method=libmpm.Method(transfer=transfer),
+        )  # fmt: skip
+        made.add_boundary(
+            name="walls", shape=shapes.DomainWalls(), response=boundaries.Mirror()
+        )  # fmt: skip
+        placed = force and libmpm.PlacedForce(axis="y", place=(0,), value=((0, force),))
+        made.add_body(
+            name="water", shape=shapes.Box(lower=(0, 0), upper=(0.4, 0.4)), fbar=None, force=placed,
+            material=materials.TaitFluid(density=1000.0, bulk_modulus=4e5),
+        )  # fmt: skip
+        if transfer == "FLIP" and placed:
+            with pytest.raises(libmpm.SceneError, match=r"Mirror beside a PlacedForce.*'APIC'"):
+                made.validate()
+            return
+        sim = libmpm.Simulation(made, device="cpu", threads=1, precision="double")
+        sim.step(500)
+        found.append(sim.particles["water"]["position"])
+    assert found[0] == pytest.approx(found[1], abs=1e-9)

@@ -105,6 +105,12 @@ def _check_mirror(check: Checker, scene: Scene, boundary: Boundary) -> None:
             "response is Mirror with FBar(form='split'), whose average is made anew without "
             "mirrored nodes; expected another form, or Slip"
         )
+    if method.transfer_choice.stores_velocity and any(b.force is not None for b in scene.bodies):
+        check.fail(
+            "response is Mirror beside a PlacedForce with transfer "
+            f"'{method.transfer_choice.scheme}': what particles keep counts the force at mirrored "
+            "nodes again, and speeds grow without bound; expected 'APIC' or 'PIC', or Slip"
+        )
 
 
 def check_surface(check: Checker, scene: Scene, boundary: Boundary) -> bool:
