@@ -137,13 +137,12 @@ def ladder(path: Path) -> list[list[str]]:
         (x["model"], x["method"], x["bulk_modulus"]): x for x in load(path) if x["case"] == "K"
     }
     moduli = (1e6, 1e7, 1e8)
-    rows = [["model", "method", *(f"F_x at {k:.0e} Pa" for k in moduli), "s on one core"]]
+    rows = [["model", "method", *(f"F_x at {k:.0e} Pa" for k in moduli)]]
     for model, methods in LADDER.items():
         for method in methods:
             lines = [found.get((model, method, k)) for k in moduli]
             if any(lines):
-                took = ", ".join(f"{x['seconds']:.0f}" for x in lines if x)
-                rows.append([model, LONG[method], *(value(x, "middle_x") for x in lines), took])
+                rows.append([model, LONG[method], *(value(x, "middle_x") for x in lines)])
     return rows
 
 
