@@ -29,12 +29,12 @@ def case_scene(name, options=None, **changes):
     return case.build(case.parameters("reduced", changes), options or Options())
 
 
-def pool(*, modulus=2e6, depth=1.0, cells=20, fbar="default", **body):
+def pool(*, modulus=2e6, depth=1.0, cells=20, fbar="default", method=None, **body):
     """A square of water released at the left of a box."""
     dx = depth / cells
     scene = libmpm.Scene(
         name="pool", dimension=2, cell_size=dx, lower=(0, 0), upper=(4 * depth, 2 * depth),
-        gravity=(0, -9.81),
+        gravity=(0, -9.81), method=method,
     )  # fmt: skip
     scene.add_body(
         name="water", shape=shapes.Box(lower=(0, 0), upper=(depth, depth)),
@@ -337,6 +337,27 @@ def test_laws_limit_the_modulus(asked):
 )  # fmt: skip
 def test_range(asked, scene, words):
     assert any(words in w for w in asked(scene(), BASE).warnings)
+
+
+def test_loads_on_what_is_a_few_cells_thick(asked):
+    """Where the transfer loses shear in every step; not with FLIP, nor on what is thick."""
+
+    def said(thick, weighed=True, **how):
+        scene = pool(**how)
+        low = (0.8 * scene.upper[0], 0.2 * scene.upper[1])
+        high = (low[0] + thick * scene.cell_size, 0.9 * scene.upper[1])
+        deck = libmpm.shapes.Box(lower=low, upper=high)
+        scene.add_boundary(name="deck", shape=deck, response=libmpm.boundaries.Separable())
+        if weighed:
+            cell = libmpm.sensors.LoadCell(boundary="deck", interval=0.01)
+            scene.add_sensor(name="load", sensor=cell)
+        return [w for w in asked(scene, BASE).warnings if "is 2 cells thick and weighed" in w]
+
+    (text,) = said(2)
+    assert "with APIC" in text and "transfer 'FLIP'" in text
+    assert not said(2, weighed=False)
+    assert not said(2, method=libmpm.Method(transfer="FLIP"))
+    assert not said(5)
 
 
 def test_inside_the_range_nothing_is_said(asked):

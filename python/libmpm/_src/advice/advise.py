@@ -21,7 +21,7 @@ from libmpm._src.advice.choose import (
     softest,
 )
 from libmpm._src.advice.facts import Facts, own_fbar
-from libmpm._src.advice.ranges import leaves
+from libmpm._src.advice.ranges import leaves, thin_loads
 from libmpm._src.advice.result import Advice, Reason, Settings
 from libmpm._src.advice.rules import RULES, Match, matches, unmatched
 from libmpm._src.checks import check_scene
@@ -73,6 +73,7 @@ def advise(
             "cases="
         )
     warnings += leaves(facts, [r for m in known for r in rows[m.case].values()])
+    warnings += thin_loads(facts)
     if not made:
         return Advice(
             scene, error, kind, tuple(found), None, (), None, False, None, None, None, (),
