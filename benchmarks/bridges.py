@@ -20,7 +20,6 @@ Histories are means over 0.05 s. What is chosen where the source has drawings: `
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import multiprocessing
 import time
@@ -46,7 +45,7 @@ from bridges_scenes import (
     net_area,
     scene,
 )  # fmt: skip
-from result_pages import load
+from result_pages import append, load
 
 import libmpm
 from libmpm._src import bench
@@ -104,9 +103,14 @@ def jobs(cases: Sequence[str], modulus: float) -> list[Job]:
     if "V7" in cases:
         found += [Job("V7", "M1-L", m, 10 * modulus, 6.0) for m in METHODS]
     if "K" in cases:
-        for model, ladder in LADDER.items():
-            found += [Job("K", model, m, k, 1.5) for m, some in ladder.items() for k in some]
-    return sorted(found, key=lambda job: job.case == "K" and steps(job))
+        rungs = [
+            Job("K", model, m, k, 1.5)
+            for model, ladder in LADDER.items()
+            for m, some in ladder.items()
+            for k in some
+        ]
+        found += sorted(rungs, key=steps)
+    return found
 
 
 def steps(job: Job) -> float:
@@ -344,9 +348,7 @@ def run_all(chosen: Sequence[Job], a: argparse.Namespace) -> int:
         for future in as_completed(waiting):
             line = future.result()
             if "values" in line:
-                a.output.parent.mkdir(parents=True, exist_ok=True)
-                with a.output.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(line) + "\n")
+                append(a.output, line)
                 told = f"{line['steps']:,} steps in {line['seconds']:.0f} s"
             elif "error" in line:
                 failed += 1

@@ -170,8 +170,8 @@ class Runner:
             started = time.perf_counter()
             marks = [(0, 0.0)]
             shares = [float(before.get("imbalance", 1.0))]
+            whole = bits or partition is not None
             while marks[-1][0] < steps:
-                whole = bits or partition is not None
                 over = not whole and marks[-1][1] >= self.arguments.seconds
                 if simulation._agreed("over" if over else ""):
                     break

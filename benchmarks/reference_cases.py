@@ -18,7 +18,6 @@ does; while a run goes on its time left is that of its steps at the pace so far.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import shlex
 import sys
@@ -29,7 +28,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from result_pages import Line, load
+from result_pages import Line, append, load
 
 import libmpm
 from libmpm import cases
@@ -271,9 +270,7 @@ def main() -> int:
             print(f"  not done: {error}{more}", flush=True)
             missed += 1
             continue
-        arguments.output.parent.mkdir(parents=True, exist_ok=True)
-        with arguments.output.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
+        append(arguments.output, line)
         values = ", ".join(f"{k} {v:.4g}" for k, v in line["values"].items() if v is not None)
         print(f"  {line['wall_s']:.1f} s, {line['steps']:,} steps: {values}", flush=True)
         for failure in line["failures"]:

@@ -17,6 +17,13 @@ def load(path: Path) -> list[Line]:
     return [json.loads(text) for text in path.read_text(encoding="utf-8").splitlines() if text]
 
 
+def append(path: Path, line: Line) -> None:
+    """Add a line to a file, in a folder that is made where it is not there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(line) + "\n")
+
+
 def markdown(rows: Iterable[list[str]]) -> list[str]:
     """Return rows as a table."""
     head, *rest = rows

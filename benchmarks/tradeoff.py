@@ -23,7 +23,6 @@ An option that breaks on a case has the library's error in `failed`.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import shlex
 import signal
@@ -41,7 +40,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from atlas_data import DATA, shipped
 from atlas_page import ATLAS, atlas_page
-from result_pages import Line, load
+from result_pages import Line, append, load
 from tradeoff_cases import MEASURED, Measured
 from tradeoff_locking import LOCKING, locking_page
 from tradeoff_options import BASELINE, OPTIONS, Option
@@ -210,7 +209,6 @@ def run(arguments: argparse.Namespace) -> int:
     warnings.simplefilter("ignore", libmpm.ModelWarning)
     kind = arguments.device.partition(":")[0]
     done = set() if arguments.again else {key(line) for line in load(arguments.output)}
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
 
     def over() -> bool:
@@ -235,8 +233,7 @@ def run(arguments: argparse.Namespace) -> int:
         others = [o for o in missing if o.name != BASELINE]
         for line in run_case(measured, others, arguments, over):
             left -= line["option"]["name"] in {o.name for o in missing if o.name != BASELINE}
-            with arguments.output.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
+            append(arguments.output, line)
             told = line["failed"] or f"cost {line['cost']:.2f} {line['errors']}"
             print(f"{measured.name}: {line['option']['name']}: {told}", flush=True)
     print(f"{time.perf_counter() - began:.0f} s")

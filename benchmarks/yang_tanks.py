@@ -17,7 +17,6 @@ runs that last 3 s have `SOFT` for K, a hundredth: rho g H / K = 0.15 %, and a t
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import tempfile
 import time
@@ -29,7 +28,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from result_pages import load
+from result_pages import append, load
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
@@ -265,9 +264,7 @@ def main() -> int:
             print(f"{job.name:48} no time left; give the command again")
             continue
         line = measure(job)
-        a.output.parent.mkdir(parents=True, exist_ok=True)
-        with a.output.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
+        append(a.output, line)
         print(f"{job.name:48} {line['steps']:,} steps in {line['seconds']:.0f} s "
               f"{line.get('failed') or line['values']}", flush=True)  # fmt: skip
     return 0

@@ -63,7 +63,7 @@ def basin_of(scene: Scene) -> Basin | None:
     """
     if scene.grid is not None or isinstance(scene.gravity, TimeTable):
         return None
-    gravity = np.asarray(initial_gravity(scene), dtype=float)
+    gravity = initial_gravity(scene)
     along = np.flatnonzero(gravity)
     if len(along) != 1:
         return None

@@ -185,7 +185,8 @@ TEST(Surface, every_block_with_nodes_near_it_is_touched) {
     }
 }
 
-TEST(Images, of_a_corner_are_four_and_reflect) {
+/// Mirrored walls of a domain of 8 x 8 cells.
+BoundaryRecord<2> mirrors_all_round() {
     BoundaryRecord<2> walls{};
     walls.active = 1;
     for (int a = 0; a < 2; ++a) walls.upper[a] = 8;
@@ -193,6 +194,11 @@ TEST(Images, of_a_corner_are_four_and_reflect) {
         walls.present[f] = 1;
         walls.law[f].response = Response::mirror;
     }
+    return walls;
+}
+
+TEST(Images, of_a_corner_are_four_and_reflect) {
+    const BoundaryRecord<2> walls = mirrors_all_round();
     const BoundaryView<2> view{&walls, 1, nullptr, 1.0, 1};
     const std::int64_t corner[2] = {-1, 8};
     const Images<2> images(view, corner);
@@ -213,13 +219,7 @@ TEST(Images, of_a_corner_are_four_and_reflect) {
 }
 
 TEST(Images, apart_across_an_axis_share_along_the_other) {
-    BoundaryRecord<2> walls{};
-    walls.active = 1;
-    for (int a = 0; a < 2; ++a) walls.upper[a] = 8;
-    for (int f = 0; f < 4; ++f) {
-        walls.present[f] = 1;
-        walls.law[f].response = Response::mirror;
-    }
+    const BoundaryRecord<2> walls = mirrors_all_round();
     const BoundaryView<2> view{&walls, 1, nullptr, 1.0, 1};
     for (const std::int64_t y : {-1, 0}) {
         const std::int64_t cell[2] = {7, y};
