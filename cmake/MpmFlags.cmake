@@ -50,8 +50,11 @@ target_compile_options(mpm_flags INTERFACE
 if(LIBMPM_WITH_CUDA)
   # The host half of a .cu unit gets the same arithmetic; Eigen needs the relaxed constexpr.
   list(JOIN _mpm_host_flags "," _mpm_cuda_flags)
-  set(_mpm_cuda_flags --expt-relaxed-constexpr -lineinfo
+  set(_mpm_cuda_flags --expt-relaxed-constexpr
       "-Xcompiler=${_mpm_cuda_flags},-Wall,-Wno-psabi")
+  if(LIBMPM_LINEINFO) # for profilers: the same instructions, and half of the module again
+    list(APPEND _mpm_cuda_flags -lineinfo)
+  endif()
   target_compile_options(mpm_flags INTERFACE "$<$<COMPILE_LANGUAGE:CUDA>:${_mpm_cuda_flags}>")
   if(LIBMPM_WERROR)
     target_compile_options(mpm_flags INTERFACE "$<$<COMPILE_LANGUAGE:CUDA>:-Werror=all-warnings>")

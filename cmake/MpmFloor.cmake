@@ -48,6 +48,8 @@ function(mpm_module name)
   set(source "${PROJECT_SOURCE_DIR}/python/bindings/${arg_SOURCE}")
   pybind11_add_module(${name} MODULE NO_EXTRAS "${source}")
   target_link_libraries(${name} PRIVATE ${arg_LINKS} mpm_flags)
+  # What is written in Python's terms is not where time goes, and long to optimise.
+  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   add_dependencies(${name} mpm_floors)
   install(TARGETS ${name} LIBRARY DESTINATION libmpm COMPONENT python)
   if(LIBMPM_INPLACE)

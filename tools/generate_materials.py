@@ -27,6 +27,18 @@ MODULE = ROOT / "python/libmpm/_src/materials_generated.py"
 PAGE = ROOT / "docs/materials.md"
 LINE = 100
 
+#: Materials whose friction angle belongs to a test of the soil, which `cone` names. The core knows
+#: that in triaxial compression; the angle in another is converted before it gets there.
+FRICTIONAL = ("CamClay", "DruckerPrager")
+CONE = {
+    "names": '"compression", "extension", "plane-strain"',
+    "meaning": "test in which the angles hold: triaxial compression or extension, or plane strain; "
+    "None = plane strain in 2D, compression in 3D",
+}
+ANGLES = {
+    "friction_angle": "friction angle in the test that `cone` names, degrees",
+}
+
 HEADER = '''"""Materials, generated from the compiled core; do not edit.
 
 Change the C++ header of the material, build, and run ``python tools/generate_materials.py``.
@@ -38,6 +50,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from libmpm._src.friction import Cone, FrictionalMaterial
 from libmpm._src.parameters import Column, Entry, Material, Parameter
 from libmpm._src.values import value
 
@@ -67,6 +80,8 @@ def documentation(material: dict[str, Any]) -> list[str]:
     for p in material["parameters"]:
         default = "required" if p["default"] is None else f"{p['default']:g}"
         rows.append((p["name"], p["symbol"], p["unit"], bounds(p), default, p["meaning"]))
+    if material["name"] in FRICTIONAL:
+        rows.append(("cone", "-", "-", "a name", "None", CONE["meaning"]))
     # A long meaning goes on below; a row that begins with a blank continues the one above it.
     left = sum(max(len(row[i]) for row in rows) + 2 for i in range(5))
     rows = [
@@ -90,9 +105,22 @@ def documentation(material: dict[str, Any]) -> list[str]:
         *textwrap.wrap(f"Particles store: {stored}.", LINE - 4),
         f"Volume smoothing (`FBar`) {smoothing(material)}.",
         f"Source: {material['source']}.",
+        *names_of_cones(material),
         "",
         "Raises `SceneError` with every parameter out of range.",
     ]
+
+
+def names_of_cones(material: dict[str, Any]) -> list[str]:
+    """Return a paragraph about the choice of a cone, if the material has it."""
+    if material["name"] not in FRICTIONAL:
+        return []
+    text = (
+        f"`cone` is one of {CONE['names']}. A cone is circular and can meet Mohr and Coulomb's "
+        "surface in one test only: that of 30 degrees in triaxial compression acts as 43.9 degrees "
+        "in plane strain."
+    )
+    return ["", *textwrap.wrap(text, LINE - 4)]
 
 
 def smoothing(material: dict[str, Any]) -> str:
@@ -104,7 +132,8 @@ def smoothing(material: dict[str, Any]) -> str:
 
 def render_class(material: dict[str, Any]) -> str:
     """Return the class of one material."""
-    out = ["", "@value", f"class {material['name']}(Material):"]
+    base = "FrictionalMaterial" if material["name"] in FRICTIONAL else "Material"
+    out = ["", "@value", f"class {material['name']}({base}):"]
     doc = documentation(material)
     out.append(f'    """{doc[0]}')
     out += [f"    {line}".rstrip() for line in doc[1:]]
@@ -137,6 +166,8 @@ def render_class(material: dict[str, Any]) -> str:
     for p in material["parameters"]:
         default = "" if p["default"] is None else f" = {number(p['default'])}"
         out.append(f"    {p['name']}: float{default}")
+    if material["name"] in FRICTIONAL:
+        out.append("    cone: Cone | None = None")
     return "\n".join(out) + "\n"
 
 
@@ -173,6 +204,11 @@ def render_section(material: dict[str, Any]) -> str:
         default = "required" if p["default"] is None else f"{p['default']:g}"
         row = (f"`{p['name']}`", p["symbol"], p["unit"], bounds(p), default, p["meaning"])
         out.append(f"| {' | '.join(map(cell, row))} |")
+    if material["name"] in FRICTIONAL:
+        row = ("`cone`", "-", "-", "a name", "None", CONE["meaning"])
+        out.append(f"| {' | '.join(map(cell, row))} |")
+        out += [line for line in names_of_cones(material) if not line]
+        out.append(" ".join(line for line in names_of_cones(material) if line))
     out += ["", "| stored by a particle | numbers | unit | meaning |", "| --- | --- | --- | --- |"]
     for c in material["columns"]:
         numbers = str(c["components"])
@@ -200,6 +236,8 @@ def load(path: Path | None) -> list[dict[str, Any]]:
         for p in material["parameters"]:
             p["lower"] = -math.inf if p["lower"] is None else p["lower"]
             p["upper"] = math.inf if p["upper"] is None else p["upper"]
+            if material["name"] in FRICTIONAL:
+                p["meaning"] = ANGLES.get(p["name"], p["meaning"])
     return list(table)
 
 

@@ -1,10 +1,59 @@
 #include "mpm/triangular/mass.hpp"
 
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseLU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 namespace mpm::triangular {
+
+struct MassSystem::Work {
+    using Matrix = Eigen::SparseMatrix<double>;
+    // Where the entries of a cell's matrix go: matrix entry, weight, entry of the cell.
+    struct Place {
+        int entry;
+        int local;
+        double weight;
+    };
+    Work(const Basis& basis, const MassOptions& options, Cpu& exec);
+    void constrain(const Constraints& constraints);
+    bool assemble(const CellMatrices& sums, const std::vector<char>& filled);
+    bool solve(const Eigen::VectorXd& f, const Eigen::VectorXd& given, Eigen::VectorXd& c);
+    Eigen::VectorXd times(const Eigen::VectorXd& c) const;
+    std::size_t bytes() const;
+
+    template <class F>
+    void each_coupling(int cell, bool only_diagonal, const F& f) const;
+    void lay_out(bool only_diagonal, Matrix& m, std::vector<std::vector<Place>>& places);
+    void shape(int cell, const double* sums, std::vector<double>& local) const;
+    void mark_surface(const std::vector<char>& filled);
+    bool factorise();
+    bool reduced_solve(const Eigen::VectorXd& f, Eigen::VectorXd& c);
+    bool iterates(Solver solver) const {
+        return options_.form != MassForm::lumped && options_.solver == solver;
+    }
+    bool symmetric() const { return options_.form != MassForm::partial_rows; }
+    void add_up(Matrix& m, const std::vector<std::vector<Place>>& places) const;
+    void drop_from(Matrix& m) const;
+
+    const Basis& basis_;
+    MassOptions options_;
+    Cpu& exec_;
+    const Constraints* constraints_ = nullptr;
+    std::vector<char> on_surface_;            // functions
+    std::vector<std::vector<double>> local_;  // of each cell, after lumping
+    Matrix matrix_, lumped_;
+    std::vector<std::vector<Place>> places_;
+    std::vector<std::vector<Place>> lumped_places_;
+    std::vector<char> dropped_;
+    int inactive_ = 0, iterations_ = 0;
+    double smallest_ = 0, largest_ = 0, condition_ = 0;
+    Eigen::SimplicialLDLT<Matrix> cholesky_, lumped_cholesky_;
+    Eigen::SparseLU<Matrix> general_;
+    Eigen::ConjugateGradient<Matrix, Eigen::Lower | Eigen::Upper> gradients_;
+};
 
 CellMatrices::CellMatrices(const Basis& basis) {
     std::size_t all = 0;
@@ -15,7 +64,7 @@ CellMatrices::CellMatrices(const Basis& basis) {
     data_.assign(all, 0.0);
 }
 
-MassSystem::MassSystem(const Basis& basis, const MassOptions& options, Cpu& exec)
+MassSystem::Work::Work(const Basis& basis, const MassOptions& options, Cpu& exec)
     : basis_(basis), options_(options), exec_(exec) {
     on_surface_.assign(std::size_t(basis.functions()), 0);
     local_.resize(std::size_t(basis.cells()));
@@ -28,7 +77,7 @@ MassSystem::MassSystem(const Basis& basis, const MassOptions& options, Cpu& exec
 /// f(row, column, entry of the cell's matrix, weight) for all that a cell adds to the free
 /// unknowns' matrix.
 template <class F>
-void MassSystem::each_coupling(int cell, bool only_diagonal, const F& f) const {
+void MassSystem::Work::each_coupling(int cell, bool only_diagonal, const F& f) const {
     const auto& on = basis_.on_cell(cell);
     for (std::size_t i = 0; i < on.size(); ++i)
         for (std::size_t j = 0; j < on.size(); ++j) {
@@ -42,7 +91,8 @@ void MassSystem::each_coupling(int cell, bool only_diagonal, const F& f) const {
 
 // All entries that can ever be, the cells' couplings and the diagonal, and where in them the cells'
 // matrices go.
-void MassSystem::lay_out(bool only_diagonal, Matrix& m, std::vector<std::vector<Place>>& places) {
+void MassSystem::Work::lay_out(bool only_diagonal, Matrix& m,
+                               std::vector<std::vector<Place>>& places) {
     std::vector<Eigen::Triplet<double>> entries;
     for (int f = 0; f < constraints_->free(); ++f) entries.emplace_back(f, f, 0.0);
     for (int cell = 0; cell < basis_.cells(); ++cell)
@@ -61,7 +111,7 @@ void MassSystem::lay_out(bool only_diagonal, Matrix& m, std::vector<std::vector<
         });
 }
 
-void MassSystem::constrain(const Constraints& constraints) {
+void MassSystem::Work::constrain(const Constraints& constraints) {
     constraints_ = &constraints;
     const bool diagonal = options_.form == MassForm::lumped;
     lay_out(diagonal, matrix_, places_);
@@ -78,7 +128,7 @@ void MassSystem::constrain(const Constraints& constraints) {
 }
 
 // A function belongs to the surface where it lives on filled and on empty cells.
-void MassSystem::mark_surface(const std::vector<char>& filled) {
+void MassSystem::Work::mark_surface(const std::vector<char>& filled) {
     std::vector<char> seen(on_surface_.size(), 0);
     for (int cell = 0; cell < basis_.cells(); ++cell)
         for (int f : basis_.on_cell(cell))
@@ -86,7 +136,7 @@ void MassSystem::mark_surface(const std::vector<char>& filled) {
     for (std::size_t f = 0; f < seen.size(); ++f) on_surface_[f] = seen[f] == 3;
 }
 
-void MassSystem::shape(int cell, const double* sums, std::vector<double>& local) const {
+void MassSystem::Work::shape(int cell, const double* sums, std::vector<double>& local) const {
     const auto& on = basis_.on_cell(cell);
     const std::size_t n = on.size();
     const auto surface = [&](std::size_t i) { return bool(on_surface_[std::size_t(on[i])]); };
@@ -103,7 +153,7 @@ void MassSystem::shape(int cell, const double* sums, std::vector<double>& local)
         }
 }
 
-void MassSystem::add_up(Matrix& m, const std::vector<std::vector<Place>>& places) const {
+void MassSystem::Work::add_up(Matrix& m, const std::vector<std::vector<Place>>& places) const {
     std::fill(m.valuePtr(), m.valuePtr() + m.nonZeros(), 0.0);
     for (std::size_t c = 0; c < places.size(); ++c)
         for (const Place& p : places[c])
@@ -111,7 +161,7 @@ void MassSystem::add_up(Matrix& m, const std::vector<std::vector<Place>>& places
 }
 
 // A large diagonal, so that the pivots of what is left out are not taken for small ones.
-void MassSystem::drop_from(Matrix& m) const {
+void MassSystem::Work::drop_from(Matrix& m) const {
     if (inactive_ == 0) return;
     for (int column = 0; column < m.outerSize(); ++column)
         for (Matrix::InnerIterator it(m, column); it; ++it)
@@ -119,7 +169,7 @@ void MassSystem::drop_from(Matrix& m) const {
                 it.valueRef() = it.row() == column ? largest_ : 0.0;
 }
 
-bool MassSystem::assemble(const CellMatrices& sums, const std::vector<char>& filled) {
+bool MassSystem::Work::assemble(const CellMatrices& sums, const std::vector<char>& filled) {
     if (options_.form == MassForm::partial_rows || options_.form == MassForm::partial_symmetric)
         mark_surface(filled);
     exec_.for_each(basis_.cells(),
@@ -142,7 +192,7 @@ bool MassSystem::assemble(const CellMatrices& sums, const std::vector<char>& fil
     return factorise();
 }
 
-bool MassSystem::factorise() {
+bool MassSystem::Work::factorise() {
     if (matrix_.rows() == 0) return true;
     if (iterates(Solver::conjugate_gradients)) {
         gradients_.setTolerance(options_.tolerance);
@@ -178,7 +228,7 @@ bool MassSystem::factorise() {
     return condition_ > 0;
 }
 
-bool MassSystem::reduced_solve(const Eigen::VectorXd& f, Eigen::VectorXd& c) {
+bool MassSystem::Work::reduced_solve(const Eigen::VectorXd& f, Eigen::VectorXd& c) {
     iterations_ = 0;
     if (iterates(Solver::conjugate_gradients)) {
         c = gradients_.solve(f);
@@ -204,7 +254,8 @@ bool MassSystem::reduced_solve(const Eigen::VectorXd& f, Eigen::VectorXd& c) {
     return true;
 }
 
-bool MassSystem::solve(const Eigen::VectorXd& f, const Eigen::VectorXd& given, Eigen::VectorXd& c) {
+bool MassSystem::Work::solve(const Eigen::VectorXd& f, const Eigen::VectorXd& given,
+                             Eigen::VectorXd& c) {
     Eigen::VectorXd right, free;
     const bool moved = given.cwiseAbs().maxCoeff() > 0;
     if (moved)
@@ -220,7 +271,7 @@ bool MassSystem::solve(const Eigen::VectorXd& f, const Eigen::VectorXd& given, E
     return converged;
 }
 
-Eigen::VectorXd MassSystem::times(const Eigen::VectorXd& c) const {
+Eigen::VectorXd MassSystem::Work::times(const Eigen::VectorXd& c) const {
     Eigen::VectorXd out = Eigen::VectorXd::Zero(c.size());
     for (int cell = 0; cell < basis_.cells(); ++cell) {
         const auto& on = basis_.on_cell(cell);
@@ -233,7 +284,7 @@ Eigen::VectorXd MassSystem::times(const Eigen::VectorXd& c) const {
     return out;
 }
 
-std::size_t MassSystem::bytes() const {
+std::size_t MassSystem::Work::bytes() const {
     std::size_t all = std::size_t(matrix_.nonZeros() + lumped_.nonZeros()) * 12;
     if (!iterates(Solver::conjugate_gradients) && !iterates(Solver::richardson)) {
         all += 12 * std::size_t(symmetric() ? cholesky_.matrixL().nestedExpression().nonZeros()
@@ -243,5 +294,23 @@ std::size_t MassSystem::bytes() const {
     for (const auto& p : places_) all += p.size() * sizeof(Place);
     return all;
 }
+
+MassSystem::MassSystem(const Basis& basis, const MassOptions& options, Cpu& exec)
+    : work_(std::make_unique<Work>(basis, options, exec)) {}
+MassSystem::~MassSystem() = default;
+void MassSystem::constrain(const Constraints& constraints) { work_->constrain(constraints); }
+bool MassSystem::assemble(const CellMatrices& sums, const std::vector<char>& filled) {
+    return work_->assemble(sums, filled);
+}
+bool MassSystem::solve(const Eigen::VectorXd& f, const Eigen::VectorXd& given, Eigen::VectorXd& c) {
+    return work_->solve(f, given, c);
+}
+Eigen::VectorXd MassSystem::times(const Eigen::VectorXd& c) const { return work_->times(c); }
+int MassSystem::inactive() const { return work_->inactive_; }
+double MassSystem::smallest_mass() const { return work_->smallest_; }
+double MassSystem::reciprocal_condition() const { return work_->condition_; }
+int MassSystem::iterations() const { return work_->iterations_; }
+bool MassSystem::symmetric() const { return work_->symmetric(); }
+std::size_t MassSystem::bytes() const { return work_->bytes(); }
 
 }  // namespace mpm::triangular

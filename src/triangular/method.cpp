@@ -128,6 +128,13 @@ void Method::sort_by_cell() {
     }
 }
 
+void Method::remember_filled() {
+    std::fill(filled_.begin(), filled_.end(), char(0));
+    for (const Particles& b : bodies_)
+        for (int c : b.cell)
+            if (c >= 0 && std::size_t(c) < filled_.size()) filled_[std::size_t(c)] = 1;
+}
+
 std::vector<std::vector<std::size_t>> Method::relocate() {
     std::vector<std::vector<std::size_t>> out;
     for (Particles& b : bodies_) {

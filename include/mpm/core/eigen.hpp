@@ -20,7 +20,10 @@ template <class V, int N>
 MPM_INLINE void jacobi_turn(Mat<V, N>& a, Mat<V, N>& axes, int p, int q) {
     using T = ScalarOf<V>;
     const V zero = V(T(0)), apart = a.e[q][q] - a.e[p][p], twice = T(2) * a.e[p][q];
-    const V reach = absolute(apart) + square_root(apart * apart + twice * twice);
+    // Never below what it stands for, also where the squares have vanished: a tangent beyond one
+    // would grow until its rotation is none.
+    const V reach =
+        absolute(apart) + larger(square_root(apart * apart + twice * twice), absolute(twice));
     const V ratio = twice / select(zero < reach, reach, V(T(1)));
     const V tangent = select(apart < zero, -ratio, ratio);
     const V cosine = T(1) / square_root(tangent * tangent + T(1)), sine = tangent * cosine;
@@ -45,13 +48,14 @@ MPM_INLINE void jacobi_turn(Mat<V, N>& a, Mat<V, N>& axes, int p, int q) {
 template <class V, int N>
 MPM_INLINE Spectrum<V, N> spectrum(const Mat<V, N>& matrix) {
     using T = ScalarOf<V>;
-    const V zero = V(T(0));
-    // Products of entries must not vanish before the entries do.
-    V size = zero;
+    // Products of entries must not vanish before the entries do. Not below the smallest normal
+    // number, as the reciprocal of less is infinite; entries of a matrix that is smaller still keep
+    // what digits they have.
+    V size = V(std::numeric_limits<T>::min());
     MPM_UNROLL for (int i = 0; i < N; ++i) MPM_UNROLL for (int j = 0; j <= i; ++j) {
         size = larger(size, absolute(matrix.e[i][j]));
     }
-    const V unit = T(1) / select(zero < size, size, V(T(1)));
+    const V unit = T(1) / size;
     Mat<V, N> a;
     Spectrum<V, N> out;
     MPM_UNROLL for (int i = 0; i < N; ++i) MPM_UNROLL for (int j = 0; j < N; ++j) {

@@ -94,14 +94,7 @@ public:
     template <int M, class F, class G>
     void max_each(std::int64_t n, const F& f, const G& then) {
         double out[M] = {};
-#pragma omp parallel num_threads(threads_) if (n > 16384)
-        {
-            double local[M] = {};
-#pragma omp for schedule(static) nowait
-            for (std::int64_t i = 0; i < n; ++i) f(i, local);
-#pragma omp critical(mpm_maxima)
-            for (int m = 0; m < M; ++m) out[m] = std::max(out[m], local[m]);
-        }
+        largest_of(n, f, out);
         then(static_cast<const double*>(out));
     }
 
@@ -210,7 +203,25 @@ public:
     }
 
 private:
+    /// Knows nothing of what follows: the grid update is compiled once, whatever comes after it.
+    /// Defined outside of the class: not being inline, it can be compiled in one unit of several
+    /// (`extern template`).
+    template <int M, class F>
+    void largest_of(std::int64_t n, const F& f, double (&out)[M]);
+
     int threads_;
 };
+
+template <int M, class F>
+void Cpu::largest_of(std::int64_t n, const F& f, double (&out)[M]) {
+#pragma omp parallel num_threads(threads_) if (n > 16384)
+    {
+        double local[M] = {};
+#pragma omp for schedule(static) nowait
+        for (std::int64_t i = 0; i < n; ++i) f(i, local);
+#pragma omp critical(mpm_maxima)
+        for (int m = 0; m < M; ++m) out[m] = std::max(out[m], local[m]);
+    }
+}
 
 }  // namespace mpm

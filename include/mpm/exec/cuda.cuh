@@ -308,33 +308,23 @@ public:
         launch_with(std::size_t(bytes), kernel, blocks, 1, threads, arguments...);
     }
 
+    // Verbs are defined outside of the class: not being inline, what several units launch can be
+    // compiled in one of them (`extern template`).
     template <class F>
-    void single(const F& f) {
-        launch(&cuda::single_kernel<F>, 1, 1, 1, f);
-    }
+    void single(const F& f);
     template <class F>
-    void for_each(std::int64_t n, const F& f) {
-        launch(&cuda::each_kernel<F>, (n + 255) / 256, 1, 256, n, f);
-    }
+    void for_each(std::int64_t n, const F& f);
     /// Iterations that cost much more than a few nanoseconds each: small blocks, so that they
     /// spread.
     template <class F>
-    void for_each_large(std::int64_t n, const F& f) {
-        launch(&cuda::each_kernel<F>, (n + 31) / 32, 1, 32, n, f);
-    }
+    void for_each_large(std::int64_t n, const F& f);
     /// Host work on host copies.
     void host_for(std::int64_t n, const std::function<void(std::int64_t)>& f);
 
     /// then(maxima), with maxima[m] = max over i of what f(i, local) leaves in local[m], at least
     /// 0.
     template <int M, class F, class G>
-    void max_each(std::int64_t n, const F& f, const G& then) {
-        static_assert(M <= max_maxima);
-        const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
-        const std::int64_t most = 8 * multiprocessors();
-        launch_next(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
-                    cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
-    }
+    void max_each(std::int64_t n, const F& f, const G& then);
     /// Parts in which `sum_each` adds up n items: they depend on n and the device alone.
     std::int64_t sum_parts(std::int64_t n) const {
         const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
@@ -346,11 +336,7 @@ public:
     /// beside(k) runs for k < more, which are few and slow.
     template <int W, class F, class G, class H>
     void sum_each(const SumSets& sets, const F& f, const G& then, double* parts, std::int64_t more,
-                  const H& beside) {
-        constexpr int warps = cuda::max_threads / 32;
-        launch_next(&cuda::sum_kernel<W, F, G, H>, sets.places + (more + warps - 1) / warps, 1,
-                    cuda::max_threads, sets, f, parts, then, context_->arrivals, more, beside);
-    }
+                  const H& beside);
 
     /// For kernels that end with something done once (`cuda::last_of`).
     std::uint32_t* arrivals() const { return context_->arrivals; }
@@ -458,6 +444,34 @@ private:
     [[noreturn]] void out_of_memory(std::size_t bytes);
     std::unique_ptr<Context> context_;
 };
+
+template <class F>
+void Cuda::single(const F& f) {
+    launch(&cuda::single_kernel<F>, 1, 1, 1, f);
+}
+template <class F>
+void Cuda::for_each(std::int64_t n, const F& f) {
+    launch(&cuda::each_kernel<F>, (n + 255) / 256, 1, 256, n, f);
+}
+template <class F>
+void Cuda::for_each_large(std::int64_t n, const F& f) {
+    launch(&cuda::each_kernel<F>, (n + 31) / 32, 1, 32, n, f);
+}
+template <int M, class F, class G>
+void Cuda::max_each(std::int64_t n, const F& f, const G& then) {
+    static_assert(M <= max_maxima);
+    const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
+    const std::int64_t most = 8 * multiprocessors();
+    launch_next(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
+                cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
+}
+template <int W, class F, class G, class H>
+void Cuda::sum_each(const SumSets& sets, const F& f, const G& then, double* parts,
+                    std::int64_t more, const H& beside) {
+    constexpr int warps = cuda::max_threads / 32;
+    launch_next(&cuda::sum_kernel<W, F, G, H>, sets.places + (more + warps - 1) / warps, 1,
+                cuda::max_threads, sets, f, parts, then, context_->arrivals, more, beside);
+}
 
 /// Mixed precision: whatever the particles are kept in, the grid and what goes to it and comes from
 /// it are single.

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mpm/exec/communicator.hpp"
+#include "mpm/exec/inbox.hpp"
 #include "mpm/exec/launcher.hpp"
 
 namespace mpm {
@@ -16,7 +17,9 @@ namespace mpm {
 class RankProcesses final : public Communicator {
 public:
     /// All processes of the job together: rank 0 listens, the others find it, and each learns where
-    /// the others are. Throws DeviceError after `seconds`, which says who is missing.
+    /// the others are. Whoever connects proves first that it knows the secret of the launch, and
+    /// is dropped and counted where it does not. Throws DeviceError after `seconds`, which says who
+    /// is missing, and where the place to meet is reached from other hosts and there is no secret.
     RankProcesses(const Launch& launch, double seconds);
     ~RankProcesses() override;
     RankProcesses(const RankProcesses&) = delete;
@@ -40,17 +43,13 @@ public:
     /// Processes on the host of this one, and which of them it is, in the order of ranks.
     int local_ranks() const { return local_ranks_; }
     int local_rank() const { return local_rank_; }
+    /// Connections that were dropped while the ranks met: silent, without the secret, of others.
+    int dropped() const { return dropped_; }
 
 private:
-    enum class Kind : std::uint32_t { message = 1, stop = 2 };
-    struct Header {
-        Kind kind = Kind::message;
-        std::uint32_t unused = 0;
-        std::uint64_t size = 0;
-    };
     /// What is on its way out: what of it has gone is counted in bytes of the header and the body.
     struct Outgoing {
-        Header header;
+        FrameHeader header;
         Bytes bytes;
         std::size_t gone = 0;
     };
@@ -59,14 +58,12 @@ private:
         bool ended = false;  // it has closed the connection, or is out of reach
         std::string how;     // it ended
         std::deque<Outgoing> out;
-        std::deque<Bytes> in;  // whole messages that nobody has asked for yet
-        Header header;         // of the one that is coming
-        Bytes coming;
-        std::size_t come = 0;  // of header and body
+        Inbox in;
     };
 
     void listen_first(double ends);
     void find_first(double ends);
+    void say_dropped(const std::string& what, int count);
     void join(int rank, int socket);
     void find_locals(const std::vector<std::string>& hosts);
     /// Sends and receives what is possible; waits for it at most so long. Whether anything came.
@@ -82,14 +79,17 @@ private:
     void end_if_stopped();
     /// Tells all others why.
     void tell() noexcept;
-    [[noreturn]] void missing(const std::vector<int>& ranks, const std::string& what) const;
+    [[noreturn]] void missing(const std::vector<int>& ranks, const std::string& what,
+                              const std::string& more = {}) const;
     void close_all() noexcept;
 
     Launch launch_;
     std::vector<Peer> peers_;  // by rank; of this one: nothing
     int local_ranks_ = 1, local_rank_ = 0;
+    int dropped_ = 0;
     bool stopped_ = false, told_ = false;
     std::string why_;
+    std::string broken_;  // who has sent what is no message
 };
 
 }  // namespace mpm

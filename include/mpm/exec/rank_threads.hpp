@@ -83,6 +83,12 @@ protected:
 
     /// On its way. Tests override it to hold messages back and to bring them out of order.
     virtual void send(const Address& where, Bytes bytes) { deliver(where, std::move(bytes)); }
+    /// And to read others in their place.
+    using Reader = std::function<void(const Bytes&)>;
+    virtual void hand_over(int /*from*/, int /*to*/, const char* /*what*/, Bytes& bytes,
+                           const Reader& read) {
+        read(bytes);
+    }
 
     void deliver(const Address& where, Bytes bytes) {
         {
@@ -116,6 +122,11 @@ private:
         void begin(std::uint64_t number) {
             sent_.assign(sent_.size(), number);
             fetched_.assign(fetched_.size(), number);
+        }
+
+    protected:
+        void hand_over(int from, const char* what, Bytes& bytes, const Reader& read) override {
+            all_.hand_over(from, rank_, what, bytes, read);
         }
 
     private:

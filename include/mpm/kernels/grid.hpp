@@ -45,26 +45,39 @@ struct NodeUpdate {
         for (int a = 0; a < D; ++a) p[a] = s[(1 + a) * block_cells];
         return p;
     }
-    /// With `special`, what kernels/boundaries.hpp says of it.
-    template <bool special, class Seen>
-    MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
-                                  const Seen& seen) const {
+    /// Before any boundary.
+    MPM_INLINE Vec<T, D> free_velocity(T m, const Vec<Sum, D>& p) const {
         Vec<T, D> v;
         const T inverse = T(1) / m;
         for (int a = 0; a < D; ++a) {
             v[a] = from_sum<T>(p[a], clock->unit_read[momentum_sum]) * inverse +
                    T(clock->dt * clock->gravity[a]);
         }
+        return v;
+    }
+    /// Of a node that shares with no other. With `special`, what kernels/boundaries.hpp says of it.
+    template <bool special, class Seen>
+    MPM_INLINE Vec<T, D> lone_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
+                                       const Seen& seen) const {
+        Vec<T, D> v = free_velocity(m, p);
         if (touched[slot]) {
             std::int64_t c[D];
             cell(slot, node, c);
-            if constexpr (special) {
-                const Images<D> images(boundaries, c);
-                if (images.mirrored) return mirrored_velocity(images, v, seen);
-            }
             apply_boundaries<special>(boundaries, c, v, seen, share(slot, node));
         }
         return v;
+    }
+    /// Of any node, whatever boundaries a scene has.
+    template <class Seen>
+    MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
+                                  const Seen& seen) const {
+        if (touched[slot]) {
+            std::int64_t c[D];
+            cell(slot, node, c);
+            const Images<D> images(boundaries, c);
+            if (images.mirrored) return mirrored_velocity(images, free_velocity(m, p), seen);
+        }
+        return lone_velocity<true>(slot, node, m, p, seen);
     }
     /// Part of a node's mass that lies in some channels.
     MPM_INLINE double part_of(const Sum* s, std::uint64_t channels) const {
@@ -227,10 +240,10 @@ struct UpdateGrid {
         if (m > T(0)) {
             if constexpr (keeps) {
                 bool changed = false;
-                v = node.template velocity<special>(slot, n, m, p, Changed<T, D>{&changed});
+                v = node.template lone_velocity<special>(slot, n, m, p, Changed<T, D>{&changed});
                 if (kept.guard >= 0) out[kept.guard] = T(changed ? 1 : 0);
             } else {
-                v = node.template velocity<special>(slot, n, m, p, NothingSeen{});
+                v = node.template lone_velocity<special>(slot, n, m, p, NothingSeen{});
             }
             for (int a = 0; a < D; ++a) {
                 if constexpr (keeps)

@@ -99,7 +99,7 @@ struct MeasureLoads {
                 sum[5] += r[0] * f[1] - r[1] * f[0];
             }
         };
-        node.template velocity<true>(slot, n, m, node.momentum(slot, n), seen);
+        node.velocity(slot, n, m, node.momentum(slot, n), seen);
     }
 };
 

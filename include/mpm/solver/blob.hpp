@@ -29,6 +29,24 @@ constexpr char type_code() {
         return 'B';
 }
 
+/// Bytes of an element; 0 where there is no such type.
+constexpr std::size_t size_of(char type) {
+    switch (type) {
+        case 'f':
+        case 'i':
+        case 'I':
+            return 4;
+        case 'd':
+        case 'l':
+        case 'L':
+            return 8;
+        case 'B':
+            return 1;
+        default:
+            return 0;
+    }
+}
+
 template <class E>
 Blob to_blob(const std::vector<E>& v) {
     Blob b;

@@ -32,6 +32,7 @@
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/rank_share.hpp"
+#include "mpm/solver/state_check.hpp"
 
 namespace mpm {
 
@@ -74,6 +75,7 @@ public:
     NodalSums sums() override;
     Condition condition(int samples) override;
     State save() override;
+    void check(const State& state) const override { check_state(state, spec_, plan_); }
     void load(const State& state) override;
     std::map<std::string, double> timings() const override { return timings_; }
     std::map<std::string, double> statistics() const override;
@@ -146,6 +148,8 @@ private:
     void smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase);
     void collect_smoothing();
     void sweep_grid();
+    /// The grid half of a step without its consequences.
+    using NothingAfter = std::conditional_t<X::is_device, AfterGrid<D>, NothingDecided>;
     template <class Decided>
     void make_velocities(const Decided& decided);
     template <bool special, class Decided>
@@ -224,6 +228,7 @@ private:
     void list_by_kind(Body& body, const Buffer<X, std::uint32_t>& position);
 
     // domain_ranks.hpp
+    std::vector<std::vector<std::uint64_t>> gather_tables(const Buffer<X, std::uint64_t>& keys);
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
     void end_of_sums(int parity, bool first);
     void list_mirrors();
@@ -266,6 +271,7 @@ private:
     void link_homes();
     void count_shared();
     std::vector<HeldBlock> list_held(const Buffer<X, std::uint64_t>& keys, bool all);
+    std::vector<std::vector<HeldBlock>> gather_held(const Buffer<X, std::uint64_t>& keys, bool all);
     void link_devices(std::vector<std::vector<HeldBlock>> held);
     void link_sums();
     void open_devices();

@@ -10,6 +10,7 @@
 
 #include "mpm/kernels/placing.hpp"
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_checks.hpp"
 
 namespace mpm {
 
@@ -147,8 +148,8 @@ void Domain<X, T, D>::open_devices() {
                              "for 'packed'");
         adds_in_place_ = way == "in-place";
         if (!meeting_->reaches()) return boxes_.assign({votes_.data()});
-        for (const auto& theirs : comm.all_gather(std::vector<RankVote*>{votes_.data()}))
-            boxes.push_back(theirs.at(0));
+        for (RankVote* theirs : comm.tell(votes_.data(), "where it is told"))
+            boxes.push_back(theirs);
         boxes_.assign(boxes);
     }
 }
@@ -158,14 +159,14 @@ template <class X, class T, int D>
 void Domain<X, T, D>::meet_hosts() {
     if (!share_) return;
     if constexpr (X::is_device) meeting_->wait();
-    share_->comm->all_gather(std::vector<int>{1});
+    share_->comm->tell(1, "that it is there");
 }
 
 template <class X, class T, int D>
 double Domain<X, T, D>::largest_of_all(double x) const {
     if (!share_) return x;
-    for (const auto& theirs : share_->comm->all_gather(std::vector<double>{x}))
-        if (!(theirs.at(0) <= x)) x = theirs.at(0);  // not-a-number stays
+    for (const double theirs : share_->comm->tell(double(x), "a number"))
+        if (!(theirs <= x)) x = theirs;  // not-a-number stays
     return x;
 }
 
@@ -173,10 +174,10 @@ double Domain<X, T, D>::largest_of_all(double x) const {
 template <class X, class T, int D>
 void Domain<X, T, D>::sum_of_devices(std::vector<std::uint64_t>& numbers) const {
     if (!share_ || !X::is_device) return;
-    const auto told = share_->comm->all_gather(numbers);
+    const auto told = share_->comm->all_gather_alike(numbers, "numbers");
     std::fill(numbers.begin(), numbers.end(), 0);
     for (const auto& theirs : told)
-        for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] += theirs.at(k);
+        for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] += theirs[k];
 }
 
 /// The same for the homes of all bodies and behind them their particles, which say what each rank
@@ -186,12 +187,12 @@ void Domain<X, T, D>::sum_of_homes(std::vector<std::uint64_t>& numbers) {
     if (!share_ || !X::is_device) return;
     const std::size_t bodies = bodies_.size();
     share_->loads.clear();
-    const auto told = share_->comm->all_gather(numbers);
+    const auto told = share_->comm->all_gather_alike(numbers, "homes");
     std::fill(numbers.begin(), numbers.end(), 0);
     for (const auto& theirs : told) {
         std::uint64_t load = 0;
         for (std::size_t k = 0; k < numbers.size(); ++k) {
-            numbers[k] += theirs.at(k);
+            numbers[k] += theirs[k];
             load += k < bodies ? weight_of_block * theirs[k] : theirs[k];
         }
         share_->loads.push_back(load);
@@ -205,9 +206,14 @@ void Domain<X, T, D>::run_together(std::int64_t& steps, bool& wall_over) {
         std::int64_t steps;
         std::int64_t over;
     };
-    for (const auto& theirs : share_->comm->all_gather(std::vector<Says>{{steps, wall_over}})) {
-        steps = std::min(steps, theirs.at(0).steps);
-        wall_over = wall_over || theirs.at(0).over != 0;
+    const auto check = [](const std::vector<Says>& list, int) {
+        if (list.size() != 1 || list[0].steps < -1)
+            throw MessageError("of " + std::to_string(list.size()) + " entries");
+    };
+    for (const auto& theirs : share_->comm->all_gather(std::vector<Says>{{steps, wall_over}},
+                                                       "how many steps are to come", check)) {
+        steps = std::min(steps, theirs[0].steps);
+        wall_over = wall_over || theirs[0].over != 0;
     }
 }
 
@@ -233,6 +239,16 @@ std::vector<HeldBlock> Domain<X, T, D>::list_held(const Buffer<X, std::uint64_t>
     exec_.for_each(slots, ListHeld<D>{table_.keys_of, keys.data(), std::int32_t(slots), flag.data(),
                                       position.data(), list.data()});
     return list.host();
+}
+
+/// The same of all ranks, which call it together.
+template <class X, class T, int D>
+std::vector<std::vector<HeldBlock>> Domain<X, T, D>::gather_held(
+    const Buffer<X, std::uint64_t>& keys, bool all) {
+    const std::uint64_t below = checks::keys_below(table_.keys_of);
+    return share_->comm->all_gather(
+        list_held(keys, all), "blocks that it holds",
+        [&](const std::vector<HeldBlock>& theirs, int) { checks::held_blocks(theirs, below); });
 }
 
 /// Who holds what of the present table. `held`: of everyone's.
@@ -285,12 +301,12 @@ void Domain<X, T, D>::count_shared() {
 template <class X, class T, int D>
 void Domain<X, T, D>::link_homes() {
     if constexpr (X::is_device) {
-        if (share_) link_devices(share_->comm->all_gather(list_held(keys_, false)));
+        if (share_) link_devices(gather_held(keys_, false));
         list_homes(find_homes());
         if (share_) count_shared();
     } else {
         list_homes(find_homes());
-        if (share_) link_ranks(share_->comm->all_gather(keys_.host()));
+        if (share_) link_ranks(gather_tables(keys_));
     }
 }
 
@@ -302,9 +318,9 @@ void Domain<X, T, D>::link_sums() {
         const RankShare<D>& s = *share_;
         using Both = std::array<Sum*, 2>;
         sums_of_.clear();
-        for (const auto& theirs :
-             s.comm->all_gather(std::vector<Both>{{sums_[0].data(), sums_[1].data()}}))
-            sums_of_.push_back(theirs.at(0));
+        for (const Both& theirs :
+             s.comm->tell(Both{sums_[0].data(), sums_[1].data()}, "where sums are"))
+            sums_of_.push_back(theirs);
         std::vector<Copies<Sum>> copies(2);
         for (int p = 0; p < 2; ++p) {
             copies[std::size_t(p)].slot = copies_.data();

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_checks.hpp"
 #include "mpm/solver/rank_scene.hpp"
 
 namespace mpm {
@@ -25,18 +26,25 @@ struct Emigrants {
         packer.put(id);
         for (const auto& c : column) packer.put(c);
     }
-    void unpack(Unpacker& unpacker, std::size_t columns) {
-        const auto append = [&](auto& list) {
-            using E = typename std::decay_t<decltype(list)>::value_type;
-            const auto more = unpacker.list<E>();
-            list.insert(list.end(), more.begin(), more.end());
+    Emigrants() = default;
+    Emigrants(Unpacker& unpacker, std::size_t columns)
+        : from(unpacker.list<std::uint64_t>()),
+          to(unpacker.list<std::uint64_t>()),
+          cell(unpacker.list<std::uint32_t>()),
+          id(unpacker.list<std::uint32_t>()) {
+        for (std::size_t c = 0; c < columns; ++c) column.push_back(unpacker.list<T>());
+    }
+    /// Those of another rank behind these.
+    void append(const Emigrants& more) {
+        const auto add = [](auto& to, const auto& tail) {
+            to.insert(to.end(), tail.begin(), tail.end());
         };
-        column.resize(columns);
-        append(from);
-        append(to);
-        append(cell);
-        append(id);
-        for (auto& c : column) append(c);
+        column.resize(more.column.size());
+        add(from, more.from);
+        add(to, more.to);
+        add(cell, more.cell);
+        add(id, more.id);
+        for (std::size_t c = 0; c < column.size(); ++c) add(column[c], more.column[c]);
     }
 };
 
@@ -73,8 +81,8 @@ bool Domain<X, T, D>::anyone_stops(const std::vector<std::uint32_t>& left,
                                    const std::vector<Buffer<X, std::uint32_t>>& cells) {
     const bool stops = stops_here(left, cells);
     bool any = false;
-    for (const auto& theirs : share_->comm->all_gather(std::vector<int>{stops}))
-        any = any || theirs.at(0);
+    for (const int theirs : share_->comm->tell(int(stops), "whether particles have left"))
+        any = any || theirs != 0;
     return any && !refuse_to_sort(stops, left, cells);
 }
 
@@ -102,7 +110,13 @@ void Domain<X, T, D>::adopt_table_of_ranks(Buffer<X, std::uint64_t>& keys,
         }
         out[std::size_t(r)] = packer.take();
     }
-    const auto in = s.comm->exchange(std::move(out), s.comm->others());
+    std::vector<std::size_t> wanted(std::size_t(ranks), 0);
+    for (std::uint64_t key : after[std::size_t(me)])
+        if (!detail::holds(s.keys[std::size_t(me)], key))
+            if (const int from = provider(key); from >= 0) ++wanted[std::size_t(from)];
+    const auto in = s.comm->exchange_and_read(
+        std::move(out), s.comm->others(), "sums of blocks",
+        [&](int r, Unpacker& from) { from.leave(wanted[std::size_t(r)] * block * sizeof(Sum)); });
     adopt_table(keys);
     std::vector<Unpacker> messages(in.begin(), in.end());
     for (std::uint64_t key : after[std::size_t(me)]) {
@@ -181,12 +195,31 @@ bool Domain<X, T, D>::sort_among_ranks() {
     }
     std::vector<Bytes> out;
     for (Packer& packer : packers) out.push_back(packer.take());
-    const auto in = s.comm->exchange(std::move(out), s.comm->others());
-    for (int r : s.comm->others()) {
-        Unpacker unpacker(in[std::size_t(r)]);
-        for (std::size_t b = 0; b < bodies; ++b)
-            come[b].unpack(unpacker, bodies_[b].offset.size() + bodies_[b].state.size());
+    std::vector<std::vector<detail::Emigrants<T>>> told(s.keys.size());
+    s.comm->exchange_and_read(
+        std::move(out), s.comm->others(), "particles", [&](int r, Unpacker& from) {
+            std::vector<detail::Emigrants<T>> theirs;
+            for (std::size_t b = 0; b < bodies; ++b) {
+                const Body& body = bodies_[b];
+                const auto mine = [&](std::uint64_t key) { return s.partition.owner(key) == me; };
+                theirs.emplace_back(from, body.offset.size() + body.state.size());
+                checks::emigrants(theirs.back(), body.offset.size(), s.keys[std::size_t(r)], mine,
+                                  ids_of(spec_.bodies[b]));
+            }
+            told[std::size_t(r)] = std::move(theirs);
+        });
+    for (std::size_t b = 0; b < bodies; ++b) {
+        std::uint64_t all = bodies_[b].count;
+        for (int r : s.comm->others()) {
+            all += told[std::size_t(r)][b].id.size();
+            come[b].append(told[std::size_t(r)][b]);
+        }
+        if (all + column_padding >= (std::uint64_t(1) << 32))
+            throw CapacityError("a rank is to have " + std::to_string(all) +
+                                " particles of body '" + spec_.bodies[b].name +
+                                "'; it can hold 2^32. Take more ranks");
     }
+    told.clear();
 
     // The table of the blocks that this rank now has particles in.
     std::vector<std::uint64_t> homes;
@@ -199,7 +232,7 @@ bool Domain<X, T, D>::sort_among_ranks() {
     Buffer<X, std::uint64_t> home_keys(exec_), keys(exec_);
     home_keys.assign(homes);
     set_neighbourhood(home_keys, keys);
-    auto after = s.comm->all_gather(keys.host());
+    auto after = gather_tables(keys);
     const auto& mine = after[std::size_t(me)];
 
     for (std::size_t b = 0; b < bodies; ++b) {

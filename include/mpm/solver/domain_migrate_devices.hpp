@@ -6,6 +6,7 @@
 
 #include "mpm/solver/domain.hpp"
 #include "mpm/solver/rank_blocks.hpp"
+#include "mpm/solver/rank_checks.hpp"
 #include "mpm/solver/rank_scene.hpp"
 
 namespace mpm {
@@ -180,17 +181,32 @@ std::vector<std::vector<typename Domain<X, T, D>::Coming>> Domain<X, T, D>::tell
         packer.put(told);
         out[std::size_t(r)] = packer.take();
     }
-    const auto in = comm->exchange(std::move(out), comm->others());
+    std::vector<SortWord> words(out.size());
+    std::vector<std::vector<Coming>> told(out.size());
+    comm->exchange_and_read(
+        std::move(out), comm->others(), "who comes", [&](int r, Unpacker& from) {
+            SortWord theirs{};
+            from.get(&theirs, 1);
+            auto list = from.list<Coming>();
+            if (list.size() != go.size())
+                checks::refuse("of " + std::to_string(list.size()) + " bodies");
+            for (std::size_t b = 0; b < list.size(); ++b) {
+                const Coming& c = list[b];
+                if (c.rank != r || c.all > ids_of(spec_.bodies[b]) || c.first > c.all ||
+                    c.count > c.all - c.first)
+                    checks::refuse("with " + std::to_string(c.count) + " of " +
+                                   std::to_string(c.all) + " particles of rank " +
+                                   std::to_string(c.rank));
+            }
+            words[std::size_t(r)] = theirs;
+            told[std::size_t(r)] = std::move(list);
+        });
     std::vector<std::vector<Coming>> come(go.size());
     for (int r : comm->others()) {
-        Unpacker unpacker(in[std::size_t(r)]);
-        SortWord theirs{};
-        unpacker.get(&theirs, 1);
-        word.stops |= theirs.stops;
-        word.lacks |= theirs.lacks;
-        const auto told = unpacker.list<Coming>();
+        word.stops |= words[std::size_t(r)].stops;
+        word.lacks |= words[std::size_t(r)].lacks;
         for (std::size_t b = 0; b < go.size(); ++b)
-            if (told.at(b).count > 0) come[b].push_back(told[b]);
+            if (told[std::size_t(r)][b].count > 0) come[b].push_back(told[std::size_t(r)][b]);
     }
     if (!word.stops && !reaches()) fetch_emigrants(go, come, landed);
     return come;
@@ -295,7 +311,7 @@ bool Domain<X, T, D>::sort_among_devices() {
     }
     if (dealt) {
         // Only what lies beside a cut concerns others, as long as the cuts stay.
-        all_before = s.comm->all_gather(list_held(keys_, true));
+        all_before = gather_held(keys_, true);
         find_owners();
         counts.zero();
         count_emigrants(cells, counts);
@@ -372,7 +388,7 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
     BlockTableView<D> table = table_;
     table.keys = keys.data();
     table.slots = std::int32_t(keys.size());
-    auto after = s.comm->all_gather(list_held(keys, all_before != nullptr));
+    auto after = gather_held(keys, all_before != nullptr);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         exec_.for_each(bodies_[b].count, RenumberCells{cells[b].data(), map.data(),
                                                        std::uint32_t(slots * block_cells),
@@ -381,7 +397,7 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
         cells[b] = Buffer<X, std::uint32_t>(exec_);
     }
     adopt_table_of_devices(keys, all_before ? *all_before : s.held, after);
-    if (all_before) after = s.comm->all_gather(list_held(keys_, false));
+    if (all_before) after = gather_held(keys_, false);
     link_devices(std::move(after));
     list_homes(find_homes());
     count_shared();

@@ -63,7 +63,7 @@ void Domain<X, T, D>::list_shared() {
     std::vector<const Sum*> mine(std::size_t(s.ranks()), nullptr);
     for (const SharedWith& w : shared_with_)
         mine[std::size_t(w.rank)] = shared_out_.data() + w.first * block;
-    const auto told = s.comm->all_gather(mine);
+    const auto told = s.comm->all_gather_alike(mine, "where its sums are");
     for (SharedWith& w : shared_with_)
         w.theirs = told[std::size_t(w.rank)].at(std::size_t(s.rank()));
 }

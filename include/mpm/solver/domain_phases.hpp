@@ -42,7 +42,7 @@ void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
         exec_.template max_each<maxima_count>(nodes, grid_update<true, special>(parity()), decided);
     } else {
         exec_.template max_each<maxima_count>(nodes, grid_update<true, special>(parity()),
-                                              NothingDecided{});
+                                              NothingAfter{});
         sweep_grid();
         exec_.template max_each<maxima_count>(
             nodes, FinishSweep<Grid, Sum, D>{node_update(parity()), plan_.sweep, plan_.kept},

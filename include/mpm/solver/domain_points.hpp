@@ -9,6 +9,7 @@
 
 #include "mpm/kernels/telling.hpp"
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_checks.hpp"
 
 namespace mpm {
 
@@ -68,24 +69,35 @@ void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) 
         packer.put(velocity_.data() + slot * velocities, velocities);
     }
     const Bytes mine = packer.take();
-    auto in = s.comm->exchange(std::vector<Bytes>(s.keys.size(), mine), s.comm->others());
-    in[std::size_t(s.rank())] = mine;
-
     struct Told {
         std::vector<Sum> sums;
         std::vector<Grid> velocities;
     };
-    std::map<std::uint64_t, Told> told;
-    for (const Bytes& bytes : in) {
-        Unpacker unpacker(bytes);
-        for (std::uint64_t key : unpacker.list<std::uint64_t>()) {
-            Told& t = told[key];
+    using Tables = std::map<std::uint64_t, Told>;
+    const auto read = [&](Unpacker& from) {
+        Tables out;
+        const auto keys = from.list<std::uint64_t>();
+        checks::ascending_keys(keys, checks::keys_below(table_.keys_of),
+                               [](std::uint64_t key) { return key; });
+        for (std::uint64_t key : keys) {
+            if (!std::binary_search(wanted.begin(), wanted.end(), key))
+                checks::refuse("with block " + std::to_string(key) + ", which no point reads");
+            Told& t = out[key];
             t.sums.resize(sums);
             t.velocities.resize(velocities);
-            unpacker.get(t.sums.data(), sums);
-            unpacker.get(t.velocities.data(), velocities);
+            from.get(t.sums.data(), sums);
+            from.get(t.velocities.data(), velocities);
         }
-    }
+        return out;
+    };
+    std::vector<Tables> parts(s.keys.size());
+    s.comm->exchange_and_read(std::vector<Bytes>(s.keys.size(), mine), s.comm->others(),
+                              "blocks of points",
+                              [&](int r, Unpacker& from) { parts[std::size_t(r)] = read(from); });
+    Unpacker again(mine);
+    parts[std::size_t(s.rank())] = read(again);
+    Tables told;
+    for (Tables& part : parts) told.merge(part);  // a block is told by one
     std::vector<std::uint64_t> keys;
     Told all;
     for (const auto& [key, t] : told) {
@@ -133,10 +145,10 @@ void Domain<X, T, D>::open_points() {
         }
         told_blocks_.ranks = share_->ranks();
         int r = 0;
-        for (const auto& theirs : share_->comm->all_gather(
-                 std::vector<Tables>{{told_sums_.data(), told_velocity_.data()}})) {
-            told_blocks_.sums[r] = theirs.at(0).sums;
-            told_blocks_.velocity[r++] = theirs.at(0).velocity;
+        for (const Tables& theirs : share_->comm->tell(
+                 Tables{told_sums_.data(), told_velocity_.data()}, "where points are told")) {
+            told_blocks_.sums[r] = theirs.sums;
+            told_blocks_.velocity[r++] = theirs.velocity;
         }
     }
 }

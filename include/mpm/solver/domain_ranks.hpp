@@ -8,6 +8,7 @@
 
 #include "mpm/kernels/staging.hpp"
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_checks.hpp"
 
 namespace mpm {
 
@@ -25,6 +26,16 @@ void Domain<X, T, D>::list_mirrors() {
             if (sides.low != sides.high) share_->mirrors.push_back(sides);
         }
     }
+}
+
+/// The keys of everyone's table. All ranks together.
+template <class X, class T, int D>
+std::vector<std::vector<std::uint64_t>> Domain<X, T, D>::gather_tables(
+    const Buffer<X, std::uint64_t>& keys) {
+    const std::uint64_t below = checks::keys_below(table_.keys_of);
+    return share_->comm->all_gather(
+        keys.host(), "a table",
+        [&](const std::vector<std::uint64_t>& theirs, int) { checks::table_keys(theirs, below); });
 }
 
 /// Who holds what of the present table, and with it where sums go. `keys`: of everyone's table.
@@ -109,11 +120,18 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
         packer.put(told);
         out[std::size_t(r)] = packer.take();
     }
-    const auto in = s.comm->exchange(std::move(out), s.peers);
+    std::vector<std::vector<Staged>> told(s.keys.size());
+    s.comm->exchange_and_read(
+        std::move(out), s.peers, "parts of shared blocks", [&](int r, Unpacker& from) {
+            auto parts = from.list<Staged>();
+            checks::staged_parts(parts, common[std::size_t(r)].size(), bodies_.size(), 1 << D, r);
+            told[std::size_t(r)] = std::move(parts);
+        });
+    s.receive.assign(s.keys.size(), 0);
     for (int r : s.peers) {
-        Unpacker unpacker(in[std::size_t(r)]);
-        for (Staged part : unpacker.list<Staged>()) {
-            part.slot = common[std::size_t(r)].at(std::size_t(part.slot));
+        s.receive[std::size_t(r)] = told[std::size_t(r)].size();
+        for (Staged part : told[std::size_t(r)]) {
+            part.slot = common[std::size_t(r)][std::size_t(part.slot)];
             s.parts.push_back(part);
         }
     }
@@ -158,7 +176,10 @@ void Domain<X, T, D>::end_of_sums(int parity, bool first) {
         }
         s.bytes_of_sums += bytes.size();
     }
-    const auto in = s.comm->exchange(std::move(out), s.peers);
+    const auto in =
+        s.comm->exchange_and_read(std::move(out), s.peers, "sums", [&](int r, Unpacker& from) {
+            from.leave(s.receive[std::size_t(r)] * block * sizeof(Sum));
+        });
     exec_.for_each_large(std::int64_t(s.shared.size()), [&](std::int64_t k) {
         for (std::size_t p = s.first_part[std::size_t(k)]; p < s.first_part[std::size_t(k) + 1];
              ++p) {
@@ -186,7 +207,7 @@ void Domain<X, T, D>::rebalance(const std::vector<std::uint64_t>& load) {
         if (load[slot] > 0) blocks.push_back({table_.keys[slot], load[slot] + weight_of_block});
     if (s.seconds) weigh_by_time(blocks);
     s.loads.assign(s.keys.size(), 0);
-    for (const auto& theirs : s.comm->all_gather(loads_of(s.partition, blocks)))
+    for (const auto& theirs : s.comm->all_gather_alike(loads_of(s.partition, blocks), "loads"))
         for (std::size_t r = 0; r < theirs.size(); ++r) s.loads[r] += theirs[r];
     const double was = imbalance(s.loads);
     if (was > s.rebalance_above) deal_anew(blocks, was);
@@ -201,10 +222,7 @@ void Domain<X, T, D>::weigh_by_time(std::vector<BlockWeight>& blocks) {
         StepCost mine{usual_nanoseconds(std::move(s.worked)), 0};
         s.worked.clear();
         for (const BlockWeight& b : blocks) mine.weight += b.weight;
-        std::vector<StepCost> all;
-        for (const auto& theirs : s.comm->all_gather(std::vector<StepCost>{mine}))
-            all.push_back(theirs.at(0));
-        s.costs.tell(all);
+        s.costs.tell(s.comm->tell(mine, "what a step has cost"));
     }
     for (BlockWeight& b : blocks) b.weight *= s.costs.of(s.partition.owner(b.key));
 }
@@ -214,7 +232,10 @@ template <class X, class T, int D>
 void Domain<X, T, D>::deal_anew(const std::vector<BlockWeight>& blocks, double was) {
     RankShare<D>& s = *share_;
     std::vector<BlockWeight> all;
-    for (const auto& theirs : s.comm->all_gather(blocks))
+    const std::uint64_t below = checks::keys_below(table_.keys_of);
+    for (const auto& theirs : s.comm->all_gather(
+             blocks, "weights of blocks",
+             [&](const std::vector<BlockWeight>&list, int) { checks::block_weights(list, below); }))
         all.insert(all.end(), theirs.begin(), theirs.end());
     if (!recut(s.partition, all, s.rebalance_above, was)) return;
     s.loads = loads_of(s.partition, all);

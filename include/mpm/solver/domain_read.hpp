@@ -18,7 +18,7 @@ void Domain<X, T, D>::prepare_velocities() {
     clock_.halt = Halt::none;
     push_clock();
     exec_.single(begin_step());
-    make_velocities(NothingDecided{});
+    make_velocities(NothingAfter{});
     exec_.wait();
     clock_ = kept;
     push_clock();

@@ -57,19 +57,20 @@ void Domain<X, T, D>::update_grid() {
                            supplied_mass_};
     if constexpr (X::is_device) {
         if (share_) {
-            make_velocities(
-                TellVote{clock_buffer_.data(), boxes_.data(), share_->rank(), int(boxes_.size())});
+            make_velocities(AfterGrid<D>::telling(
+                {clock_buffer_.data(), boxes_.data(), share_->rank(), int(boxes_.size())}));
             share_votes();
             exec_.single(
                 DecideByVotes<D>{decide, clock_buffer_.data(), votes_.data(), share_->ranks()});
             return;
         }
+        make_velocities(AfterGrid<D>::deciding(decide));
     } else {
         if (share_)
             return make_velocities(
                 DecideTogether<D>{decide, clock_buffer_.data(), share_.get(), now()});
+        make_velocities(decide);
     }
-    make_velocities(decide);
 }
 
 template <class X, class T, int D>

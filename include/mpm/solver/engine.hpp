@@ -195,6 +195,9 @@ public:
     /// At a halt; the volumes from about `samples` particles.
     virtual Condition condition(int samples) = 0;
     virtual State save() = 0;
+    /// Raises `SceneError` unless `load` would take the state; changes nothing.
+    virtual void check(const State& state) const = 0;
+    /// What is refused leaves the engine as it was.
     virtual void load(const State& state) = 0;
     virtual std::map<std::string, double> timings() const = 0;
     virtual std::map<std::string, double> statistics() const = 0;

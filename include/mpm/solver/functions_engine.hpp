@@ -12,6 +12,8 @@
 
 namespace mpm {
 
+class SavedState;
+
 /// What such a scene will cost; nothing of the particles' size is allocated.
 Plan plan_functions(const Spec& spec);
 
@@ -40,6 +42,7 @@ public:
     }
     Condition condition(int samples) override;
     State save() override;
+    void check(const State& state) const override;
     void load(const State& state) override;
     std::map<std::string, double> timings() const override { return timings_; }
     std::map<std::string, double> statistics() const override;
@@ -58,6 +61,13 @@ private:
         std::array<double, 3> impulse{};
         Samples waiting;
     };
+    struct Saved;
+    struct SavedBody;
+
+    // state.cpp
+    Saved read(const State& state) const;
+    SensorState read_sensor(const SavedState& state, const Saved& saved, std::size_t k) const;
+    SavedBody read_body(const SavedState& state, std::size_t b) const;
 
     void place_body(const BodySpec& body);
     void find_parts();

@@ -14,6 +14,22 @@ void append_rows(Array& to, const Array& from);
 /// Particles of an engine, of all bodies.
 double particles_of(const Engine& engine, std::size_t bodies);
 
+/// What another rank says, looked at beside what this one says of itself. Throws MessageError where
+/// the two cannot be joined.
+struct PartCheck {
+    std::size_t bodies = 0;
+    int dimension = 0;
+    void operator()(const RunResult& theirs, const RunResult& mine) const;
+    void operator()(const std::vector<Samples>& theirs, const std::vector<Samples>& mine) const;
+    void operator()(const std::vector<Removed>& theirs, const std::vector<Removed>& mine) const;
+    void operator()(const std::vector<Flow>& theirs, const std::vector<Flow>& mine) const;
+    void operator()(const Condition& theirs, const Condition& mine) const;
+    void operator()(const State& theirs, const State& mine) const;
+    void operator()(double theirs, double mine) const;  // a count
+    void operator()(const std::map<std::string, double>& theirs,
+                    const std::map<std::string, double>& mine) const;
+};
+
 /// All have halted for the same reason; of a fault the ranks tell that have its particles.
 RunResult join_results(const std::vector<RunResult>& ranks);
 /// Every rank has a row at each time: its own part, or of a point the same as all.

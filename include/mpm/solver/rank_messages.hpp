@@ -6,13 +6,15 @@
 #include <type_traits>
 #include <vector>
 
-#include "mpm/exec/communicator.hpp"
+#include "mpm/exec/inbox.hpp"
 #include "mpm/solver/engine.hpp"
 
 namespace mpm::messages {
 
+/// Whose bytes are its value, whatever they are: not so of a `bool`.
 template <class E>
-concept Plain = std::is_trivially_copyable_v<E>;
+concept Plain =
+    std::is_trivially_copyable_v<E> && !std::is_same_v<E, Flow> && !std::is_same_v<E, bool>;
 
 inline void put(Packer& to, const Plain auto& value) { to.put(&value, 1); }
 inline void get(Unpacker& from, Plain auto& value) { from.get(&value, 1); }
@@ -21,8 +23,7 @@ inline void put(Packer& to, const std::string& text) {
     to.put(std::vector<char>(text.begin(), text.end()));
 }
 inline void get(Unpacker& from, std::string& text) {
-    const auto list = from.list<char>();
-    text.assign(list.begin(), list.end());
+    text = Inbox::legible(from.list<unsigned char>());
 }
 
 template <Plain E>
@@ -76,6 +77,23 @@ inline void get(Unpacker& from, Removed& r) {
     get(from, r.position);
     get(from, r.step);
     get(from, r.policy);
+}
+
+inline void put(Packer& to, const Flow& f) {
+    put(to, std::int32_t(f.inlet));
+    put(to, f.number);
+    put(to, f.step);
+    put(to, f.particles);
+    for (const double value : {f.time, f.mass, f.volume}) put(to, value);
+}
+inline void get(Unpacker& from, Flow& f) {
+    std::int32_t inlet = 0;
+    get(from, inlet);
+    f.inlet = inlet != 0;
+    get(from, f.number);
+    get(from, f.step);
+    get(from, f.particles);
+    for (double* value : {&f.time, &f.mass, &f.volume}) get(from, *value);
 }
 
 inline void put(Packer& to, const RunResult& r) {
@@ -142,6 +160,7 @@ void get(Unpacker& from, std::map<std::string, E>& map) {
     for (std::uint64_t k = 0; k < n; ++k) {
         std::string name;
         get(from, name);
+        if (map.contains(name)) throw MessageError("with '" + name + "' twice");
         get(from, map[name]);
     }
 }

@@ -325,7 +325,7 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
     if (rank > 0) {
         Clock clock = saved_clock(all);
         clock.strays = 0;
-        s["clock"] = detail::to_blob(std::vector<Clock>{clock});
+        save_clock(s, clock);
         for (const char* name : {"load_impulse", "sensor_first"}) {
             auto values = detail::from_blob<double>(all, name);
             for (double& v : values) v = v == v ? 0.0 : v;

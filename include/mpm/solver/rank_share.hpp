@@ -110,6 +110,7 @@ struct RankShare {
     std::vector<std::size_t> first_part;           // (shared + 1,)
     std::int32_t staged = 0;                       // slots behind those of the table
     std::vector<std::vector<std::int32_t>> send;   // to each rank, of these slots
+    std::vector<std::size_t> receive;              // from each rank, so many blocks
     std::vector<std::vector<std::int32_t>> destinations;  // of each body: (slots, 3^D)
     // Of the ranks that hold a block one counts its nodes, where each is to count once.
     std::vector<std::uint8_t> counts;
@@ -192,6 +193,22 @@ struct TellVote {
         for (int k = 0; k < count; ++k) boxes[k][rank] = mine;
     }
 };
+/// Devices: what one thread does after a pass over the grid. One type for all of it: the kernels
+/// that find the maxima are the largest there are, and a type each would compile them three times.
+template <int D>
+struct AfterGrid {
+    enum class Kind : int { nothing, decide, tell } kind = Kind::nothing;
+    Decide<D> decide{};
+    TellVote tell{};
+
+    static AfterGrid deciding(const Decide<D>& d) { return {Kind::decide, d, {}}; }
+    static AfterGrid telling(const TellVote& t) { return {Kind::tell, {}, t}; }
+    MPM_HD void operator()(const double* maxima) const {
+        if (kind == Kind::decide) decide(maxima);
+        if (kind == Kind::tell) tell(maxima);
+    }
+};
+
 /// Devices: when all votes are there.
 template <int D>
 struct DecideByVotes {
@@ -219,8 +236,7 @@ struct DecideTogether {
         RankVote mine = vote_of(*clock, maxima);
         mine.wall_over = now > share->wall_ends;
         RankVote all{};
-        for (const auto& list : share->comm->all_gather(std::vector<RankVote>{mine}))
-            add_vote(all, list.at(0));
+        for (const RankVote& vote : share->comm->tell(mine, "a vote")) add_vote(all, vote);
         share->wall_over = all.wall_over;
         decide_by(all, clock, decide);
     }

@@ -2,9 +2,8 @@
 // or lumped where the material ends. De Koster (2018), sections 3.3, 5.2 to 5.4 and A.2.
 #pragma once
 
-#include <Eigen/IterativeLinearSolvers>
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseLU>
+#include <algorithm>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -48,6 +47,7 @@ private:
 class MassSystem {
 public:
     MassSystem(const Basis& basis, const MassOptions& options, Cpu& exec);
+    ~MassSystem();
 
     /// Other boundaries hold from now on.
     void constrain(const Constraints& constraints);
@@ -61,52 +61,21 @@ public:
     Eigen::VectorXd times(const Eigen::VectorXd& c) const;
 
     /// Functions without mass, or with less than asked for, among the free coefficients.
-    int inactive() const { return inactive_; }
+    int inactive() const;
     /// Smallest mass on the diagonal of an active function, kg/m.
-    double smallest_mass() const { return smallest_; }
+    double smallest_mass() const;
     /// Smallest over largest pivot of the factorisation, an estimate of the reciprocal condition
     /// number; of the diagonal where an iteration takes its place.
-    double reciprocal_condition() const { return condition_; }
-    int iterations() const { return iterations_; }
-    bool symmetric() const { return options_.form != MassForm::partial_rows; }
+    double reciprocal_condition() const;
+    int iterations() const;
+    bool symmetric() const;
     std::size_t bytes() const;
 
 private:
-    using Matrix = Eigen::SparseMatrix<double>;
-    // Where the entries of a cell's matrix go: matrix entry, weight, entry of the cell.
-    struct Place {
-        int entry;
-        int local;
-        double weight;
-    };
-    template <class F>
-    void each_coupling(int cell, bool only_diagonal, const F& f) const;
-    void lay_out(bool only_diagonal, Matrix& m, std::vector<std::vector<Place>>& places);
-    void shape(int cell, const double* sums, std::vector<double>& local) const;
-    void mark_surface(const std::vector<char>& filled);
-    bool factorise();
-    bool reduced_solve(const Eigen::VectorXd& f, Eigen::VectorXd& c);
-    bool iterates(Solver solver) const {
-        return options_.form != MassForm::lumped && options_.solver == solver;
-    }
-    void add_up(Matrix& m, const std::vector<std::vector<Place>>& places) const;
-    void drop_from(Matrix& m) const;
-
-    const Basis& basis_;
-    MassOptions options_;
-    Cpu& exec_;
-    const Constraints* constraints_ = nullptr;
-    std::vector<char> on_surface_;            // functions
-    std::vector<std::vector<double>> local_;  // of each cell, after lumping
-    Matrix matrix_, lumped_;
-    std::vector<std::vector<Place>> places_;
-    std::vector<std::vector<Place>> lumped_places_;
-    std::vector<char> dropped_;
-    int inactive_ = 0, iterations_ = 0;
-    double smallest_ = 0, largest_ = 0, condition_ = 0;
-    Eigen::SimplicialLDLT<Matrix> cholesky_, lumped_cholesky_;
-    Eigen::SparseLU<Matrix> general_;
-    Eigen::ConjugateGradient<Matrix, Eigen::Lower | Eigen::Upper> gradients_;
+    // Apart, because sparse matrices and their solvers take ten seconds to compile in every unit
+    // that sees them.
+    struct Work;
+    std::unique_ptr<Work> work_;
 };
 
 }  // namespace mpm::triangular

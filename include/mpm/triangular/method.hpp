@@ -76,6 +76,9 @@ public:
     void start();
     /// Puts particles of a cell beside each other in memory, where most of them stay.
     void sort_by_cell();
+    /// Which cells are filled, from the cells that the particles say they are in: what the next
+    /// `prepare` compares with. Part of a run's state.
+    void remember_filled();
     void hold(const std::vector<Hold>& holds);
 
     /// Particles outside the functions' domain, body by body: to be dealt with before `prepare`.

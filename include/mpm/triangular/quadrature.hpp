@@ -2,7 +2,6 @@
 // piece, so that the lines on which functions have kinks are no obstacle.
 #pragma once
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -11,19 +10,8 @@
 
 namespace mpm::triangular {
 
-/// Points and weights of n Gauss points on [0, 1], exact to degree 2n - 1: eigenvalues of the
-/// recursion of Legendre's polynomials (Golub and Welsch).
-inline std::vector<std::pair<double, double>> gauss(int n) {
-    Eigen::MatrixXd jacobi = Eigen::MatrixXd::Zero(n, n);
-    for (int k = 1; k < n; ++k)
-        jacobi(k, k - 1) = jacobi(k - 1, k) = k / std::sqrt(4.0 * k * k - 1);
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(jacobi);
-    std::vector<std::pair<double, double>> out;
-    for (int k = 0; k < n; ++k)
-        out.emplace_back((1 + solver.eigenvalues()[k]) / 2,
-                         std::pow(solver.eigenvectors()(0, k), 2));
-    return out;
-}
+/// Points and weights of n Gauss points on [0, 1], exact to degree 2n - 1.
+std::vector<std::pair<double, double>> gauss(int n);
 
 /// Calls visit(cell, point, weight) for n * n points of every piece, exact to degree 2n - 2: one
 /// degree is lost to the factor with which the square is folded into a triangle.

@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "mpm/core/error.hpp"
+#include "mpm/exec/secret.hpp"
 
 namespace mpm {
 
@@ -97,6 +98,7 @@ Launch read_launch(const Environment& environment) {
     Launch out;
     std::string size_name;
     bool one_host = true;  // as far as the launcher tells
+    bool sure = false;     // and it tells
     const auto take = [&](const std::string& launcher, const std::string& rank,
                           const std::string& size) {
         out.launcher = launcher;
@@ -104,7 +106,8 @@ Launch read_launch(const Environment& environment) {
         out.rank = env.number(rank, 0, out.ranks - 1);
     };
     const auto local = [&](const std::string& name) {
-        one_host = !env.has(name) || env.number(name, 1, most_processes) == out.ranks;
+        sure = env.has(name);
+        one_host = !sure || env.number(name, 1, most_processes) == out.ranks;
     };
     // Of one job on one host all processes have the same parent, unless shells stand between.
     const std::string parent = "parent " + std::to_string(long(getppid()));
@@ -114,6 +117,7 @@ Launch read_launch(const Environment& environment) {
     };
     if (env.has("RANK") && env.has("WORLD_SIZE")) {
         take("torchrun", "RANK", "WORLD_SIZE");
+        local("LOCAL_WORLD_SIZE");
         out.job = env.text("TORCHELASTIC_RUN_ID");
         if (!env.has("LIBMPM_MASTER") && (!env.has("MASTER_ADDR") || !env.has("MASTER_PORT")))
             throw DeviceError(
@@ -138,13 +142,16 @@ Launch read_launch(const Environment& environment) {
         if (one_host && out.host.empty())
             throw DeviceError("ranks as processes: SLURM_STEP_NODELIST is '" + nodes +
                               "', which is no list of hosts; set LIBMPM_MASTER=host:port");
+        sure = one_host && nodes.find_first_of(",[") == std::string::npos;
     } else {
         return out;
     }
     if (env.has("LIBMPM_MASTER")) {
         read_place("LIBMPM_MASTER", env.text("LIBMPM_MASTER"), out);
     } else if (env.has("MASTER_ADDR") && env.has("MASTER_PORT")) {
-        out.host = env.text("MASTER_ADDR");
+        // A launcher names its host by whatever name it has, even to processes that share it.
+        const std::string host = env.text("MASTER_ADDR");
+        if (!(sure && one_host)) out.host = host;
         out.port = env.number("MASTER_PORT", 1, 65535);
         // The launcher keeps a service of its own at that port.
         if (env.text("TORCHELASTIC_USE_AGENT_STORE") == "True")
@@ -155,8 +162,12 @@ Launch read_launch(const Environment& environment) {
                           "LIBMPM_MASTER=host:port for all processes (read: " +
                           env.read() + ")");
     } else {
+        if (sure && one_host) out.host = Launch().host;
         out.port = port_of(out.job);
     }
+    out.one_host = sure && one_host;
+    out.listen = env.text("LIBMPM_LISTEN");
+    if (out.ranks > 1) out.secret = read_secret(environment);  // and not among what is told
     out.read = env.read();
     return out;
 }

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <limits>
+#include <optional>
 
-#include "sockets.hpp"
+#include "handshake.hpp"
+#include "mpm/exec/secret.hpp"
 
 namespace mpm {
 
@@ -13,55 +15,16 @@ namespace {
 using sockets::now;
 using sockets::Socket;
 
-/// Larger ones are no messages of ours.
-constexpr std::uint64_t most_bytes = std::uint64_t(1) << 46;
 /// How long who stops tries to tell the others.
 constexpr double seconds_to_tell = 2;
-/// How long a connection that comes in may take to say who it is.
-constexpr double seconds_to_greet = 5;
-
 /// Asked while this process waits for others.
 sockets::Hook hook;
 
-/// What a process says first on each connection.
-struct Hello {
-    char magic[8] = {'l', 'i', 'b', 'm', 'p', 'm', 'R', '1'};
-    std::int32_t rank = 0, ranks = 0;
-    std::uint64_t job = 0;
-    std::uint32_t port = 0;  // at which it listens
-    char host[64] = "";      // that it is on
-    bool ours() const { return std::memcmp(magic, Hello().magic, sizeof magic) == 0; }
-};
 /// Where a rank is found, as rank 0 tells all.
 struct Place {
     char address[64] = "", host[64] = "";
     std::uint32_t port = 0;
 };
-
-void put_text(char (&to)[64], const std::string& text) {
-    std::snprintf(to, sizeof to, "%s", text.c_str());
-}
-std::string text_of(const char (&from)[64]) {
-    return std::string(from, strnlen(from, sizeof from));
-}
-
-std::uint64_t number_of(const std::string& job) {
-    std::uint64_t hash = 14695981039346656037ull;  // FNV-1a
-    for (const unsigned char c : job) hash = (hash ^ c) * 1099511628211ull;
-    return hash;
-}
-
-Hello hello_of(const Launch& launch, int port) {
-    Hello h;
-    h.rank = launch.rank;
-    h.ranks = launch.ranks;
-    h.job = number_of(launch.job);
-    h.port = std::uint32_t(port);
-    char host[64] = "";
-    ::gethostname(host, sizeof host - 1);
-    put_text(h.host, host);
-    return h;
-}
 
 std::string name_of(const Launch& launch) {
     return "rank " + std::to_string(launch.rank) + " of " + std::to_string(launch.ranks) +
@@ -72,25 +35,60 @@ std::string name_of(const Launch& launch) {
     throw DeviceError("ranks as processes: " + name_of(launch) + ": " + what);
 }
 
-/// The next of our processes that comes in; nothing at the end of time. Strangers are sent away.
-std::pair<Socket, Hello> accept_one(const Launch& launch, int listener, double ends) {
-    while (sockets::wait(listener, POLLIN, ends, hook)) {
-        Socket s(::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-        if (!s) continue;
-        Hello h;
-        if (!sockets::receive_all(s.get(), &h, sizeof h, std::min(ends, now() + seconds_to_greet),
-                                  hook))
+/// Of a job on one host whose user gave no secret: the file in which rank 0 leaves one.
+std::string file_of(const Launch& launch) {
+    const Card card = card_of(launch, launch.port);
+    return "ranks-" + std::to_string(launch.port) + "-" + std::to_string(card.job);
+}
+
+/// Connections that the system keeps until they are heard.
+constexpr int most_waiting = 1024;
+
+/// Who has proved to be of this job, and says something that cannot be.
+void check_guest(const Launch& launch, const Card& card, int least) {
+    const std::string who = "rank " + std::to_string(card.rank) + " on " + text_of(card.host);
+    if (card.ranks != launch.ranks)
+        fail(launch, who + " believes that there are " + std::to_string(card.ranks) +
+                         " ranks; start all with the same command");
+    if (card.rank < least || card.rank >= launch.ranks || card.port > 65535)
+        fail(launch, "a process calls itself rank " + std::to_string(card.rank) + ", at port " +
+                         std::to_string(card.port));
+}
+
+/// Where rank 0 listens: where the others will look for it, and nowhere else.
+std::vector<Socket> listen_first_at(const Launch& launch) {
+    const std::string& place = launch.listen.empty() ? launch.host : launch.listen;
+    std::string why = "no address";
+    const auto all = sockets::addresses_of(place, launch.port, why);
+    const bool on_loopback = sockets::is_loopback(launch.host);
+    std::vector<Socket> out;
+    int error = 0;
+    bool skipped = false;
+    for (const sockaddr_storage& at : all) {
+        // Names of hosts are often given an address of the loopback interface by these themselves.
+        if (!on_loopback && sockets::is_loopback(at) && !launch.one_host && launch.listen.empty()) {
+            skipped = true;
             continue;
-        if (!h.ours() || h.job != number_of(launch.job)) continue;
-        if (h.ranks != launch.ranks)
-            fail(launch, "rank " + std::to_string(h.rank) + " on " + text_of(h.host) +
-                             " believes that there are " + std::to_string(h.ranks) +
-                             " ranks; start all with the same command");
-        if (h.rank <= 0 || h.rank >= launch.ranks)
-            fail(launch, "a process calls itself rank " + std::to_string(h.rank));
-        return {std::move(s), h};
+        }
+        auto [socket, failed] = sockets::listen_at(at, most_waiting);
+        if (socket)
+            out.push_back(std::move(socket));
+        else if (error != EADDRINUSE)
+            error = failed;
     }
-    return {};
+    const std::string at = place + ":" + std::to_string(launch.port);
+    if (error == EADDRINUSE || (out.empty() && error == EACCES))
+        fail(launch, "cannot listen at " + at + ": " + std::strerror(error) +
+                         "; another job may use it: set LIBMPM_MASTER=host:port");
+    if (!out.empty()) return out;
+    if (skipped)
+        fail(launch,
+             "'" + place +
+                 "' is the loopback interface to this host, where other hosts do not "
+                 "reach it; set LIBMPM_LISTEN to the address of this host in their network");
+    fail(launch, "cannot listen at " + at + ": " + (error ? std::strerror(error) : why) +
+                     "; rank 0 must run on the host that LIBMPM_MASTER or MASTER_ADDR names, or "
+                     "set LIBMPM_LISTEN to an address of its host");
 }
 
 }  // namespace
@@ -102,6 +100,13 @@ void RankProcesses::while_waiting(std::function<void()> ask) { hook = std::move(
 RankProcesses::RankProcesses(const Launch& launch, double seconds)
     : launch_(launch), peers_(std::size_t(launch.ranks)) {
     if (launch_.ranks == 1) return;
+    if (launch_.secret.empty() && !sockets::is_loopback(launch_.host))
+        fail(launch_, "the processes meet at " + launch_.host + ":" + std::to_string(launch_.port) +
+                          ", which other hosts reach, and have no secret by which they know each "
+                          "other. Set LIBMPM_SECRET for all of them, such as "
+                          "`export LIBMPM_SECRET=$(openssl rand -hex 32)` before mpirun -x "
+                          "LIBMPM_SECRET, srun or torchrun; or LIBMPM_SECRET_FILE to a file of "
+                          "mode 600 that all hosts see (docs/ranks.md)");
     const double ends = now() + seconds;
     try {
         if (launch_.rank == 0)
@@ -135,12 +140,13 @@ void RankProcesses::close_all() noexcept {
     }
 }
 
-void RankProcesses::missing(const std::vector<int>& ranks, const std::string& what) const {
+void RankProcesses::missing(const std::vector<int>& ranks, const std::string& what,
+                            const std::string& more) const {
     std::string list;
     for (int r : ranks) list += (list.empty() ? "" : ", ") + std::to_string(r);
     fail(launch_, what + " rank" + (ranks.size() > 1 ? "s " : " ") + list +
                       "; the place to meet is " + launch_.host + ":" +
-                      std::to_string(launch_.port) +
+                      std::to_string(launch_.port) + more +
                       ". Start all processes by one mpirun, srun or torchrun, or set "
                       "LIBMPM_MASTER=host:port to a place that all reach");
 }
@@ -152,28 +158,36 @@ void RankProcesses::join(int rank, int socket) {
 
 /// Of rank 0: waits for all, and tells them where they are.
 void RankProcesses::listen_first(double ends) {
-    const Socket listener =
-        sockets::listen_at(launch_.port, sockets::is_loopback(launch_.host), launch_.ranks + 16);
+    auto listeners = listen_first_at(launch_);
+    // The port is this process's alone now, and so is the file.
+    std::optional<SecretFile> file;
+    if (launch_.secret.empty()) launch_.secret = file.emplace(file_of(launch_)).make();
+    const Card mine = card_of(launch_, launch_.port);
+    Acceptor acceptor(std::move(listeners), mine, launch_.secret);
     std::vector<Place> places(peers_.size());
     std::vector<std::string> hosts(peers_.size());
-    put_text(places[0].host, hello_of(launch_, 0).host);
+    put_text(places[0].host, text_of(mine.host));
     for (int come = 1; come < ranks(); ++come) {
-        auto [socket, hello] = accept_one(launch_, listener.get(), ends);
+        auto [socket, card] = acceptor.next(ends, hook);
+        dropped_ = acceptor.dropped().all();
         if (!socket) {
             std::vector<int> gone;
             for (int r : others())
                 if (peers_[std::size_t(r)].socket < 0) gone.push_back(r);
-            missing(gone, "nothing was heard in time of");
+            const std::string dropped = acceptor.dropped().text();
+            missing(gone, "nothing was heard in time of",
+                    dropped.empty() ? "" : "; connections that were dropped: " + dropped);
         }
-        Peer& peer = peers_[std::size_t(hello.rank)];
+        check_guest(launch_, card, 1);
+        Peer& peer = peers_[std::size_t(card.rank)];
         if (peer.socket >= 0)
-            fail(launch_, "two processes call themselves rank " + std::to_string(hello.rank) +
-                              ", the later on " + text_of(hello.host));
-        Place& place = places[std::size_t(hello.rank)];
+            fail(launch_, "two processes call themselves rank " + std::to_string(card.rank) +
+                              ", the later on " + text_of(card.host));
+        Place& place = places[std::size_t(card.rank)];
         put_text(place.address, sockets::address_of_peer(socket.get()));
-        put_text(place.host, text_of(hello.host));
-        place.port = hello.port;
-        join(hello.rank, socket.release());
+        put_text(place.host, text_of(card.host));
+        place.port = card.port;
+        join(card.rank, socket.release());
     }
     for (int r : others())
         if (!sockets::send_all(peers_[std::size_t(r)].socket, places.data(),
@@ -181,48 +195,81 @@ void RankProcesses::listen_first(double ends) {
             missing({r}, "the connection broke to");
     for (std::size_t r = 0; r < places.size(); ++r) hosts[r] = text_of(places[r].host);
     find_locals(hosts);
+    say_dropped(acceptor.dropped().text(), dropped_);
 }
 
 /// Of all others: finds rank 0, and by its word those in between.
 void RankProcesses::find_first(double ends) {
-    const Socket listener =
-        sockets::listen_at(0, sockets::is_loopback(launch_.host), launch_.ranks + 16);
-    const Hello hello = hello_of(launch_, sockets::port_of(listener.get()));
-    auto [first, why] = sockets::connect_to(launch_.host, launch_.port, ends, hook);
+    std::optional<SecretFile> file;
+    if (launch_.secret.empty()) file.emplace(file_of(launch_));
+    // Rank 0 answers when it has made the file, and not before.
+    std::string known = launch_.secret;
+    const auto secret = [&] { return file ? known = file->read() : known; };
+    // Others find this process where rank 0 has seen it, and nowhere else.
+    Socket listener;
+    Card mine;
+    auto [first, why] =
+        sockets::connect_to(launch_.host, launch_.port, ends, hook, [&](const Socket& s) {
+            auto [heard, failed] = sockets::listen_at(sockets::own_address(s.get()), most_waiting);
+            if (!heard) return "this host cannot listen: " + std::string(std::strerror(failed));
+            listener = std::move(heard);
+            mine = card_of(launch_, sockets::port_of(listener.get()));
+            return greet(s.get(), mine, secret, 0, ends, hook);
+        });
     if (!first) missing({0}, "cannot be reached in time (" + why + "):");
+    launch_.secret = known;
+    file.reset();
     std::vector<Place> places(peers_.size());
     const std::string address = sockets::address_of_peer(first.get());
-    if (!sockets::send_all(first.get(), &hello, sizeof hello, ends, hook) ||
-        !sockets::receive_all(first.get(), places.data(), places.size() * sizeof(Place), ends,
+    if (!sockets::receive_all(first.get(), places.data(), places.size() * sizeof(Place), ends,
                               hook))
         missing({0}, "no word came in time of who is where, from");
     join(0, first.release());
+    const auto own_secret = [&] { return launch_.secret; };
     for (int r = 1; r < rank(); ++r) {
         const Place& place = places[std::size_t(r)];
+        if (place.port > 65535)
+            fail(launch_, "rank 0 has sent port " + std::to_string(place.port) + " of rank " +
+                              std::to_string(r));
         std::string where = text_of(place.address);
         // Who reached rank 0 from its own host is to be found on that host.
         if (sockets::is_loopback(where)) where = address;
-        auto [socket, reason] = sockets::connect_to(where, int(place.port), ends, hook);
-        if (!socket || !sockets::send_all(socket.get(), &hello, sizeof hello, ends, hook))
+        auto [socket, reason] = sockets::connect_to(
+            where, int(place.port), ends, hook,
+            [&](const Socket& s) { return greet(s.get(), mine, own_secret, r, ends, hook); });
+        if (!socket)
             missing({r}, "cannot be reached at " + where + ":" + std::to_string(place.port) +
                              " in time (" + reason + "):");
         join(r, socket.release());
     }
+    std::vector<Socket> listeners;
+    listeners.push_back(std::move(listener));
+    Acceptor acceptor(std::move(listeners), mine, launch_.secret);
     for (int r = rank() + 1; r < ranks(); ++r) {
-        auto [socket, who] = accept_one(launch_, listener.get(), ends);
+        auto [socket, card] = acceptor.next(ends, hook);
+        dropped_ = acceptor.dropped().all();
         if (!socket) {
             std::vector<int> gone;
             for (int k = rank() + 1; k < ranks(); ++k)
                 if (peers_[std::size_t(k)].socket < 0) gone.push_back(k);
             missing(gone, "no connection came in time from");
         }
-        if (peers_[std::size_t(who.rank)].socket >= 0)
-            fail(launch_, "two processes call themselves rank " + std::to_string(who.rank));
-        join(who.rank, socket.release());
+        check_guest(launch_, card, rank() + 1);
+        if (peers_[std::size_t(card.rank)].socket >= 0)
+            fail(launch_, "two processes call themselves rank " + std::to_string(card.rank));
+        join(card.rank, socket.release());
     }
     std::vector<std::string> hosts;
     for (const Place& place : places) hosts.push_back(text_of(place.host));
     find_locals(hosts);
+    say_dropped(acceptor.dropped().text(), dropped_);
+}
+
+void RankProcesses::say_dropped(const std::string& what, int count) {
+    if (count > 0)
+        std::fprintf(stderr,
+                     "libmpm: rank %d of %d has dropped %d connection%s while the ranks met: %s\n",
+                     rank(), ranks(), count, count > 1 ? "s" : "", what.c_str());
 }
 
 void RankProcesses::find_locals(const std::vector<std::string>& hosts) {
@@ -246,7 +293,7 @@ std::vector<Bytes> RankProcesses::exchange(std::vector<Bytes> to, const std::vec
         std::vector<int> awaited;
         for (int p : peers) {
             const Peer& peer = peers_[std::size_t(p)];
-            const bool done = !peer.in.empty() && peer.out.empty();
+            const bool done = peer.in.whole() > 0 && peer.out.empty();
             if (done) continue;
             awaited.push_back(p);
             miss(p);
@@ -259,9 +306,7 @@ std::vector<Bytes> RankProcesses::exchange(std::vector<Bytes> to, const std::vec
         ask(awaited, began);
     }
     for (int p : peers) {
-        Peer& peer = peers_[std::size_t(p)];
-        in[std::size_t(p)] = std::move(peer.in.front());
-        peer.in.pop_front();
+        in[std::size_t(p)] = peers_[std::size_t(p)].in.take();
     }
     return in;
 }
@@ -297,6 +342,7 @@ void RankProcesses::check_awaited(const std::vector<int>& ranks) {
 void RankProcesses::miss(int rank) {
     const Peer& peer = peers_[std::size_t(rank)];
     if (!peer.ended || stopped_) return;
+    if (!broken_.empty()) return stop(broken_);
     stop("rank " + std::to_string(rank) + " has ended or is out of reach (" + peer.how +
          ") while rank " + std::to_string(launch_.rank) + " waited for it");
 }
@@ -314,6 +360,7 @@ void RankProcesses::stop(const std::string& why) noexcept {
 /// What was heard is passed on before this rank ends: others would find its connection closed, and
 /// not know why, if the word of who stopped came to them later.
 void RankProcesses::end_if_stopped() {
+    if (!broken_.empty()) stop(broken_);
     if (!stopped_) return;
     if (!told_) tell();
     throw RankStopped(why_);
@@ -325,8 +372,9 @@ void RankProcesses::tell() noexcept {
         for (Peer& p : peers_) {
             if (p.socket < 0 || p.ended) continue;
             Outgoing out;
-            out.header = {Kind::stop, 0, why_.size()};
-            out.bytes.assign(why_.begin(), why_.end());
+            const std::size_t size = std::min<std::size_t>(why_.size(), Inbox::most_text);
+            out.header = {FrameHeader::stop, 0, size};
+            out.bytes.assign(why_.begin(), why_.begin() + std::ptrdiff_t(size));
             p.out.push_back(std::move(out));
         }
         const double ends = now() + seconds_to_tell;
@@ -369,9 +417,10 @@ void RankProcesses::write(int rank) {
         const std::size_t size = out.bytes.size();
         iovec parts[2];
         int count = 0;
-        const std::size_t head = std::min(out.gone, sizeof(Header)), body = out.gone - head;
-        if (head < sizeof(Header))
-            parts[count++] = {reinterpret_cast<char*>(&out.header) + head, sizeof(Header) - head};
+        const std::size_t head = std::min(out.gone, sizeof(FrameHeader)), body = out.gone - head;
+        if (head < sizeof(FrameHeader))
+            parts[count++] = {reinterpret_cast<char*>(&out.header) + head,
+                              sizeof(FrameHeader) - head};
         if (body < size) parts[count++] = {out.bytes.data() + body, size - body};
         msghdr message{};
         message.msg_iov = parts;
@@ -386,43 +435,31 @@ void RankProcesses::write(int rank) {
             return;
         }
         out.gone += std::size_t(n);
-        if (out.gone == sizeof(Header) + size) p.out.pop_front();
+        if (out.gone == sizeof(FrameHeader) + size) p.out.pop_front();
     }
 }
 
 void RankProcesses::read(int rank) {
     Peer& p = peers_[std::size_t(rank)];
     while (!p.ended) {
-        const bool head = p.come < sizeof(Header);
-        const std::size_t body = head ? 0 : p.come - sizeof(Header),
-                          wanted = head ? sizeof(Header) - p.come : p.coming.size() - body;
-        if (wanted > 0) {
-            unsigned char* at = head ? reinterpret_cast<unsigned char*>(&p.header) + p.come
-                                     : p.coming.data() + body;
-            const ssize_t n = ::recv(p.socket, at, wanted, MSG_DONTWAIT);
-            if (n < 0) {
-                if (errno == EINTR) continue;
-                if (errno == EAGAIN || errno == EWOULDBLOCK) return;
-                return end(rank, sockets::last_error());
-            }
-            if (n == 0) return end(rank, "it has closed the connection");
-            p.come += std::size_t(n);
-            if (head && p.come == sizeof(Header)) {
-                const bool known = p.header.kind == Kind::message || p.header.kind == Kind::stop;
-                if (!known || p.header.size > most_bytes)
-                    return end(rank, "it has sent what is no message");
-                p.coming.resize(p.header.size);
-            }
+        const auto [at, wanted] = p.in.space();
+        const ssize_t n = ::recv(p.socket, at, wanted, MSG_DONTWAIT);
+        if (n < 0) {
+            if (errno == EINTR) continue;
+            if (errno == EAGAIN || errno == EWOULDBLOCK) return;
+            return end(rank, sockets::last_error());
         }
-        if (p.come < sizeof(Header) || p.come - sizeof(Header) < p.coming.size()) continue;
-        p.come = 0;
-        if (p.header.kind == Kind::message) {
-            p.in.push_back(std::exchange(p.coming, {}));
-            continue;
+        if (n == 0) return end(rank, "it has closed the connection");
+        try {
+            p.in.come(std::size_t(n));
+        } catch (const MessageError& e) {
+            broken_ = "rank " + std::to_string(rank) + " has sent " + e.what() + " to rank " +
+                      std::to_string(this->rank());
+            return end(rank, std::string("it has sent ") + e.what());
         }
-        if (!stopped_) why_.assign(p.coming.begin(), p.coming.end());
+        if (!p.in.has_stopped()) continue;
+        if (!stopped_) why_ = p.in.why();
         stopped_ = true;
-        p.coming.clear();
         return;
     }
 }

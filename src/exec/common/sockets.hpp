@@ -16,6 +16,7 @@
 #include <functional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "mpm/core/error.hpp"
 
@@ -115,36 +116,61 @@ inline bool is_loopback(const std::string& host) {
     return host == "localhost" || host == "::1" || host.rfind("127.", 0) == 0;
 }
 
-/// Listens at a port (0: any that is free), for this host alone or for all that reach it.
-inline Socket listen_at(int port, bool this_host_alone, int most) {
-    std::string why;
-    for (const int family : {AF_INET6, AF_INET}) {
-        if (this_host_alone && family == AF_INET6) continue;
-        // Who was heard may be gone before it is accepted: that must not wait for the next.
-        Socket s(::socket(family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-        if (!s) {
-            why = last_error();
-            continue;
-        }
-        const int yes = 1, no = 0;
-        ::setsockopt(s.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-        sockaddr_in6 six{};
-        six.sin6_family = AF_INET6;
-        six.sin6_addr = in6addr_any;
-        six.sin6_port = htons(std::uint16_t(port));
-        sockaddr_in four{};
-        four.sin_family = AF_INET;
-        four.sin_addr.s_addr = htonl(this_host_alone ? INADDR_LOOPBACK : INADDR_ANY);
-        four.sin_port = htons(std::uint16_t(port));
-        if (family == AF_INET6) ::setsockopt(s.get(), IPPROTO_IPV6, IPV6_V6ONLY, &no, sizeof no);
-        const sockaddr* at = family == AF_INET6 ? reinterpret_cast<const sockaddr*>(&six)
-                                                : reinterpret_cast<const sockaddr*>(&four);
-        const socklen_t size = family == AF_INET6 ? sizeof six : sizeof four;
-        if (::bind(s.get(), at, size) == 0 && ::listen(s.get(), most) == 0) return s;
-        why = last_error();
+/// Of a host, as the system finds them; each once.
+inline std::vector<sockaddr_storage> addresses_of(const std::string& host, int port,
+                                                  std::string& why) {
+    addrinfo hints{}, *found = nullptr;
+    hints.ai_family = AF_UNSPEC;
+    hints.ai_socktype = SOCK_STREAM;
+    const int failed = ::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found);
+    if (failed) why = ::gai_strerror(failed);
+    std::vector<sockaddr_storage> out;
+    for (const addrinfo* a = failed ? nullptr : found; a; a = a->ai_next) {
+        if (a->ai_family != AF_INET && a->ai_family != AF_INET6) continue;
+        sockaddr_storage at{};
+        std::memcpy(&at, a->ai_addr, a->ai_addrlen);
+        const bool twice = std::any_of(out.begin(), out.end(), [&](const sockaddr_storage& o) {
+            return std::memcmp(&o, &at, sizeof at) == 0;
+        });
+        if (!twice) out.push_back(at);
     }
-    throw DeviceError("ranks as processes: cannot listen at port " + std::to_string(port) + ": " +
-                      why + "; another job may use it: set LIBMPM_MASTER=host:port");
+    if (!failed) ::freeaddrinfo(found);
+    return out;
+}
+inline socklen_t size_of(const sockaddr_storage& at) {
+    return at.ss_family == AF_INET6 ? sizeof(sockaddr_in6) : sizeof(sockaddr_in);
+}
+inline bool is_loopback(const sockaddr_storage& at) {
+    if (at.ss_family == AF_INET6)
+        return IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6&>(at).sin6_addr);
+    return ntohl(reinterpret_cast<const sockaddr_in&>(at).sin_addr.s_addr) >> 24 == 127;
+}
+
+/// Listens at one address and its port (0: any that is free), and at no other. Else why not.
+inline std::pair<Socket, int> listen_at(const sockaddr_storage& at, int most) {
+    // Who was heard may be gone before it is accepted: that must not wait for the next.
+    Socket s(::socket(at.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    if (!s) return {Socket(), errno};
+    const int yes = 1;
+    ::setsockopt(s.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    if (at.ss_family == AF_INET6)
+        ::setsockopt(s.get(), IPPROTO_IPV6, IPV6_V6ONLY, &yes, sizeof yes);
+    if (::bind(s.get(), reinterpret_cast<const sockaddr*>(&at), size_of(at)) != 0 ||
+        ::listen(s.get(), most) != 0)
+        return {Socket(), errno};
+    return {std::move(s), 0};
+}
+
+/// Where a connection ends on this side, at any port that is free.
+inline sockaddr_storage own_address(int fd) {
+    sockaddr_storage at{};
+    socklen_t size = sizeof at;
+    ::getsockname(fd, reinterpret_cast<sockaddr*>(&at), &size);
+    if (at.ss_family == AF_INET6)
+        reinterpret_cast<sockaddr_in6&>(at).sin6_port = 0;
+    else
+        reinterpret_cast<sockaddr_in&>(at).sin_port = 0;
+    return at;
 }
 
 inline int port_of(int fd) {
@@ -168,23 +194,20 @@ inline std::string address_of_peer(int fd) {
     return text.rfind(mapped, 0) == 0 ? text.substr(mapped.size()) : text;
 }
 
-/// Connected to a host, tried until the end: who listens may come later. Else why not.
-inline std::pair<Socket, std::string> connect_to(const std::string& host, int port, double ends,
-                                                 const Hook& meanwhile = {}) {
+/// Connected to a host, tried until the end: who listens may come later. `greet` says of a
+/// connection why it is not the one that is looked for; "" where it is. Else why there is none.
+template <class Greet>
+std::pair<Socket, std::string> connect_to(const std::string& host, int port, double ends,
+                                          const Hook& meanwhile, const Greet& greet) {
     std::string why = "no answer";
     do {
-        addrinfo hints{}, *found = nullptr;
-        hints.ai_family = AF_UNSPEC;
-        hints.ai_socktype = SOCK_STREAM;
-        const int failed =
-            ::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found);
-        if (failed) why = ::gai_strerror(failed);
-        for (const addrinfo* a = failed ? nullptr : found; a; a = a->ai_next) {
-            Socket s(::socket(a->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+        bool answered = false;
+        for (const sockaddr_storage& a : addresses_of(host, port, why)) {
+            Socket s(::socket(a.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
             if (!s) continue;
             int error = 0;
             socklen_t size = sizeof error;
-            if (::connect(s.get(), a->ai_addr, a->ai_addrlen) != 0) {
+            if (::connect(s.get(), reinterpret_cast<const sockaddr*>(&a), size_of(a)) != 0) {
                 error = errno;
                 if (error == EINPROGRESS) {
                     error = ETIMEDOUT;
@@ -192,14 +215,15 @@ inline std::pair<Socket, std::string> connect_to(const std::string& host, int po
                         ::getsockopt(s.get(), SOL_SOCKET, SO_ERROR, &error, &size);
                 }
             }
-            if (error == 0) {
-                ::freeaddrinfo(found);
-                return {std::move(s), ""};
+            if (error != 0) {
+                why = std::strerror(error);
+                continue;
             }
-            why = std::strerror(error);
+            answered = true;
+            why = greet(s);
+            if (why.empty()) return {std::move(s), ""};
         }
-        if (!failed) ::freeaddrinfo(found);
-        ::usleep(50'000);
+        ::usleep(answered ? 250'000 : 50'000);
         if (meanwhile) meanwhile();
     } while (now() < ends);
     return {Socket(), why};

@@ -15,6 +15,33 @@ namespace {
 /// The most components that a field has: a tensor in three dimensions.
 inline constexpr int most_components = 6;
 
+/// What is smoothed, of each particle: a call apart, so that the loops below are compiled once for
+/// all fields.
+struct Field {
+    const void* of;
+    /// The components of particle q.
+    void (*read)(const void* of, std::uint32_t q, double* value);
+    /// Their means at particle q of home block h.
+    void (*write)(const void* of, std::int32_t h, std::uint32_t q, const double* mean);
+};
+
+/// Calls f with the field that `read(q, value)` and `write(h, q, mean)` make.
+template <class Read, class Write, class F>
+void with_field(const Read& read, const Write& write, const F& f) {
+    struct Both {
+        const Read& read;
+        const Write& write;
+    };
+    const Both both{read, write};
+    f(Field{&both,
+            [](const void* of, std::uint32_t q, double* value) {
+                static_cast<const Both*>(of)->read(q, value);
+            },
+            [](const void* of, std::int32_t h, std::uint32_t q, const double* mean) {
+                static_cast<const Both*>(of)->write(h, q, mean);
+            }});
+}
+
 /// Calls f(slot, home cell, particle) for all particles, blocks that share cells after each other.
 template <class T, int D, class F>
 void for_each_by_colour(const Phase<Cpu, T, D>& phase, const F& f) {
@@ -32,9 +59,9 @@ void for_each_by_colour(const Phase<Cpu, T, D>& phase, const F& f) {
 
 /// Mass, then one sum a component, of every node: lumped means by the grid's functions, or by those
 /// of the deposit where they are modified.
-template <class S, class T, int D, class Get, class Put>
+template <class S, class T, int D>
 void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int components, bool modified,
-                     const Get& get, const Put& put) {
+                     const Field& field) {
     constexpr int W = S::width;
     const auto& pass = phase.pass;
     const std::int32_t* neighbours = pass.grid.table.neighbours;
@@ -51,7 +78,7 @@ void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int component
             if (modified) modify_for_deposit(reached.stencil, reached.at.xi);
         }
         double value[most_components];
-        for (int k = 0; k < components; ++k) value[k] = get(q, k);
+        field.read(field.of, q, value);
         for_each_node(reached.stencil, places_in_grid<W>(reached.at.cell),
                       [&](const auto&, int place, T w) {
                           double* to = of(slot, place);
@@ -74,14 +101,14 @@ void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int component
                               for (int k = 0; k < components; ++k)
                                   value[k] += double(w) * from[1 + k] / from[0];
                           });
-            put(h, q, value);
+            field.write(field.of, h, q, value);
         });
     }
 }
 
-template <class T, int D, class Get, class Put>
+template <class T, int D>
 void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
-                     int components, const Get& get, const Put& put) {
+                     int components, const Field& field) {
     const auto& pass = phase.pass;
     const auto& table = pass.grid.table;
     const auto cells = CellColumns<D>::by_cell(data, choice, components);
@@ -93,8 +120,10 @@ void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const Smoothin
     };
     for_each_by_colour(phase, [&](std::int32_t slot, const int(&home)[D], std::uint32_t q) {
         const InSpan<D> at = span_of<T, D>(pass.body, home, q, between);
+        double value[most_components];
+        field.read(field.of, q, value);
         add_to_cell(cells, number(slot, at.place), pass.body.particle_mass, at.x,
-                    [&](int k) { return get(q, k); });
+                    [&](int k) { return value[k]; });
     });
     const std::int64_t all = std::int64_t(table.slots) * block_cells;
     const int threads = phase_threads(*pass.exec, pass.body.count);
@@ -114,15 +143,15 @@ void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const Smoothin
             const std::int64_t c = number(slot, at.place);
             double value[most_components];
             for (int k = 0; k < components; ++k) value[k] = value_in_cell(cells, c, at.x, k);
-            put(h, q, value);
+            field.write(field.of, h, q, value);
         });
     }
 }
 
 /// `as_deposited`: nodes' means by the functions of the deposit.
-template <class T, int D, class Get, class Put>
+template <class T, int D>
 void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
-                  int components, const Get& get, const Put& put, bool as_deposited = false) {
+                  int components, const Field& field, bool as_deposited = false) {
     const bool nodal = choice.form == CellForm::nodal;
     const int width = CellColumns<D>::columns(choice, components);
     const std::size_t piece = std::size_t(block_cells) * std::size_t(width);
@@ -132,13 +161,13 @@ void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingCh
     for (std::int32_t slot = 0; slot < phase.pass.grid.table.slots; ++slot)
         std::fill_n(data + std::size_t(slot) * piece, piece, 0.0);
     if (!nodal)
-        smooth_by_cells(phase, data, choice, components, get, put);
+        smooth_by_cells(phase, data, choice, components, field);
     else if (kernel_width(phase.n.kernel.kernel) == 3)
-        smooth_by_nodes<Stencil<T, D, 3>>(phase, data, components, modified, get, put);
+        smooth_by_nodes<Stencil<T, D, 3>>(phase, data, components, modified, field);
     else if (phase.n.kernel.kernel == Kernel::cpdi)
-        smooth_by_nodes<CornerStencil<T, D>>(phase, data, components, modified, get, put);
+        smooth_by_nodes<CornerStencil<T, D>>(phase, data, components, modified, field);
     else
-        smooth_by_nodes<Stencil<T, D, 5>>(phase, data, components, modified, get, put);
+        smooth_by_nodes<Stencil<T, D, 5>>(phase, data, components, modified, field);
 }
 
 /// Numbers of scratch, a tensor a particle.
@@ -155,16 +184,20 @@ void assume(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data,
                 m.e[c][a] = phase.pass.scratch[std::size_t(column(a, c)) * count + q];
         return m;
     };
-    smooth_field(
-        phase, data, n.assumed, tensor.components(),
-        [&](std::uint32_t q, int k) { return tensor.component(read(q), k); },
+    const int components = tensor.components();
+    with_field(
+        [&](std::uint32_t q, double* value) {
+            const Mat<T, D> m = read(q);
+            for (int k = 0; k < components; ++k) value[k] = tensor.component(m, k);
+        },
         [&](std::int32_t, std::uint32_t q, const double* means) {
             Mat<T, D> m = read(q);
             tensor.replace(m, means);
             for (int c = 0; c < D; ++c)
                 for (int a = 0; a < D; ++a)
                     phase.pass.scratch[std::size_t(column(a, c)) * count + q] = m.e[c][a];
-        });
+        },
+        [&](const Field& field) { smooth_field(phase, data, n.assumed, components, field); });
 }
 
 template <class T, int D>
@@ -221,12 +254,14 @@ void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force, double* data)
     if (!stores) return;
     SmoothingChoice nodal;
     nodal.form = CellForm::nodal;
-    smooth_field(
-        phase, data, nodal, D, [&](std::uint32_t q, int c) { return double(own(c, q)); },
+    with_field(
+        [&](std::uint32_t q, double* value) {
+            for (int c = 0; c < D; ++c) value[c] = double(own(c, q));
+        },
         [&](std::int32_t, std::uint32_t q, const double* back) {
             for (int c = 0; c < D; ++c) pass.body.state[phase.n.velocity + c][q] += T(back[c]);
         },
-        true);
+        [&](const Field& field) { smooth_field(phase, data, nodal, D, field, true); });
 }
 
 template <class T, int D>
@@ -261,9 +296,10 @@ SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, const CellNumbers& n, doub
     // Of each home block: energy before and after, then the sums of the components.
     const int width = 2 + components;
     std::vector<double> partial(std::size_t(pass.body.homes) * std::size_t(width), 0.0);
-    smooth_field(
-        phase, data, n.smoothing, components,
-        [&](std::uint32_t q, int k) { return double(pass.body.state[k][q]); },
+    with_field(
+        [&](std::uint32_t q, double* value) {
+            for (int k = 0; k < components; ++k) value[k] = double(pass.body.state[k][q]);
+        },
         [&](std::int32_t h, std::uint32_t q, const double* value) {
             double* sum = partial.data() + std::size_t(h) * std::size_t(width);
             for (int k = 0; k < components; ++k) {
@@ -273,7 +309,8 @@ SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, const CellNumbers& n, doub
                 own = T(value[k]);
                 sum[1] += double(own) * double(own);
             }
-        });
+        },
+        [&](const Field& field) { smooth_field(phase, data, n.smoothing, components, field); });
     double total[2 + most_components] = {};
     for (std::size_t at = 0; at < partial.size(); ++at)
         total[at % std::size_t(width)] += partial[at];

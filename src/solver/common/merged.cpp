@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "mpm/solver/blob.hpp"
+#include "mpm/solver/saved_state.hpp"
 
 namespace mpm {
 
@@ -188,9 +188,19 @@ public:
         s["body_of"] = detail::to_blob(std::vector<std::int32_t>(body_of_.begin(), body_of_.end()));
         return s;
     }
+    void check(const State& state) const override {
+        const SavedState saved(state);
+        if (saved.has("body_of") && saved.list<std::int32_t>("body_of") !=
+                                        std::vector<std::int32_t>(body_of_.begin(), body_of_.end()))
+            refuse_entry("body_of", "stores bodies together that this scene does not",
+                         "the same groups of bodies");
+        inner_->check(state);
+    }
     void load(const State& state) override {
+        check(state);
         columns_ = {};
         inner_->load(state);
+        for (Together& t : together_) t.count = unknown;
     }
     std::map<std::string, double> timings() const override { return inner_->timings(); }
     std::map<std::string, double> statistics() const override { return inner_->statistics(); }
@@ -204,6 +214,7 @@ private:
     struct Together {
         std::uint64_t count, ids;
     };
+    static constexpr std::uint64_t unknown = ~std::uint64_t(0);
 
     /// What has been read of one merged body since it last changed: with hundreds of bodies, each
     /// read of one of them would otherwise gather all.

@@ -90,12 +90,15 @@ CellNumbers cells_of(const Spec& spec, const Scheme& scheme, const BodySpec& bod
     n.part = body.assumed_part;
     n.rate = body.assumed_rate;
     n.force = body.force;
-    if (scheme.affine && (n.deformed || n.part != TensorPart::none || body.damping > 0))
-        throw SceneError(who +
-                         "assumed fields, numerical damping and gradients by moved nodes "
-                         "change the gradient that transfer '" +
+    if (scheme.affine && (n.deformed || n.part != TensorPart::none || body.damping > 0)) {
+        const char* what = body.damping > 0 ? "damping changes"
+                           : n.deformed     ? "Kernel(moved_nodes=True) changes"
+                                            : "assumed changes";
+        throw SceneError(who + what + " the velocity gradient of the particles, which transfer '" +
                          spec.transfer.scheme +
-                         "' carries along. Use PIC, FLIP, PIC-FLIP, NFLIP, SFLIP, XPIC or FMPM");
+                         "' also carries their momentum by. Give Method(transfer=...) one of PIC, "
+                         "FLIP, PIC-FLIP, NFLIP, SFLIP, XPIC or FMPM, or leave it out");
+    }
     if (n.smoothing.form != CellForm::none) {
         if (body.smoothing != SmoothingForm::none)
             throw SceneError(who + "smoothing over cells and F-bar at once. Remove one of them");

@@ -243,7 +243,7 @@ State join_states(const std::vector<State>& ranks, std::size_t bodies) {
         for (int q = 0; q < quantities; ++q)
             clock.deposited[q] = std::max(clock.deposited[q], other.deposited[q]);
     }
-    all["clock"] = detail::to_blob(std::vector<Clock>{clock});
+    save_clock(all, clock);
     for (const char* name : {"load_impulse", "sensor_first"}) {
         auto sum = detail::from_blob<double>(all, name);
         for (std::size_t r = 1; r < ranks.size(); ++r) {

@@ -12,6 +12,11 @@ namespace mpm {
 
 namespace {
 
+/// What all ranks refuse alike: they are as they were, and go on.
+struct Refused : SceneError {
+    using SceneError::SceneError;
+};
+
 /// What one rank throws stops the others: nobody waits for a rank that does not come.
 template <class Work>
 auto guarded(Communicator& comm, const Work& work) {
@@ -19,6 +24,8 @@ auto guarded(Communicator& comm, const Work& work) {
     try {
         return work();
     } catch (const RankStopped&) {
+        throw;
+    } catch (const Refused&) {
         throw;
     } catch (const std::exception& e) {
         comm.stop(name + ": " + e.what());
@@ -65,9 +72,9 @@ class OneOfRanks final : public Engine {
 public:
     OneOfRanks(const Spec& spec, std::shared_ptr<Communicator> comm,
                const std::function<std::unique_ptr<Engine>()>& make)
-        : comm_(std::move(comm)), bodies_(spec.bodies.size()) {
+        : comm_(std::move(comm)), bodies_(spec.bodies.size()), check_{bodies_, spec.dimension} {
         for (const SensorSpec& s : spec.sensors) kinds_.push_back(s.kind);
-        const auto all = comm_->all_gather(outline(spec));
+        const auto all = comm_->all_gather(outline(spec), "an outline of its scene");
         for (std::size_t r = 1; r < all.size(); ++r)
             if (!alike(all[r], all[0]))
                 throw SceneError("rank " + std::to_string(r) +
@@ -109,18 +116,39 @@ public:
             std::vector<Bytes> to{std::size_t(comm_->ranks())};
             if (comm_->rank() > 0) {
                 to[0] = messages::pack(mine);
-                comm_->exchange(std::move(to), {0});
+                comm_->exchange_and_read(std::move(to), {0}, "what it has none of",
+                                         [](int, Unpacker&) {});
                 return {};
             }
-            const auto in = comm_->exchange(std::move(to), comm_->others());
-            std::vector<State> states = {std::move(mine)};
-            for (int r : comm_->others())
-                states.push_back(messages::unpack<State>(in[std::size_t(r)]));
+            std::vector<State> states(to.size());
+            comm_->exchange_and_read(std::move(to), comm_->others(), "a state",
+                                     [&](int r, Unpacker& from) {
+                                         State theirs;
+                                         messages::get(from, theirs);
+                                         check_(theirs, mine);
+                                         states[std::size_t(r)] = std::move(theirs);
+                                     });
+            states[0] = std::move(mine);
             return join_states(states, bodies_);
         });
     }
+    void check(const State& state) const override { own_->check(state); }
     void load(const State& state) override {
-        guarded(*comm_, [&] { own_->load(state); });
+        guarded(*comm_, [&] {
+            // What one refuses all refuse, before anyone has changed anything.
+            std::string problem;
+            try {
+                own_->check(state);
+            } catch (const SceneError& e) {
+                problem = e.what();
+            }
+            const auto all = comm_->all_gather(std::vector<char>(problem.begin(), problem.end()));
+            for (std::size_t r = 0; r < all.size(); ++r)
+                if (!all[r].empty())
+                    throw Refused("rank " + std::to_string(r) + ": " +
+                                  std::string(all[r].begin(), all[r].end()));
+            own_->load(state);
+        });
     }
     std::map<std::string, double> timings() const override {
         return join_timings(tell_all(own_->timings()));
@@ -134,16 +162,21 @@ private:
     template <class E>
     std::vector<E> tell_all(const E& mine) const {
         const Bytes bytes = messages::pack(mine);
-        const auto in = comm_->exchange(std::vector<Bytes>(std::size_t(comm_->ranks()), bytes),
-                                        comm_->others());
-        std::vector<E> out(in.size());
-        for (int r : comm_->others()) out[std::size_t(r)] = messages::unpack<E>(in[std::size_t(r)]);
+        std::vector<E> out(std::size_t(comm_->ranks()));
+        comm_->exchange_and_read(std::vector<Bytes>(out.size(), bytes), comm_->others(),
+                                 "what it says of its part", [&](int r, Unpacker& from) {
+                                     E theirs{};
+                                     messages::get(from, theirs);
+                                     check_(theirs, mine);
+                                     out[std::size_t(r)] = std::move(theirs);
+                                 });
         out[std::size_t(comm_->rank())] = mine;
         return out;
     }
 
     std::shared_ptr<Communicator> comm_;
     std::size_t bodies_;
+    PartCheck check_;
     std::vector<SensorKind> kinds_;
     std::unique_ptr<Engine> own_;
 };

@@ -166,7 +166,9 @@ public:
     State save() override {
         return join_states(of_each([](Engine& e) { return e.save(); }), bodies_);
     }
+    void check(const State& state) const override { engines_[0]->check(state); }
     void load(const State& state) override {
+        check(state);  // else a rank that refuses would stop all
         threads_->begin_anew();
         threads_->together([&](int r) { engines_[std::size_t(r)]->load(state); });
     }

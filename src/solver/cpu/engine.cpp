@@ -1,29 +1,15 @@
-#include "mpm/exec/cpu.hpp"
-#include "mpm/solver/make_domain.hpp"
 #include "mpm/solver/merged.hpp"
+#include "mpm/solver/ranks.hpp"
+#include "precisions.hpp"
 
 namespace mpm {
 
 std::unique_ptr<Engine> make_cpu_engine(const Spec& spec, std::unique_ptr<RankThreads> ranks) {
     return make_merged(spec, [&](const Spec& s) {
         const Plan plan = make_plan(s, cpu_traits(s.precision));
-        const bool single = s.precision == Precision::single;
-        if (const auto& processes = s.ranks.processes; processes && s.ranks.count > 1) {
-            check_ranks(s, plan);
-            const auto executor = [&] { return Cpu(s.threads); };
-            return single ? make_rank<Cpu, float>(s, plan, processes, executor)
-                          : make_rank<Cpu, double>(s, plan, processes, executor);
-        }
-        if (!ranks) {
-            const auto executor = [&] { return Cpu(s.threads); };
-            return single ? make_domain<Cpu, float>(s, plan, executor)
-                          : make_domain<Cpu, double>(s, plan, executor);
-        }
-        check_ranks(s, plan);
-        const int each = std::max(1, Cpu(s.threads).threads() / s.ranks.count);
-        const auto executor = [&](int) { return Cpu(each); };
-        return single ? make_ranks<Cpu, float>(s, plan, std::move(ranks), executor)
-                      : make_ranks<Cpu, double>(s, plan, std::move(ranks), executor);
+        if (ranks || (s.ranks.processes && s.ranks.count > 1)) check_ranks(s, plan);
+        return s.precision == Precision::single ? make_cpu_single(s, plan, ranks)
+                                                : make_cpu_double(s, plan, ranks);
     });
 }
 

@@ -1,7 +1,6 @@
 #pragma once
 
-#include "mpm/exec/cuda.cuh"
-#include "mpm/exec/cuda_meeting.cuh"
+#include "grid_passes.cuh"
 #include "mpm/solver/make_domain.hpp"
 #include "precisions.hpp"
 

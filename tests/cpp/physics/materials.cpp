@@ -278,6 +278,132 @@ protected:
             }
         }
     }
+
+    /// What a law answers at rest to a strain that comes twice.
+    template <class V, int D>
+    struct Answer {
+        Mat<V, D> stress, rated;
+        MaskOf<V> admissible;
+    };
+    template <class V, int D, class T>
+    MPM_INLINE static Answer<V, D> answer(const Mat<V, D>& strain,
+                                          const typename M::template Constants<T>& constants) {
+        V state[M::template reals<D>];
+        for (V& r : state) r = V(T(0));
+        Mat<V, D> still;
+        for (auto& row : still.e)
+            for (V& x : row) x = V(T(0));
+        for (int step = 0; step < 2; ++step) M::template advance<V, D, T>(state, strain, constants);
+        return {M::template kirchhoff<V, D, T>(state, still, constants),
+                M::template kirchhoff<V, D, T>(state, strain, constants),
+                M::template admissible<V, D>(state)};
+    }
+    // Packs of single precision as the passes over particles are compiled: for any processor, and
+    // for those that have more.
+    template <class V, int D, class T>
+    struct Clones {
+        using Constants = typename M::template Constants<T>;
+        using Function = void (*)(const Mat<V, D>&, const Constants&, Answer<V, D>&);
+        static void plain(const Mat<V, D>& e, const Constants& k, Answer<V, D>& out) {
+            out = answer<V, D, T>(e, k);
+        }
+        static std::vector<Function> all() {
+            std::vector<Function> out = {plain};
+#if defined(__x86_64__) && !defined(__clang__)
+            if constexpr (std::is_same_v<V, Pack<float, 8>>) {
+                if (__builtin_cpu_supports("x86-64-v3")) out.push_back(third);
+                if (__builtin_cpu_supports("x86-64-v4")) out.push_back(fourth);
+            }
+#endif
+            return out;
+        }
+#if defined(__x86_64__) && !defined(__clang__)
+        __attribute__((target("arch=x86-64-v3"), flatten, noinline)) static void third(
+            const Mat<V, D>& e, const Constants& k, Answer<V, D>& out) {
+            out = answer<V, D, T>(e, k);
+        }
+        __attribute__((target("arch=x86-64-v4"), flatten, noinline)) static void fourth(
+            const Mat<V, D>& e, const Constants& k, Answer<V, D>& out) {
+            out = answer<V, D, T>(e, k);
+        }
+#endif
+    };
+
+    /// Strains down to the smallest numbers there are: a wave's forerunner decays through them.
+    /// Nothing becomes NaN, and the stress is that of a strain where nothing can vanish, scaled.
+    template <class T, int D, class V = T>
+    void faint_strains() {
+        const auto constants = M::template constants<T>(q());
+        const double least = std::numeric_limits<T>::denorm_min();
+        constexpr int lanes = NumberTraits<V>::lanes;
+        for (int exponent = std::ilogb(least); exponent < -60;
+             exponent += sizeof(T) == 4 ? 3 : 29) {
+            for (int round = 0; round < 16; ++round) {
+                T entry[D][D][lanes];
+                Mat<double, D> exact[lanes];
+                for (int l = 0; l < lanes; ++l)
+                    for (int a = 0; a < D; ++a)
+                        for (int b = 0; b < D; ++b) {
+                            // Entries may differ by many orders, vanish, and stand beside a lane
+                            // in which the material is busy.
+                            double x = random.between(-1, 1);
+                            if (round % 2) x = std::ldexp(x, -random.integer(0, 80));
+                            if (round % 4 == 3 && random.integer(0, 1)) x = 0;
+                            x = std::ldexp(x, l % 2 ? -10 : exponent);
+                            exact[l](a, b) = entry[a][b][l] = T(x);
+                        }
+                Mat<V, D> strain;
+                for (int a = 0; a < D; ++a)
+                    for (int b = 0; b < D; ++b) {
+                        if constexpr (lanes == 1)
+                            strain(a, b) = entry[a][b][0];
+                        else
+                            strain(a, b) = V::load(entry[a][b]);
+                    }
+                for (const auto function : Clones<V, D, T>::all()) {
+                    Answer<V, D> found;
+                    function(strain, constants, found);
+                    for (int l = 0; l < lanes; l += 2) {
+                        const auto lane = [&](const auto& x) {
+                            if constexpr (lanes == 1)
+                                return x;
+                            else
+                                return x[l];
+                        };
+                        ASSERT_TRUE(lane(found.admissible)) << "2^" << exponent;
+                        const int up = -30 - exponent;
+                        Mat<double, D> lifted = exact[l];
+                        for (auto& row : lifted.e)
+                            for (double& x : row) x = std::ldexp(x, up);
+                        const auto expected =
+                            stress<D>(advanced<D>(advanced<D>({}, lifted), lifted));
+                        const double bound =
+                            stiffness() * (1e-5 * test::largest<D>(exact[l]) + 8 * least);
+                        for (int a = 0; a < D; ++a)
+                            for (int b = 0; b < D; ++b) {
+                                ASSERT_TRUE(std::isfinite(double(lane(found.rated(a, b)))));
+                                ASSERT_NEAR(double(lane(found.stress(a, b))),
+                                            std::ldexp(expected(a, b), -up), bound)
+                                    << "2^" << exponent;
+                            }
+                    }
+                }
+            }
+        }
+    }
+    template <int D>
+    void faint_strains_in_single() {
+        this->template faint_strains<float, D>();
+    }
+    template <int D>
+    void faint_strains_in_double() {
+        this->template faint_strains<double, D>();
+    }
+    template <int D>
+    void faint_strains_in_lanes() {
+        this->template faint_strains<float, D, Pack<float, 8>>();
+        this->template faint_strains<double, D, Pack<double, 4>>();
+    }
 };
 TYPED_TEST_SUITE(Materials, Models);
 
@@ -293,6 +419,9 @@ MPM_IN_BOTH_DIMENSIONS(wave_speed)
 MPM_IN_BOTH_DIMENSIONS(admissible_range)
 MPM_IN_BOTH_DIMENSIONS(single_precision)
 MPM_IN_BOTH_DIMENSIONS(lanes)
+MPM_IN_BOTH_DIMENSIONS(faint_strains_in_single)
+MPM_IN_BOTH_DIMENSIONS(faint_strains_in_double)
+MPM_IN_BOTH_DIMENSIONS(faint_strains_in_lanes)
 
 TYPED_TEST(Materials, table) {
     using M = TypeParam;

@@ -161,7 +161,7 @@ TEST(Engine, state_of_another_scene_is_refused) {
     other["sum_channels"].bytes[0] ^= 1;
     EXPECT_THROW(a->load(other), SceneError);
     State cut = state;
-    cut["clock"].bytes.pop_back();
+    cut["clock_dt"].bytes.pop_back();
     EXPECT_THROW(a->load(cut), SceneError);
     EXPECT_THROW(a->attributes(0, {"colour"}), SceneError);
     EXPECT_THROW(a->grid("colour"), SceneError);

@@ -280,9 +280,9 @@ TEST(RanksEnd, a_state_that_is_refused) {
     const Spec s = with_ranks(shaken(2, false), 3);
     const auto one = make_cpu_engine(shaken(2, false)), many = make_cpu_engine(s);
     State state = one->save(), cut = state;
-    cut["clock"].bytes.pop_back();
+    cut["clock_dt"].bytes.pop_back();
     EXPECT_THROW(many->load(cut), SceneError);
-    EXPECT_THROW(go(*many, 1), Error);
+    go(*many, 1);  // as if nobody had asked
     many->load(state);
     go(*one, parts[0]);
     go(*many, parts[0]);

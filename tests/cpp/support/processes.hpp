@@ -11,6 +11,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "mpm/exec/rank_processes.hpp"
@@ -30,6 +31,9 @@ inline int free_port() {
     return ntohs(at.sin_port);
 }
 
+/// A secret that the user has given.
+inline const std::string given_secret = "7c0f6f5b1de94a8e8b8c52f1a0b3d4e7";
+
 inline Launch place(int rank, int ranks, int port) {
     Launch l;
     l.launcher = "a test";
@@ -43,24 +47,19 @@ inline Launch place(int rank, int ranks, int port) {
 
 using Work = std::function<std::string(const std::shared_ptr<Communicator>&)>;
 
-/// What each of so many processes returned, or "threw ..." where it did. A process that returns
-/// "die" ends without a word.
-inline std::vector<std::string> run_processes(int ranks, const Work& work, double seconds = 20,
-                                              const std::vector<int>& absent = {}) {
-    const int port = free_port();
-    std::vector<int> pipes;
-    std::vector<pid_t> children;
-    for (int r = 0; r < ranks; ++r) {
+/// A rank that is a process of its own: forked, and asked what its work returned, or "threw ..."
+/// where it did. One that returns "die" ends without a word.
+class RankProcess {
+public:
+    RankProcess(const Launch& launch, const Work& work, double seconds = 20) {
         int ends[2];
         EXPECT_EQ(::pipe(ends), 0);
-        pipes.push_back(ends[0]);
-        const bool comes = std::find(absent.begin(), absent.end(), r) == absent.end();
-        const pid_t child = comes ? ::fork() : 0;
-        if (comes && child == 0) {
+        pipe_ = ends[0];
+        child_ = ::fork();
+        if (child_ == 0) {
             std::string said;
             try {
-                const auto comm = std::make_shared<RankProcesses>(place(r, ranks, port), seconds);
-                said = work(comm);
+                said = work(std::make_shared<RankProcesses>(launch, seconds));
                 if (said == "die") ::_exit(3);
             } catch (const RankStopped& e) {
                 said = std::string("stopped: ") + e.what();
@@ -71,18 +70,41 @@ inline std::vector<std::string> run_processes(int ranks, const Work& work, doubl
             ::_exit(0);
         }
         ::close(ends[1]);
-        children.push_back(child);
+    }
+    RankProcess(RankProcess&& o) noexcept
+        : pipe_(std::exchange(o.pipe_, -1)), child_(std::exchange(o.child_, -1)) {}
+    RankProcess& operator=(RankProcess&&) = delete;
+    ~RankProcess() {
+        if (child_ > 0) said();
+    }
+    /// Waits for its end.
+    std::string said() {
+        std::string out;
+        char buffer[4096];
+        for (ssize_t n; (n = ::read(pipe_, buffer, sizeof buffer)) > 0;)
+            out.append(buffer, std::size_t(n));
+        ::close(pipe_);
+        ::waitpid(std::exchange(child_, -1), nullptr, 0);
+        return out;
+    }
+
+private:
+    int pipe_ = -1;
+    pid_t child_ = -1;
+};
+
+/// What each of so many processes said; nothing of those that are absent.
+inline std::vector<std::string> run_processes(int ranks, const Work& work, double seconds = 20,
+                                              const std::vector<int>& absent = {}) {
+    const int port = free_port();
+    std::vector<std::unique_ptr<RankProcess>> made;
+    for (int r = 0; r < ranks; ++r) {
+        const bool comes = std::find(absent.begin(), absent.end(), r) == absent.end();
+        made.push_back(comes ? std::make_unique<RankProcess>(place(r, ranks, port), work, seconds)
+                             : nullptr);
     }
     std::vector<std::string> out;
-    for (int r = 0; r < ranks; ++r) {
-        std::string said;
-        char buffer[4096];
-        for (ssize_t n; (n = ::read(pipes[std::size_t(r)], buffer, sizeof buffer)) > 0;)
-            said.append(buffer, std::size_t(n));
-        ::close(pipes[std::size_t(r)]);
-        if (children[std::size_t(r)] > 0) ::waitpid(children[std::size_t(r)], nullptr, 0);
-        out.push_back(said);
-    }
+    for (const auto& rank : made) out.push_back(rank ? rank->said() : std::string());
     return out;
 }
 

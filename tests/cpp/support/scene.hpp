@@ -10,7 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "mpm/solver/blob.hpp"
 #include "mpm/solver/engine.hpp"
+#include "mpm/solver/saved_clock.hpp"
 #include "support/random.hpp"
 
 namespace mpm::test {
@@ -169,13 +171,48 @@ inline std::map<std::uint64_t, std::vector<double>> table(Engine& engine, int bo
     return out;
 }
 
-/// Everything a state consists of, byte for byte; the clock's fields that only tell of the present
-/// call (steps left, time to stop at, why it halted) are not state.
+/// Everything a state consists of, byte for byte, but the clock: ranks count strays in other
+/// portions.
 inline std::map<std::string, std::vector<unsigned char>> state_bytes(Engine& engine) {
     std::map<std::string, std::vector<unsigned char>> out;
     for (const auto& [name, blob] : engine.save())
-        if (name != "clock") out[name] = blob.bytes;
+        if (name.rfind("clock_", 0) != 0) out[name] = blob.bytes;
     return out;
+}
+
+/// The same state as version 0.1 has saved it: the clock as an image of its memory, of versions
+/// before that without its end.
+inline State as_format_1(State state, bool shorter = false) {
+    const Clock now = saved_clock(state);
+    ClockOfFormat1 c{};
+    c.time = now.time;
+    c.dt = c.dt_next = now.dt;
+    c.dt_stable = now.dt_stable;
+    c.step = now.step;
+    c.drift = now.drift;
+    c.strays = now.strays;
+    c.stray_limit = now.stray_limit;
+    c.speed = now.speed;
+    std::copy_n(now.unit_read, 3, c.unit_read);
+    std::copy_n(now.scale_write, 3, c.scale_write);
+    std::copy_n(now.deposited, 3, c.deposited);
+    std::copy_n(now.deposit_limit, 3, c.deposit_limit);
+    std::copy_n(now.deposited_before, 3, c.deposited_before);
+    std::copy_n(now.log_step, now.log_count, c.log_step);
+    std::copy_n(now.log_speed, now.log_count, c.log_speed);
+    c.log_count = now.log_count;
+    c.log_stride = now.log_stride;
+    c.fault_particle = no_fault;
+    c.until = forever;
+    c.halt = 3;
+    for (auto entry = state.begin(); entry != state.end();)
+        entry = entry->first.rfind("clock_", 0) == 0 ? state.erase(entry) : std::next(entry);
+    state.erase("format");
+    std::vector<unsigned char> bytes(sizeof c);
+    std::memcpy(bytes.data(), &c, sizeof c);
+    if (shorter) bytes.resize(offsetof(ClockOfFormat1, deposited_before));
+    state["clock"] = detail::to_blob(bytes);
+    return state;
 }
 
 }  // namespace mpm::test

@@ -112,7 +112,8 @@ struct DruckerPrager : HenckyFlow<DruckerPrager> {
         const V new_volume = select(torn, V(k.tension_strain), cone_volume),
                 new_size = select(torn, torn_size, cone_size);
 
-        const V part = new_size / select(zero < size, size, V(T(1)));
+        // A deviator whose square has vanished is kept.
+        const V part = select(zero < size, new_size, V(T(1))) / select(zero < size, size, V(T(1)));
         const V mean = T(1.0 / 3) * new_volume;
         MPM_UNROLL for (int i = 0; i < 3; ++i) s.e[i] = mean + part * dev[i];
         // What neither opened nor slid, nor closes a gap, is elastic: its B is the trial's.

@@ -1,0 +1,7 @@
+#include "grid_passes.hpp"
+
+namespace mpm {
+
+MPM_GRID_PASSES()
+
+}  // namespace mpm

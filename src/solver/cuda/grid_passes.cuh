@@ -1,0 +1,45 @@
+// Passes over the grid, the largest kernels there are: the units of the precisions that keep their
+// grid in T share one instance each, compiled in grid_<T>.cu.
+#pragma once
+
+#include "mpm/exec/cuda.cuh"
+#include "mpm/exec/cuda_meeting.cuh"
+#include "mpm/solver/domain.hpp"
+
+#define MPM_GRID_PASS(prefix, D, ...)                                             \
+    prefix template void Cuda::max_each<maxima_count, __VA_ARGS__, AfterGrid<D>>( \
+        std::int64_t, const __VA_ARGS__&, const AfterGrid<D>&);
+
+#define MPM_GRID_PASSES_IN(prefix, T, D)                                                      \
+    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, false, false>)                    \
+    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, false>)                     \
+    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, false, true>)                     \
+    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, true>)                      \
+    MPM_GRID_PASS(prefix, D, FinishSweep<T, Cuda::Sum<T>, D>)                                 \
+    prefix template void Cuda::sum_each<load_columns<D>, MeasureLoads<T, Cuda::Sum<T>, D>,    \
+                                        TakeLoad<D>, SamplePoints<T, Cuda::Sum<T>, D>>(       \
+        const SumSets&, const MeasureLoads<T, Cuda::Sum<T>, D>&, const TakeLoad<D>&, double*, \
+        std::int64_t, const SamplePoints<T, Cuda::Sum<T>, D>&);                               \
+    prefix template void Cuda::for_each_large<SamplePoints<T, Cuda::Sum<T>, D>>(              \
+        std::int64_t, const SamplePoints<T, Cuda::Sum<T>, D>&);
+
+#define MPM_GRID_PASSES(prefix, T)   \
+    MPM_GRID_PASSES_IN(prefix, T, 2) \
+    MPM_GRID_PASSES_IN(prefix, T, 3)
+
+// What a step does once, whatever the grid is kept in.
+#define MPM_TURNS_IN(prefix, D)                                           \
+    prefix template void Cuda::single<BeginStep<D>>(const BeginStep<D>&); \
+    prefix template void Cuda::single<TurnStep<D>>(const TurnStep<D>&);   \
+    prefix template void Cuda::single<DecideByVotes<D>>(const DecideByVotes<D>&);
+#define MPM_TURNS(prefix)   \
+    MPM_TURNS_IN(prefix, 2) \
+    MPM_TURNS_IN(prefix, 3)
+
+namespace mpm {
+
+MPM_GRID_PASSES(extern, float)
+MPM_GRID_PASSES(extern, double)
+MPM_TURNS(extern)
+
+}  // namespace mpm
