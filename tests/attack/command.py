@@ -1,0 +1,139 @@
+"""The command: ``python -m tests.attack --minutes N --seed S``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from attack import report
+from attack.base import CASE, Defect, isolated
+from attack.catalogue import ATTACKS
+from attack.work import commit, work
+
+__all__ = ["main"]
+
+ROOT = Path(__file__).parents[2]
+#: Where counts, and the inputs of defects, are kept.
+FOLDER = ROOT / "build" / "attack"
+#: Seconds of a turn: a worker runs one attack for so long.
+_TURN = 90.0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m tests.attack", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=5.0, help="wall time of all attacks")
+    parser.add_argument("--seed", default="0", help="what cases are made from; continues where "
+                        "an earlier call with the same seed and folder stopped")  # fmt: skip
+    parser.add_argument("--workers", type=int, default=1, help="cases at a time")
+    parser.add_argument("--only", nargs="+", choices=ATTACKS, help="these attacks alone")
+    parser.add_argument("--cases", type=int, help="so many of each attack at most")
+    parser.add_argument("--folder", type=Path, default=FOLDER, help="counts and kept inputs")
+    parser.add_argument("--replay", type=Path, help="run a kept case again, or print its defect")
+    parser.add_argument("--write", action="store_true", help="write docs/reliability.md")
+    parser.add_argument("--work", nargs=4, metavar=("ATTACK", "SECONDS", "CASES", "SEED"),
+                        help=argparse.SUPPRESS)  # fmt: skip
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run attacks, or one kept case; returns 1 where there is a defect."""
+    given = _parser().parse_args(arguments)
+    given.folder = given.folder.resolve()
+    if given.work:
+        name, seconds, cases, seed = given.work
+        return work(name, seed, float(seconds), int(cases), given.folder)
+    if given.replay:
+        return _replay(given.replay)
+    if given.write:
+        report.write(given.folder)
+        return 0
+    before = report.counted(given.folder)
+    _run(given)
+    found = report.counted(given.folder)
+    print(report.table(found))
+    fresh = report.defects(found)[len(report.defects(before)) :]
+    for defect in fresh:
+        print(f"\n{defect}")
+    return 1 if fresh else 0
+
+
+def _run(given: argparse.Namespace) -> None:
+    """Deal turns to workers until the time is over."""
+    folder = given.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [n for n in given.only or ATTACKS if not _absent(n, folder)]
+    shares = {n: ATTACKS[n].share for n in names}
+    end = time.monotonic() + 60 * given.minutes
+    total = 60 * given.minutes * given.workers
+    spent = dict.fromkeys(names, 0.0)
+    busy: list[tuple[subprocess.Popen[bytes], str, float]] = []
+    environment = os.environ | {
+        "OMP_NUM_THREADS": "1", "ATTACK_COMMIT": commit(), "MALLOC_PERTURB_": "165",
+        "OPENBLAS_NUM_THREADS": "1",
+    }  # fmt: skip
+    left = dict.fromkeys(names, given.cases if given.cases is not None else sys.maxsize)
+    try:
+        while True:
+            for one in [b for b in busy if b[0].poll() is not None]:
+                busy.remove(one)
+                if one[0].returncode:
+                    raise SystemExit(f"{one[1]} cannot begin, see above")
+                spent[one[1]] += time.monotonic() - one[2]
+            remaining = end - time.monotonic()
+            due = [n for n in names if left[n] > 0]
+            if (remaining <= 0 or not due) and not busy:
+                return
+            if len(busy) < given.workers and remaining > 0 and due:
+                running = {n: sum(time.monotonic() - b[2] for b in busy if b[1] == n) for n in due}
+                name = min(due, key=lambda n: (spent[n] + running[n]) / shares[n])
+                fair = total * shares[name] / sum(shares.values()) / given.workers
+                seconds = min(_TURN, fair, remaining)
+                call = [sys.executable, "-m", "tests.attack", "--folder", str(folder), "--work",
+                        name, str(seconds), str(left[name]), given.seed]  # fmt: skip
+                if given.cases is not None:
+                    left[name] = 0
+                child = subprocess.Popen(call, cwd=ROOT, env=environment)
+                busy.append((child, name, time.monotonic()))
+            time.sleep(0.05)
+    finally:
+        for child, _, _ in busy:
+            child.terminate()
+        for child, _, _ in busy:
+            child.wait()
+        for stray in folder.glob("worker-*"):
+            if not Path(f"/proc/{stray.name.removeprefix('worker-')}").exists():
+                shutil.rmtree(stray, ignore_errors=True)
+
+
+def _absent(name: str, folder: Path) -> bool:
+    why = ATTACKS[name](folder).absent()
+    if why:
+        print(f"{name}: left out: {why}")
+    return bool(why)
+
+
+def _replay(kept: Path) -> int:
+    """Run a kept case again from its files."""
+    said = json.loads((kept / CASE).read_text())
+    print(f"{said.get('kind', said['attack'])}: {said.get('said')}\nthen: {said.get('defect')}")
+    with tempfile.TemporaryDirectory() as folder:
+        room = Path(folder) / "room"
+        shutil.copytree(kept, room)
+        attack = ATTACKS[said["attack"]](kept.parents[1] / "shared" / said["attack"])
+        attack.begin()
+        printed = Path(folder) / "printed.txt"
+        try:
+            found = isolated(lambda: attack.replay(said, room), attack.limit, printed)
+        except Defect as defect:
+            print(f"now: {defect}")
+            return 1
+        print(f"now: {', '.join(found)}")
+    return 0
