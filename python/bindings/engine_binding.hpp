@@ -5,9 +5,11 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <atomic>
 #include <functional>
 
 #include "dlpack.hpp"
+#include "mpm/exec/fair_mutex.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/merged.hpp"
 #include "spec_reader.hpp"
@@ -94,13 +96,15 @@ inline State read_state(const py::dict& d) {
             throw SceneError("the saved state's entry '" + key.cast<std::string>() +
                              "' is not an array");
         Blob b;
-        const char kind = a.dtype().kind();
-        const auto size = a.itemsize();
-        b.type = kind == 'f'   ? (size == 4 ? 'f' : 'd')
-                 : kind == 'i' ? (size == 4 ? 'i' : 'l')
-                 : size == 4   ? 'I'
-                 : size == 8   ? 'L'
-                               : 'B';
+        const std::map<std::pair<char, py::ssize_t>, char> types = {
+            {{'f', 4}, 'f'}, {{'f', 8}, 'd'}, {{'i', 4}, 'i'}, {{'i', 8}, 'l'},
+            {{'u', 4}, 'I'}, {{'u', 8}, 'L'}, {{'u', 1}, 'B'}};
+        const auto type = types.find({a.dtype().kind(), a.itemsize()});
+        if (type == types.end() || a.dtype().byteorder() == '>')
+            throw SceneError("the saved state's entry '" + key.cast<std::string>() +
+                             "' is an array of " + py::str(a.dtype()).cast<std::string>() +
+                             "; expected numbers of 4 or 8 bytes of this machine, or bytes");
+        b.type = type->second;
         for (py::ssize_t k = 0; k < a.ndim(); ++k) b.shape.push_back(std::size_t(a.shape(k)));
         const auto* bytes = static_cast<const unsigned char*>(a.data());
         b.bytes.assign(bytes, bytes + a.nbytes());
@@ -109,37 +113,56 @@ inline State read_state(const py::dict& d) {
     return s;
 }
 
-/// An engine with the spec that made it, for what readers ask by name.
+/// An engine with the spec that made it, for what readers ask by name. An engine is for one thread
+/// at a time: reading brings nodes up to date and the clock with it, which would take a run on
+/// another thread back to the step that the reader found.
 struct Handle {
     Spec spec;
     std::unique_ptr<Engine> engine;
-    std::int64_t generation = 0;  // of the state: counts runs and loads
-    // Under Python's lock. An engine is not for two threads: columns that are let go while it works
-    // without the lock wait until it has come back.
-    int busy = 0;
-    std::vector<DenseColumn> let_go;
+    FairMutex mutex;
+    std::atomic<std::int64_t> generation{0};  // of the state: counts runs and loads
+    // The rest is under Python's lock.
+    std::vector<DenseColumn> let_go;  // while another thread works with the engine
+    // Of the last boundary of a step at which the engine rested: for who does not want to wait.
+    double time = 0, time_step = 0;
+    std::int64_t step = 0;
+
+    void look() {
+        time = engine->time();
+        time_step = engine->time_step();
+        step = engine->step();
+    }
 };
 
-/// Around what an engine does without Python's lock.
-class Busy {
+/// Around whatever asks an engine; begins and ends with Python's lock. Whoever waits does so
+/// without it, because the one who is waited for may want it.
+class Entry {
 public:
-    explicit Busy(Handle& h) : handle_(h) { ++handle_.busy; }
-    ~Busy() {
-        if (--handle_.busy == 0) handle_.let_go.clear();
+    explicit Entry(Handle& h) : handle_(h) {
+        if (h.mutex.try_lock()) return;
+        const py::gil_scoped_release others;
+        h.mutex.lock();
     }
-    Busy(const Busy&) = delete;
-    Busy& operator=(const Busy&) = delete;
+    ~Entry() {
+        handle_.look();
+        handle_.let_go.clear();
+        handle_.mutex.unlock();
+    }
+    Entry(const Entry&) = delete;
+    Entry& operator=(const Entry&) = delete;
 
 private:
     Handle& handle_;
 };
 
-/// Lets others have Python's lock meanwhile.
-struct Unlocked {
-    explicit Unlocked(Handle& h) : busy(h) {}
-    Busy busy;  // until after the lock is back
-    py::gil_scoped_release release;
-};
+/// What an engine says to `ask`; others have Python's lock meanwhile. No Python code may run
+/// inside, a finalizer say, which could ask the engine in its turn.
+template <class Ask>
+auto ask(Handle& h, const Ask& question) {
+    const Entry entry(h);  // until after the lock is back
+    const py::gil_scoped_release others;
+    return question(*h.engine);
+}
 
 /// A dense column in the memory of an engine, which it keeps alive.
 struct Held {
@@ -153,8 +176,12 @@ struct Held {
     ~Held() {
         if (!engine || !column.data) return;
         Handle& h = handle();
-        if (h.busy > 0) h.let_go.push_back(std::move(column));
+        if (!h.mutex.try_lock()) {
+            h.let_go.push_back(std::move(column));
+            return;
+        }
         column.data.reset();
+        h.mutex.unlock();
     }
     Handle& handle() const { return engine.cast<Handle&>(); }
 };
@@ -167,12 +194,17 @@ struct ColumnHandle {
         const DenseColumn& c = held.column;
         const std::vector<py::ssize_t> shape(c.shape.begin(), c.shape.end());
         py::array out(py::dtype(c.type == 'd' ? "f8" : "u8"), shape);
+        const Entry entry(held.handle());
         held.handle().engine->copy_out(c, out.mutable_data());
         return out;
     }
     py::capsule dlpack(bool versioned, bool copied) const {
-        Held given(held.engine,
-                   copied ? held.handle().engine->duplicate(held.column) : held.column);
+        const auto column = [&] {
+            if (!copied) return held.column;
+            const Entry entry(held.handle());
+            return held.handle().engine->duplicate(held.column);
+        };
+        Held given(held.engine, column());
         return versioned
                    ? dlpack::capsule<dlpack::ManagedVersioned>(std::move(given), device, copied)
                    : dlpack::capsule<dlpack::Managed>(std::move(given), device, copied);
@@ -240,7 +272,6 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
         "is allocated (design/engine-contract.md).");
 
     bind_columns(m);
-    using release = py::call_guard<py::gil_scoped_release>;
     py::class_<Handle>(m, "Engine",
                        "A simulation on one device, built from a spec (design/engine-contract.md).",
                        py::module_local())
@@ -251,6 +282,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                      py::gil_scoped_release unlocked;
                      h->engine = make(h->spec);
                  }
+                 h->look();
                  for (auto& b : h->spec.bodies) {
                      b.position = b.pressure = b.state = nullptr;
                      b.velocity = {};
@@ -263,12 +295,10 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
         .def(
             "run",
             [](Handle& h, std::int64_t steps, double until, double wall) {
-                RunResult r;
-                ++h.generation;
-                {
-                    const Unlocked unlocked(h);
-                    r = h.engine->run(steps, until, wall);
-                }
+                const RunResult r = ask(h, [&](Engine& e) {
+                    ++h.generation;
+                    return e.run(steps, until, wall);
+                });
                 py::dict d;
                 d["reason"] = r.reason;
                 d["steps"] = r.steps;
@@ -277,17 +307,19 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                 return d;
             },
             py::arg("steps"), py::arg("until"), py::arg("wall"))
-        .def_property_readonly("time", [](const Handle& h) { return h.engine->time(); })
-        .def_property_readonly("step", [](const Handle& h) { return h.engine->step(); })
-        .def_property_readonly("time_step", [](const Handle& h) { return h.engine->time_step(); })
+        .def_property_readonly("time", [](const Handle& h) { return h.time; })
+        .def_property_readonly("step", [](const Handle& h) { return h.step; })
+        .def_property_readonly("time_step", [](const Handle& h) { return h.time_step; })
         .def(
             "particle_count",
-            [](const Handle& h, int body) { return h.engine->particle_count(body); },
+            [](Handle& h, int body) {
+                return ask(h, [&](Engine& e) { return e.particle_count(body); });
+            },
             py::arg("body"))
         .def("drain",
              [](Handle& h) {
                  py::list out;
-                 for (const auto& s : h.engine->drain()) {
+                 for (const auto& s : ask(h, [](Engine& e) { return e.drain(); })) {
                      out.append(py::make_tuple(
                          py::array_t<double>(py::ssize_t(s.time.size()), s.time.data()),
                          numpy(s.values)));
@@ -301,7 +333,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
         .def("removed",
              [](Handle& h) {
                  py::list out;
-                 for (const auto& r : h.engine->removed())
+                 for (const auto& r : ask(h, [](Engine& e) { return e.removed(); }))
                      out.append(
                          py::make_tuple(r.body, numpy(r.ids), numpy(r.position), r.step, r.policy));
                  return out;
@@ -309,15 +341,15 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
         .def("flows",
              [](Handle& h) {
                  py::list out;
-                 for (const auto& f : h.engine->flows())
+                 for (const auto& f : ask(h, [](Engine& e) { return e.flows(); }))
                      out.append(py::make_tuple(f.inlet ? "inlet" : "outlet", f.number, f.time,
                                                f.step, f.particles, f.mass, f.volume));
                  return out;
              })
         .def(
             "smoothing",
-            [](const Handle& h, int body) {
-                const SmoothingHistory s = h.engine->smoothing(body);
+            [](Handle& h, int body) {
+                const SmoothingHistory s = ask(h, [&](Engine& e) { return e.smoothing(body); });
                 py::array_t<double> out({py::ssize_t(s.rows.size()), py::ssize_t(5)});
                 double* to = out.mutable_data();
                 for (const auto& r : s.rows)
@@ -328,19 +360,17 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             "Rows (time, calls, energy before, its change, I_E) of smoothing over cells.")
         .def(
             "attribute_names",
-            [](const Handle& h, int body) { return h.engine->attribute_names(body); },
+            [](Handle& h, int body) {
+                return ask(h, [&](Engine& e) { return e.attribute_names(body); });
+            },
             py::arg("body"))
         .def(
             "attributes",
             [](Handle& h, int body, const std::vector<std::string>& names) {
-                Attributes a;
                 std::vector<std::string> without_id;
                 for (const auto& n : names)
                     if (n != "id") without_id.push_back(n);
-                {
-                    const Unlocked unlocked(h);
-                    a = h.engine->attributes(body, without_id);
-                }
+                Attributes a = ask(h, [&](Engine& e) { return e.attributes(body, without_id); });
                 py::dict d;
                 d["id"] = numpy(a.id);
                 for (const auto& [name, value] : a.values) d[py::str(name)] = numpy(value);
@@ -350,27 +380,21 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
         .def(
             "attribute",
             [](Handle& h, int body, const std::string& name) -> py::object {
-                Attributes a;
-                {
-                    const Unlocked unlocked(h);
-                    a = h.engine->attributes(body, name == "id" ? std::vector<std::string>{}
-                                                                : std::vector<std::string>{name});
-                }
+                Attributes a = ask(h, [&](Engine& e) {
+                    return e.attributes(body, name == "id" ? std::vector<std::string>{}
+                                                           : std::vector<std::string>{name});
+                });
                 if (name == "id") return numpy(a.id);
                 return numpy(a.values.at(name));
             },
             py::arg("body"), py::arg("name"))
-        .def_property_readonly("generation", [](const Handle& h) { return h.generation; })
+        .def_property_readonly("generation", [](const Handle& h) { return h.generation.load(); })
         .def(
             "gather",
             [](py::object self, int body, const std::vector<std::string>& names,
                const std::vector<double>& origin) {
                 Handle& h = self.cast<Handle&>();
-                Gathered from;
-                {
-                    const Unlocked unlocked(h);
-                    from = h.engine->gather(body, names, origin);
-                }
+                Gathered from = ask(h, [&](Engine& e) { return e.gather(body, names, origin); });
                 py::dict out;
                 for (auto& [name, column] : from.columns)
                     out[py::str(name)] = ColumnHandle{Held(self, std::move(column)), from.device};
@@ -380,21 +404,13 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
         .def(
             "grid",
             [](Handle& h, const std::string& name) {
-                Array a;
-                {
-                    const Unlocked unlocked(h);
-                    a = h.engine->grid(name);
-                }
+                Array a = ask(h, [&](Engine& e) { return e.grid(name); });
                 return numpy(a);
             },
             py::arg("name"))
         .def("sums",
              [](Handle& h) {
-                 NodalSums s;
-                 {
-                     const Unlocked unlocked(h);
-                     s = h.engine->sums();
-                 }
+                 NodalSums s = ask(h, [&](Engine& e) { return e.sums(); });
                  const py::ssize_t d = h.spec.dimension, n = py::ssize_t(s.cell.size()) / d;
                  py::dict out;
                  out["cell"] = py::array_t<std::int64_t>({n, d}, s.cell.data());
@@ -405,11 +421,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
         .def(
             "condition",
             [](Handle& h, int samples) {
-                Condition c;
-                {
-                    const Unlocked unlocked(h);
-                    c = h.engine->condition(samples);
-                }
+                Condition c = ask(h, [&](Engine& e) { return e.condition(samples); });
                 py::dict d;
                 d["kinetic"] = c.kinetic;
                 d["elastic"] = c.elastic;
@@ -423,11 +435,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             py::arg("samples"))
         .def("save",
              [](Handle& h) {
-                 State s;
-                 {
-                     const Unlocked unlocked(h);
-                     s = h.engine->save();
-                 }
+                 State s = ask(h, [&](Engine& e) { return e.save(); });
                  py::dict d;
                  for (const auto& [name, blob] : s) d[py::str(name)] = blob_array(blob);
                  return d;
@@ -436,15 +444,15 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             "load",
             [](Handle& h, const py::dict& d) {
                 const State s = read_state(d);
-                ++h.generation;
-                const Unlocked unlocked(h);
-                h.engine->load(s);
+                ask(h, [&](Engine& e) {
+                    ++h.generation;
+                    e.load(s);
+                });
             },
             py::arg("state"))
-        .def(
-            "timings", [](const Handle& h) { return h.engine->timings(); }, release())
-        .def(
-            "statistics", [](const Handle& h) { return h.engine->statistics(); }, release());
+        .def("timings", [](Handle& h) { return ask(h, [](Engine& e) { return e.timings(); }); })
+        .def("statistics",
+             [](Handle& h) { return ask(h, [](Engine& e) { return e.statistics(); }); });
 }
 
 inline py::list material_table() {

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import libmpm
 from libmpm import analysis, boundaries, materials, sensors, shapes
-from libmpm._src.output.sensor_file import Series
+from libmpm._src.output.series import Series
 from libmpm.analysis import Signal
 
 pytest.importorskip("scipy")

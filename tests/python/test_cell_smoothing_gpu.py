@@ -158,7 +158,7 @@ def test_pipelines_agree(method, transfer):
 def same_bits(one, two):
     assert one.keys() == two.keys()
     # The clock is compared by what it says: its padding bytes are nobody's.
-    return all(np.array_equal(one[k], two[k]) for k in one if k != "clock")
+    return all(np.array_equal(one[k], two[k]) for k in one if not k.startswith("clock"))
 
 
 RUNS = [(tank, "fused"), (tank, "two-pass"), (tank, "phased"), (bar, "phased")]

@@ -212,7 +212,7 @@ class TestFirstDialect:
         assert sand == materials.DruckerPrager(
             density=1600, youngs_modulus=1e6, poissons_ratio=0.25, friction_angle=35,
             cohesion=2000 * math.tan(math.radians(35)), tension_cutoff=2000.0,
-            volume_correction=0.5,
+            volume_correction=0.5, cone="compression",
         )  # fmt: skip
         assert body_of(found, "von-mises").material == materials.VonMises(
             density=2000, youngs_modulus=2e6, poissons_ratio=0.3, yield_stress=1e4

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 import libmpm
 from libmpm import shapes
+from libmpm._src.geometry import mesh_file
 from libmpm._src.geometry.triangles import TriangleTree
 from libmpm._src.geometry.volume import counted_volume
 from libmpm._src.values import from_plain
@@ -91,6 +94,21 @@ def test_a_box_is_a_box(ending: str, tmp_path: Path) -> None:
         "triangles": 12, "collapsed": 0, "open_edges": 0, "flipped_edges": 0, "parts": 1,
     }  # fmt: skip
     assert from_plain(json.loads(json.dumps(mesh.to_dict()))) == mesh
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply"])
+def test_a_plain_installation_reads_meshes(
+    ending: str, ball: trimesh.Trimesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ball.export(tmp_path / f"ball.{ending}")
+    shutil.copy(tmp_path / f"ball.{ending}", tmp_path / f"plain.{ending}")
+    with_trimesh = shapes.Mesh(file=tmp_path / f"ball.{ending}")
+    expected = with_trimesh.volume(), with_trimesh.report()
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    monkeypatch.setattr(mesh_file, "find_spec", lambda name: None)
+    plain = shapes.Mesh(file=tmp_path / f"plain.{ending}")
+    assert plain.volume() == pytest.approx(expected[0], rel=1e-6)
+    assert plain.report() == expected[1]
 
 
 def test_a_ball_is_a_ball(ball: trimesh.Trimesh, tmp_path: Path) -> None:

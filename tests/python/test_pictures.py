@@ -350,7 +350,7 @@ def test_gif_has_a_picture_of_every_frame(folder, tmp_path):
 
 
 def test_film_shows_the_frames_particles(folder):
-    frames = films._Run(folder, None, common.MOST)
+    frames = films.RunFrames(folder, ["water", "block"], common.MOST)
     film = films._Film(frames, "xy", "speed", matplotlib.colors.Normalize(0, 1), 5.0)
     from libmpm._src.output.frames import read_frame
 
@@ -366,7 +366,7 @@ def test_film_shows_the_frames_particles(folder):
                 np.sort(shown.get_array()), np.sort(np.linalg.norm(arrays["velocity"], axis=1))
             )
         assert f"{about['time']:.3f} s" in film._axes.get_title(loc="left")
-    few = films._Run(folder, "water", 20)
+    few = films.RunFrames(folder, "water", 20)
     shown, count = few.dots(few.indices[0], "velocity_y")
     assert set(shown) == {"water"} and len(shown["water"]) <= 20 < count
 
@@ -439,7 +439,7 @@ def test_tables_escape_and_compute_nothing(tank, monkeypatch):
 
 
 def test_series_show_their_ends():
-    from libmpm._src.output.sensor_file import Series
+    from libmpm._src.output.series import Series
 
     series = Series("a<b", tuple(f"c{k}" for k in range(10)), ("m",) * 10)
     assert "0 samples" in series._repr_html_()

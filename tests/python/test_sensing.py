@@ -10,6 +10,7 @@ import pytest
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
 from libmpm._src.sensing import bodies
+from libmpm._src.sensing.moment import Moment
 from support.sensing_scenes import (
     G,
     add_block,
@@ -112,6 +113,40 @@ def test_contact_is_what_load_cells_measure(scheme, later):
     np.testing.assert_allclose(body[1:, :2][: len(load) - later], -load[later:], atol=1e-9 * size)
     np.testing.assert_allclose(grid[:-1], load, atol=1e-9 * size)
     np.testing.assert_allclose(body[:-1, 2:], -load, atol=1e-9 * size)
+
+
+KERNELS = {
+    "linear": libmpm.Kernel(name="linear"),
+    "modified": libmpm.Kernel(name="linear", modified=True),
+    "quadratic": libmpm.Kernel(name="quadratic"),
+    "cubic": libmpm.Kernel(name="cubic"),
+    "ddmp": libmpm.Kernel(name="ddmp"),
+}
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_shares_of_boundaries_forces_add_up_with_every_kernel(name):
+    """What two blocks bear together is what the load cell has; so are their shares of the mass."""
+    scene = open_scene(transfer=libmpm.Transfer(scheme="FLIP"), kernel=KERNELS[name], cfl=0.1)
+    add_block(scene, name="lower", lower=(0.6, 0.05), upper=(1.0, 0.25), velocity=(0.3, -1.0))
+    add_block(scene, name="upper", lower=(0.6, 0.25), upper=(1.0, 0.45), velocity=(0.3, -1.0))
+    add_walls(scene, boundaries.Separable(static_friction=0.4, dynamic_friction=0.3))
+    for body in ("lower", "upper"):
+        tracker = sensors.BodyTracker(body=body, quantities=("boundary_force",))
+        scene.add_sensor(name=body, sensor=tracker)
+    scene.add_sensor(name="load", sensor=sensors.LoadCell(boundary="walls"))
+    sim = simulate(scene, 0.06)
+    moment = Moment(sim)
+    place = [sim.particles[b]["position"] - sim.offset for b in ("lower", "upper")]
+    mass = [sim.particles[b]["mass"] for b in ("lower", "upper")]
+    nodes = moment.nodes
+    (share,) = nodes.spread(np.concatenate(place), [np.concatenate(mass)])
+    np.testing.assert_allclose(share, nodes.mass, rtol=1e-6, atol=1e-9 * nodes.mass.max())
+    load = sim.sensors["load"].values[:, :2]
+    size = np.abs(load).max()
+    assert size > 500 * 0.16 * G
+    both = sim.sensors["lower"].values + sim.sensors["upper"].values
+    np.testing.assert_allclose(both[:-1], -load, atol=1e-6 * size)
 
 
 def test_blocks_at_rest_bear_their_weights():

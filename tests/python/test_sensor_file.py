@@ -13,7 +13,8 @@ import h5py
 import numpy as np
 import pytest
 
-from libmpm._src.output.sensor_file import SensorFile, Series, append_csv, read_sensors
+from libmpm._src.output.sensor_file import SensorFile, append_csv, read_sensors
+from libmpm._src.output.series import Series
 
 
 def make(name="load", width=3):
@@ -105,7 +106,8 @@ WRITER = """
 import sys
 from pathlib import Path
 import numpy as np
-from libmpm._src.output.sensor_file import SensorFile, Series
+from libmpm._src.output.sensor_file import SensorFile
+from libmpm._src.output.series import Series
 series = [Series(f"s{i}", tuple("abc"), ("N",) * 3) for i in range(4)]
 file = SensorFile(Path(sys.argv[1]), series)
 rng = np.random.default_rng(int(sys.argv[2]))

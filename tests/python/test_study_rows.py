@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import signal
 import subprocess
 import sys
 import threading
@@ -13,8 +15,8 @@ import pytest
 
 import libmpm
 from libmpm import studies
-from libmpm._src.study import locks
-from libmpm._src.study.locks import Lock, Observer, is_held, locked
+from libmpm._src.output import locks
+from libmpm._src.output.locks import Lock, Observer, is_held, locked
 from libmpm._src.study.rows import call_with, canonical, digest, take_rows
 
 
@@ -158,7 +160,7 @@ def test_many_threads_get_a_lock_one_at_a_time(tmp_path):
 
 def test_the_lock_of_a_dead_process_is_taken_over_at_once(tmp_path):
     path = tmp_path / "lock"
-    code = f"from libmpm._src.study.locks import *; import pathlib; print(Lock.acquire(pathlib.Path({str(path)!r})).token)"  # noqa: E501
+    code = f"from libmpm._src.output.locks import *; import pathlib; print(Lock.acquire(pathlib.Path({str(path)!r})).token)"  # noqa: E501
     child = subprocess.run(
         [sys.executable, "-c", code],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
@@ -207,6 +209,56 @@ def test_a_lock_from_elsewhere_is_stale_when_its_heartbeat_stood_still(tmp_path,
     assert not lock.beat()
     lock.release()
     assert taken.beat()
+
+
+@pytest.mark.parametrize(
+    "damaged", ["", '{"token": "a", "pla', "[]", '{"token": 3}', '{"pid": "x"}', "[" * 100_000]
+)
+def test_a_lock_that_names_nobody_is_stale_soon(tmp_path, monkeypatch, damaged):
+    """What a crash of the machine leaves of a lock holds nobody up for two minutes."""
+    path = tmp_path / "lock"
+    path.write_text(damaged)
+    now = 1000.0
+    monkeypatch.setattr(locks.clock, "monotonic", lambda: now)
+    observer = Observer(path)
+    assert not observer.is_free()
+    assert Lock.acquire(path) is None
+    now += 1.1 * locks.UNSIGNED
+    assert observer.is_free()
+    lock = Lock.acquire(path, dead=observer.stamp)
+    assert lock is not None
+    assert lock.beat()
+
+
+def test_a_full_disk_leaves_no_empty_lock(tmp_path):
+    """The file that cannot be signed is taken back; the error names path and remedy."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+        with pytest.raises(libmpm.OutputError, match="lock: the file size limit"):
+            Lock.acquire(tmp_path / "lock")
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))  # room for a part of it
+        with pytest.raises(libmpm.OutputError, match="lock: the file size limit"):
+            Lock.acquire(tmp_path / "lock")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert list(tmp_path.iterdir()) == []
+    assert Lock.acquire(tmp_path / "lock") is not None
+
+
+def test_who_waits_long_for_a_lock_says_for_whom(tmp_path, monkeypatch):
+    monkeypatch.setattr(locks, "_PATIENCE", 0.05)
+    lock = Lock.acquire(tmp_path / "lock")
+    timer = threading.Timer(0.3, lock.release)
+    timer.start()
+    with (
+        pytest.warns(UserWarning, match=f"waiting for .*lock, held by process {os.getpid()};"),
+        locked(tmp_path / "lock"),
+    ):
+        pass
+    timer.join()
 
 
 def test_a_lock_that_was_taken_over_meanwhile_is_put_back(tmp_path):

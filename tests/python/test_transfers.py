@@ -4,6 +4,8 @@ Expected duration: 40 s.
 """
 # ruff: noqa: F811  the fixture `device` is imported
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -316,3 +318,59 @@ def test_steps_between_are_flip(scheme):
     due = np.arange(1, 9) % 4 == 0
     assert change[due].min() > 0.01
     assert np.abs(change[~due]).max() < 1e-6
+
+
+# ---- what moves by what the grid cannot see -----------------------------------------------------
+
+
+def colliding_discs(transfer):
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.05, lower=(0, 0), upper=(1, 1), method=Method(transfer=transfer)
+    )
+    rubber = materials.NeoHookean(density=1000, youngs_modulus=1000, poissons_ratio=0.3)
+    for name, centre, speed in (("left", 0.3, 0.1), ("right", 0.7, -0.1)):
+        shape = shapes.Sphere(centre=(centre, centre), radius=0.2)
+        scene.add_body(name=name, shape=shape, material=rubber, velocity=(speed, speed))
+    scene.add_sensor(name="energy", sensor=libmpm.sensors.Energy(interval=0.1))
+    return scene
+
+
+TEARS = (
+    libmpm.Transfer(scheme="NFLIP"),
+    libmpm.Transfer(scheme="ASFLIP", flip=1.0, shift_max=0.5, shift_min=0.25),
+)
+HOLDS = (
+    libmpm.Transfer(scheme="FLIP"),
+    libmpm.Transfer(scheme="NFLIP", flip=0.9),
+    libmpm.Transfer(scheme="ASFLIP", flip=0.999, shift_max=1.0, shift_min=0.025),
+    libmpm.Transfer(scheme="SFLIP", flip=0.95, shift_max=1.0),
+)
+
+
+@pytest.mark.parametrize("transfer", TEARS + HOLDS, ids=lambda t: f"{t.scheme} {t.shift_min:g}")
+def test_discs_that_collide_keep_their_particles_or_the_scene_says_so(transfer):
+    """Sulsky, Chen and Schreyer (1994), four cells a radius: what tears is warned of."""
+    scene = colliding_discs(transfer)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        simulation = libmpm.Simulation(scene, device="cpu", precision="double")
+    warned = any("they tear" in str(w.message) for w in said)
+    simulation.run(until=3.0, progress=False)
+    reach = 0.0
+    for name in ("left", "right"):
+        x = simulation.particles[name]["position"]
+        reach = max(reach, np.linalg.norm(x - np.median(x, axis=0), axis=1).max() / 0.2)
+    total = np.asarray(simulation.sensors["energy"].values)[:, :3].sum(axis=1)
+    torn = reach > 1.2
+    assert torn == warned == (transfer in TEARS)
+    assert (total[-1] / total[0] < 0.6) == torn
+
+
+def test_water_may_move_by_what_the_grid_cannot_see():
+    scene = libmpm.Scene(dimension=2, cell_size=0.05, lower=(0, 0), upper=(1, 1),
+                         method=Method(transfer=libmpm.Transfer(scheme="NFLIP")))  # fmt: skip
+    water = materials.TaitFluid(bulk_modulus=1e6)
+    scene.add_body(name="water", shape=shapes.Box(lower=(0, 0), upper=(1, 0.5)), material=water)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene.validate()

@@ -11,8 +11,9 @@ import pytest
 import libmpm
 import libmpm.cases
 from libmpm._src.cases.dominoes import _rigid_time
-from libmpm._src.cases.grains import plane_strain_cone, runout
+from libmpm._src.cases.grains import runout
 from libmpm._src.cases.solids import CASES
+from libmpm._src.friction import triaxial
 
 pytestmark = pytest.mark.validation
 
@@ -93,8 +94,8 @@ def test_domino_below_its_critical_angle_falls_back(device):
 def test_closed_forms():
     """Numbers of the sources: Bonus (2023), 6.9; design/solids.md; Lube et al. (2005)."""
     assert _rigid_time(15.0, 60.0) == pytest.approx(0.1498, abs=1e-4)
-    assert plane_strain_cone(43.9) == pytest.approx(30.0, abs=0.05)
-    assert plane_strain_cone(30.0) == pytest.approx(22.2, abs=0.05)
+    assert triaxial(43.9, "plane-strain") == pytest.approx(30.0, abs=0.05)
+    assert triaxial(30.0, "plane-strain") == pytest.approx(22.2, abs=0.05)
     assert runout(1.0) == 1.2
     assert runout(4.0) == pytest.approx(1.9 * 4 ** (2 / 3))
     steps = np.diff([runout(a) for a in np.linspace(0.5, 5, 200)])

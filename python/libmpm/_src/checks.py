@@ -22,7 +22,12 @@ from libmpm._src.checks_bodies import (
     reaches_into,
     wrong_dimension,
 )
-from libmpm._src.checks_boundaries import check_motion, check_reaction, check_surface
+from libmpm._src.checks_boundaries import (
+    check_edges,
+    check_motion,
+    check_reaction,
+    check_surface,
+)
 from libmpm._src.checks_range import check_range
 from libmpm._src.filling import fill, place_of, relative
 from libmpm._src.sensing.values import Sampled
@@ -189,7 +194,9 @@ def _check_boundary(
         rules.check_boundary(scene, boundary, check.problems)
         fits = not isinstance(shape, Solid)
     elif boundary.is_surface:
-        fits = check_surface(check, scene, boundary)
+        fits = check_surface(check, scene, boundary, doubts)
+        if fits:
+            check_edges(scene, boundary, doubts)
     elif isinstance(shape, Box):
         fits = not wrong_dimension(check, "shape", shape.dimension, d)
         if fits:
@@ -270,6 +277,8 @@ def _check_blocked(
         corners = snap(scene, boundary.shape)
         low, high = ((base + np.array(c) * scene.cell_size).tolist() for c in corners)
         for body in bodies:
+            if boundary.bodies and body.name not in boundary.bodies:
+                continue  # it does not meet this boundary
             deep, size = reaches_into(scene, body, (low, high))
             if deep > _SHIFT * scene.cell_size:
                 planes = ", ".join(f"{x:g} to {y:g}" for x, y in zip(low, high, strict=True))

@@ -199,6 +199,9 @@ def _parser() -> argparse.ArgumentParser:
     resume = commands.add_parser("resume", help="continue a run after a stop or kill")
     resume.add_argument("path", type=Path, help="folder of the run, or a checkpoint file")
     resume.add_argument("-o", "--output", type=Path, help="another folder for the rest")
+    resume.add_argument(
+        "--overwrite", action="store_true", help="replace the results of another run in the folder"
+    )
     resume.add_argument("--device", help="as of run; default: the checkpoint's own")
     _add_writing(resume)
 
@@ -331,9 +334,14 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    return _run_source(
-        _source(arguments), arguments, overwrite=arguments.overwrite, go_on=arguments.go_on
-    )
+    source = _source(arguments)
+    if not arguments.go_on:
+        return _run_source(source, arguments, overwrite=arguments.overwrite)
+    from libmpm._src.output.holding import held_folder
+
+    # What the folder holds is read while nobody else can change it.
+    with held_folder(arguments.output):
+        return _run_source(source, arguments, overwrite=False, go_on=True)
 
 
 def _run_source(
@@ -356,7 +364,7 @@ def _run_source(
                 "choose another folder, or pass --overwrite"
             )
         log = results.log
-        if log.get("status") == "stopped" and log.get("time", 0.0) >= until:
+        if log.get("status") in ("finished", "stopped") and log.get("time", 0.0) >= until:
             print(f"{folder}: finished at {log['time']:g} s; nothing to do")
             return ExitCode.DONE
         if results.checkpoints:
@@ -391,7 +399,11 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _resume(arguments: argparse.Namespace) -> int:
-    return _go_on(arguments.path, arguments.output, arguments.until, arguments)
+    from libmpm._src.output.holding import held_folder
+
+    path, output = arguments.path, arguments.output
+    with held_folder(path) if output is None else contextlib.nullcontext():
+        return _go_on(path, output, arguments.until, arguments)
 
 
 def _go_on(
@@ -415,7 +427,8 @@ def _go_on(
     if folder is None:
         raise SceneError("the checkpoint names no output folder; pass -o")
     settings = recorded.to_dict() if recorded is not None else {}
-    simulation.set_output(Output(**(settings | {"path": str(folder)})))
+    settings |= {"path": str(folder), "overwrite": getattr(arguments, "overwrite", False)}
+    simulation.set_output(Output(**settings))
     return _finish(simulation, _until(until, simulation.recorded_until()), arguments)
 
 

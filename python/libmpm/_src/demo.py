@@ -8,6 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from libmpm._src import report
+from libmpm._src.errors import Error
 from libmpm._src.partition import Partition
 from libmpm._src.runfile import RunFile, read_run_file
 from libmpm._src.simulation import Simulation
@@ -88,8 +89,11 @@ def closing_report(simulation: Simulation, wall: float, steps: int, *, picture: 
         return "\n".join(lines)
     folder = output.path
     if picture:
-        drawn = report.draw(folder, length=length)
-        lines.append(f"picture  {drawn}")
+        try:
+            lines.append(f"picture  {report.draw(folder, length=length)}")
+        except Error as error:
+            # The results are there: what is damaged among earlier ones must not fail the run.
+            lines.append(f"picture  not drawn: {error}")
     frames = len(list((folder / "frames").glob("*.vtkhdf")))
     lines += [
         f"sensors  {folder / 'sensors.h5'} (CSV in {folder / 'csv'})",

@@ -38,7 +38,8 @@ class ParticleArray:
     so that no stream has to wait. Writing into it changes nothing of the run.
 
     Using it after the simulation has moved on, or after its ``with`` block, raises `Error`; what
-    was taken before stays as it was.
+    was taken before stays as it was. Beside a thread that runs the simulation, put the block into
+    ``with sim.paused():``.
     """
 
     def __init__(self, owner: DeviceArrays, name: str, column: Any) -> None:
@@ -191,13 +192,14 @@ class DeviceArrays(Mapping[str, ParticleArray]):
 
     def __enter__(self) -> DeviceArrays:
         """Note the moment; gather what was named."""
-        self._engine = self._simulation.engine
-        self.generation = int(self._engine.generation)
-        self.time = self._simulation.time
-        self._open = True
-        self._arrays = {}
-        if self._fields:
-            self._gather(self._fields)
+        with self._simulation.paused():
+            self._engine = self._simulation.engine
+            self.generation = int(self._engine.generation)
+            self.time = self._simulation.time
+            self._open = True
+            self._arrays = {}
+            if self._fields:
+                self._gather(self._fields)
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -233,11 +235,12 @@ class DeviceArrays(Mapping[str, ParticleArray]):
 
     def __getitem__(self, name: str) -> ParticleArray:
         """Return one attribute, gathered when first asked for."""
-        self.check(name)
-        if name not in self._arrays:
-            self._known(name)
-            self._gather([name])
-        return self._arrays[name]
+        with self._simulation.paused():
+            self.check(name)
+            if name not in self._arrays:
+                self._known(name)
+                self._gather([name])
+            return self._arrays[name]
 
     def __getattr__(self, name: str) -> ParticleArray:
         """Return one attribute."""

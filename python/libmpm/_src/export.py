@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,15 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.errors import SceneError
+from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output import frames
 from libmpm._src.output.atomic import file_name, replacing, writing
-from libmpm._src.output.sensor_file import Series, append_csv
+from libmpm._src.output.reading import is_cut
+from libmpm._src.output.sensor_file import append_csv
+from libmpm._src.output.series import Series
 from libmpm._src.output.writer import due_time
-from libmpm._src.results import Results
+from libmpm._src.results import BodyFrames, Frame, Results
 from libmpm._src.values import nearest
 
-__all__ = ["FORMATS", "Picture", "export"]
+__all__ = ["FORMATS", "Picture", "export", "whole_series"]
 
 FORMATS = ("vtkhdf", "csv", "npz")
 
@@ -79,6 +82,7 @@ def export(
     with a column for each component, its unit in the head, or NumPy archives with an array for each
     attribute, "time" and "step". Sensors become ``<sensor>.csv`` or ``sensors.npz``; VTKHDF has
     none. A checkpoint gives one frame, numbered by its step, of every attribute the engine knows.
+    Frames and series that are damaged are left out, with a warning each.
     Raises `SceneError`, `CheckpointError`, `OutputError`.
     """
     bodies = (bodies,) if isinstance(bodies, str) else bodies
@@ -107,7 +111,8 @@ def export(
         )
     with writing(target):
         target.mkdir(parents=True, exist_ok=True)
-    cut = (_between(series, first, last) for series in found.values())
+    whole = whole_series(found)
+    cut = (_between(series, first, last) for series in whole)
     if one_file:
         return [_one_archive(target / "run.npz", pictures, cut)]
     made = [_WRITERS[to](target, picture) for picture in pictures]
@@ -115,7 +120,7 @@ def export(
         _list_frames(target, made)
     elif to == "csv":
         made += [_sensor_csv(target, series) for series in cut]
-    elif found:
+    elif whole:
         made.append(_archive(target / "sensors.npz", _sensor_arrays(cut)))
     return made
 
@@ -154,24 +159,60 @@ def _of_run(
         names = list(found)
     if attributes is not None:
         for body in names:
-            have = found[body][0].names if len(found[body]) else []
+            whole = next(_whole(found[body]), None)
+            have = [] if whole is None else whole.names
             _check_attributes(f"frames of body '{body}'", attributes, have)
     interval = results.log.get("output", {}).get("frame_interval")
+    interval = interval if isinstance(interval, int | float) else None
 
     def made() -> Iterator[Picture]:
         for body in names:
-            times = found[body].times
-            for i, frame in enumerate(found[body]):
+            for frame in _whole(found[body], say=True):
                 # A frame belongs to the time that it was due at, a part of a step before its own.
-                due = due_time(frame.index, interval) if interval else times[i]
-                if times[i] < first or due > last:
+                due = due_time(frame.index, interval) if interval else frame.time
+                if frame.time < first or due > last:
                     continue
                 chosen = frame.names if attributes is None else ["position", *attributes]
                 _check_attributes(f"frame {frame.path}", chosen, frame.names)
-                arrays = {name: frame[name] for name in dict.fromkeys(chosen)}
+                try:
+                    arrays = {name: frame[name] for name in dict.fromkeys(chosen)}
+                except (SceneError, OutputError) as error:
+                    _leave_out(error)
+                    continue
                 yield Picture(arrays, frame.units, frame.metadata)
 
     return made()
+
+
+def _leave_out(error: Exception) -> None:
+    """Say that something damaged is not exported; the rest is."""
+    warnings.warn(f"{error}; it is left out", ModelWarning, stacklevel=3)
+
+
+def _whole(found: BodyFrames, *, say: bool = False) -> Iterator[Frame]:
+    """Yield the frames of a body that can be opened; `say` what the others are."""
+    for i in range(len(found)):
+        try:
+            frame = found[i]
+        except SceneError as error:
+            if say:
+                _leave_out(error)
+            continue
+        yield frame
+
+
+def whole_series(found: Mapping[str, Series]) -> list[Series]:
+    """Return the series of a run that can be read; what cannot be is named in a warning."""
+    kept = []
+    try:
+        for name in found:
+            try:
+                kept.append(found[name])
+            except SceneError as error:
+                _leave_out(error)
+    except SceneError as error:
+        _leave_out(error)
+    return kept
 
 
 def _of_checkpoint(
@@ -236,7 +277,7 @@ def _list_frames(folder: Path, made: Sequence[Path]) -> None:
     names = {path.name for path in made}
     for body, numbered in listed.items():
         if any(path.name in names for path in numbered.values()):
-            times = {i: frames.frame_time(path) for i, path in numbered.items()}
+            times = {i: frames.frame_time(path) for i, path in numbered.items() if not is_cut(path)}
             frames.write_series(folder, body, times)
 
 

@@ -33,7 +33,8 @@ _CAUSES = {
     ),
     "left-domain": (
         "particles left the domain",
-        "enlarge the domain, add a wall, or choose Method(leaving='delete') or, on square cells, "
+        "enlarge the domain, add a wall where it is open, let a moving boundary reach two cells "
+        "beyond the walls that it meets, or choose Method(leaving='delete') or, on square cells, "
         "'freeze'",
     ),
     "unstable-step": (
@@ -65,6 +66,8 @@ _CAUSES = {
     ),
 }
 
+#: Share of a cell in a step below which no speed has made a state infinite.
+_CALM = 0.1
 #: Ids shown in a message; the rest is counted.
 _SHOWN = 8
 
@@ -75,10 +78,23 @@ def _listed(ids: Sequence[int]) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def describe_fault(fault: Mapping[str, Any], time_step: float) -> str:
-    """Return body, particles, step, time, onset, and what to lower."""
+def describe_fault(fault: Mapping[str, Any], time_step: float, cell_size: float = 0.0) -> str:
+    """Return body, particles, step, time, onset, and what to lower.
+
+    `cell_size` in m tells whether anything was fast; 0 = it is not known.
+    """
     code = str(fault["code"])
     cause, remedy = _CAUSES.get(code, (code, "lower Method.cfl or the time step"))
+    speed = fault.get("speed")
+    # What becomes unstable is fast before it is no number any more.
+    calm = speed is not None and float(speed) * time_step < _CALM * cell_size
+    if code == "non-finite" and len(fault["ids"]) and calm:
+        remedy = (
+            f"no node was faster than {_CALM:g} of a cell in a step, so a shorter step or a "
+            "stiffer material is not what is missing: check the material's parameters and the "
+            "stress or pressure that the body starts with, use precision='double', and report "
+            "the scene if it stands in double"
+        )
     who = f"body '{fault['body']}'" if fault["body"] else "grid"
     if len(fault["ids"]):
         who += f", particle {_listed(fault['ids'])}"

@@ -108,6 +108,8 @@ class Field(Value):
                     out[:, k] = _evaluate(ast.parse(formula.strip(), mode="eval").body, names)
             except ValueError as error:
                 raise SceneError(f"{label} {error}") from error
+            except (RecursionError, MemoryError) as error:
+                raise SceneError(f"{label} is nested too deep to be evaluated") from error
             wrong = np.flatnonzero(~np.isfinite(out[:, k]))
             if len(wrong):
                 place = ", ".join(f"{x:g}" for x in points[wrong[0]])

@@ -16,7 +16,7 @@ from libmpm._src.field import Field
 from libmpm._src.timetable import TimeTable
 
 if TYPE_CHECKING:
-    from libmpm._src.output.sensor_file import Series
+    from libmpm._src.output.series import Series
     from libmpm._src.scene import Scene
     from libmpm._src.simulation import Simulation
 

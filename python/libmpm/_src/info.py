@@ -9,7 +9,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from libmpm._src import backends
+from libmpm._src.output.holding import LOCK
+from libmpm._src.output.locks import held_by, is_held
 
 __all__ = ["about", "collect", "describe", "packages_of", "text_of"]
 
@@ -157,6 +161,7 @@ def _about_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def _about_run(path: Path) -> dict[str, Any]:
+    from libmpm._src.export import whole_series
     from libmpm._src.results import Results
 
     results = Results(path)
@@ -165,28 +170,49 @@ def _about_run(path: Path) -> dict[str, Any]:
         "status", "message", "version", "device", "precision", "pipeline", "began", "wall_time",
         "time", "steps", "particles", "particle_steps_per_s",
     )  # fmt: skip
-    frames = {
-        body: {"count": len(of), "first": float(of.times[0]), "last": float(of.times[-1])}
-        for body, of in results.frames.items()
-    }
+    frames = {}
+    for body, of in results.frames.items():
+        times = of.times[~np.isnan(of.times)]
+        frames[body] = {
+            "count": len(of), "damaged": len(of.damaged),
+            "first": float(times[0]) if len(times) else None,
+            "last": float(times[-1]) if len(times) else None,
+        }  # fmt: skip
     sensors = {
-        name: {
+        series.name: {
             "kind": str(series.attributes.get("kind", "")),
             "samples": len(series),
             "last": float(series.time[-1]) if len(series) else None,
         }
-        for name, series in results.sensors.items()
+        for series in whole_series(results.sensors)
     }
     return {
         "kind": "run",
         "path": str(path),
         **{key: log.get(key) for key in keys},
-        "until": results.document.get("run", {}).get("until"),
+        "writer": _writer(path, log),
+        "until": _until(results.document),
         "frames": frames,
         "sensor_files": sensors,
         "checkpoints": [p.name for p in results.checkpoints],
         **_about_scene(results.document),
     }
+
+
+def _writer(path: Path, log: dict[str, Any]) -> str:
+    """Return in words who runs what the log says is running."""
+    if log.get("status") != "running":
+        return ""
+    if is_held(path / LOCK):
+        return f", by {held_by(path / LOCK)}"
+    return ", but its process is gone; libmpm resume continues it"
+
+
+def _until(document: dict[str, Any]) -> float | None:
+    """Return the end of a run, s, that its scene file names."""
+    run = document.get("run")
+    until = run.get("until") if isinstance(run, dict) else None
+    return float(until) if isinstance(until, int | float) else None
 
 
 def text_of(found: dict[str, Any]) -> str:
@@ -220,15 +246,18 @@ def _progress(found: dict[str, Any]) -> list[tuple[str, str]]:
         return [("time", reached), ("written by", where), ("size", f"{found['bytes']:,} bytes")]
     message = f": {found['message']}" if found["message"] else ""
     rate = found["particle_steps_per_s"]
+    counts = {n: c for n, c in (found["particles"] or {}).items() if isinstance(c, int)}
     rows = [
-        ("status", f"{found['status']}{message}"),
+        ("status", f"{found['status'] or 'unknown'}{message or found['writer']}"),
         ("time", reached),
         ("device", where),
         ("wall time", f"{found['wall_time']} s, {rate or 0:.3g} particle-steps/s"),
-        ("particles", _join(f"{n} {c:,}" for n, c in (found["particles"] or {}).items())),
+        ("particles", _join(f"{n} {c:,}" for n, c in counts.items())),
     ]
     for body, of in found["frames"].items():
-        rows.append(("frames", f"{body}: {of['count']}, {of['first']:g} to {of['last']:g} s"))
+        span = "" if of["first"] is None else f", {of['first']:g} to {of['last']:g} s"
+        broken = f"; {of['damaged']} are empty or cut" if of["damaged"] else ""
+        rows.append(("frames", f"{body}: {of['count']}{span}{broken}"))
     for name, of in found["sensor_files"].items():
         last = "" if of["last"] is None else f" to {of['last']:g} s"
         rows.append(("sensor", f"{name} ({of['kind']}): {of['samples']} samples{last}"))

@@ -7,36 +7,57 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["STOP_SIGNALS", "asked_to_stop", "deferred_interrupt", "stop_signals"]
+__all__ = [
+    "STOP_SIGNALS",
+    "asked_to_stop",
+    "deferred_interrupt",
+    "interrupt_noted",
+    "stop_signals",
+]
 
 #: What schedulers send some time before they kill: Slurm, PBS and LSF SIGTERM, and with
 #: ``--signal`` or ``-notify`` SIGUSR1.
 STOP_SIGNALS = ("SIGTERM", "SIGUSR1")
 
 _asked = ""
+_noted = False
+
+
+def _note(number: int, frame: object) -> None:
+    global _noted
+    _noted = True
+
+
+def interrupt_noted() -> bool:
+    """Tell whether Ctrl-C was pressed where it is held back; who waits long asks."""
+    return _noted
 
 
 @contextmanager
 def deferred_interrupt() -> Iterator[Callable[[], bool]]:
     """Hold Ctrl-C until the loop asks: no sample is lost between the engine and the files.
 
-    Only the main thread may set handlers, and a handler of the caller's own stays in charge.
+    Only the main thread may set handlers, and a handler of the caller's own stays in charge. What
+    nobody has answered at the end of the block is a `KeyboardInterrupt` there.
     """
-    pending = False
-
-    def note(number: int, frame: object) -> None:
-        nonlocal pending
-        pending = True
-
+    global _noted
     main = threading.current_thread() is threading.main_thread()
-    if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    handler = signal.getsignal(signal.SIGINT) if main else None
+    if handler is _note:
+        yield interrupt_noted
+        return
+    if handler is not signal.default_int_handler:
         yield lambda: False
         return
-    previous = signal.signal(signal.SIGINT, note)
+    _noted = False
+    signal.signal(signal.SIGINT, _note)
     try:
-        yield lambda: pending
+        yield interrupt_noted
+        if _noted:
+            raise KeyboardInterrupt
     finally:
-        signal.signal(signal.SIGINT, previous)
+        _noted = False
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def asked_to_stop() -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -23,6 +24,17 @@ class Looking:
     def _simulation(self) -> Simulation:
         return cast("Simulation", self)
 
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Hold the simulation at the boundary of a step, in a ``with`` block.
+
+        For several reads of one moment while another thread runs it:
+        ``with sim.paused(): t, x = sim.time, sim.particles["water"]["position"]``. Each read alone
+        needs none. The run waits, so the block must not wait for the run; no bit is changed.
+        """
+        with self._simulation()._turns:
+            yield
+
     def device_arrays(self, body: str, *fields: str) -> DeviceArrays:
         """Return the particles of a body as arrays on the device, for use in a ``with`` block.
 
@@ -39,7 +51,7 @@ class Looking:
         process it is ``sim.particles[body].read([...])``, sorted.
         """
         run = self._simulation()
-        with run._together():
+        with run._turns, run._together():
             read = dict(run.particles[body].read(["id", *names]))
             found = read if run._link is None else run._link.gather(read)
         if found is None:
@@ -53,6 +65,7 @@ class Looking:
         *,
         bodies: Sequence[str] | str | None = None,
         planes: Sequence[str] | str | None = None,
+        cut: Sequence[float] | None = None,
         limits: tuple[float, float] | None = None,
         most: int = 200_000,
         axes: Any = None,
@@ -64,9 +77,14 @@ class Looking:
         =========  ====  ===========  =========================================================
         color      -     a name       attribute such as "pressure", component such as
                                       "velocity_x" or "stress_xy", the length of a vector; None =
-                                      one colour. Bodies without it are grey
+                                      the colours of the bodies, which those without the
+                                      attribute have too. Beside a fluid the speed of solids is
+                                      shown where `bodies` names them
         bodies     -     names        None = all
-        planes     -     names        such as "xz"; None = the elevation and, in 3D, the plan
+        planes     -     names        such as "xz", or "3d": lit, from above a corner; None = the
+                                      elevation and, in 3D, the plan
+        cut        m     (3,)         in 3D: what lies within a cell of this point along the axis
+                                      that a plane does not show; None = seen from outside
         limits     its   low < high   range of the colours; None = all but the outermost half
                                       percent at either end
         most       1     ≥ 1          particles drawn, always the same ones; the title says it
@@ -78,10 +96,11 @@ class Looking:
         """
         from libmpm._src.pictures.plot import plot
 
-        return plot(
-            self._simulation(), color=color, bodies=bodies, planes=planes, limits=limits,
-            most=most, axes=axes,
-        )  # fmt: skip
+        with self.paused():
+            return plot(
+                self._simulation(), color=color, bodies=bodies, planes=planes, cut=cut,
+                limits=limits, most=most, axes=axes,
+            )  # fmt: skip
 
     def view(
         self,
@@ -100,10 +119,11 @@ class Looking:
         """
         from libmpm._src.pictures.space import view
 
-        return view(
-            self._simulation(), color=color, bodies=bodies, limits=limits, most=most,
-            off_screen=off_screen,
-        )  # fmt: skip
+        with self.paused():
+            return view(
+                self._simulation(), color=color, bodies=bodies, limits=limits, most=most,
+                off_screen=off_screen,
+            )  # fmt: skip
 
     def _repr_html_(self) -> str:
         """Return where it stands as a table for Jupyter, without asking the device."""

@@ -146,7 +146,7 @@ def lower(
         raise SceneError(problems)
     scene.validate()
     fixed = scene.method.time_step if time_step is None else float(time_step)
-    if fixed is not None:
+    if fixed is not None or scene.grid is None:
         check_step(scene, fixed, precision)
     if scene.grid is None:
         check_intervals(scene, fixed)
@@ -228,7 +228,7 @@ def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dic
     result: dict[str, Any] = {
         "name": body.name,
         "material": body.material.table.name,
-        "parameters": body.material.parameters(),
+        "parameters": body.material.core_parameters(scene.dimension),
         "count": before.ids,
         "id_count": before.ids,
         "bounds": bounds_of(scene, body),
@@ -269,7 +269,7 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
         return _restored(scene, body, before, with_particles)
     filling = fill(scene, body)
     points = filling.points
-    parameters = body.material.parameters()
+    parameters = body.material.core_parameters(scene.dimension)
     mass = parameters["density"] * filling.volume / filling.slices
     pressure = None
     if body.hydrostatic is not None and with_particles:
@@ -328,7 +328,7 @@ def _body_on_functions(
     low = np.asarray(scene.lower, dtype=np.float64)
     position = placed.position - low
     n = placed.count
-    parameters = body.material.parameters()
+    parameters = body.material.core_parameters(scene.dimension)
     density = parameters["density"]
 
     def rows(first: int, last: int) -> npt.NDArray[np.float64]:

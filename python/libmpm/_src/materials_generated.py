@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from libmpm._src.friction import Cone, FrictionalMaterial
 from libmpm._src.parameters import Column, Entry, Material, Parameter
 from libmpm._src.values import value
 
@@ -666,7 +667,7 @@ class VonMises(Material):
 
 
 @value
-class DruckerPrager(Material):
+class DruckerPrager(FrictionalMaterial):
     """Sand: Drucker-Prager yield with cohesion, dilatancy and tension cut-off.
 
     =================  ======  =====  ===========  ========  =======================================
@@ -675,8 +676,8 @@ class DruckerPrager(Material):
     density            ρ       kg/m³  > 0          required  density at zero strain
     youngs_modulus     E       Pa     > 0          required  Young's modulus
     poissons_ratio     ν       1      > -1, < 0.5  0.3       Poisson's ratio
-    friction_angle     φ       °      ≥ 0, ≤ 89    30        friction angle in triaxial compression,
-                                                             degrees
+    friction_angle     φ       °      ≥ 0, ≤ 89    30        friction angle in the test that `cone`
+                                                             names, degrees
     cohesion           c       Pa     ≥ 0          0         cohesion
     dilatancy_angle    ψ       °      ≥ 0, ≤ 89    0         dilatancy angle, degrees; below the
                                                              friction angle in soils
@@ -684,6 +685,10 @@ class DruckerPrager(Material):
                                                              bounds it in any case
     volume_correction  β       1      ≥ 0, ≤ 1     1         share of what opened in tension that
                                                              must close again
+    cone               -       -      a name       None      test in which the angles hold: triaxial
+                                                             compression or extension, or plane
+                                                             strain; None = plane strain in 2D,
+                                                             compression in 3D
     =================  ======  =====  ===========  ========  =======================================
 
     Particles store: B (elastic left Cauchy-Green tensor less 1; 2D: and the strain e_zz),
@@ -691,6 +696,10 @@ class DruckerPrager(Material):
     tension that is still to close), dilation (logarithmic volume gained for good).
     Volume smoothing (`FBar`) does not apply.
     Source: Klár et al. (2016); Tampubolon et al. (2017); Bonus (2023), section 5.7.
+
+    `cone` is one of "compression", "extension", "plane-strain". A cone is circular and can meet
+    Mohr and Coulomb's surface in one test only: that of 30 degrees in triaxial compression acts as
+    43.9 degrees in plane strain.
 
     Raises `SceneError` with every parameter out of range.
     """
@@ -771,7 +780,7 @@ class DruckerPrager(Material):
                 upper=89.0,
                 lower_open=False,
                 upper_open=False,
-                meaning="friction angle in triaxial compression, degrees",
+                meaning="friction angle in the test that `cone` names, degrees",
             ),
             Parameter(
                 name="cohesion",
@@ -828,10 +837,11 @@ class DruckerPrager(Material):
     dilatancy_angle: float = 0.0
     tension_cutoff: float = 0.0
     volume_correction: float = 1.0
+    cone: Cone | None = None
 
 
 @value
-class CamClay(Material):
+class CamClay(FrictionalMaterial):
     """Clay or snow: non-associative Cam-Clay with cohesion, hardening and softening.
 
     ==================  ======  =====  ===========  ========  ======================================
@@ -845,12 +855,16 @@ class CamClay(Material):
                                                               pressure of first crushing is p₀ = K
                                                               (10⁻⁵ + sinh(-ξ α₀)), K = E / (3 (1 -
                                                               2 ν))
-    friction_angle      φ       °      > 0, ≤ 89    30        friction angle in triaxial
-                                                              compression, degrees
+    friction_angle      φ       °      > 0, ≤ 89    30        friction angle in the test that `cone`
+                                                              names, degrees
     cohesion_ratio      β       1      ≥ 0          0.5       largest mean tension in parts of p₀
     hardening_factor    ξ       1      > 0          0.8       growth of p₀ with the consolidation
     hardens             h       1      ≥ 0, ≤ 1     1         share of the flow that changes α: 1
                                                               hardens and softens, 0 keeps p₀
+    cone                -       -      a name       None      test in which the angles hold:
+                                                              triaxial compression or extension, or
+                                                              plane strain; None = plane strain in
+                                                              2D, compression in 3D
     ==================  ======  =====  ===========  ========  ======================================
 
     Particles store: B (elastic left Cauchy-Green tensor less 1; 2D: with its zz entry last),
@@ -858,6 +872,10 @@ class CamClay(Material):
     of α; negative: harder than at the start), dilation (logarithmic volume gained for good).
     Volume smoothing (`FBar`) does not apply.
     Source: Gaume et al. (2018); Wolper et al. (2019).
+
+    `cone` is one of "compression", "extension", "plane-strain". A cone is circular and can meet
+    Mohr and Coulomb's surface in one test only: that of 30 degrees in triaxial compression acts as
+    43.9 degrees in plane strain.
 
     Raises `SceneError` with every parameter out of range.
     """
@@ -949,7 +967,7 @@ class CamClay(Material):
                 upper=89.0,
                 lower_open=True,
                 upper_open=False,
-                meaning="friction angle in triaxial compression, degrees",
+                meaning="friction angle in the test that `cone` names, degrees",
             ),
             Parameter(
                 name="cohesion_ratio",
@@ -995,6 +1013,7 @@ class CamClay(Material):
     cohesion_ratio: float = 0.5
     hardening_factor: float = 0.8
     hardens: float = 1.0
+    cone: Cone | None = None
 
 
 @value

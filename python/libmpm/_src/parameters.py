@@ -112,6 +112,10 @@ class Material(Value):
         """Return every parameter by name, in SI units."""
         return {p.name: getattr(self, p.name) for p in self.table.parameters}
 
+    def core_parameters(self, dimension: int) -> dict[str, float]:
+        """Return every parameter as the compiled core takes it in 2 or 3 dimensions, SI units."""
+        return self.parameters()
+
 
 def wave_speed(material: Material) -> float | None:
     """Return the speed of the fastest small wave in m/s, or None if it is not known here.

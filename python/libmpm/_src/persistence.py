@@ -13,6 +13,7 @@ import numpy as np
 from libmpm._src import backends
 from libmpm._src import snapshot as snapshots
 from libmpm._src.errors import Error, ModelWarning
+from libmpm._src.friction import with_cones
 from libmpm._src.guard import Guard
 from libmpm._src.looking import Looking
 from libmpm._src.output import checkpoint as checkpoints
@@ -40,11 +41,11 @@ class Persistent(Looking):
     def _open(self) -> None:
         """Make the engine and, where output is wanted, its folder."""
         run = self._simulation()
-        resumed = run._restored is not None
         _ = run.engine
-        if run._output is not None and run._writer is None:
-            begun = 0 if run._scene.start is None else run._scene.start.step
-            going_on = resumed or run.steps > begun
+        if run._writer is not None:
+            run._writer.begin()
+        elif run._output is not None:
+            going_on = run._resumed or run.steps > run.first_step
             if run._link is None:
                 run._writer = Writer(run._output, run, resumed=going_on)
             else:
@@ -62,6 +63,15 @@ class Persistent(Looking):
             # The first failure is the one to report; a full disk fails every write after it.
             if status != "failed":
                 raise
+        finally:
+            run._writer.release()
+
+    def _rest(self) -> None:
+        """Leave the output folder to who else asks in this process, unless a run writes it now."""
+        run = self._simulation()
+        with run._turns:
+            if run._writer is not None and not run._turns.advanced:
+                run._writer.rest()
 
     def _go_on(self, start: Start) -> None:
         """Take up the state of the scene's checkpoint: whole, or what new bodies leave of it."""
@@ -92,17 +102,22 @@ class Persistent(Looking):
     def export_csv(self) -> list[Path]:
         """Write the sensor series as CSV into the output folder; return the files."""
         run = self._simulation()
-        run._open()
-        return [] if run._writer is None else run._writer.export_csv()
+        try:
+            with run._turns:
+                run._open()
+                return [] if run._writer is None else run._writer.export_csv()
+        finally:
+            run._rest()
 
     def save_checkpoint(self, path: str | Path) -> None:
         """Write the whole state to `path` (NumPy archive), atomically.
 
         A state that the guard finds broken is not written. Raises `NumericalError`. Where ranks are
-        processes all call this, and rank 0 writes the state of all.
+        processes all call this, and rank 0 writes the state of all. Beside a thread that runs the
+        simulation it waits for the boundary of a step.
         """
         run = self._simulation()
-        with run._together():
+        with run._turns, run._together():
             self._save_checkpoint(Path(path))
 
     def _save_checkpoint(self, path: Path) -> None:
@@ -156,7 +171,9 @@ class Persistent(Looking):
         `device` None takes the checkpoint's own, and as many ranks. On the same backend, pipeline
         and precision the continued run is bit-equal to one never stopped, on any number of ranks;
         elsewhere it agrees to rounding. An `output` folder that holds the same run is first cut to
-        the checkpoint's time: samples, frames and checkpoints after it are removed. `functions`
+        the checkpoint's time: samples, frames and checkpoints after it are removed. One that holds
+        another run, of this scene or of another, is refused with `OutputError` at the first step,
+        unless it may be overwritten. `functions`
         are those of `sensors.Custom` sensors, by name. `guard` "same" goes on watching as the run
         before did. `ranks` "processes" goes on in the processes that a launcher has started.
         `partition` "same" cuts as the run before did, where several ranks go on; at the start the
@@ -164,7 +181,7 @@ class Persistent(Looking):
         """
         _, source = checkpoints.find_newest(Path(path), checkpoints.load_checkpoint)
         header = source.header
-        scene = Scene.from_dict(header["scene"])
+        scene = Scene.from_dict(with_cones(header["scene"]))
         recorded = header["device"].partition(":")[0]
         chosen = header["device"] if device is None else device
         if ranks is not None:
@@ -194,15 +211,19 @@ class Persistent(Looking):
             partition=partition,
         )
         simulation._restored = source
+        simulation._resumed = True
         simulation.run_settings = header.get("run") or {}
         simulation._recorded = header
         simulation._displaced = dict(header.get("displaced", {}))
         return simulation
 
     def recorded_output(self) -> Output | None:
-        """Return the output settings of the run that wrote the checkpoint resumed from."""
+        """Return the output settings of the run that wrote the checkpoint resumed from.
+
+        Leave to overwrite what a folder holds was given to that run, not to this one.
+        """
         settings = self._simulation()._recorded.get("output")
-        return None if settings is None else Output(**settings)
+        return None if settings is None else Output(**(settings | {"overwrite": False}))
 
     def recorded_until(self) -> float | None:
         """Return the end, s, that the run was asked for which wrote the checkpoint."""
@@ -217,11 +238,14 @@ class Persistent(Looking):
         run._output = output
 
     def close(self) -> None:
-        """Close the output files; stepping opens them again."""
+        """Close the output files; stepping opens them again.
+
+        Raises `Error` while another thread runs or steps the simulation.
+        """
         run = self._simulation()
-        if run._writer is not None:
-            run._writer.flush()
-            run._writer.close()
+        with run._turns.advancing(run._scene.name), run._turns:
+            if run._writer is not None:
+                run._writer.close()
 
     def __enter__(self) -> Simulation:
         """Return the simulation."""

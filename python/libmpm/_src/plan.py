@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import html
 import math
-import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src import backends, checks
 from libmpm._src.checks_range import check_sweeps
-from libmpm._src.checks_steps import faster_than_water
+from libmpm._src.checks_steps import duration, faster_than_flow, faster_than_water, many_steps
 from libmpm._src.errors import SceneError
 from libmpm._src.lowering import check_backend, choose_device, choose_precision, lower
 from libmpm._src.supply import flow_rows
@@ -116,7 +115,11 @@ class Plan:
             self._result["memory"] = {**self._result["memory"], "migration": moved}
             self._result["memory_total"] = self._result["memory_total"] + moved
         self._planes = checks.planes(scene)
-        self._warnings = checks.check_scene(scene)[1] + faster_than_water(scene)
+        self._warnings = [
+            *checks.check_scene(scene)[1],
+            *faster_than_water(scene),
+            *faster_than_flow(scene),
+        ]
         spacings = {b["name"]: float(b["particle_spacing"]) for b in self._result["bodies"]}
         self._flows = flow_rows(scene, spacings)
         self._scene: dict[str, Any] = {
@@ -130,7 +133,10 @@ class Plan:
         self._until = until
         self._device = device
         self._precision = precision
-        self._threads = threads or os.cpu_count() or 1
+        self._threads = threads
+        if until:
+            assert self.seconds is not None
+            self._warnings += many_steps(until, self.time_step, self.limited_by, self.seconds)
 
     # What the engine says ------------------------------------------------------------------
 
@@ -238,7 +244,7 @@ class Plan:
 
     @property
     def warnings(self) -> list[str]:
-        """What the scene's checks doubt, and solids that cost steps which its water needs not."""
+        """What the scene's checks doubt; bodies that cost needless steps, and runs of very many."""
         return list(self._warnings)
 
     @property
@@ -264,7 +270,11 @@ class Plan:
         kind = self._device.partition(":")[0]
         if "grid" in self._scene:
             return RATE_ON_FUNCTIONS
-        return RATES[kind, self._precision] * (self._threads if kind == "cpu" else 1)
+        if kind != "cpu":
+            return RATES[kind, self._precision]
+        # As many as the engine would take: OMP_NUM_THREADS, or the processors of this process.
+        threads = self._threads or int(backends.core().build_info()["threads"])
+        return RATES[kind, self._precision] * threads
 
     @property
     def seconds(self) -> float | None:
@@ -317,7 +327,7 @@ class Plan:
                 ("steps", f"{self.steps:,} to {self.until:g} s"),
                 (
                     "cost",
-                    f"{self.particle_steps:.3g} particle-steps; estimate {_duration(self.seconds)} "
+                    f"{self.particle_steps:.3g} particle-steps; estimate {duration(self.seconds)} "
                     f"at {self.rate:.2g} particle-steps/s",
                 ),
             ]
@@ -411,11 +421,3 @@ def _size(number: int) -> str:
             return f"{amount:.4g} {unit}"
         amount /= 1024
     return f"{amount:.4g} GiB"
-
-
-def _duration(seconds: float) -> str:
-    """Return a time in readable units."""
-    for limit, unit, name in ((120, 1, "s"), (7200, 60, "min"), (172800, 3600, "h")):
-        if seconds < limit:
-            return f"{seconds / unit:.2g} {name}"
-    return f"{seconds / 86400:.2g} days"

@@ -6,7 +6,7 @@ import functools
 import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,8 @@ class Link:
 
     def tell(self, value: Any) -> list[Any]:
         """Return the plain values that all give, by rank."""
-        return [json.loads(text) for text in self.process.tell_all(json.dumps(value).encode())]
+        texts = self.process.tell_all(json.dumps(value).encode())
+        return [_read(rank, "a value", json.loads, text) for rank, text in enumerate(texts)]
 
     def first_word(self, word: str) -> str:
         """Return the text of the lowest rank that has one; "" where none has."""
@@ -92,12 +93,29 @@ class Link:
         told = self.process.tell_first(buffer.getvalue())
         if told is None:
             return None
-        parts = [np.load(io.BytesIO(text), allow_pickle=False) for text in told]
+
+        def rows(text: bytes) -> dict[str, NDArray[Any]]:
+            part = np.load(io.BytesIO(text), allow_pickle=False)
+            return {name: part[name] for name in arrays}
+
+        parts = [_read(rank, "arrays", rows, text) for rank, text in enumerate(told)]
         return {name: np.concatenate([part[name] for part in parts]) for name in arrays}
 
     def stop(self, error: BaseException) -> None:
         """End the work of all: whoever waits, or will, gets this rank's error by name."""
         self.process.stop(f"rank {self.rank}: {type(error).__name__}: {error}")
+
+
+def _read(rank: int, what: str, reader: Callable[[bytes], Any], text: bytes) -> Any:
+    """Return what a rank has sent; raises `DeviceError` that names it where it cannot be read."""
+    try:
+        return reader(text)
+    # NumPy's reader of archives raises whatever a damaged one makes it come upon.
+    except Exception as error:
+        raise DeviceError(
+            f"rank {rank} has sent {what} that cannot be read ({error}); all ranks must run the "
+            "same version of libmpm with the same script"
+        ) from error
 
 
 @functools.cache

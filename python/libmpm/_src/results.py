@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-import json
+import math
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
@@ -12,10 +13,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.errors import SceneError
-from libmpm._src.output import frames
+from libmpm._src.errors import ModelWarning, SceneError
+from libmpm._src.output import frames, sensor_file
 from libmpm._src.output.checkpoint import find_checkpoints
-from libmpm._src.output.sensor_file import Series, series_of
+from libmpm._src.output.earlier import document_of, has_results, read_log
+from libmpm._src.output.reading import array_of, is_cut, reading
+from libmpm._src.output.sensor_file import series_of
+from libmpm._src.output.series import Series
 from libmpm._src.scene import Scene
 from libmpm._src.values import nearest
 
@@ -33,18 +37,19 @@ class Frame(Mapping[str, NDArray[Any]]):
         """Read what the frame holds, no array."""
         self.path = path
         self._dimension = dimension
-        try:
+        with reading(path, frames.WHAT, frames.REMEDY):
             with h5py.File(path, "r", locking=False) as file:
                 about = dict(file["libmpm"].attrs)
                 self._units = {k: str(v) for k, v in file["libmpm/units"].attrs.items()}
                 self._names = ["position", *file["VTKHDF/PointData"]]
                 self._count = int(file["VTKHDF/NumberOfPoints"][0])
-        except (OSError, KeyError) as error:
-            raise SceneError(f"{path}: is no frame of libmpm: {error}") from error
-        self.body = str(about["body"])
-        self.index, self.step = int(about["index"]), int(about["step"])
+            self.body = str(about["body"])
+            self.index, self.step = int(about["index"]), int(about["step"])
+            time = float(about["time"])
+            if not math.isfinite(time):
+                raise ValueError(f"its time is {time}")
         #: Simulated time, s.
-        self.time = float(about["time"])
+        self.time = time
         #: What the writer noted beside: version, precision, ...
         self.metadata = about
 
@@ -64,15 +69,25 @@ class Frame(Mapping[str, NDArray[Any]]):
         return {name: self._units.get(name, "") for name in self._names}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return one attribute; raises `KeyError` naming those there are."""
+        """Return one attribute; raises `KeyError` naming those there are.
+
+        Raises `SceneError` where the file is damaged.
+        """
         if name not in self._names:
             raise KeyError(
                 f"{self.path.name} has no '{name}'; {nearest(name, self._names)}; what a frame "
                 "lacks a checkpoint may have: libmpm export CHECKPOINT --attributes"
             )
-        with h5py.File(self.path, "r", locking=False) as file:
-            whole = file["VTKHDF/Points" if name == "position" else f"VTKHDF/PointData/{name}"][()]
-        return self._narrow(whole, name)
+        with (
+            reading(self.path, frames.WHAT, frames.REMEDY),
+            h5py.File(self.path, "r", locking=False) as file,
+        ):
+            dataset = file["VTKHDF/Points" if name == "position" else f"VTKHDF/PointData/{name}"]
+            frames.require_parts(self.path, dataset)
+            whole = array_of(dataset)
+            if whole.ndim < 1 or len(whole) != self._count:
+                raise ValueError(f"'{name}' has {whole.shape} values of {self._count} particles")
+            return self._narrow(whole, name)
 
     def _narrow(self, values: NDArray[Any], name: str) -> NDArray[Any]:
         """Take off what VTK needs and a plane scene does not have."""
@@ -115,12 +130,16 @@ class BodyFrames(Sequence[Frame]):
 
     @functools.cached_property
     def times(self) -> NDArray[np.float64]:
-        """Simulated time of each frame, s, (frames,)."""
+        """Simulated time of each frame, s, (frames,); NaN of one that is damaged and not listed."""
         if not self._paths:
             return np.empty(0)
         listed = frames.read_series(next(iter(self._paths.values())).parent, self.body)
-        found = [listed[i] if i in listed else frames.frame_time(p) for i, p in self._paths.items()]
-        return np.array(found, dtype=np.float64)
+        return np.array([listed[i] if i in listed else _time(p) for i, p in self._paths.items()])
+
+    @property
+    def damaged(self) -> list[Path]:
+        """Files that are empty or cut short."""
+        return [path for path in self._paths.values() if is_cut(path)]
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -141,12 +160,23 @@ class BodyFrames(Sequence[Frame]):
         """Return the frame nearest to `time`, s."""
         if not self._paths:
             raise SceneError(f"body '{self.body}': the run has no frames; give a frame_interval")
-        return self[int(np.argmin(np.abs(self.times - time)))]
+        if np.isnan(self.times).all():
+            return self[0]
+        return self[int(np.nanargmin(np.abs(self.times - time)))]
 
     def __repr__(self) -> str:
         """Return body, number and span of time."""
         span = f", {self.times[0]:g} to {self.times[-1]:g} s" if len(self) else ""
         return f"<frames of '{self.body}': {len(self)}{span}>"
+
+
+def _time(path: Path) -> float:
+    """Return the time of a frame, s; NaN and a warning where it is damaged."""
+    try:
+        return frames.frame_time(path)
+    except SceneError as error:
+        warnings.warn(str(error), ModelWarning, stacklevel=4)
+        return math.nan
 
 
 class _Sensors(Mapping[str, Series]):
@@ -160,15 +190,22 @@ class _Sensors(Mapping[str, Series]):
     def _groups(self) -> dict[str, str]:
         if not self._path.exists():
             return {}
-        with h5py.File(self._path, "r", locking=False) as file:
+        with (
+            reading(self._path, sensor_file.WHAT, sensor_file.REMEDY),
+            h5py.File(self._path, "r", locking=False) as file,
+        ):
             found = {str(group.attrs["name"]): key for key, group in file.items()}
         return {name: found[name] for name in _ordered(found, self._order)}
 
     def __getitem__(self, name: str) -> Series:
         if name not in self._groups:
             raise KeyError(f"no sensor '{name}'; {nearest(name, self._groups)}")
-        with h5py.File(self._path, "r", locking=False) as file:
-            return series_of(file[self._groups[name]])
+        key = self._groups[name]
+        with (
+            reading(self._path, f"{sensor_file.WHAT} ('{name}')", sensor_file.REMEDY),
+            h5py.File(self._path, "r", locking=False) as file,
+        ):
+            return series_of(file[key])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._groups)
@@ -190,18 +227,24 @@ class Results:
     def __init__(self, path: str | Path) -> None:
         """Take a folder; raises `SceneError` unless a run has written it."""
         self.path = Path(path)
-        missing = [n for n in ("scene.json", "log.json") if not (self.path / n).is_file()]
-        if missing:
+        if not has_results(self.path):
             raise SceneError(
-                f"{self.path}: holds no {' and no '.join(missing)}; expected the folder that a run "
-                "has written, such as OUT of libmpm run scene.json -o OUT"
+                f"{self.path}: holds no scene.json with results beside it; expected the folder "
+                "that a run has written, such as OUT of libmpm run scene.json -o OUT"
             )
 
     @functools.cached_property
     def document(self) -> dict[str, Any]:
-        """The scene file of the run, with its "run" key."""
-        content = json.loads((self.path / "scene.json").read_text(encoding="utf-8"))
-        return dict(content)
+        """The scene file of the run, with its "run" key; where damaged, of its newest checkpoint.
+
+        Raises `SceneError` where neither can be read.
+        """
+        document, problem = document_of(self.path)
+        if document is None:
+            raise SceneError(f"{problem}, but there is no whole one: put the scene file back")
+        if problem:
+            warnings.warn(f"{problem}: it is taken", ModelWarning, stacklevel=2)
+        return document
 
     @functools.cached_property
     def scene(self) -> Scene:
@@ -210,25 +253,30 @@ class Results:
 
     @property
     def log(self) -> dict[str, Any]:
-        """How the run went: status, time, steps, device, ... as in ``log.json``."""
-        try:
-            content = json.loads((self.path / "log.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return {}
-        return content if isinstance(content, dict) else {}
+        """How the run went: status, time, steps, device, ... as in ``log.json``.
+
+        Without what is damaged, with a warning; empty where there is none.
+        """
+        content = read_log(self.path)
+        if not content and (self.path / "log.json").exists():
+            warnings.warn(
+                f"{self.path / 'log.json'}: is no whole log; what it said is left out",
+                ModelWarning, stacklevel=2,
+            )  # fmt: skip
+        return content
 
     @property
     def sensors(self) -> Mapping[str, Series]:
         """Sensor name -> `time` (n,) s, `values` (n, components), `components` and `units`."""
-        order = [s["name"] for s in self.document.get("sensors", ())]
+        order = _names(self.document, "sensors")
         return _Sensors(self.path / "sensors.h5", order)
 
     @property
     def frames(self) -> dict[str, BodyFrames]:
         """Body name -> its frames in the order of time."""
-        dimension = int(self.document.get("dimension", 3))
+        dimension = 2 if self.document.get("dimension") == 2 or "grid" in self.document else 3
         found = frames.list_frames(self.path / "frames")
-        order = [b["name"] for b in self.document.get("bodies", ())]
+        order = _names(self.document, "bodies")
         return {n: BodyFrames(n, found[n], dimension) for n in _ordered(found, order)}
 
     @property
@@ -243,6 +291,13 @@ class Results:
             f"<Results {self.path}: {log.get('status', 'no log')} at {log.get('time', 0.0):g} s, "
             f"{len(self.sensors)} sensors, frames of {', '.join(self.frames) or 'no body'}>"
         )
+
+
+def _names(document: Mapping[str, Any], kind: str) -> list[str]:
+    """Return the names of the bodies or sensors of a scene file."""
+    parts = document.get(kind)
+    entries = parts if isinstance(parts, list) else []
+    return [str(part["name"]) for part in entries if isinstance(part, dict) and "name" in part]
 
 
 def _ordered(found: Mapping[str, object], order: Sequence[str]) -> list[str]:

@@ -315,12 +315,10 @@ class Scaling:
     def _material(self, item: Material) -> Material:
         have = item.parameters()
         index = have.get("index", 1.0)
-        return type(item)(
-            **{
-                p.name: have[p.name] * self.material(p.unit, index)
-                for p in item.table.parameters
-            }
-        )  # fmt: skip
+        scaled = {
+            p.name: have[p.name] * self.material(p.unit, index) for p in item.table.parameters
+        }
+        return dataclasses.replace(item, **scaled)  # type: ignore[type-var]
 
     # Scenes ----------------------------------------------------------------------------------
 

@@ -9,8 +9,9 @@ from typing import Any
 
 from libmpm._src.checks import check_scene
 from libmpm._src.errors import SceneError
+from libmpm._src.friction import cone_warning
 from libmpm._src.scene import HEAD, SCHEMA, Scene
-from libmpm._src.values import from_plain, nearest, shown
+from libmpm._src.values import from_plain, nearest, shown, warn
 
 __all__ = ["SceneReader", "read_json"]
 
@@ -34,6 +35,11 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=unique)
     except SceneError:
         raise
+    except OSError as error:
+        raise SceneError(
+            f"{path} cannot be read: {error.strerror or error}; expected a scene file, as "
+            "Scene.save writes it"
+        ) from error
     except RecursionError as error:
         raise SceneError(f"{path}: not a scene file: nested too deep to be read") from error
     except ValueError as error:
@@ -81,6 +87,8 @@ class SceneReader:
             self.problems += check_scene(scene)[0]
         if self.problems or scene is None:
             raise SceneError(self.problems)
+        found = [cone_warning(body, scene.dimension) for body in data.get("bodies", ())]
+        warn(text for text in found if text is not None)
         return scene
 
     def _head(self, head: Mapping[str, Any]) -> Scene | None:

@@ -104,7 +104,10 @@ class Sharing:
             if not refused:
                 return
             rank, name, text = refused[0]
-            own = cast("Error", getattr(errors, name, Error)(f"rank {rank}: {text}"))
+            kind = getattr(errors, str(name), Error)
+            if not (isinstance(kind, type) and issubclass(kind, Error)):
+                kind = Error
+            own = cast("Error", kind(f"rank {rank}: {text}"))
         vars(own)["alike"] = True
         raise own
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time as clock
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -13,14 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src import backends
+from libmpm._src.checks_steps import many_steps
 from libmpm._src.errors import (
     CapacityError,
     CheckpointError,
     Error,
     ModelWarning,
     NumericalError,
+    SceneError,
 )
 from libmpm._src.faults import describe_fault, describe_removed, removed_rows
+from libmpm._src.forking import check_fork, forked
 from libmpm._src.guard import Guard, as_guard
 from libmpm._src.initial import Initial
 from libmpm._src.interrupts import asked_to_stop, deferred_interrupt
@@ -31,7 +35,7 @@ from libmpm._src.lowering import (
     world_offset,
 )
 from libmpm._src.output import checkpoint as checkpoints
-from libmpm._src.output.sensor_file import Series
+from libmpm._src.output.series import Series
 from libmpm._src.output.writer import Output, Writer
 from libmpm._src.partition import Partition, as_partition, told_ranks
 from libmpm._src.persistence import Persistent
@@ -43,7 +47,8 @@ from libmpm._src.sensing.loop import Measurements
 from libmpm._src.sharing import Sharing
 from libmpm._src.smoothing import history
 from libmpm._src.supply import OUTFLOW, Traffic
-from libmpm._src.values import warned_already
+from libmpm._src.turns import Turns
+from libmpm._src.values import warn, warned_already
 from libmpm._src.views import GridView, ParticlesView, SensorsView
 from libmpm._src.watch import Watch
 
@@ -99,6 +104,9 @@ class Simulation(Persistent, Sharing):
 
     Memory is taken on first use: the first step, array or sensor that is asked for. Stepping in
     any portions, reading, frames and checkpoints never change the bits of a run.
+
+    One thread at a time runs it; others may read meanwhile, each read of the boundary of a step
+    and at most some tenths of a second late. Several reads of one moment: `paused`.
     """
 
     def __init__(
@@ -118,6 +126,7 @@ class Simulation(Persistent, Sharing):
         partition: Partition | None = None,
     ) -> None:
         """Check the request; nothing is allocated yet."""
+        self._turns = Turns()
         self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
         precision = choose_precision(self._scene, precision)
         self._requested: dict[str, Any] = {
@@ -138,11 +147,13 @@ class Simulation(Persistent, Sharing):
         self._output = Output(output) if isinstance(output, str | Path) else output
         self._offset = world_offset(self._scene)
         self._engine: Any = None
+        self._process = os.getpid()
         self._writer: Writer | None = None
         self._plan: Plan | None = None
         self._measured: Measurements | None = None
         self._passed: Traffic | None = None
         self._restored: checkpoints.Checkpoint | None = None
+        self._resumed = False
         self._loads_state = True
         self._displaced: dict[str, int] = {}
         self._initial = Initial()
@@ -230,6 +241,11 @@ class Simulation(Persistent, Sharing):
     def steps(self) -> int:
         """Steps done since the scene's start."""
         return int(self._engine.step) if self._engine is not None else int(self._start("step"))
+
+    @property
+    def first_step(self) -> int:
+        """Steps at which the scene begins: those of the checkpoint that it goes on from, or 0."""
+        return 0 if self._scene.start is None else self._scene.start.step
 
     def _start(self, key: str) -> float:
         if self._restored is not None:
@@ -343,9 +359,16 @@ class Simulation(Persistent, Sharing):
 
         See ``sim.particles[body][name] = array``, which is the same.
         """
-        self._initial.take(self, body, name, array)
-        # An engine made for looking at the scene has the state of before.
-        self._engine = None
+        with self._turns:
+            if self._measured is not None and self._measured.busy:
+                raise SceneError(
+                    f"particles of body '{body}': {name} is set by the function of a "
+                    "sensors.Custom while it is asked for numbers; expected it to read only; set "
+                    "arrays before the first step, outside of sensors"
+                )
+            self._initial.take(self, body, name, array)
+            # An engine made for looking at the scene has the state of before.
+            self._engine = None
 
     def __repr__(self) -> str:
         """Return scene, device and time without touching the device."""
@@ -369,44 +392,69 @@ class Simulation(Persistent, Sharing):
     @property
     def engine(self) -> Any:
         """The compiled engine; made when first asked for."""
+        if self._engine is not None and self._process != os.getpid():
+            raise forked(self._scene.name)
         if self._engine is None:
-            with self._alike():
-                self._require_memory()
-            start = self._scene.start
-            resumed = self._restored is not None
-            if start is not None and not resumed:
-                self._go_on(start)
-            with warned_already():
-                specification = lower(
-                    self._scene, device_index=self._backend.index,
-                    # Of a scene that goes on, the state to load has all that its file had.
-                    shell=start is not None and self._loads_state, **self._requested,
-                )  # fmt: skip
-            self._initial.into(specification)
-            specification |= told_ranks(self._backend, self._partition, self._scene)
-            saved = self._restored if self._loads_state else None
-            if saved is not None:
-                specification |= saved.stored_as()
-            try:
-                engine = self._backend.module.Engine(specification)
-            except CapacityError as error:
-                raise CapacityError(f"{error}. {self._memory_planned()}") from error
-            loaded = False
-            try:
-                if saved is not None:
-                    engine.load(saved.state)
-                loaded = True
-                self._take(engine, specification, None if saved is None else saved.state)
-            except (
-                Error, ArithmeticError, LookupError, RuntimeError, TypeError, ValueError,
-            ) as error:  # fmt: skip
-                if saved is None or (loaded and isinstance(error, Error)):
-                    raise
-                raise CheckpointError(
-                    f"the checkpoint does not fit {self.device} in {self.precision} precision: "
-                    f"{error}; resume with the device and version that wrote it"
-                ) from error
+            with self._turns:
+                if self._engine is None:
+                    self._make_engine()
         return self._engine
+
+    def __copy__(self) -> Simulation:
+        """Refuse: two objects would share one engine and one output folder."""
+        raise Error(
+            "a Simulation cannot be copied or pickled, because it owns an engine and its output "
+            "folder; continue from a checkpoint, Simulation.resume(sim.save_checkpoint(path)), or "
+            "make another one of the same scene"
+        )
+
+    def __deepcopy__(self, memo: Any) -> Simulation:
+        """Refuse, as `copy.copy`."""
+        return self.__copy__()
+
+    def __reduce__(self) -> Any:
+        """Refuse, as `copy.copy`."""
+        return self.__copy__()
+
+    def _make_engine(self) -> None:
+        self._process = os.getpid()
+        check_fork(self._scene.name, self.threads)
+        with self._alike():
+            self._require_memory()
+        start = self._scene.start
+        resumed = self._restored is not None
+        if start is not None and not resumed:
+            self._go_on(start)
+        with warned_already():
+            specification = lower(
+                self._scene, device_index=self._backend.index,
+                # Of a scene that goes on, the state to load has all that its file had.
+                shell=start is not None and self._loads_state, **self._requested,
+            )  # fmt: skip
+        self._initial.into(specification)
+        specification |= told_ranks(self._backend, self._partition, self._scene)
+        saved = self._restored if self._loads_state else None
+        if saved is not None:
+            specification |= saved.stored_as()
+        try:
+            engine = self._backend.module.Engine(specification)
+        except CapacityError as error:
+            raise CapacityError(f"{error}. {self._memory_planned()}") from error
+        loaded = False
+        try:
+            if saved is not None:
+                engine.load(saved.state)
+            loaded = True
+            self._take(engine, specification, None if saved is None else saved.state)
+        except (
+            Error, ArithmeticError, LookupError, RuntimeError, TypeError, ValueError,
+        ) as error:  # fmt: skip
+            if saved is None or (loaded and isinstance(error, Error)):
+                raise
+            raise CheckpointError(
+                f"the checkpoint does not fit {self.device} in {self.precision} precision: "
+                f"{error}; resume with the device and version that wrote it"
+            ) from error
 
     def _take(
         self, engine: Any, specification: dict[str, Any], state: dict[str, Any] | None = None
@@ -463,12 +511,17 @@ class Simulation(Persistent, Sharing):
     # Stepping ---------------------------------------------------------------------------------
 
     def step(self, n: int = 1) -> None:
-        """Advance `n` steps."""
+        """Advance `n` steps. Raises `Error` while another thread runs or steps it."""
         if n < 0:
             raise ValueError(f"n is {n}; expected a number of steps, 0 or more")
-        self._advance(n, math.inf, reporter(False, 0.0, 0.0, ""))
-        if self._writer is not None:
-            self._writer.flush()
+        try:
+            with self._turns.advancing(self._scene.name):
+                self._advance(n, math.inf, reporter(False, 0.0, 0.0, ""))
+                with self._turns:
+                    if self._writer is not None:
+                        self._writer.flush()
+        finally:
+            self._rest()
 
     def run(
         self,
@@ -483,32 +536,47 @@ class Simulation(Persistent, Sharing):
         After `wall_limit` seconds of wall time, ≥ 0, the run stops at a step boundary, writes a
         checkpoint into the output folder if it has one, and returns False; `stopped` says why.
         Ctrl-C stops at a step boundary with everything valid and flushed. Either way `run` can be
-        called again, and no bit is changed.
+        called again, and no bit is changed. Raises `Error` while another thread runs or steps it.
         """
+        if isinstance(until, bool | str | bytes) or not hasattr(until, "__float__"):
+            raise Error(f"Simulation.run: until is {until!r}; expected a time as a number, s")
         until = float(until)
         if math.isnan(until):
             raise ValueError("until is not a number; expected seconds")
         if wall_limit is not None and not wall_limit >= 0:
             raise ValueError(f"wall_limit is {wall_limit!r}; expected seconds, ≥ 0, or None")
+        with self._turns.advancing(self._scene.name):
+            return self._run(until, progress, wall_limit)
+
+    def _run(
+        self, until: float, progress: bool | Callable[[State], object], wall_limit: float | None
+    ) -> bool:
         self._deadline = math.inf if wall_limit is None else clock.monotonic() + wall_limit
         self._stopped = ""
         self._until = until
-        with self._together():
-            self._open()
+        with self._turns, self._together():
+            _ = self.engine
         title = self._scene.name or "libmpm"
-        status, message = "stopped", ""
+        if self.rank == 0:
+            left, plan = until - self.time, self.plan
+            seconds = plan.particles * left / self.dt / plan.rate
+            warn(many_steps(left, self.dt, plan.limited_by, seconds), stacklevel=3)
+        status, message = "finished", ""
         report = reporter(progress if self.rank == 0 else False, self.time, until, title)
         try:
             self._advance(-1, until, report)
             if self._stopped:
                 status, message = "interrupted", f"stopped by {self._stopped}; it can be resumed"
                 if self._writer is not None:
-                    with self._together():
+                    with self._turns, self._together():
                         self._writer.checkpoint()
         except KeyboardInterrupt:
             status, message = "interrupted", "stopped by an interrupt; it can be resumed"
             if self._writer is not None and self._writer.output.checkpoint_interval:
-                self._writer.checkpoint()
+                with self._turns:
+                    # A handler of the caller's own may interrupt between a step and its frame.
+                    self._writer.service()
+                    self._writer.checkpoint()
             raise
         except Error as error:
             status, message = "failed", str(error)
@@ -516,60 +584,77 @@ class Simulation(Persistent, Sharing):
         finally:
             report.close()
             self._deadline = math.inf
-            self._finish(status, message)
+            with self._turns:
+                self._finish(status, message)
         return not self._stopped
 
     def _advance(self, steps: int, until: float, report: Progress) -> None:
         """Advance `steps` (-1: no limit) or to `until`, serving whatever falls due."""
         with self._together():
-            self._open()
-            self._loop(steps, until, report)
+            # Nothing is lost by Ctrl-C while the engine is made; from the folder's first file on it
+            # waits for a step's end, or the frame and the samples of the start would be missing.
+            with self._turns:
+                _ = self.engine
+            with deferred_interrupt() as interrupted:
+                with self._turns:
+                    self._open()
+                self._loop(steps, until, report, interrupted)
 
-    def _loop(self, steps: int, until: float, report: Progress) -> None:
+    def _loop(
+        self, steps: int, until: float, report: Progress, interrupted: Callable[[], bool]
+    ) -> None:
         engine = self._engine
-        measured, watch = self._measurements, self._watch
-        if watch is not None:
-            watch.look()
-        with deferred_interrupt() as interrupted:
-            measured.service()
+        with self._turns:
+            if self._watch is not None:
+                self._watch.look()
+            self._measurements.service()
             if self._writer is not None:
                 self._writer.service()
-            while steps != 0 and engine.time < until:
-                left = self._deadline - clock.monotonic()
-                self._stopped = self._agreed("wall limit" if left <= 0 else asked_to_stop())
-                if self._stopped:
-                    break
-                # The engine stops at the first boundary past the target and never shortens a
-                # step, so targets of samples, frames and checkpoints leave the bits alone.
-                target = min(until, measured.next_time())
-                if self._writer is not None:
-                    target = min(target, self._writer.next_time())
-                most = measured.limit(steps)
-                if watch is not None:
-                    most = watch.limit(most)
-                began, busy = clock.perf_counter(), clock.process_time()
-                result = engine.run(most, target, min(SLICE, left))
-                self._wall += clock.perf_counter() - began
-                self._processor += clock.process_time() - busy
-                self._particle_steps += result["steps"] * self._count()
-                if steps > 0:
-                    steps -= result["steps"]
-                if result["reason"] == "wall" and (steps == 0 or engine.time >= until):
-                    # What is due at the last step, a sort say, comes before anyone saves.
-                    result = engine.run(0, target, math.inf)
-                self._collect()
-                if result["reason"] == "fault":
-                    raise NumericalError(describe_fault(result["fault"], engine.time_step))
-                if watch is not None:
-                    watch.look()
-                measured.service()
-                if self._writer is not None:
-                    self._writer.service()
-                report.update(
-                    State(engine.time, until, int(engine.step), self.particle_steps_per_s)
-                )
-                if self._agreed("interrupt" if interrupted() else ""):
-                    raise KeyboardInterrupt
+        while steps != 0 and engine.time < until:
+            left = self._deadline - clock.monotonic()
+            self._stopped = self._agreed("wall limit" if left <= 0 else asked_to_stop())
+            if self._stopped:
+                break
+            # Between slices others read; whoever reads while one is under way waits for it.
+            with self._turns:
+                done = self._slice(steps, until, left)
+            if steps > 0:
+                steps -= done
+            report.update(State(engine.time, until, int(engine.step), self.particle_steps_per_s))
+            if self._agreed("interrupt" if interrupted() else ""):
+                raise KeyboardInterrupt
+
+    def _slice(self, steps: int, until: float, left: float) -> int:
+        """Step to what falls due next, `SLICE` or the `left` s at most, and serve it."""
+        engine, measured, watch = self._engine, self._measurements, self._watch
+        # The engine stops at the first boundary past the target and never shortens a step, so
+        # targets of samples, frames and checkpoints leave the bits alone.
+        target = min(until, measured.next_time())
+        if self._writer is not None:
+            target = min(target, self._writer.next_time())
+        most = measured.limit(steps)
+        if watch is not None:
+            most = watch.limit(most)
+        began, busy = clock.perf_counter(), clock.process_time()
+        result = engine.run(most, target, min(SLICE, left))
+        self._wall += clock.perf_counter() - began
+        self._processor += clock.process_time() - busy
+        done = int(result["steps"])
+        self._particle_steps += done * self._count()
+        if result["reason"] == "wall" and (steps == done or engine.time >= until):
+            # What is due at the last step, a sort say, comes before anyone saves.
+            result = engine.run(0, target, math.inf)
+        self._collect()
+        if result["reason"] == "fault":
+            raise NumericalError(
+                describe_fault(result["fault"], engine.time_step, self.scene.cell_size)
+            )
+        if watch is not None:
+            watch.look()
+        measured.service()
+        if self._writer is not None:
+            self._writer.service()
+        return done
 
     def _count(self) -> int:
         return sum(self.totals())

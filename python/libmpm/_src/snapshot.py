@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from libmpm._src import backends
 from libmpm._src.checks import new_bodies, place_of, snap
-from libmpm._src.errors import SceneError
+from libmpm._src.errors import CheckpointError, SceneError
 from libmpm._src.filling import BOXES, caught_in
+from libmpm._src.friction import with_cones
 from libmpm._src.lowering import lower
 from libmpm._src.output.checkpoint import Checkpoint, load_checkpoint
 from libmpm._src.parts import Body
@@ -114,10 +115,13 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
 
     An engine in double precision on the CPU loads it: no bit of a narrower number is lost.
     """
-    scene = Scene.from_dict(checkpoint.header["scene"])
+    scene = Scene.from_dict(with_cones(checkpoint.header["scene"]))
     specification = _shell(scene, checkpoint.header["time_step"]) | checkpoint.stored_as()
     engine = backends.core().Engine(specification)
-    engine.load(checkpoint.state)
+    try:
+        engine.load(checkpoint.state)
+    except SceneError as error:
+        raise CheckpointError(f"the checkpoint's state does not fit its scene: {error}") from error
     bodies, frozen = {}, {}
     for i, body in enumerate(specification["bodies"]):
         read = engine.attributes(i, ["id", "position", "state", "frozen"])

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from libmpm._src.errors import CheckpointError, SceneError
+from libmpm._src.friction import with_cones
 from libmpm._src.sensing.values import AttributeTracker
 from libmpm._src.sensors import Energy, ParticleTracker, WaveGauge
 from libmpm._src.shapes import Box, OrientedBox
@@ -169,7 +170,7 @@ def scene_from_checkpoint(path: Path, tiles: int, axis: str | None) -> Scene:
     from libmpm._src.snapshot import id_ranges
 
     path, (header, stored_as) = find_newest(path, load_header)
-    before = Scene.from_dict(header["scene"])
+    before = Scene.from_dict(with_cones(header["scene"]))
     check = Checker(f"Scene.from_checkpoint('{path}')")
     tiles = check.integer("tiles", tiles, lower=1, remedy="1 takes the run as it is")
     names = "xyz"[: before.dimension]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from libmpm._src.checks_bodies import initial_gravity
 from libmpm._src.filling import body_lattice
 from libmpm._src.flow import MOST_PARTICLES, Flow, Inflow, Outflow
-from libmpm._src.output.sensor_file import Series
+from libmpm._src.output.series import Series
 from libmpm._src.sampling import lattice
 from libmpm._src.sensors import ParticleTracker, Sensor
 from libmpm._src.shapes import Box, DomainWalls, Solid, faces_of

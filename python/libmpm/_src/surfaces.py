@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.boundaries import DecayLayer, Displacement, Prescribed, Travel
+from libmpm._src.boundaries import DecayLayer, Prescribed
 from libmpm._src.errors import SceneError
 from libmpm._src.geometry.solid import Solid
-from libmpm._src.timetable import TimeTable, constant
+from libmpm._src.hidden import Covers, covers_of, motion_of, moves
+from libmpm._src.timetable import TimeTable
 
 if TYPE_CHECKING:
     from libmpm._src.parts import Boundary
@@ -79,22 +80,6 @@ def layer_of(boundary: Boundary) -> DecayLayer:
     return boundary.layer or DecayLayer()
 
 
-def motion_of(boundary: Boundary) -> tuple[TimeTable | None, bool]:
-    """Return the table by which a shape moves and whether it holds places; None at rest."""
-    motion = boundary.motion
-    if isinstance(motion, Displacement):
-        return motion.table, True
-    if isinstance(motion, Travel):
-        given = motion.velocity
-        return (given if isinstance(given, TimeTable) else constant(given)), False
-    return None, False
-
-
-def moves(boundary: Boundary) -> bool:
-    """Return whether a shape is ever elsewhere than stated."""
-    return motion_of(boundary)[0] is not None or boundary.rotation is not None
-
-
 def distance_field(scene: Scene, boundary: Boundary) -> DistanceField:
     """Return the distances of a boundary; raises `SceneError` where nothing of it is near."""
     assert isinstance(boundary.shape, Solid)
@@ -103,8 +88,9 @@ def distance_field(scene: Scene, boundary: Boundary) -> DistanceField:
     band = layer.thickness * scene.cell_size + 2 * spacing
     region = _region(scene, boundary, band)
     # The same shape is asked for by the plan, the check and the engine.
-    key = json.dumps(boundary.shape.to_dict(), sort_keys=True)
-    found = _sampled(_Shape(key, boundary.shape), scene.lower, spacing, band,
+    covers = covers_of(scene, boundary)
+    key = json.dumps(boundary.shape.to_dict(), sort_keys=True) + covers.key
+    found = _sampled(_Shape(key, boundary.shape, covers), scene.lower, spacing, band,
                      _DEPTH * scene.cell_size, region)  # fmt: skip
     if found is None:
         raise SceneError(
@@ -144,11 +130,12 @@ def _region(scene: Scene, boundary: Boundary, band: float) -> tuple[tuple[float,
 
 
 class _Shape:
-    """A shape as a key of a cache: equal where what it is made of is."""
+    """A shape with what covers it as a key of a cache: equal where what it is made of is."""
 
-    def __init__(self, key: str, shape: Solid) -> None:
+    def __init__(self, key: str, shape: Solid, covers: Covers) -> None:
         self.key = key
         self.shape = shape
+        self.covers = covers
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Shape) and self.key == other.key
@@ -200,7 +187,8 @@ def _sampled(
     for start in range(0, len(keys), some):
         here = keys[start : start + some]
         points = (here[:, None, :] * FIELD_EDGE + corners[None]) * spacing + zero
-        away = shape.distance(points.reshape(-1, d)).reshape(len(here), -1)
+        away = held.covers.seen(shape.distance, points.reshape(-1, d), spacing, depth)
+        away = away.reshape(len(here), -1)
         reached = (away.min(axis=1) <= band) & (away.max(axis=1) >= -depth)
         inside = np.concatenate([inside, here[away.max(axis=1) < -depth]])
         kept.append(here[reached])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.output.sensor_file import Series
+from libmpm._src.output.series import Series
 from libmpm._src.sensing import attributes
 from libmpm._src.values import nearest
 

@@ -13,7 +13,7 @@ from libmpm._src.triangular.mesh import listed
 from libmpm._src.values import Checker, keywords_only, nearest
 
 if TYPE_CHECKING:
-    from libmpm._src.output.sensor_file import Series
+    from libmpm._src.output.series import Series
 
 __all__ = ["Floats", "Record", "crossing", "from_series", "numbers"]
 
@@ -283,9 +283,7 @@ def _component(label: str, series: Series, component: str | None, means: bool) -
     """Return sign and column of a component of a sensor's series."""
     names = series.components
     if component is None and means:
-        from libmpm._src.report import force_component
-
-        column = force_component(series)
+        column = series.column(series.main_component)
         steps = np.diff(series.time, prepend=0.0)
         return (-1.0 if steps @ series.values[:, column] < 0 else 1.0), column
     if component is None and len(names) == 1:

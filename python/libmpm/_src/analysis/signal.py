@@ -14,7 +14,7 @@ from libmpm._src.optional import need
 from libmpm._src.values import Checker, keywords_only
 
 if TYPE_CHECKING:
-    from libmpm._src.output.sensor_file import Series
+    from libmpm._src.output.series import Series
 
 __all__ = ["Signal", "responses"]
 

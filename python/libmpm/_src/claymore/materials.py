@@ -87,6 +87,7 @@ def _drucker_prager(context: Context, body: BodyRecord) -> Material:
         cohesion=tension * slope,
         tension_cutoff=tension,
         volume_correction=n["beta"] if n["SandVolCorrection"] else 0.0,
+        cone="compression",
     )
 
 
@@ -104,6 +105,7 @@ def _cam_clay(context: Context, body: BodyRecord) -> Material:
         cohesion_ratio=n["beta"],
         hardening_factor=n["xi"],
         hardens=n["hardeningOn"],
+        cone="compression",
     )
 
 

@@ -145,6 +145,20 @@ class Turned(Solid):
         return self.shape._distance(np.stack(columns, axis=1))
 
 
+#: Copies of solids that are laid out; a distance asks each, some microseconds a time.
+_MOST_COPIES = 100_000
+
+
+def _copies(item: Any) -> int:
+    """Return how many copies of its parts a solid lays out."""
+    if isinstance(item, tuple):
+        return max(1, sum(_copies(x) for x in item if isinstance(x, Solid)))
+    if not isinstance(item, Solid):
+        return 1
+    inner = max((_copies(x) for x in item.__getstate__().values()), default=1)
+    return inner * math.prod(item.counts) if isinstance(item, Repeated) else inner
+
+
 @value
 class Repeated(Solid):
     """Copies of a solid in rows: `shape.repeated(counts, spacing)`.
@@ -179,6 +193,12 @@ class Repeated(Solid):
                 check.fail(f"spacing[{a}] is {x:g}; expected > 0 m, from one copy to the next")
         check_length(check, "counts", counts, self.shape)
         check_length(check, "spacing", spacing, self.shape)
+        copies = math.prod(counts) * _copies(self.shape)
+        if copies > _MOST_COPIES:
+            check.fail(
+                f"counts is {counts}, {copies} copies of a solid in all; expected ≤ "
+                f"{_MOST_COPIES}, as each is looked at; use fewer, or a shapes.Mesh of the whole"
+            )
         return {"counts": counts, "spacing": spacing}
 
     @property

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from libmpm._src.errors import SceneError
 from libmpm._src.foreign import real_array
 from libmpm._src.geometry.esri import read_esri
+from libmpm._src.geometry.patches import PatchTree
 from libmpm._src.geometry.polygon import polygon_distance, segment_distance2
 from libmpm._src.geometry.solid import Array, Bounds, Solid, box_distance, length
 from libmpm._src.values import Checker, value
@@ -42,9 +43,7 @@ class HeightField(Solid):
     without bottom that goes on level beyond its edges. With one it is a block with upright sides
     that ends at them.
 
-    In 2D the distance is exact. In 3D the sign is exact; the magnitude is the vertical distance
-    over √(1 + s²) with s the steepest slope within that distance: exact over a plane, never above
-    the true distance, and equal to it to first order near a smooth bed. Raises `SceneError`.
+    The distance is exact, over steps and steep banks too. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.HeightField"
@@ -196,14 +195,48 @@ class HeightField(Solid):
     def _distance(self, p: Array) -> Array:
         if self.dimension == 2:
             return self._profile_distance(p)
-        columns = [p[:, 0], p[:, 1]]
-        above = p[:, 2] - self._height(columns)
-        slope = self._steepest(columns, np.abs(above))
-        result = above / np.sqrt(1.0 + slope * slope)
-        if self.base is None:
-            return np.asarray(result)
-        low, high = self.bounds()
-        return np.maximum(result, box_distance(p, low, (*high[:2], math.inf)))
+        x, y = self._places
+        place = [np.clip(p[:, a], axis[0], axis[-1]) for a, axis in enumerate((x, y))]
+        height = self._height(place)
+        beside = [p[:, 0] - place[0], p[:, 1] - place[1]]
+        # The bed right above or below, or at the edge, bounds how far the nearest place can be.
+        far = self._patches.distance(p, length([*beside, p[:, 2] - height]))
+        inside = p[:, 2] < height
+        if self.base is not None:
+            low, high = self.bounds()
+            inside &= box_distance(p, low, (*high[:2], math.inf)) < 0
+            under = length([*beside, p[:, 2] - self.base])
+            far = np.minimum(far, under)
+        for a, (axis, edges) in enumerate(zip((x, y), self._edges, strict=True)):
+            for end, profile, outward in zip((axis[0], axis[-1]), edges, (-1.0, 1.0), strict=True):
+                away = p[:, a] - end
+                # Without base the bed goes on level beyond the edge; with one there is a side.
+                here = np.abs(away) < far if self.base is not None else away * outward > 0
+                rows = np.flatnonzero(here)
+                if len(rows):
+                    across = profile._profile_distance(p[rows][:, (1 - a, 2)])
+                    if self.base is not None:
+                        across = length([away[rows], np.maximum(across, 0.0)])
+                    far[rows] = np.minimum(far[rows], np.abs(across))
+        return np.where(inside, -far, far)
+
+    @cached_property
+    def _patches(self) -> PatchTree:
+        x, y = self._places
+        return PatchTree(x, y, self._heights)
+
+    @cached_property
+    def _edges(self) -> list[tuple[HeightField, HeightField]]:
+        """The profiles of the bed at both ends of x and of y."""
+        (x, y), z = self._places, self._heights
+        along = [(y, z[0], z[-1]), (x, z[:, 0], z[:, -1])]
+        return [
+            (
+                HeightField(x=axis.tolist(), z=low.tolist(), base=self.base),
+                HeightField(x=axis.tolist(), z=high.tolist(), base=self.base),
+            )
+            for axis, low, high in along
+        ]
 
     def _profile_distance(self, p: Array) -> Array:
         x, z = self._places[0], self._heights
@@ -226,47 +259,6 @@ class HeightField(Solid):
                 square = np.minimum(square, segment_distance2(u, v, start[i:j], end[i:j]))
             result[rows] = np.copysign(np.sqrt(square), result[rows])
         return result
-
-    @cached_property
-    def _slopes(self) -> list[Array]:
-        """Steepest slopes around each cell of the raster, within 1, 2, 4, ... cells of it."""
-        x, y = self._places
-        z = self._heights
-        along_x = np.abs(np.diff(z, axis=0)) / np.diff(x)[:, None]
-        along_y = np.abs(np.diff(z, axis=1)) / np.diff(y)[None, :]
-        one = np.maximum(along_x[:, :-1], along_x[:, 1:])
-        two = np.maximum(along_y[:-1], along_y[1:])
-        levels = [length([one, two])]
-        reach = 1
-        while True:
-            levels.append(_spread(levels[-1], max(1, reach // 2)))
-            if reach >= max(levels[0].shape):
-                return levels
-            reach *= 2
-
-    def _steepest(self, columns: Sequence[Array], within: Array) -> Array:
-        """Return the steepest slope within a horizontal distance of points."""
-        (i, j), _ = self._cells(columns)
-        finest = min(float(np.diff(axis).min()) for axis in self._places)
-        reach = np.maximum(np.ceil(within / finest), 1.0)
-        share, power = np.frexp(reach)
-        level = np.minimum(np.where(share > 0.5, power, power - 1) + 1, len(self._slopes) - 1)
-        result = np.empty(len(within))
-        for k in np.unique(level):
-            here = level == k
-            result[here] = self._slopes[k][i[here], j[here]]
-        return result
-
-
-def _spread(table: Array, by: int) -> Array:
-    """Return the greatest of each entry and those `by` places before and after, on both axes."""
-    for axis in (0, 1):
-        n = table.shape[axis]
-        index = np.arange(n)
-        before = table.take(np.maximum(index - by, 0), axis)
-        after = table.take(np.minimum(index + by, n - 1), axis)
-        table = np.maximum(table, np.maximum(before, after))
-    return table
 
 
 def _level_ends(u: Array, v: Array, bed: Array) -> Array:

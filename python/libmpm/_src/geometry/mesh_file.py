@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
+import importlib
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +14,13 @@ import numpy.typing as npt
 
 from libmpm._src.errors import SceneError
 from libmpm._src.geometry.solid import Array
-from libmpm._src.optional import need
 
 __all__ = ["Surface", "read_surface"]
 
 Numbers = npt.NDArray[np.int64]
 
-#: Endings that trimesh reads; all others go to meshio.
+#: Endings that trimesh reads, where it is installed: it takes more dialects of these than meshio,
+#: which reads all others.
 _SURFACES = (".stl", ".obj", ".ply", ".off")
 
 #: Faces of the cells of finite elements, by meshio's names.
@@ -75,10 +77,13 @@ class Surface:
 def read_surface(path: str, size: int, changed: int) -> Surface:
     """Return the surface in a file of this size and time of change; raises `SceneError`."""
     what = f"shapes.Mesh: file '{path}'"
-    flat = Path(path).suffix.lower() in _SURFACES
-    reader = need("trimesh" if flat else "meshio", what, "mesh")
+    flat = Path(path).suffix.lower() in _SURFACES and find_spec("trimesh") is not None
     try:
-        corners, faces = _by_trimesh(reader, path) if flat else _by_meshio(reader, path, what)
+        corners, faces = (
+            _by_trimesh(importlib.import_module("trimesh"), path)
+            if flat
+            else _by_meshio(importlib.import_module("meshio"), path, what)
+        )
     except SceneError:
         raise
     # Readers of many formats raise whatever they come upon, one of them SystemExit.

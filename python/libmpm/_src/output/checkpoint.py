@@ -38,8 +38,10 @@ __all__ = [
 
 T = TypeVar("T")
 
-#: Number of the checkpoint layout; a reader refuses every other.
-FORMAT = 1
+#: Number of the checkpoint layout, and of those that are read. 1 has the engine's clock as an image
+#: of its memory, 2 by names.
+FORMAT = 2
+_READABLE = (1, FORMAT)
 
 _NAME = re.compile(r"step_(\d{10,})\.npz")
 
@@ -170,10 +172,10 @@ def _header(path: Path, archive: Any) -> dict[str, Any]:
     header: dict[str, Any] = json.loads(archive["header"].tobytes().decode())
     if not isinstance(header, dict):
         raise ValueError("its header is no object")
-    if header.get("format") != FORMAT:
+    if header.get("format") not in _READABLE:
         raise CheckpointError(
             f"{path} has checkpoint format {shown(header.get('format'))}, written by libmpm "
-            f"{header.get('version')}; this libmpm reads format {FORMAT}: resume with the "
+            f"{header.get('version')}; this libmpm reads formats {_READABLE}: resume with the "
             "version that wrote it"
         )
     for key, (kind, wanted) in _HEADER.items():

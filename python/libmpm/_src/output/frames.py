@@ -8,6 +8,7 @@ the group ``/libmpm`` because strings inside ``/VTKHDF`` crash VTK's reader.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from libmpm._src.errors import OutputError
 from libmpm._src.output.atomic import file_name, write_json
 from libmpm._src.output.image import new_file
+from libmpm._src.output.reading import array_of, is_cut, reading
 
 __all__ = [
     "cut_parts",
@@ -51,6 +53,9 @@ UNITS = {
     "volume_ratio": "1",
     "deformation_gradient": "1",
 }
+
+#: What a file of a frame is, and what to do about one that is damaged.
+WHAT, REMEDY = "frame of libmpm", "delete it, or resume the run from a checkpoint before it"
 
 _NAME = re.compile(r"(?P<body>.+)_(?P<index>\d{6,})\.vtkhdf")
 
@@ -204,30 +209,37 @@ def write_index(
 
 
 def read_frame(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return (arrays, metadata) of a frame; ``position`` is (n, 3) m, tensors are (n, d * d)."""
-    with h5py.File(path, "r", locking=False) as file:
-        _require_parts(path, file["VTKHDF/Points"])
-        arrays = {"position": file["VTKHDF/Points"][()]}
+    """Return (arrays, metadata) of a frame; ``position`` is (n, 3) m, tensors are (n, d * d).
+
+    Raises `SceneError` where the file is damaged, `OutputError` where a part of it is missing.
+    """
+    with reading(path, WHAT, REMEDY), h5py.File(path, "r", locking=False) as file:
+        require_parts(path, file["VTKHDF/Points"])
+        arrays = {"position": array_of(file["VTKHDF/Points"])}
         for name, dataset in file["VTKHDF/PointData"].items():
-            arrays[name] = dataset[()]
+            arrays[name] = array_of(dataset)
         return arrays, dict(file["libmpm"].attrs)
 
 
-def _require_parts(path: Path, points: h5py.Dataset) -> None:
+def require_parts(path: Path, dataset: h5py.Dataset) -> None:
     """Refuse a frame without its parts: HDF5 would read zeros in their place."""
-    sources = points.virtual_sources() if points.is_virtual else []
-    gone = [s.file_name for s in sources if not (path.parent / s.file_name).exists()]
+    sources = dataset.virtual_sources() if dataset.is_virtual else []
+    gone = [s.file_name for s in sources if is_cut(path.parent / s.file_name)]
     if gone:
         raise OutputError(
-            f"{path}: {len(gone)} of its {len(sources)} parts are missing, the first {gone[0]}; "
-            "keep the folder 'parts' of a run on several processes beside its frames"
+            f"{path}: {len(gone)} of its {len(sources)} parts are missing or cut, the first "
+            f"{gone[0]}; keep the folder 'parts' of a run on several processes beside its frames"
         )
 
 
 def frame_time(path: Path) -> float:
-    """Return the simulated time of a frame, s."""
-    with h5py.File(path, "r", locking=False) as file:
-        return float(file["libmpm"].attrs["time"])
+    """Return the simulated time of a frame, s; raises `SceneError` where it is damaged."""
+    with reading(path, WHAT, REMEDY):
+        with h5py.File(path, "r", locking=False) as file:
+            time = float(file["libmpm"].attrs["time"])
+        if not math.isfinite(time):
+            raise ValueError(f"its time is {time}")
+        return time
 
 
 def write_series(folder: Path, body: str, times: Mapping[int, float]) -> None:
@@ -243,13 +255,14 @@ def write_series(folder: Path, body: str, times: Mapping[int, float]) -> None:
 def read_series(folder: Path, body: str) -> dict[int, float]:
     """Return frame index -> time, s, of a series written before; empty where there is none."""
     path = folder / f"{file_name(body)}.vtkhdf.series"
-    try:
-        files = json.loads(path.read_text(encoding="utf-8"))["files"]
-    except (OSError, ValueError, KeyError):
-        return {}
     times = {}
-    for entry in files:
-        match = _NAME.fullmatch(entry["name"])
-        if match:
-            times[int(match["index"])] = float(entry["time"])
+    try:
+        for entry in json.loads(path.read_text(encoding="utf-8"))["files"]:
+            match, time = _NAME.fullmatch(entry["name"]), float(entry["time"])
+            if match and math.isfinite(time):
+                times[int(match["index"])] = time
+    # Frames know their times: a list that is damaged costs nothing but looking into them.
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError,
+            OverflowError):  # fmt: skip
+        return {}
     return times

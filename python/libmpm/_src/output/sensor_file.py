@@ -14,83 +14,28 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.errors import OutputError
+from libmpm._src.errors import ModelWarning, OutputError
 from libmpm._src.output.atomic import file_name, writing
 from libmpm._src.output.image import LIBVER, new_file
+from libmpm._src.output.reading import array_of, reading
+from libmpm._src.output.series import Series
 
-__all__ = ["SensorFile", "Series", "append_csv", "read_sensors", "series_of"]
+__all__ = ["SensorFile", "append_csv", "read_sensors", "series_of"]
 
 #: Bytes of values for which space is taken at first, per sensor.
 FIRST_SPACE = 1 << 18
 #: HDF5 holds no chunk of 4 GiB.
 LARGEST_CHUNK = (1 << 32) - 1
-
-
-@dataclass(eq=False)
-class Series:
-    """The samples of one sensor.
-
-    `time` is (samples,) s and `values` (samples, components); `components` names the columns,
-    `units` gives their SI units. `attributes` (kind, interval, ...) goes to the file.
-    """
-
-    name: str
-    components: tuple[str, ...]
-    units: tuple[str, ...]
-    attributes: dict[str, Any] = field(default_factory=dict)
-    _time: NDArray[np.float64] = field(default_factory=lambda: np.empty(0), init=False, repr=False)
-    _values: NDArray[np.float64] = field(init=False, repr=False)
-    _count: int = field(default=0, init=False)
-
-    def __post_init__(self) -> None:
-        """Take no space yet."""
-        self._values = np.empty((0, len(self.components)))
-
-    def __len__(self) -> int:
-        """Return the number of samples."""
-        return self._count
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Times of the samples, s, (samples,); a copy."""
-        return self._time[: self._count].copy()
-
-    @property
-    def values(self) -> NDArray[np.float64]:
-        """Samples, (samples, components), in `units`; a copy."""
-        return self._values[: self._count].copy()
-
-    def append(self, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-        """Add samples; space doubles, so that many small additions stay cheap."""
-        need = self._count + len(time)
-        if need > len(self._time):
-            space = max(need, 2 * len(self._time), 64)
-            times, rows = np.empty(space), np.empty((space, len(self.components)))
-            times[: self._count] = self._time[: self._count]
-            rows[: self._count] = self._values[: self._count]
-            self._time, self._values = times, rows
-        self._time[self._count : need] = time
-        self._values[self._count : need] = values
-        self._count = need
-
-    def _repr_html_(self) -> str:
-        """Return its first and last samples as a table for Jupyter."""
-        from libmpm._src.html import series_html
-
-        return series_html(self)
-
-    def since(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return (time, values) of the samples from index `first` on."""
-        return self._time[first : self._count], self._values[first : self._count]
+#: What the file is, and what to do about one that is damaged.
+WHAT, REMEDY = "sensor file", "resume the run, which writes it again from its checkpoint"
 
 
 class SensorFile:
@@ -151,6 +96,14 @@ class SensorFile:
     def flush(self) -> None:
         """Append what the series gained; afterwards it survives the death of the process."""
         behind = [i for i, s in enumerate(self._series) if len(s) > self._written[i]]
+        if self._is_gone():
+            warnings.warn(
+                f"{self.path} was deleted or replaced during the run; it is written again with all "
+                "samples",
+                ModelWarning, stacklevel=4,
+            )  # fmt: skip
+            self._replace()
+            return
         if not behind:
             return
         # The first sample of a sensor allocates its chunk, and so does one beyond a full chunk.
@@ -175,6 +128,17 @@ class SensorFile:
                 self._file.flush()
             for i in behind:
                 self._written[i] = len(self._series[i])
+
+    def _is_gone(self) -> bool:
+        """Tell whether the name no longer leads to the file that is open."""
+        with writing(self.path):
+            try:
+                found = self.path.stat()
+            except FileNotFoundError:
+                return True
+            return self._raw is not None and not os.path.samestat(
+                found, os.fstat(self._raw.fileno())
+            )
 
     def _put(self, dataset: h5py.Dataset, data: NDArray[np.float64], first: int) -> None:
         """Write rows from index `first` on into the dataset's only chunk."""
@@ -201,10 +165,11 @@ class SensorFile:
 def read_sensors(path: Path) -> dict[str, Series]:
     """Return name -> series of a sensor file, also of one whose writer was killed.
 
-    Times and values are trimmed to the shorter of the two, and to the samples with a time.
+    Times and values are trimmed to the shorter of the two, and to the samples with a time. Raises
+    `SceneError` where the file is missing or damaged.
     """
     result = {}
-    with h5py.File(path, "r", locking=False) as file:
+    with reading(path, WHAT, REMEDY), h5py.File(path, "r", locking=False) as file:
         for group in file.values():
             series = series_of(group)
             result[series.name] = series
@@ -212,7 +177,10 @@ def read_sensors(path: Path) -> dict[str, Series]:
 
 
 def series_of(group: h5py.Group) -> Series:
-    """Return the series of one group of a sensor file, trimmed as `read_sensors` says."""
+    """Return the series of one group of a sensor file, trimmed as `read_sensors` says.
+
+    Of a damaged file it raises whatever h5py and NumPy do: see `reading`.
+    """
     attributes = dict(group.attrs)
     name = str(attributes.pop("name"))
     series = Series(
@@ -222,14 +190,20 @@ def series_of(group: h5py.Group) -> Series:
         attributes,
     )
     count = min(len(group["time"]), len(group["values"]))
-    time = group["time"][:count]
+    time, values = (array_of(group[key], slice(count)) for key in ("time", "values"))
+    if time.ndim != 1 or values.shape != (count, len(series.components)):
+        raise ValueError(f"sensor '{name}' has times {time.shape} and values {values.shape}")
     known = np.isfinite(time)
-    series.append(time[known], group["values"][:count][known])
+    series.append(time[known], values[known])
     return series
 
 
 def append_csv(path: Path, series: Series, first: int) -> None:
-    """Write the samples from index `first` on to `path`; 0 starts the file with its header."""
+    """Write the samples from index `first` on to `path`; 0 starts the file with its header.
+
+    A file that is gone is started again, with all samples.
+    """
+    first = first if path.exists() else 0
     time, values = series.since(first)
     with writing(path), path.open("a" if first else "w", encoding="utf-8", newline="") as file:
         if not first:

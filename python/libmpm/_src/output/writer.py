@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import datetime
-import json
 import math
 import numbers
 import time as clock
+import uuid
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,10 +17,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.errors import OutputError, SceneError
+from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output import frames
-from libmpm._src.output.atomic import TEMPORARY, file_name, replacing, write_json, writing
+from libmpm._src.output.atomic import file_name, replacing, write_json, writing
+from libmpm._src.output.earlier import (
+    clear,
+    cut_folder,
+    frame_times,
+    has_results,
+    other_run,
+    read_log,
+)
+from libmpm._src.output.holding import Hold
 from libmpm._src.output.sensor_file import SensorFile, append_csv
 from libmpm._src.sensors import LEAST_INTERVAL
 from libmpm._src.values import shown
@@ -177,7 +187,13 @@ def due_index(time: float, interval: float) -> int:
 
 
 class Writer:
-    """Writes one run into its folder. It reads the simulation and never changes it."""
+    """Writes one run into its folder. It reads the simulation and never changes it.
+
+    The folder is this run's from `begin` to `release`; between `rest` and the next `begin` another
+    simulation of this process may take it, after which this one writes no more.
+    """
+
+    _hold: Hold | None = None
 
     def __init__(self, output: Output, simulation: Simulation, *, resumed: bool) -> None:
         """Prepare the folder: empty for a fresh run, cut to the present time for a resumed one."""
@@ -191,36 +207,66 @@ class Writer:
         self._last_flush = clock.monotonic()
         self._started = clock.monotonic()
         self._began = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+        self._name = uuid.uuid4().hex
+        self._removed = False
         self._check_attributes()
-        continued = resumed and (self._folder / "scene.json").exists()
         with writing(self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
+        self._hold = Hold(self._folder)
+        self._hold.take()
+        try:
+            self._prepare(resumed)
+        except BaseException:
+            self._hold.release()
+            raise
+
+    def _prepare(self, resumed: bool) -> None:
+        simulation, output = self._simulation, self.output
+        continued = resumed and self._goes_on()
         if not continued:
-            self._clear()
+            clear(self._folder, simulation.scene_document(), overwrite=output.overwrite)
         with writing(self._folder):
             for folder in (self._frames, self._checkpoints, self._csv):
                 folder.mkdir(exist_ok=True)
-        self._next_frame = self._cut(simulation.time, simulation.steps) if continued else 0
+        self._next_frame = self._cut() if continued else 0
         interval = output.checkpoint_interval
         self._next_checkpoint = due_index(simulation.time, interval) + 1 if interval else 0
         if not continued and resumed and output.frame_interval:
             self._next_frame = due_index(simulation.time, output.frame_interval) + 1
-        self._times = {body: self._frame_times(body) for body in simulation.particles}
+        self._times = {body: frame_times(self._frames, body) for body in simulation.particles}
         write_json(self._folder / "scene.json", simulation.scene_document())
         with replacing(self._folder / "plan.txt") as part:
             part.write_text(f"{simulation.plan}\n", encoding="utf-8")
-        self._sensors = SensorFile(self._folder / "sensors.h5", simulation.sensors.all_series())
+        # A log without a sensor file is begun again by who continues; the reverse is refused.
         self.log("running")
+        self._sensors = SensorFile(self._folder / "sensors.h5", simulation.sensors.all_series())
 
-    def _frame_times(self, body: str) -> dict[int, float]:
-        """Return index -> time, s, of the frames of `body` that the folder holds."""
-        listed = frames.read_series(self._frames, body)
-        times = {}
-        for index, path in frames.list_frames(self._frames).get(body, {}).items():
-            # A kill between a frame and the list leaves the frame unlisted; it knows its time.
-            time = listed.get(index)
-            times[index] = frames.frame_time(path) if time is None else time
-        return times
+    def begin(self) -> None:
+        """Take the folder, if it is not held; raises `OutputError` where another run writes it."""
+        if self._hold is None or not self._hold.take():
+            return
+        other = read_log(self._folder).get("writer")
+        if isinstance(other, str) and other != self._name:
+            self._hold.release()
+            raise OutputError(
+                f"{self._folder} has been written by another run since this one stopped; this "
+                "simulation cannot go on there: resume that run, or choose another folder"
+            )
+
+    def rest(self) -> None:
+        """Keep the folder between calls, but leave it to who else asks in this process."""
+        if self._hold is not None:
+            self._hold.rest()
+
+    def release(self) -> None:
+        """Leave the folder to whoever goes on."""
+        if self._hold is not None:
+            self._hold.release()
+
+    def _require(self) -> None:
+        """Raise `OutputError` unless the folder is still this run's."""
+        if self._hold is not None:
+            self._hold.require()
 
     def _check_attributes(self) -> None:
         bodies = list(self._simulation.particles)
@@ -242,65 +288,34 @@ class Writer:
         if problems:
             raise SceneError(problems)
 
-    def _clear(self) -> None:
-        """Remove the results of an earlier run, or refuse."""
-        ours = [p for p in (self._folder / "sensors.h5", self._folder / "log.json") if p.exists()]
-        if ours and not self.output.overwrite:
+    def _goes_on(self) -> bool:
+        """Tell whether the folder holds this run; raises `OutputError` if it holds another one."""
+        folder, simulation = self._folder, self._simulation
+        if not has_results(folder):
+            return False
+        wanted = simulation.scene_document()
+        other = other_run(folder, wanted, simulation.sensors.all_series())
+        if other and not self.output.overwrite:
             raise OutputError(
-                f"{self._folder} holds the results of an earlier run ({ours[0].name}); choose "
-                "another folder, resume that run, or pass overwrite=True (command line: "
-                "--overwrite)"
+                f"{folder} holds {other}, which this run would cut and mix with its own; "
+                "choose another folder, or pass overwrite=True (command line: --overwrite)"
             )
-        with writing(self._folder):
-            stale = [*ours, self._folder / "removed.csv", self._folder / "scene.json"]
-            stale += self._folder.glob(f"*{TEMPORARY}")
-            for name, patterns in (
-                ("frames", ("*.vtkhdf", "*.series", f"*{TEMPORARY}")),
-                ("frames/parts", ("*.vtkhdf", f"*{TEMPORARY}")),
-                ("checkpoints", ("step_*.npz", f"*{TEMPORARY}")),
-                ("csv", ("*.csv",)),
-            ):
-                for pattern in patterns:
-                    stale += (self._folder / name).glob(pattern)
-            for path in stale:
-                path.unlink(missing_ok=True)
+        return not other
 
-    def _cut(self, time: float, step: int) -> int:
-        """Remove what lies after the checkpoint; return the index of the next frame."""
-        interval = self.output.frame_interval
-        previous = self._read_log().get("output", {}).get("frame_interval")
-        if interval and previous and interval != previous:
+    def _cut(self) -> int:
+        """Remove what lies after the present time; return the index of the next frame."""
+        simulation, interval = self._simulation, self.output.frame_interval
+        settings = read_log(self._folder).get("output")
+        previous = settings.get("frame_interval") if isinstance(settings, dict) else None
+        if interval and isinstance(previous, int | float) and interval != previous:
             raise OutputError(
                 f"{self._folder} has frames every {previous} s and the resumed run asks for "
                 f"{interval} s; keep the interval or choose another folder"
             )
-        reached = due_index(time, interval) if interval else 0
-        with writing(self._folder):
-            if interval:
-                for numbered in frames.list_frames(self._frames).values():
-                    for index, path in numbered.items():
-                        if index > reached:
-                            path.unlink()
-                frames.cut_parts(self._frames, reached)
-            for path in checkpoints.find_checkpoints(self._checkpoints):
-                if checkpoints.step_of(path) > step:
-                    path.unlink()
-            parts = self._frames / "parts"
-            for folder in (self._folder, self._frames, parts, self._checkpoints):
-                for part in folder.glob(f"*{TEMPORARY}"):
-                    part.unlink()
-            self._cut_removed(step)
-        return reached + 1
-
-    def _cut_removed(self, step: int) -> None:
-        path = self._folder / "removed.csv"
-        if not path.exists():
-            return
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.reader(file))
-        kept = [r for i, r in enumerate(rows) if i == 0 or (len(r) > 1 and int(r[0]) <= step)]
-        with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-            csv.writer(file).writerows(kept)
+        reached = due_index(simulation.time, interval) if interval else 0
+        cut_folder(self._folder, reached if interval else None, simulation.steps)
+        # A run that was stopped before its first step may have no frame of its start.
+        return reached + (simulation.steps > simulation.first_step)
 
     def next_time(self) -> float:
         """Return the time, s, at which something is due next; infinity if nothing is."""
@@ -327,6 +342,7 @@ class Writer:
             self.flush()
 
     def _write_frame(self, index: int) -> None:
+        self._require()
         simulation = self._simulation
         for body, particles in simulation.particles.items():
             chosen = self.output.attributes_of(body)
@@ -378,11 +394,13 @@ class Writer:
 
     def flush(self) -> None:
         """Bring the sensor file up to date."""
+        self._require()
         self._sensors.flush()
         self._last_flush = clock.monotonic()
 
     def removed(self, rows: Sequence[Sequence[Any]]) -> None:
         """Add rows (step, body, id, policy, x, y, z) to ``removed.csv``."""
+        self._require()
         path = self._folder / "removed.csv"
         with writing(path):
             fresh = not path.exists()
@@ -392,9 +410,11 @@ class Writer:
                     axes = [f"{a} [m]" for a in "xyz"[: self._simulation.dimension]]
                     table.writerow(["step", "body", "id", "policy", *axes])
                 table.writerows(rows)
+        self._removed = True
 
     def export_csv(self) -> list[Path]:
         """Write the samples that the CSV files lack; return the files."""
+        self._require()
         paths = []
         for i, series in enumerate(self._simulation.sensors.all_series()):
             path = self._csv / f"{file_name(series.name)}.csv"
@@ -403,17 +423,12 @@ class Writer:
             paths.append(path)
         return paths
 
-    def _read_log(self) -> dict[str, Any]:
-        try:
-            content = json.loads((self._folder / "log.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return {}
-        return content if isinstance(content, dict) else {}
-
     def log(self, status: str, message: str = "") -> None:
         """Write ``log.json``: what runs, how far it is, how fast, and how it ended."""
+        self._require()
         simulation = self._simulation
         content = {
+            "writer": self._name,
             "status": status,
             "message": message,
             "version": simulation.version,
@@ -435,8 +450,38 @@ class Writer:
         """Bring sensors, CSV and log up to date at the end of a run."""
         self.flush()
         self.export_csv()
+        self._restore()
         self.log(status, message)
 
+    def _restore(self) -> None:
+        """Write again what was deleted during the run and can be; name what cannot."""
+        path = self._folder / "scene.json"
+        if not path.is_file():
+            write_json(path, self._simulation.scene_document())
+        gone = [self._folder / "removed.csv"] if self._removed else []
+        gone = [path for path in gone if not path.exists()]
+        for body, times in self._times.items():
+            frame = {i: frames.frame_path(self._frames, body, i) for i in times}
+            lost = [i for i, path in frame.items() if not path.exists()]
+            gone += [frame[i] for i in lost]
+            if lost:
+                kept = {i: time for i, time in times.items() if i not in lost}
+                self._times[body] = kept
+                frames.write_series(self._frames, body, kept)
+        if gone:
+            more = f" and {len(gone) - 1} more files" if len(gone) > 1 else ""
+            warnings.warn(
+                f"{gone[0]}{more} that this run wrote are gone; they were deleted while it ran and "
+                "cannot be written again",
+                ModelWarning, stacklevel=4,
+            )  # fmt: skip
+        self._removed = self._removed and not gone
+
     def close(self) -> None:
-        """Close the sensor file."""
-        self._sensors.close()
+        """Bring the sensor file up to date and close it; leave the folder to others."""
+        try:
+            if self._hold is not None and self._hold.held:
+                self.flush()
+        finally:
+            self._sensors.close()
+            self.release()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import json
 import os
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,18 @@ from matplotlib import animation
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from libmpm._src.errors import Error, OutputError
+from libmpm._src.errors import Error, ModelWarning, OutputError, SceneError
+from libmpm._src.output.earlier import document_of
 from libmpm._src.output.frames import frame_time, list_frames, read_frame, read_series
+from libmpm._src.output.reading import is_cut
 from libmpm._src.pictures import figure as common
-from libmpm._src.pictures.outlines import Plane, draw_boundaries, draw_domain
-from libmpm._src.pictures.plot import COLOUR_MAP, PLAIN, Dots, bodies_of, dot_size
+from libmpm._src.pictures.panel import Dots, Panel, height_of, legend_of
+from libmpm._src.pictures.plot import bodies_of, chosen_color
 from libmpm._src.pictures.preview import vertical_of
 from libmpm._src.scene import Scene
 from libmpm._src.values import nearest
 
-__all__ = ["animate"]
+__all__ = ["RunFrames", "animate"]
 
 Array = NDArray[np.float64]
 
@@ -33,25 +35,48 @@ Array = NDArray[np.float64]
 _LOOKED_AT = 25
 
 
-class _Run:
+def _not_cut(files: Mapping[int, Path]) -> dict[int, Path]:
+    """Return the frames of a body without empty and cut ones, which a warning names."""
+    cut = {i for i, path in files.items() if is_cut(path)}
+    if cut:
+        more = f" (and {len(cut) - 1} more)" if len(cut) > 1 else ""
+        warnings.warn(
+            f"{files[min(cut)]}{more}: is empty or cut short; it is left out of pictures",
+            ModelWarning, stacklevel=4,
+        )  # fmt: skip
+    return {i: path for i, path in files.items() if i not in cut}
+
+
+class RunFrames:
     """The frames of a run's folder, read one at a time."""
 
     def __init__(self, folder: Path, bodies: Sequence[str] | str | None, most: int) -> None:
-        path = folder / "scene.json"
-        if not path.is_file():
-            raise Error(f"{folder} has no scene.json; expected the output folder of a run")
-        self.scene = Scene.from_dict(json.loads(path.read_text(encoding="utf-8")))
-        found = list_frames(folder / "frames")
-        self.bodies = [n for n in bodies_of(self.scene, bodies) if n in found]
+        document, problem = document_of(folder)
+        if document is None:
+            raise SceneError(
+                f"{folder} has no scene.json that can be read; expected the output folder of a run "
+                f"({problem})"
+            )
+        if problem:
+            warnings.warn(f"{problem}: it is taken", ModelWarning, stacklevel=3)
+        self.scene = Scene.from_dict(document)
+        found = {name: _not_cut(files) for name, files in list_frames(folder / "frames").items()}
+        self.bodies = [n for n in bodies_of(self.scene, bodies) if found.get(n)]
         if not self.bodies:
             raise Error(f"{folder} has no frames of these bodies; run with output=libmpm.Output("
                         "folder, frame_interval=...)")  # fmt: skip
         self._files = {name: found[name] for name in self.bodies}
+        self._wanted = bodies
         self.indices = sorted({i for files in self._files.values() for i in files})
         self._times: dict[int, float] = {}
         for name in self.bodies:
             self._times |= read_series(folder / "frames", name)
         self._most = most
+
+    @classmethod
+    def of(cls, folder: Path) -> RunFrames | None:
+        """Return the frames of all bodies of a folder; None where it has none."""
+        return cls(folder, None, common.MOST) if list_frames(folder / "frames") else None
 
     def time(self, index: int) -> float:
         """Return the simulated time of a frame, s."""
@@ -74,11 +99,13 @@ class _Run:
         counts = [len(arrays["position"]) for arrays in found.values()]
         dots = {}
         shares = common.shares(counts, self._most)
+        coloured = chosen_color(self.scene, self.bodies, color, self._wanted)
         for (name, arrays), count, share in zip(found.items(), counts, shares, strict=True):
             rows = common.chosen(count, share)
             chosen = {key: values[rows] for key, values in arrays.items()}
             position = np.asarray(chosen["position"][:, : self.scene.dimension])
-            dots[name] = Dots(position, self._colour(chosen, color))
+            colour = self._colour(chosen, color if name in coloured else None)
+            dots[name] = Dots(position, colour, len(rows) / max(count, 1))
         return dots, sum(counts)
 
     @staticmethod
@@ -93,7 +120,7 @@ class _Run:
         return common.colours_of(arrays, color) if name in arrays else None
 
 
-def _check_color(run: _Run, color: str | None) -> None:
+def _check_color(run: RunFrames, color: str | None) -> None:
     if color is None:
         return
     known = run.attributes()
@@ -104,7 +131,7 @@ def _check_color(run: _Run, color: str | None) -> None:
                 "Output(attributes=...) chooses what frames store")  # fmt: skip
 
 
-def _limits(run: _Run, indices: Sequence[int], color: str | None) -> tuple[float, float]:
+def _limits(run: RunFrames, indices: Sequence[int], color: str | None) -> tuple[float, float]:
     picks = indices[:: max(1, -(-len(indices) // _LOOKED_AT))]
     values = []
     for index in picks:
@@ -164,7 +191,7 @@ def animate(
     color      -       a name       attribute of the frames, such as "pressure" or "velocity_x";
                                     None = one colour. Bodies without it are grey
     bodies     -       names        None = all that have frames
-    plane      -       a name       such as "xz"; None = the elevation
+    plane      -       a name       such as "xz", or "3d" from above a corner; None = the elevation
     limits     its     low < high   range of the colours in all frames; None = all but the
                unit                 outermost half percent of some frames
     fps        1/s     > 0          frames per second of the film
@@ -184,7 +211,7 @@ def animate(
                                 ("dpi", dpi, 10)):  # fmt: skip
         if not number >= least or number == 0:
             raise Error(f"{name} is {number!r}; expected {'>' if least == 0 else '≥'} {least}")
-    frames = _Run(folder, bodies, most)
+    frames = RunFrames(folder, bodies, most)
     _check_color(frames, color)
     indices = frames.indices[:: int(every)]
     names = common.planes_of(frames.scene.dimension, plane, vertical_of(frames.scene))
@@ -206,54 +233,36 @@ def animate(
 
 
 class _Film:
-    """One picture whose dots move."""
+    """One picture whose particles move."""
 
     def __init__(
-        self, run: _Run, plane: str, color: str | None, norm: Normalize, width: float
+        self, run: RunFrames, plane: str, color: str | None, norm: Normalize, width: float
     ) -> None:
         self._run, self._color = run, color
-        self._plane = Plane(run.scene, plane, None)
-        a, b = self._plane.axes
-        size = self._plane.upper - self._plane.lower
-        height = float(np.clip(width * 0.85 * size[b] / size[a], 1.2, 2 * width)) + 1.2
+        scene = run.scene
+        vertical = vertical_of(scene)
+        height = height_of(scene, plane, width)
         self.picture = common.Picture(figsize=(width, height), layout="constrained")
         self._axes = self.picture.add_subplot()
-        draw_domain(self._axes, self._plane)
-        draw_boundaries(self._axes, self._plane, run.scene, later=True)
-        self._dots: dict[str, Any] = {}
-        for name in run.bodies:
-            style: dict[str, Any] = {"linewidths": 0, "label": name, "zorder": 2}
-            self._dots[name] = self._axes.scatter([], [], color=PLAIN, **style)
-        self._norm = norm
+        self._panel = Panel(
+            self._axes, scene, plane, vertical, bodies=run.bodies, norm=norm, later=True
+        )
+        self._dots = self._panel.bodies
         self._bar = color is None
+        self._named = False
 
     def show(self, index: int) -> None:
         """Draw a frame."""
         dots, count = self._run.dots(index, self._color)
+        image = self._panel.show(dots)
+        if image is not None and not self._bar and self._color is not None:
+            self._bar = True
+            self.picture.colorbar(image, ax=self._axes, label=common.label_of(self._color),
+                                  shrink=0.85)  # fmt: skip
+        plain = self._panel.plain(dots)
+        if plain and len(self._dots) > 1 and not self._named:
+            self._named = True
+            self._axes.legend(*legend_of(plain), fontsize=8, loc="upper right", framealpha=0.8)
         drawn = sum(map(len, dots.values()))
-        a, b = self._plane.axes
-        for name, artist in self._dots.items():
-            body = dots.get(name)
-            artist.set_visible(body is not None)
-            if body is None:
-                continue
-            position, colour = body.position, body.colour
-            hidden = self._plane.hidden
-            if hidden is not None:
-                depth = position[:, hidden] * (1 if hidden == 2 else -1)
-                order = np.argsort(depth, kind="stable")
-                position = position[order]
-                colour = None if colour is None else colour[order]
-            artist.set_offsets(position[:, [a, b]])
-            artist.set_sizes([dot_size(drawn)])
-            if colour is None:
-                continue
-            artist.set_array(colour)
-            artist.set_cmap(COLOUR_MAP)
-            artist.set_norm(self._norm)
-            if not self._bar and self._color is not None:
-                self._bar = True
-                self.picture.colorbar(artist, ax=self._axes, label=common.label_of(self._color),
-                                      shrink=0.85)  # fmt: skip
         said = [self._run.scene.name, f"{self._run.time(index):.3f} s", common.note(drawn, count)]
         self._axes.set_title(", ".join(x for x in said if x), fontsize=10, loc="left")

@@ -12,9 +12,20 @@ from numpy.typing import NDArray
 
 from libmpm._src.errors import Error
 from libmpm._src.output.frames import UNITS
+from libmpm._src.pictures.views import OBLIQUE
 from libmpm._src.values import nearest
 
-__all__ = ["MOST", "Picture", "chosen", "colours_of", "limits_of", "note", "planes_of", "shares"]
+__all__ = [
+    "CYCLE",
+    "MOST",
+    "Picture",
+    "chosen",
+    "colours_of",
+    "limits_of",
+    "note",
+    "planes_of",
+    "shares",
+]
 
 Array = NDArray[np.float64]
 
@@ -28,6 +39,10 @@ _GOLDEN = 0.6180339887498949
 _PERCENTILES = (0.5, 99.5)
 
 AXES = "xyz"
+
+#: Colours of lines and bodies that differ in print and for the colour-blind, after Okabe and Ito
+#: (2008); water comes first.
+CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
 class Picture(Figure):
@@ -73,11 +88,13 @@ def note(drawn: int, count: int) -> str:
 
 
 def planes_of(dimension: int, planes: Sequence[str] | str | None, vertical: int) -> list[str]:
-    """Return the planes to draw, such as "xz": two axes, the first to the right.
+    """Return the planes to draw, such as "xz": two axes, the first to the right, or "3d".
 
     Raises `Error` for names that are no planes of the scene.
     """
     known = [a + b for a in AXES[:dimension] for b in AXES[:dimension] if a != b]
+    if dimension == 3:
+        known.append(OBLIQUE)
     if planes is None:
         if dimension == 2:
             return ["xy"]
@@ -151,3 +168,13 @@ def check_limits(limits: Any) -> tuple[float, float]:
     if not low < high:
         raise Error(f"limits is {limits!r}; expected two finite numbers, the lower first")
     return low, high
+
+
+def check_cut(dimension: int, cut: Sequence[float] | None) -> list[float] | None:
+    """Return the point at which a scene in space is cut; raises `Error` for what is none."""
+    if cut is None:
+        return None
+    found = [float(x) for x in np.asarray(cut, np.float64).ravel()]
+    if dimension == 2 or len(found) != dimension:
+        raise Error(f"cut is {found}; expected a point (3,) of a scene in 3D, in m, or None")
+    return found

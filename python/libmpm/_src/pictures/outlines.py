@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.boundaries import Response
 from libmpm._src.pictures.figure import AXES
+from libmpm._src.sensors import LoadCell
 from libmpm._src.shapes import Box, DomainWalls, OrientedBox, faces_of
 from libmpm._src.triangular.shapes import Outline
 
@@ -43,6 +44,10 @@ COLOURS = {
     "prescribed": "tab:olive",
 }
 _OTHER = "0.25"
+#: The inside of structures.
+_FILLED = "0.78"
+#: Faces that a load cell measures.
+LOAD_CELL = "#D55E00"
 
 
 class Plane:
@@ -67,7 +72,7 @@ class Plane:
         world = np.asarray(points, np.float64) + self.origin
         return np.asarray(world[:, list(self.axes)])
 
-    def meets(self, lower: Sequence[float], upper: Sequence[float]) -> bool:
+    def meets(self, lower: Any, upper: Any) -> bool:
         """Tell whether a box is in the picture: always, unless a cut passes beside it."""
         if self.cut is None or self.hidden is None:
             return True
@@ -121,8 +126,8 @@ def _contour(axes: Any, plane: Plane, solid: Any, style: Mapping[str, Any], fill
     if distance.min() >= 0:
         return
     if fill:
-        axes.contourf(horizontal, vertical, turned, levels=[-np.inf, 0.0], colors=[style["color"]],
-                      alpha=0.25)  # fmt: skip
+        axes.contourf(horizontal, vertical, turned, levels=[-np.inf, 0.0], colors=[_FILLED],
+                      alpha=0.9)  # fmt: skip
     if distance.max() > 0:
         axes.contour(horizontal, vertical, turned, levels=[0.0], colors=[style["color"]],
                      linewidths=style["linewidth"], linestyles=style["linestyle"])  # fmt: skip
@@ -141,7 +146,7 @@ def draw_shape(
     """Draw the outline of a shape; what has none in space, such as given particles, is left out."""
     style = {"color": color, "linewidth": linewidth, "linestyle": linestyle}
     patch: dict[str, Any] = {"edgecolor": color, "linewidth": linewidth, "linestyle": linestyle}
-    patch |= {"zorder": 4, "facecolor": to_rgba(color, 0.25) if fill else "none"}
+    patch |= {"zorder": 4, "facecolor": to_rgba(_FILLED, 0.9) if fill else "none"}
     if isinstance(shape, Box):
         if plane.meets(shape.lower, shape.upper):
             (low, high) = plane.flat([shape.lower, shape.upper])
@@ -183,10 +188,13 @@ def moves(boundary: Any) -> bool:
     )
 
 
-def draw_boundaries(axes: Any, plane: Plane, scene: Scene, later: bool = False) -> dict[str, str]:
+def draw_boundaries(
+    axes: Any, plane: Plane, scene: Scene, later: bool = False, fill: bool = True
+) -> dict[str, str]:
     """Draw all boundaries; return label -> colour for a legend.
 
     `later`: the picture is not of the start, so that shapes that move are dashed where they began.
+    `fill`: shapes are tinted, not only outlined.
     """
     legend: dict[str, str] = {}
     for boundary in scene.boundaries:
@@ -197,7 +205,8 @@ def draw_boundaries(axes: Any, plane: Plane, scene: Scene, later: bool = False) 
         one = response if isinstance(response, Response) else next(iter(response.values()))
         colour = COLOURS.get(_kind(one), _OTHER)
         dashed = later and moves(boundary)
-        draw_shape(axes, plane, boundary.shape, color=colour, linewidth=1.2, fill=not dashed,
+        draw_shape(axes, plane, boundary.shape, color=colour, linewidth=1.2,
+                   fill=fill and not dashed,
                    linestyle="--" if dashed else "-")  # fmt: skip
         legend[f"{boundary.name}: {_kind(one)}{' (at 0 s)' if dashed else ''}"] = colour
     return legend
@@ -247,12 +256,51 @@ def draw_flows(axes: Any, plane: Plane, scene: Scene) -> dict[str, str]:
     return legend
 
 
+def _draw_load_cell(axes: Any, plane: Plane, scene: Scene, name: str, cell: LoadCell) -> int:
+    """Draw the faces that a load cell measures as thick lines; return 1 where any is seen."""
+    boundary = next((b for b in scene.boundaries if b.name == cell.boundary), None)
+    if boundary is None:
+        return 0
+    shape = boundary.shape
+    style: dict[str, Any] = {"color": LOAD_CELL, "linewidth": 2.2, "zorder": 6}
+    if not isinstance(shape, Box | DomainWalls):
+        draw_shape(axes, plane, shape, color=LOAD_CELL, linewidth=2.2)
+        bounds: Any = getattr(shape, "bounds", lambda: (plane.lower, plane.upper))()
+        low, high = (np.asarray(x, np.float64) for x in bounds)
+    elif isinstance(shape, Box):
+        low, high = np.asarray(shape.lower, np.float64), np.asarray(shape.upper, np.float64)
+    else:
+        low, high = plane.lower, plane.upper
+    low, high = np.maximum(low, plane.lower), np.minimum(high, plane.upper)
+    if not plane.meets(low, high):
+        return 0
+    (a, b) = plane.flat([low, high])
+    if isinstance(shape, Box | DomainWalls):
+        known = faces_of(scene.dimension)
+        if isinstance(shape, DomainWalls) and shape.faces != "all":
+            known = tuple(f for f in known if f in shape.faces)
+        wanted = known if cell.faces == "all" else cell.faces
+        for face in wanted:
+            axis = AXES.index(face[0])
+            if axis not in plane.axes:
+                continue
+            across = plane.axes.index(axis)
+            at, ends = (a if face[1] == "-" else b)[across], [a[1 - across], b[1 - across]]
+            axes.plot(*(([at, at], ends) if across == 0 else (ends, [at, at])), **style)
+    axes.annotate(name, (a[0], b[1]), fontsize=7, zorder=7, color=LOAD_CELL, va="bottom",
+                  xytext=(0, 2), textcoords="offset points")  # fmt: skip
+    return 1
+
+
 def draw_sensors(axes: Any, plane: Plane, scene: Scene, vertical: int) -> int:
     """Mark the sensors that have a place; return how many."""
     drawn = 0
     (low, high) = plane.flat([plane.lower, plane.upper])
     for placed in scene.sensors:
         sensor = placed.sensor
+        if isinstance(sensor, LoadCell):
+            drawn += _draw_load_cell(axes, plane, scene, placed.name, sensor)
+            continue
         position = getattr(sensor, "position", None)
         region = next(
             (s for name in ("region", "within", "shape", "box")

@@ -1,8 +1,8 @@
-"""Particles of a moment as dots, coloured by an attribute."""
+"""Particles of a moment, coloured by an attribute."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.errors import Error
 from libmpm._src.pictures import figure as common
-from libmpm._src.pictures.outlines import Plane, draw_boundaries, draw_domain
+from libmpm._src.pictures.panel import Dots, Panel, height_of, is_fluid, legend_of
 from libmpm._src.pictures.preview import vertical_of
 from libmpm._src.values import nearest
 
@@ -20,30 +20,12 @@ if TYPE_CHECKING:
     from libmpm._src.simulation import Simulation
     from libmpm._src.views import BodyView
 
-__all__ = ["Dots", "dot_size", "draw_dots", "plot", "sampled_particles"]
+__all__ = ["bodies_of", "chosen_color", "extend_of", "plot", "sampled_particles"]
 
 Array = NDArray[np.float64]
 
-#: Colour map of all pictures, and the colour of bodies without the attribute.
-COLOUR_MAP, PLAIN = "viridis", "0.55"
-
-
-class Dots:
-    """What is drawn of one body: `position` (n, d) m in the world, and `colour` (n,) or None."""
-
-    def __init__(self, position: Array, colour: Array | None) -> None:
-        """Take both."""
-        self.position = position
-        self.colour = colour
-
-    def __len__(self) -> int:
-        """Return the number of dots."""
-        return len(self.position)
-
-
-def dot_size(drawn: int) -> float:
-    """Return the area of a dot in points²: large enough to see few, small enough for many."""
-    return float(np.clip(2e4 / max(drawn, 1), 0.4, 12.0))
+#: Width of a picture, inches.
+_WIDTH = 8.0
 
 
 def bodies_of(scene: Scene, bodies: Sequence[str] | str | None) -> list[str]:
@@ -77,10 +59,11 @@ def sampled_particles(
         first = next(iter(views.values()))
         why = first.refusal(color) or nearest(color, first.names)
         raise Error(f"color is {color!r}, which no body drawn has; {why}")
+    coloured = chosen_color(simulation.scene, names, color, bodies)
     counts = [len(views[name]) for name in names]
     dots = {}
     for name, count, share in zip(names, counts, common.shares(counts, most), strict=True):
-        here = sources[name]
+        here = sources[name] if name in coloured else None
         arrays = views[name].read(["position", *([here] if here else [])])
         rows = common.chosen(count, share)
         colour = None
@@ -91,33 +74,22 @@ def sampled_particles(
                 if picked[here].ndim == 1
                 else (common.colours_of(picked, color))
             )
-        dots[name] = Dots(arrays["position"][rows], colour)
+        dots[name] = Dots(arrays["position"][rows], colour, len(rows) / max(count, 1))
     return dots, sum(counts)
 
 
-def draw_dots(
-    axes: Any, dots: Mapping[str, Dots], plane: tuple[int, int], norm: Normalize, size: float
-) -> Any:
-    """Draw bodies seen along the axis that is not in the plane; return the coloured dots or None.
+def chosen_color(
+    scene: Scene, names: Sequence[str], color: str | None, bodies: Sequence[str] | str | None
+) -> set[str]:
+    """Return the bodies that an attribute colours.
 
-    What is nearer to the viewer, who looks along y and down on x-y, comes last.
+    Of fluids and solids together the speed, which says little of debris, is that of the fluids;
+    who names the bodies means all of them.
     """
-    image = None
-    for name, body in dots.items():
-        hidden = next((a for a in range(body.position.shape[1]) if a not in plane), None)
-        position, colour = body.position, body.colour
-        if hidden is not None:
-            depth = position[:, hidden]
-            order = np.argsort(depth if hidden == 2 else -depth, kind="stable")
-            position = position[order]
-            colour = None if colour is None else colour[order]
-        style: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": True, "label": name}
-        x, y = position[:, plane[0]], position[:, plane[1]]
-        if colour is None:
-            axes.scatter(x, y, color=PLAIN, zorder=2, **style)
-        else:
-            image = axes.scatter(x, y, c=colour, cmap=COLOUR_MAP, norm=norm, zorder=3, **style)
-    return image
+    fluids = {name for name in names if is_fluid(scene, name)}
+    if color == "speed" and bodies is None and fluids:
+        return fluids
+    return set(names)
 
 
 def extend_of(values: Sequence[Array], low: float, high: float) -> str:
@@ -134,6 +106,7 @@ def plot(
     color: str | None = "speed",
     bodies: Sequence[str] | str | None = None,
     planes: Sequence[str] | str | None = None,
+    cut: Sequence[float] | None = None,
     limits: tuple[float, float] | None = None,
     most: int = common.MOST,
     axes: Any = None,
@@ -141,30 +114,35 @@ def plot(
     """See `Simulation.plot`."""
     scene = simulation.scene
     vertical = vertical_of(scene)
-    planes = common.planes_of(scene.dimension, planes, vertical)
-    if axes is not None and len(planes) > 1:
-        planes = planes[:1]
+    names = common.planes_of(scene.dimension, planes, vertical)
+    cut = common.check_cut(scene.dimension, cut)
+    if axes is not None and len(names) > 1:
+        names = names[:1]
     dots, count = sampled_particles(simulation, color, bodies, most)
     coloured = [d.colour for d in dots.values() if d.colour is not None]
     low, high = common.limits_of(coloured) if limits is None else common.check_limits(limits)
-    norm = Normalize(low, high)
-    drawn = sum(map(len, dots.values()))
     picture = axes.figure if axes is not None else None
     if picture is None:
-        size = (8.0, 1.0 + 3.2 * len(planes))
-        picture = common.Picture(figsize=size, layout="constrained")
+        heights = [height_of(scene, name, _WIDTH) for name in names]
+        picture = common.Picture(figsize=(_WIDTH, sum(heights)), layout="constrained")
+        grid = picture.add_gridspec(len(names), 1, height_ratios=heights)
     image = None
     panels = []
-    for k, name in enumerate(planes):
-        panel = axes if axes is not None else picture.add_subplot(len(planes), 1, k + 1)
-        plane = Plane(scene, name, None)
-        draw_domain(panel, plane)
-        draw_boundaries(panel, plane, scene, later=simulation.time > 0)
-        image = draw_dots(panel, dots, plane.axes, norm, dot_size(drawn)) or image
+    for k, name in enumerate(names):
+        panel = Panel(
+            axes if axes is not None else picture.add_subplot(grid[k]),
+            scene, name, vertical, bodies=list(dots), norm=Normalize(low, high),
+            later=simulation.time > 0, cut=cut,
+        )  # fmt: skip
+        image = panel.show(dots) or image
         panels.append(panel)
     if image is not None and color is not None:
-        picture.colorbar(image, ax=panels, label=common.label_of(color), shrink=0.85,
-                         extend=extend_of(coloured, low, high))  # fmt: skip
+        picture.colorbar(image, ax=[p.axes for p in panels], label=common.label_of(color),
+                         shrink=0.85, extend=extend_of(coloured, low, high))  # fmt: skip
+    drawn = sum(map(len, dots.values()))
+    plain = panels[0].plain(dots)
+    if plain and len(dots) > 1:
+        panels[0].axes.legend(*legend_of(plain), fontsize=8, loc="upper right", framealpha=0.8)
     said = [scene.name, f"{simulation.time:.4g} s", common.note(drawn, count)]
-    panels[0].set_title(", ".join(x for x in said if x), fontsize=10, loc="left")
+    panels[0].axes.set_title(", ".join(x for x in said if x), fontsize=10, loc="left")
     return picture

@@ -6,27 +6,19 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.pictures import figure as common
-from libmpm._src.pictures.outlines import (
-    Plane,
-    draw_boundaries,
-    draw_domain,
-    draw_flows,
-    draw_sensors,
-    draw_shape,
-)
+from libmpm._src.pictures.outlines import draw_flows, draw_shape
+from libmpm._src.pictures.panel import Dots, Panel, body_colours
 from libmpm._src.values import warned_already
 
 if TYPE_CHECKING:
     from libmpm._src.scene import Scene
 
 __all__ = ["preview", "sampled_bodies", "vertical_of"]
-
-Array = NDArray[np.float64]
 
 #: Rows that are asked for at a time of bodies of which few are drawn.
 _CHUNK = 1 << 20
@@ -40,8 +32,8 @@ def vertical_of(scene: Scene) -> int:
     return int(np.argmax(strength)) if strength.any() else scene.dimension - 1
 
 
-def sampled_bodies(scene: Scene, most: int) -> tuple[dict[str, Array], int, str]:
-    """Return the particles to draw of each body, (n, d) m in the world, and how many there are.
+def sampled_bodies(scene: Scene, most: int) -> tuple[dict[str, Dots], int, str]:
+    """Return the particles to draw of each body, in the world, and how many there are.
 
     The third is what forbids the scene to run, in which case there are none; empty otherwise.
     """
@@ -68,7 +60,8 @@ def sampled_bodies(scene: Scene, most: int) -> tuple[dict[str, Array], int, str]
             here = wanted[(wanted >= first) & (wanted < last)]
             if len(here):
                 parts.append(np.asarray(rows(first, last))[here - first])
-        found[body["name"]] = np.concatenate(parts) + offset
+        drawn = len(wanted) / max(count, 1)
+        found[body["name"]] = Dots(np.concatenate(parts) + offset, None, drawn)
     return found, sum(counts), ""
 
 
@@ -94,10 +87,7 @@ def preview(
         names = [common.AXES[a] + common.AXES[vertical] for a in flat]
         planes = [*names, common.AXES[flat[0]] + common.AXES[flat[1]]]
     planes = common.planes_of(d, planes, vertical)
-    if cut is not None:
-        cut = [float(x) for x in np.asarray(cut, np.float64).ravel()]
-        if d == 2 or len(cut) != d:
-            raise Error(f"cut is {cut}; expected a point (3,) of a scene in 3D, in m, or None")
+    cut = common.check_cut(d, cut)
     particles, count, problem = sampled_bodies(scene, most)
     wide = 1 if len(planes) == 1 else 2
     tall = -(-len(planes) // wide)
@@ -105,16 +95,21 @@ def preview(
     drawn = sum(map(len, particles.values()))
     legend: dict[str, str] = {}
     for k, name in enumerate(planes):
-        axes = picture.add_subplot(tall, wide, k + 1)
-        plane = Plane(scene, name, cut)
-        draw_domain(axes, plane)
-        legend |= _draw_bodies(axes, plane, scene, particles)
-        legend |= draw_boundaries(axes, plane, scene)
-        legend |= draw_flows(axes, plane, scene)
-        draw_sensors(axes, plane, scene, vertical)
+        panel = Panel(
+            picture.add_subplot(tall, wide, k + 1), scene, name, vertical,
+            bodies=list(particles), norm=Normalize(), cut=cut,
+        )  # fmt: skip
+        panel.show(particles)
+        legend |= body_colours(scene) | panel.legend
+        plane = panel.plane
+        if plane is None:
+            continue
+        legend |= draw_flows(panel.axes, plane, scene)
+        for body in scene.bodies:
+            draw_shape(panel.axes, plane, body.shape, color=legend[body.name], linewidth=0.6)
         if plane.cut is not None and plane.hidden is not None:
             at = plane.cut[plane.hidden] + plane.origin[plane.hidden]
-            axes.set_title(f"cut at {common.AXES[plane.hidden]} = {at:g} m", fontsize=9)
+            panel.axes.set_title(f"cut at {common.AXES[plane.hidden]} = {at:g} m", fontsize=9)
     lines = [Line2D([], [], color=colour, linewidth=3) for colour in legend.values()]
     if lines:
         show: Any = picture.legend
@@ -124,23 +119,3 @@ def preview(
     picture.suptitle(", ".join(x for x in said if x) + (f"\n{problem[:160]}" if problem else ""),
                      fontsize=10)  # fmt: skip
     return picture
-
-
-def _draw_bodies(
-    axes: Any, plane: Plane, scene: Scene, particles: dict[str, Array]
-) -> dict[str, str]:
-    """Draw particles, of a cut those within a cell of it, and outlines; return their colours."""
-    legend = {}
-    size = float(np.clip(2e4 / max(1, sum(map(len, particles.values()))), 0.4, 8.0))
-    for k, body in enumerate(scene.bodies):
-        colour = f"C{k % 10}"
-        legend[body.name] = colour
-        points = particles.get(body.name)
-        if points is not None:
-            if plane.cut is not None and plane.hidden is not None:
-                at = plane.cut[plane.hidden] + plane.origin[plane.hidden]
-                points = points[np.abs(points[:, plane.hidden] - at) <= scene.cell_size]
-            axes.scatter(*points[:, list(plane.axes)].T, s=size, linewidths=0, color=colour,
-                         rasterized=True, label=body.name, zorder=2)  # fmt: skip
-        draw_shape(axes, plane, body.shape, color=colour, linewidth=0.6)
-    return legend

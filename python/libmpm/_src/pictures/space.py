@@ -11,7 +11,8 @@ from libmpm._src.errors import Error
 from libmpm._src.optional import need
 from libmpm._src.pictures import figure as common
 from libmpm._src.pictures.outlines import COLOURS, moves, sample_solid
-from libmpm._src.pictures.plot import COLOUR_MAP, extend_of, sampled_particles
+from libmpm._src.pictures.panel import COLOUR_MAP, body_colours, radius_of
+from libmpm._src.pictures.plot import extend_of, sampled_particles
 from libmpm._src.pictures.preview import sampled_bodies, vertical_of
 from libmpm._src.shapes import Box, DomainWalls
 
@@ -23,9 +24,6 @@ __all__ = ["preview_in_space", "view"]
 
 #: Places along the longest edge of a solid at which its distance is looked at.
 _PLACES = 72
-
-#: matplotlib's first colours, which pyvista has under other names.
-_BODIES = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
 
 
 def _plotter(scene: Scene, what: str, off_screen: bool | None) -> tuple[Any, Any]:
@@ -80,19 +78,26 @@ def _surroundings(pyvista: Any, plotter: Any, scene: Scene, later: bool) -> None
         plotter.camera_position = "xy" if vertical == 1 else "yz"
 
 
+def _add_balls(plotter: Any, points: Any, radius: float, **style: Any) -> None:
+    """Add particles as lit balls of a radius in the world, m."""
+    actor = plotter.add_points(points, style="points_gaussian", emissive=False, **style)
+    actor.mapper.scale_factor = radius
+
+
 def preview_in_space(scene: Scene, *, most: int, off_screen: bool | None = None) -> Any:
     """Return a plotter with the particles, boundaries and sensors of a scene."""
     pyvista, plotter = _plotter(scene, "Scene.preview(backend='pyvista')", off_screen)
     particles, count, problem = sampled_bodies(scene, most)
-    for k, (name, points) in enumerate(particles.items()):
-        if len(points):
-            plotter.add_points(points, color=_BODIES[k % len(_BODIES)], point_size=3, label=name,
-                               name=f"body {name}")  # fmt: skip
+    colours = body_colours(scene)
+    for name, dots in particles.items():
+        if len(dots):
+            _add_balls(plotter, dots.position, radius_of(scene, name, dots.share),
+                       color=colours[name], label=name, name=f"body {name}")  # fmt: skip
     if problem:
-        for k, body in enumerate(scene.bodies):
+        for body in scene.bodies:
             surface = surface_of(pyvista, scene, body.shape)
             if surface is not None and surface.n_points:
-                plotter.add_mesh(surface, style="wireframe", color=_BODIES[k % len(_BODIES)],
+                plotter.add_mesh(surface, style="wireframe", color=colours[body.name],
                                  label=body.name, name=f"body {body.name}")  # fmt: skip
     _surroundings(pyvista, plotter, scene, later=False)
     vertical = vertical_of(scene)
@@ -132,20 +137,26 @@ def view(
     dots, count = sampled_particles(simulation, color, bodies, most)
     coloured = [d.colour for d in dots.values() if d.colour is not None]
     low, high = common.limits_of(coloured) if limits is None else common.check_limits(limits)
+    colours = body_colours(scene)
     for name, body in dots.items():
         if not len(body):
             continue
         cloud = pyvista.PolyData(np.ascontiguousarray(body.position))
+        size = radius_of(scene, name, body.share)
         if body.colour is None or color is None:
-            plotter.add_mesh(cloud, color="grey", point_size=4, name=f"body {name}")
+            _add_balls(plotter, cloud, size, color=colours[name], name=f"body {name}")
             continue
         label = common.label_of(color)
         cloud[label] = body.colour
-        plotter.add_mesh(cloud, scalars=label, clim=(low, high), cmap=COLOUR_MAP, point_size=4,
-                         name=f"body {name}")  # fmt: skip
+        _add_balls(plotter, cloud, size, scalars=label, clim=(low, high), cmap=COLOUR_MAP,
+                   name=f"body {name}")  # fmt: skip
     _surroundings(pyvista, plotter, scene, later=simulation.time > 0)
     drawn = sum(map(len, dots.values()))
-    beyond = "" if extend_of(coloured, low, high) == "neither" else "colours end before the values"
+    beyond = (
+        ""
+        if extend_of(coloured, low, high) == "neither"
+        else "colour range is clipped to the limits"
+    )
     said = [scene.name, f"{simulation.time:.4g} s", common.note(drawn, count), beyond]
     plotter.add_text(", ".join(x for x in said if x), font_size=9, name="title")
     return plotter

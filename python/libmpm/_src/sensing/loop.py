@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.errors import SceneError
-from libmpm._src.output.sensor_file import Series
+from libmpm._src.output.series import Series
 from libmpm._src.output.writer import due_index, due_time
 from libmpm._src.sensing.bodies import OfBody
 from libmpm._src.sensing.column import ColumnGauge
@@ -144,6 +144,11 @@ class Measurements:
         for (series, shift), (time, values) in zip(self._of_engine, engine.drain(), strict=True):
             if len(time):
                 series.append(time, np.asarray(values) + shift)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a sensor is being evaluated now."""
+        return self._busy
 
     def limit(self, steps: int) -> int:
         """Return how many of `steps` (-1: no limit) may be done before samples are due."""

@@ -16,8 +16,12 @@ from libmpm._src.sensing.reduce import Array
 if TYPE_CHECKING:
     from libmpm._src.scene import Scene
     from libmpm._src.simulation import Simulation
+    from libmpm._src.transfer import Kernel
 
-__all__ = ["Moment", "Nodes", "stores_velocity"]
+__all__ = ["SPREADS", "Moment", "Nodes", "stores_velocity"]
+
+#: Kernels with which a body's share of a node follows from the places of its particles.
+SPREADS = ("linear", "ddmp", "quadratic", "cubic")
 
 #: Cells of a table from places to nodes, 8 bytes each.
 _LARGEST_TABLE = 1 << 25
@@ -56,8 +60,12 @@ class Nodes:
         # The sums also have nodes whose mass is rounding; both lists are sorted alike.
         low = np.minimum(cell.min(axis=0, initial=0), seen.min(axis=0, initial=0))
         high = np.maximum(cell.max(axis=0, initial=0), seen.max(axis=0, initial=0))
+        self._kernel = scene.method.kernel_choice
+        #: Cells from its home in which a particle has nodes.
+        self._reach = 2 if self._kernel.name == "cubic" else 1
         # Room for the stencils of particles whose home is beside a node.
-        self._low, self._shape = low - 2, high - low + 5
+        room = 2 * self._reach
+        self._low, self._shape = low - room, high - low + 2 * room + 1
         keys, wanted = self._key(cell), self._key(seen)
         order, by = np.argsort(keys), np.argsort(wanted)
         rows = order[np.searchsorted(keys, wanted[by], sorter=order)]
@@ -102,25 +110,28 @@ class Nodes:
         return self._rows(self._key(cell))
 
     def spread(self, position: Array, values: list[Array]) -> list[Array]:
-        """Return Σ N_ip value_p at each node, (n,) each, with quadratic B-splines.
+        """Return Σ N_ip value_p at each node, (n,) each, with the functions of a deposit.
 
-        `position` (m, d) m is relative to the lower corner of the domain.
+        `position` (m, d) m is relative to the lower corner of the domain. Of kernels that are not
+        of `SPREADS`, with quadratic splines.
         """
         found = [np.zeros(len(self.key)) for _ in values]
         if len(self.key) == 0 or len(position) == 0:
             return found
         home = np.floor(position / self._cell_size).astype(np.int64)
+        reach = self._reach
         near = np.all(
-            (home >= self.cell.min(axis=0) - 1) & (home <= self.cell.max(axis=0) + 1), axis=1
+            (home >= self.cell.min(axis=0) - reach) & (home <= self.cell.max(axis=0) + reach),
+            axis=1,
         )
         home, values = home[near], [v[near] for v in values]
         xi = position[near] / self._cell_size - (home + 0.5)
         key = self._key(home)
         strides = np.append(np.cumprod(self._shape[:0:-1])[::-1], 1)
-        weights = (0.5 * (0.5 - xi) ** 2, 0.75 - xi**2, 0.5 * (0.5 + xi) ** 2)
+        weights = _weights(self._kernel, xi)
         d = position.shape[1]
-        for shift in np.ndindex(*(3,) * d):
-            row = self._rows(key + int((np.asarray(shift) - 1) @ strides))
+        for shift in np.ndindex(*(len(weights),) * d):
+            row = self._rows(key + int((np.asarray(shift) - reach) @ strides))
             weight = weights[shift[0]][:, 0]
             for a in range(1, d):
                 weight = weight * weights[shift[a]][:, a]
@@ -129,6 +140,28 @@ class Nodes:
                 share = (weight * value)[kept]
                 total += np.bincount(row[kept], weights=share, minlength=len(total))
         return found
+
+
+def _weights(kernel: Kernel, xi: Array) -> list[Array]:
+    """Return weights (m, d) of a particle's nodes by axis, from offsets of its home's centre.
+
+    Quadratic ones for kernels that are not of `SPREADS`.
+    """
+    if kernel.name == "quadratic" or kernel.name not in SPREADS:
+        return [0.5 * (0.5 - xi) ** 2, 0.75 - xi**2, 0.5 * (0.5 + xi) ** 2]
+    if kernel.name == "cubic":
+        away = [np.abs(xi - n) for n in range(-2, 3)]
+        return [
+            np.where(r <= 1, 2 / 3 - r * r + 0.5 * r**3, np.maximum(2.0 - r, 0.0) ** 3 / 6)
+            for r in away
+        ]
+    weights = [np.maximum(1.0 - np.abs(xi - n), 0.0) for n in (-1, 0, 1)]
+    if not kernel.modified:
+        return weights
+    # The two nodes of the span that the particle is in: the lower one, or the upper.
+    lower = xi < 0
+    held = [np.clip(w, 0.001, 0.999) for w in weights]
+    return [np.where(lower, held[0], 0.0), held[1], np.where(lower, 0.0, held[2])]
 
 
 class Moment:

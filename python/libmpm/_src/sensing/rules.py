@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from libmpm._src.checks import initial_gravity, vertical_axis
 from libmpm._src.sensing import attributes
 from libmpm._src.sensing.column import ColumnGauge
+from libmpm._src.sensing.moment import SPREADS
 from libmpm._src.sensing.sampler import bodies_of
 from libmpm._src.sensing.values import (
     AttributeTracker,
@@ -54,10 +55,12 @@ def check_sampled(check: Checker, scene: Scene, sensor: Sampled, counts: Mapping
         _check_loads(check, scene, "boundary_force is asked for")
         if scene.grid is None:
             kernel = scene.method.kernel_choice
-            if kernel.name != "quadratic" or kernel.boundary:
+            if kernel.name not in SPREADS or kernel.boundary:
                 check.fail(
                     f"boundary_force is asked for with {kernel.text()}; a body's share of a node "
-                    "is worked out with quadratic splines; use Kernel('quadratic') or leave it out"
+                    "is worked out from the places of its particles, without their shapes and "
+                    "without ends of the domain; use a kernel 'linear', 'quadratic', 'cubic' or "
+                    "'ddmp' without boundary, or leave it out"
                 )
     elif isinstance(sensor, ContactForce):
         _check_contact(check, scene, sensor)

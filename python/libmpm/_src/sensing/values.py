@@ -136,7 +136,8 @@ class GridSensor(Sampled):
       a load cell gives. Not defined for XPIC and FMPM, whose grids are filtered in between;
     - "acceleration" change of v since the previous sample per time, m/s², at the nodes that had
       mass both times: ∂v/∂t at a fixed place. The first sample has none;
-    - "volume" Σ N_ip V_p, m³; "jbar" Σ N_ip V_p / Σ N_ip V_p⁰, with quadratic B-splines.
+    - "volume" Σ N_ip V_p, m³; "jbar" Σ N_ip V_p / Σ N_ip V_p⁰, with the functions of the deposit
+      (linear, quadratic, cubic; else quadratic ones).
 
     Of no node count and sum are 0, all others not-a-number. In 2D per metre of thickness. Square
     cells only. A sample reads the whole grid; "volume" and "jbar" all particles as well. Raises
@@ -200,7 +201,7 @@ class BodyTracker(Sampled):
       every node the body has its share of the mass, Σ (m_i of the body/m_i) f_i. With interval 0
       the rest of the contact force is that of other bodies, and with exactly two bodies that touch
       the force between the pair (where particles store a velocity, of the step before). For square
-      cells with quadratic splines, not with XPIC and FMPM.
+      cells with linear, quadratic, cubic and "ddmp" functions, not with XPIC and FMPM.
 
     Not-a-number without particles. In 2D per metre of thickness. Raises `SceneError`.
 

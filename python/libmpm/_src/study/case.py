@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import numbers
 from collections.abc import Callable, Mapping, Sequence
@@ -9,10 +10,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.output.sensor_file import Series, read_sensors
+from libmpm._src.errors import SceneError
+from libmpm._src.output.locks import is_held
+from libmpm._src.output.sensor_file import read_sensors
+from libmpm._src.output.series import Series
 from libmpm._src.scene import Scene
-from libmpm._src.study.files import LOCK, RESPONSE, STATUS, glance, read_object, write_shared
-from libmpm._src.study.locks import is_held
+from libmpm._src.study.files import LOCK, RESPONSE, write_shared
+from libmpm._src.study.record import glance_record, glance_responses, read_responses
 from libmpm._src.study.rows import canonical, describe
 from libmpm._src.study.table import COLUMNS
 from libmpm._src.values import plain
@@ -53,8 +57,11 @@ class Case:
 
     @cached_property
     def record(self) -> dict[str, Any]:
-        """The content of ``status.json``; empty while the case has not begun. Read once."""
-        return {} if self.folder is None else glance(self.folder / STATUS)
+        """The content of ``status.json``; empty while the case has not begun. Read once.
+
+        A damaged one counts as none: the case will run again.
+        """
+        return {} if self.folder is None else glance_record(self.folder)
 
     @property
     def status(self) -> str:
@@ -125,7 +132,7 @@ def compute_response(case: Case, response: Response) -> Found:
 
 def store_responses(folder: Path, found: Sequence[tuple[Case, Found]]) -> None:
     """Keep the responses of rows in ``response.json``, beside those of others that share it."""
-    before = _entries(read_object(folder / RESPONSE))
+    before = _entries(read_responses(folder))
     after = dict(before)
     for case, (numbers_, error) in found:
         # JSON has no word for what is not finite.
@@ -139,13 +146,18 @@ def store_responses(folder: Path, found: Sequence[tuple[Case, Found]]) -> None:
 def recorded_responses(folder: Path) -> dict[str, Found]:
     """Return the responses that an earlier run computed in a folder, by canonical row."""
     found = {}
-    for row, entry in _entries(glance(folder / RESPONSE)).items():
-        values = entry.get("response", {}).items()
+    for row, entry in _entries(glance_responses(folder)).items():
+        values = entry["response"].items()
         numbers_ = {k: float(v) if isinstance(v, str) else v for k, v in values}
         found[row] = numbers_, str(entry.get("error", ""))
     return found
 
 
-def _entries(content: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def _entries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return the responses of a ``response.json`` by row."""
-    return {canonical(row["parameters"]): row for row in content.get("rows", [])}
+    found = {}
+    for row in rows:
+        # No row of a study has what is not finite; a file that has it is damaged.
+        with contextlib.suppress(SceneError):
+            found[canonical(row["parameters"])] = row
+    return found

@@ -40,6 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--device", default="auto", help="auto, cpu, cuda:N, or several: cuda:0,cuda:1"
     )
     run.add_argument("--retry-failed", action="store_true", help="run failed cases again")
+    run.add_argument(
+        "--time-limit", type=float, metavar="S", help="wall time of a case, s; default: any"
+    )
     run.add_argument("--quiet", action="store_true", help="no progress bar")
 
     status = actions.add_parser("status", help="how the cases of a folder stand")
@@ -77,6 +80,7 @@ def _run(arguments: argparse.Namespace) -> int:
         device=device,
         progress=not arguments.quiet,
         retry_failed=arguments.retry_failed,
+        time_limit=arguments.time_limit,
     )
     print(result)
     print(f"table    {study.folder / 'table.csv'}, {study.folder / 'table.h5'}")

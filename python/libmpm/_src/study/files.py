@@ -10,6 +10,7 @@ from typing import Any
 
 from libmpm._src.errors import OutputError
 from libmpm._src.output.atomic import write_json, writing
+from libmpm._src.output.holding import LOCK
 
 __all__ = [
     "CASES",
@@ -30,7 +31,7 @@ __all__ = [
 STUDY, CASES, TRUNKS = "study.json", "cases", "trunks"
 #: In the folder of a case or trunk, beside what the run writes.
 STATUS, PARAMETERS, RESPONSE = "status.json", "parameters.json", "response.json"
-TRACEBACK, LOCK, CHECKPOINT = "traceback.txt", "lock", "trunk.npz"
+TRACEBACK, CHECKPOINT = "traceback.txt", "trunk.npz"
 
 
 def read_object(path: Path) -> dict[str, Any]:
@@ -40,7 +41,7 @@ def read_object(path: Path) -> dict[str, Any]:
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError, ValueError):
+    except (FileNotFoundError, NotADirectoryError, ValueError, RecursionError):
         return {}
     except OSError as error:
         raise OutputError(

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from libmpm._src.errors import OutputError, SceneError
+from libmpm._src.output.locks import locked
 from libmpm._src.study.files import STUDY, read_object, write_shared
-from libmpm._src.study.locks import locked
 from libmpm._src.study.plan import Plan
+from libmpm._src.study.record import is_row
 from libmpm._src.study.rows import canonical
-from libmpm._src.values import plain
+from libmpm._src.values import plain, shown
 
 __all__ = ["read_ledger", "update_ledger"]
 
@@ -28,10 +30,10 @@ def update_ledger(folder: Path, name: str, run_axes: Sequence[str], plans: Seque
     path = folder / STUDY
     with locked(folder / f"{STUDY}.lock"):
         found = read_object(path)
-        if path.exists() and found.get("study") != _FORMAT:
+        if path.exists() and (problem := _problem(found)):
             raise OutputError(
-                f"{path} {_layout(found)}; expected format {_FORMAT}. It is not replaced: it names "
-                "the rows of the cases; restore it, move it away, or choose another folder"
+                f"{path} {problem}; expected format {_FORMAT}. It is not replaced: it names the "
+                "rows of the cases; restore it, move it away, or choose another folder"
             )
         entries = dict(_numbered(found.get("rows", [])))
         for key, plan in _numbered(plans):
@@ -58,10 +60,11 @@ def update_ledger(folder: Path, name: str, run_axes: Sequence[str], plans: Seque
 def read_ledger(folder: Path) -> tuple[str, list[str], list[Plan]]:
     """Return name, run axes and rows of a folder; raises `SceneError` if it holds no study."""
     found = read_object(folder / STUDY)
-    if found.get("study") != _FORMAT:
+    if problem := _problem(found):
         raise SceneError(
-            f"Study.open: {folder / STUDY} {_layout(found)}; expected the folder of a study that "
-            f"has run, of format {_FORMAT}"
+            f"Study.open: {folder / STUDY} {problem}; expected the folder of a study that has run, "
+            f"of format {_FORMAT}; a study that is run again from its script writes the file again "
+            "once it is moved away"
         )
     plans = [
         Plan(row["parameters"], hash=row["case"], trunk=row["trunk"], error=row["error"])
@@ -70,9 +73,42 @@ def read_ledger(folder: Path) -> tuple[str, list[str], list[Plan]]:
     return found["name"], found["run_axes"], plans
 
 
-def _layout(found: Mapping[str, Any]) -> str:
-    """Return in words what is wrong with a ledger of another format."""
-    return f"has format {found['study']!r}" if "study" in found else "is no whole study.json"
+def _problem(found: Mapping[str, Any]) -> str:
+    """Return in words what is wrong with a ledger; empty if nothing is."""
+    if "study" not in found:
+        return "is no whole study.json"
+    if type(found["study"]) is not int or found["study"] != _FORMAT:
+        return f"has format {shown(found['study'])}"
+    rows, axes = found.get("rows"), found.get("run_axes")
+    if not isinstance(found.get("name"), str):
+        return f"is damaged: name is {shown(found.get('name'))}, not a text"
+    if not isinstance(axes, list) or not all(isinstance(axis, str) for axis in axes):
+        return f"is damaged: run_axes is {shown(axes)}, not a list of texts"
+    if not isinstance(rows, list):
+        return f"is damaged: rows is {shown(rows)}, not a list"
+    for number, row in enumerate(rows):
+        if wrong := _wrong(row):
+            return f"is damaged: rows[{number}] {wrong}"
+    return ""
+
+
+def _wrong(row: Any) -> str:
+    """Return in words what is wrong with a row of a ledger; empty if nothing is."""
+    if not isinstance(row, dict):
+        return f"is {shown(row)}, not an object"
+    if not is_row(row.get("parameters")):
+        return f"has the parameters {shown(row.get('parameters'))}, not names and values"
+    for key in ("case", "trunk"):
+        # It becomes part of a path.
+        if not isinstance(row.get(key), str) or not re.fullmatch("([0-9a-f]{16})?", row[key]):
+            return f"has {key} = {shown(row.get(key))}, not the 16 digits of a folder's name"
+    if not isinstance(row.get("error"), str):
+        return f"has error = {shown(row.get('error'))}, not a text"
+    try:
+        canonical(row["parameters"], "parameters")
+    except SceneError as error:
+        return f"has {error}"
+    return ""
 
 
 def _numbered(rows: Iterable[Any]) -> Iterable[tuple[tuple[str, int], Any]]:

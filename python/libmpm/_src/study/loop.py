@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import concurrent.futures
 import contextlib
+import math
 import threading
 import time as clock
 import uuid
+import warnings
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor
@@ -20,11 +22,12 @@ from typing import Any
 
 from libmpm._src.errors import Error, OutputError
 from libmpm._src.output.atomic import writing
-from libmpm._src.study.files import CASES, LOCK, STATUS, TRUNKS, glance
-from libmpm._src.study.locks import Observer
+from libmpm._src.output.locks import STALE, Observer, held_by
+from libmpm._src.study.files import CASES, LOCK, TRUNKS
 from libmpm._src.study.plan import Resolved
 from libmpm._src.study.pool import Inline, SpawnPool
 from libmpm._src.study.progress import StudyProgress, StudyState
+from libmpm._src.study.record import glance_record
 from libmpm._src.study.worker import is_over, record_death, run_case
 from libmpm._src.values import plain
 
@@ -36,6 +39,10 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.01, 0.5
 _TELL = 0.1
 #: Seconds between looks at cases that others run.
 _WATCH = 0.5
+#: Seconds beyond its limit of time, and share of it, after which a worker that hangs is ended.
+_GRACE, _GRACE_SHARE = 60.0, 0.1
+#: Seconds after which a study that only waits for others says so.
+_SILENCE = 10.0
 #: Seconds that an interrupted study waits for cases in an executor that cannot take them back.
 _PATIENCE = 30.0
 
@@ -52,6 +59,8 @@ class Item:
     dead: str = ""
     deaths: int = 0
     error: str = ""
+    began: float = 0.0
+    over_limit: bool = False
     record: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -70,7 +79,7 @@ class Runner:
     `finished` is told of every item that is over, and returns the items that can run because of
     it. `device` names the device of the item that is handed over next, if it names none itself;
     `threads` are those of such items; `output` holds the intervals of `Output`; `attempts` is how
-    many workers an item may outlive.
+    many workers an item may outlive, `time_limit` its wall time in s or None.
     """
 
     def __init__(
@@ -83,6 +92,7 @@ class Runner:
         output: Mapping[str, Any],
         attempts: int,
         retry_failed: bool,
+        time_limit: float | None,
         finished: Callable[[Item], list[Item]],
     ) -> None:
         """Take what the items have in common."""
@@ -93,6 +103,7 @@ class Runner:
         self._output = dict(output)
         self._attempts = attempts
         self._retry_failed = retry_failed
+        self._time_limit = time_limit
         self._finished = finished
         own = isinstance(executor, Inline | SpawnPool)
         self._capacity = executor.capacity if own else None
@@ -110,6 +121,8 @@ class Runner:
         self._began = clock.monotonic()
         self._particle_steps = 0.0
         self._alive = False
+        self._alone_since: float | None = None
+        self._told_waiting = False
 
     def add(self, items: list[Item]) -> None:
         """Queue items; those that are over already, from an earlier run, are counted as such."""
@@ -119,7 +132,7 @@ class Runner:
             if item.key in self._known:
                 continue
             self._known.add(item.key)
-            found = glance(item.folder / STATUS)
+            found = glance_record(item.folder)
             if self._retry_failed and found.get("status") == "failed":
                 item.retry = str(found.get("token"))
             if item.is_over(found):
@@ -149,6 +162,8 @@ class Runner:
                 self._submit()
                 moved = self._collect()
                 moved |= self._look()
+                self._end_hanging()
+                self._tell_waiting()
                 # Other executors may hold all cases at once, and their states are asked one by one.
                 if self._capacity is not None or clock.monotonic() - self._told >= _TELL:
                     report.update(self.state)
@@ -176,6 +191,7 @@ class Runner:
                     "finished is kept: run the study again with a new one"
                 ) from error
             self._waiting.popleft()
+            item.began = clock.monotonic()
             self._flying.append((future, item))
             with contextlib.suppress(AttributeError):
                 future.add_done_callback(lambda _: self._wake.set())
@@ -207,6 +223,7 @@ class Runner:
             "stop": str(self._stop),
             "dead": item.dead,
             "retry": item.retry,
+            "time_limit": self._time_limit,
         }
 
     def _collect(self) -> bool:
@@ -227,7 +244,7 @@ class Runner:
             if error is None:
                 self._take(item, future.result())
             else:
-                self._died(item, error)
+                self._died(item, future, error)
         return bool(back)
 
     def _take(self, item: Item, result: Mapping[str, Any]) -> None:
@@ -236,7 +253,8 @@ class Runner:
             item.record = result["record"]
             mine = item.record.get("study_run") == self._name
             if mine and item.record["status"] == "finished":
-                self._particle_steps += item.record["particles"] * item.record["steps"]
+                done = (item.record.get(name) or 0 for name in ("particles", "steps"))
+                self._particle_steps += math.prod(done)
             self.add(self._end(item))
         elif result["outcome"] == "busy":
             self._watched[item] = Observer(item.folder / LOCK)
@@ -244,11 +262,12 @@ class Runner:
             # Its worker was asked to end: another one goes on.
             self._waiting.append(item)
 
-    def _died(self, item: Item, error: BaseException) -> None:
+    def _died(self, item: Item, future: Any, error: BaseException) -> None:
         """Note that a worker did not come back with an answer."""
-        began = glance(item.folder / STATUS).get("study_run") == self._name
-        unborn = isinstance(error, BrokenExecutor) and isinstance(self._executor, SpawnPool)
-        if unborn and not (began or self._alive):
+        began = glance_record(item.folder).get("study_run") == self._name
+        broken = isinstance(error, BrokenExecutor) and isinstance(self._executor, SpawnPool)
+        # A worker that was killed is no reason to give up, even if it is the first one.
+        if broken and not (began or self._alive) and self._executor.failed_to_start(future):
             raise Error(
                 f"the workers end before they begin ({type(error).__name__}: {error}); what they "
                 "say is printed above. A script that runs a study must do so under "
@@ -260,6 +279,13 @@ class Runner:
             f"its worker died {item.deaths} time(s) ({type(error).__name__}: {error}); was it "
             "killed, or out of memory?"
         )
+        if item.over_limit:
+            item.deaths = self._attempts
+            item.error = (
+                f"it did not answer for {clock.monotonic() - item.began:.0f} s, its limit of time "
+                f"is {self._time_limit:g} s: its worker was ended; raise time_limit if it needs "
+                "longer, and run with retry_failed=True"
+            )
         self._watched[item] = Observer(item.folder / LOCK)
         self._looked = 0.0
 
@@ -270,7 +296,7 @@ class Runner:
         self._looked = clock.monotonic()
         moved = False
         for item, observer in list(self._watched.items()):
-            found = glance(item.folder / STATUS)
+            found = glance_record(item.folder)
             if item.is_over(found):
                 item.record = found
             elif not observer.is_free():
@@ -288,6 +314,34 @@ class Runner:
             if item.record:
                 self.add(self._end(item))
         return moved
+
+    def _end_hanging(self) -> None:
+        """End the workers of cases that do not stop by themselves at their limit of time."""
+        if self._time_limit is None or not isinstance(self._executor, SpawnPool):
+            return
+        most = self._time_limit + max(_GRACE, _GRACE_SHARE * self._time_limit)
+        for future, item in self._flying:
+            if clock.monotonic() - item.began > most and not item.over_limit:
+                item.over_limit = True
+                self._executor.kill(future)
+
+    def _tell_waiting(self) -> None:
+        """Say once for whom a study waits that has nothing to run itself."""
+        if self._flying or self._waiting or not self._watched:
+            self._alone_since = None
+            return
+        if self._alone_since is None:
+            self._alone_since = clock.monotonic()
+        if not self._told_waiting and clock.monotonic() - self._alone_since > _SILENCE:
+            self._told_waiting = True
+            first = next(iter(self._watched))
+            warnings.warn(
+                f"waiting for {len(self._watched)} cases that others run; the first is "
+                f"{first.folder}, held by {held_by(first.folder / LOCK) or 'nobody any more'}. A "
+                f"case is taken over {STALE:g} s after the last heartbeat of its lock, at once "
+                "where its process is known to be gone",
+                stacklevel=4,
+            )
 
     def _give_up(self, item: Item) -> dict[str, Any] | None:
         try:

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.errors import SceneError
+from libmpm._src.errors import CheckpointError, SceneError
 from libmpm._src.lowering import check_options, choose_precision
 from libmpm._src.scene import Scene
 from libmpm._src.sensing.custom import check_storable
-from libmpm._src.study.files import CHECKPOINT, STATUS, TRUNKS, glance
+from libmpm._src.study.files import CHECKPOINT, TRUNKS
+from libmpm._src.study.record import glance_record
 from libmpm._src.study.rows import accepts, call_with, describe, digest, lacking
 from libmpm._src.values import Checker, nearest, plain
 
@@ -162,9 +163,15 @@ class Planner:
         """Resolve the case of a row, if its trunk has finished by now."""
         folder = self.folder / TRUNKS / plan.trunk
         there = (folder / CHECKPOINT).is_file()
-        if plan.case is None and there and glance(folder / STATUS).get("status") == "finished":
+        if plan.case is None and there and glance_record(folder).get("status") == "finished":
             with _noting(plan):
-                self._settle(plan)
+                try:
+                    self._settle(plan)
+                except CheckpointError as error:
+                    raise CheckpointError(
+                        f"{error}. Where it is that of the trunk, delete {folder / CHECKPOINT}: "
+                        "the trunk runs again"
+                    ) from error
 
     def _settle(self, plan: Plan) -> None:
         plan.case = self._resolve(plan.row, plan.trunk)

@@ -7,9 +7,11 @@ import multiprocessing
 import os
 import signal
 import threading
+import time as clock
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from multiprocessing import connection
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from libmpm._src import backends
@@ -17,6 +19,11 @@ from libmpm._src.errors import SceneError
 from libmpm._src.study import worker
 
 __all__ = ["Inline", "SpawnPool", "choose_slots", "cores", "refuse_forks"]
+
+#: Exit code of a worker that was asked to end: that of a shell's child after SIGTERM.
+_ASKED = 128 + 15
+#: Seconds in which a process that has closed its pipes has an exit code.
+_REAPING = 2.0
 
 #: Held while a worker process runs a case.
 _busy = threading.Lock()
@@ -95,6 +102,7 @@ class SpawnPool:
         self.capacity = workers
         self._pools: list[ProcessPoolExecutor | None] = [None] * workers
         self._futures: list[Future[Any] | None] = [None] * workers
+        self._processes: list[list[BaseProcess]] = [[] for _ in range(workers)]
 
     def idle(self) -> int:
         """Return the number of a worker that has nothing to do."""
@@ -115,7 +123,31 @@ class SpawnPool:
             self._pools[slot] = pool
             future = pool.submit(_call, function, *arguments)
         self._futures[slot] = future
+        # The standard library names the processes of a pool only here, and forgets them at its end.
+        found = getattr(self._pools[slot], "_processes", None) or {}
+        self._processes[slot] = list(found.values())
         return future
+
+    def kill(self, future: Any) -> None:
+        """End the worker of a call, which hangs; its future fails as at any other death."""
+        for process in self._of(future):
+            process.kill()
+
+    def failed_to_start(self, future: Any) -> bool:
+        """Tell whether the worker of a call ended by itself: it could not import the script."""
+        codes = []
+        limit = clock.monotonic() + _REAPING
+        for process in self._of(future):
+            while process.exitcode is None and clock.monotonic() < limit:
+                clock.sleep(0.01)
+            codes.append(process.exitcode)
+        # A signal, the system's at want of memory too, shows as a negative code.
+        return any(code is not None and code >= 0 and code != _ASKED for code in codes)
+
+    def _of(self, future: Any) -> list[BaseProcess]:
+        return next(
+            (p for f, p in zip(self._futures, self._processes, strict=True) if f is future), []
+        )
 
     def close(self, *, wait: bool) -> None:
         """End the workers, after what they run if `wait`."""
@@ -149,7 +181,7 @@ def _leave() -> None:
     """End this process; the case that it runs first writes where it stands."""
     worker.LEAVING.set()
     with _busy:
-        os._exit(1)
+        os._exit(_ASKED)
 
 
 def _call(function: Callable[..., Any], *arguments: Any) -> Any:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from libmpm._src.errors import SceneError
+from libmpm._src.study.record import is_row
 from libmpm._src.values import Value, nearest, plain
 
 __all__ = ["accepts", "call_with", "canonical", "describe", "digest", "lacking", "take_rows"]
@@ -44,6 +45,9 @@ def take_rows(label: str, rows: Any) -> list[dict[str, Any]]:
             problems.append(
                 f"{label}: row {number} is {row!r:.60}; expected a mapping of names to values"
             )
+            continue
+        if not is_row(dict(row)):
+            problems.append(f"{label}: row {number} is nested too deep; expected plain values")
             continue
         made = {}
         for name, item in row.items():

@@ -49,8 +49,11 @@ class StudyStatus:
 
 def _running(case: Case) -> str:
     record = case.record
+    time, until = (record.get(name) or 0.0 for name in ("time", "until"))
+    device, host, pid, beat = (
+        record.get(name) or "?" for name in ("device", "host", "pid", "heartbeat")
+    )
     return (
-        f"running {case.hash}: {record.get('time', 0.0):.4g} of {record['until']:.4g} s on "
-        f"{record['device']} of {record['host']}, process {record['pid']}, last heard of "
-        f"{record['heartbeat']}"
+        f"running {case.hash}: {time:.4g} of {until:.4g} s on {device} of {host}, process {pid}, "
+        f"last heard of {beat}"
     )

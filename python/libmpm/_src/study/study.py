@@ -12,6 +12,7 @@ from typing import Any
 
 from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output.atomic import writing
+from libmpm._src.output.locks import locked
 from libmpm._src.output.writer import Output
 from libmpm._src.scene import Scene
 from libmpm._src.study import pool
@@ -23,12 +24,12 @@ from libmpm._src.study.case import (
     recorded_responses,
     store_responses,
 )
-from libmpm._src.study.files import CASES, CHECKPOINT, STATUS, STUDY, TRUNKS, glance
+from libmpm._src.study.files import CASES, CHECKPOINT, STUDY, TRUNKS
 from libmpm._src.study.ledger import read_ledger, update_ledger
-from libmpm._src.study.locks import locked
 from libmpm._src.study.loop import Item, Runner
 from libmpm._src.study.plan import OPTIONS, Plan, Planner, Seconds, Trunk
 from libmpm._src.study.progress import StudyState, reporter
+from libmpm._src.study.record import glance_record
 from libmpm._src.study.rows import canonical, take_rows
 from libmpm._src.study.status import StudyStatus
 from libmpm._src.study.table import COLUMNS, StudyResult, TrunkCost
@@ -223,6 +224,7 @@ class Study:
         attempts: int = 2,
         progress: bool | Callable[[StudyState], object] = True,
         retry_failed: bool = False,
+        time_limit: float | None = None,
     ) -> StudyResult:
         """Run what has not finished yet, and return the table; it is also saved in the folder.
 
@@ -240,12 +242,18 @@ class Study:
         attempts      1     workers that a case may cost before it counts as failed, ≥ 1
         progress      -     True a bar, False nothing, or a callable that receives a `StudyState`
         retry_failed  -     run failed cases again
+        time_limit    s     wall time of a case, > 0, over all runs that it goes on in; None = any
         ============  ====  ================================================================
 
         Finished cases are not run again; a failed one is recorded and does not stop the rest. A
         case that another study runs at this moment, in this folder, is waited for. Ctrl-C stops
         every case at a step boundary; a later call goes on. A script needs
         ``if __name__ == "__main__":`` around this call, as its workers import the script.
+
+        A case over its `time_limit` stops at a step boundary, writes a checkpoint and counts as
+        failed; with a larger limit and `retry_failed` it goes on from there. A worker of this
+        machine that does not answer for a minute more, or a tenth of the limit, is ended; those of
+        another executor are not.
 
         Raises `SceneError`, `DeviceError`, `OutputError`, and `Error` if the executor breaks.
         """
@@ -255,6 +263,8 @@ class Study:
             workers = check.integer("workers", workers)
         threads = check.integer("threads", threads)
         attempts = check.integer("attempts", attempts, lower=1)
+        if time_limit is not None:
+            time_limit = check.number("time_limit", time_limit, lower=0, lower_open=True, unit="s")
         if executor is not None and not callable(getattr(executor, "submit", None)):
             check.fail(f"executor is {executor!r:.60}; expected an object with submit(...)")
         elif executor is not None and workers is not None:
@@ -284,6 +294,7 @@ class Study:
             output=self._output,
             attempts=attempts,
             retry_failed=retry_failed,
+            time_limit=time_limit,
             finished=finished,
         )
         for number, plan in enumerate(self._plans):
@@ -344,7 +355,7 @@ class Study:
                 new.append(plan)
                 continue
             if not good:
-                plan.error = f"its trunk {plan.trunk} failed: {item.record['error']}"
+                plan.error = f"its trunk {plan.trunk} failed: {item.record.get('error')}"
                 continue
             planner.go_on(plan)
             if plan.case is not None:
@@ -433,9 +444,9 @@ class Study:
             )
         trunks = {}
         for trunk, sharers in sharing.items():
-            record = glance(self._folder / TRUNKS / trunk / STATUS)
+            record = glance_record(self._folder / TRUNKS / trunk)
             if record.get("status") == "finished":
-                trunks[trunk] = TrunkCost(record["wall_time"], len(sharers - {""}))
+                trunks[trunk] = TrunkCost(record.get("wall_time") or 0.0, len(sharers - {""}))
         return StudyResult(tuple(rows), tuple(parameters), tuple(answers), self._name, trunks)
 
 

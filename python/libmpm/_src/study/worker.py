@@ -15,20 +15,21 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.errors import CheckpointError, OutputError
+from libmpm._src.errors import Error, OutputError
+from libmpm._src.output import locks
 from libmpm._src.output.atomic import write_json, writing
 from libmpm._src.output.checkpoint import find_checkpoints
+from libmpm._src.output.holding import lent
+from libmpm._src.output.locks import Lock
 from libmpm._src.progress import State
-from libmpm._src.study import locks
 from libmpm._src.study.files import (
     CHECKPOINT,
     LOCK,
     PARAMETERS,
     STATUS,
     TRACEBACK,
-    read_object,
 )
-from libmpm._src.study.locks import Lock
+from libmpm._src.study.record import read_record
 from libmpm._src.study.rows import describe
 
 __all__ = ["LEAVING", "record_death", "run_case"]
@@ -61,7 +62,7 @@ def run_case(task: Mapping[str, Any]) -> dict[str, Any]:
         return {"outcome": "busy"}
     try:
         try:
-            found = read_object(folder / STATUS)
+            found = read_record(folder)
         except OutputError as error:
             return _unusable(error)
         if is_over(folder, found, trunk=task["trunk"], retry=task["retry"]):
@@ -101,7 +102,7 @@ def record_death(task: Mapping[str, Any], error: str) -> dict[str, Any] | None:
     if lock is None:
         return None
     try:
-        record = read_object(folder / STATUS)
+        record = read_record(folder)
         if not is_over(folder, record, trunk=task["trunk"], retry=task["retry"]):
             record |= {"status": "failed", "error": error, "token": lock.token, "ended": _now()}
             write_json(folder / STATUS, record)
@@ -161,7 +162,7 @@ class _Attempt:
             write_json(self._folder / "scene.json", self._document())
             write_json(self._folder / PARAMETERS, self._task["parameters"])
             write_json(self._folder / STATUS, self._record)
-            with self._heart(), _warnings_in(messages):
+            with self._heart(), lent(self._lock), _warnings_in(messages):
                 self._simulate()
             self._record["status"] = "finished"
         except KeyboardInterrupt as stop:
@@ -221,7 +222,7 @@ class _Attempt:
         large = simulation.device != "cpu" or simulation.plan.memory_total > _LARGE
         try:
             with simulation:
-                simulation.run(until=self._task["until"], progress=self._watch)
+                self._run_within_limit(simulation)
                 if self._task["trunk"]:
                     simulation.save_checkpoint(self._folder / CHECKPOINT)
                 wall, processor = simulation.seconds_stepping
@@ -246,6 +247,19 @@ class _Attempt:
                 # The views of a simulation refer back to it, so its memory waits for the collector.
                 gc.collect()
 
+    def _run_within_limit(self, simulation: Any) -> None:
+        """Run to the end; raises `Error` where the case's limit of time is over before."""
+        limit, until = self._task["time_limit"], self._task["until"]
+        left = None
+        if limit is not None:
+            left = max(limit - self._spent - (clock.monotonic() - self._began), 0.0)
+        if not simulation.run(until=until, progress=self._watch, wall_limit=left):
+            raise Error(
+                f"its limit of time, {limit:g} s, is over at {simulation.time:g} of {until:g} s, "
+                f"step {simulation.steps}; raise time_limit and run with retry_failed=True: it "
+                "goes on from the checkpoint of this step"
+            )
+
     def _output(self) -> Any:
         return self._settings().output(self._folder, overwrite=True)
 
@@ -261,7 +275,8 @@ class _Attempt:
         from libmpm._src.simulation import Simulation
 
         output = self._output()
-        if not output.checkpoint_interval or not find_checkpoints(self._folder / "checkpoints"):
+        # A case that has reached its limit of time leaves one, with or without an interval.
+        if not find_checkpoints(self._folder / "checkpoints"):
             return None
         try:
             made = Simulation.resume(
@@ -270,7 +285,7 @@ class _Attempt:
                 output=output,
                 partition=self._task["options"]["partition"] or "same",
             )
-        except CheckpointError as error:
+        except Error as error:
             warnings.warn(f"{error}; the case starts again", stacklevel=2)
             return None
         recorded = made.recorded_output()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.errors import SceneError
 from libmpm._src.guard import opened_by
-from libmpm._src.output.sensor_file import Series
+from libmpm._src.output.series import Series
 from libmpm._src.scene import Scene
 from libmpm._src.sensors import Energy
 from libmpm._src.study.case import Case
@@ -165,7 +165,7 @@ def _column(check: Checker, text: str, scene: Scene | None) -> Callable[[Case], 
                 f"metric '{text}': sensor '{sensor}' has no component '{column or ''}'; "
                 f"{nearest(column or '', series.components)}"
             )
-        values = series.values[:, series.components.index(column)]
+        values = series[column]
         if not len(values):
             raise SceneError(
                 f"metric '{text}': sensor '{sensor}' took no sample until the end of the run; "

@@ -1,0 +1,176 @@
+"""Faces of surfaces that lie on walls: what stands on a floor is as if it went on below.
+
+Expected duration: 8 s.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm import Scene, Simulation, TimeTable
+from libmpm._src import surfaces
+from libmpm.boundaries import Displacement, Rotation, Separable, Slip, Travel
+from libmpm.materials import TaitFluid
+from libmpm.shapes import Box, Cylinder, DomainWalls, HalfSpace
+
+WATER = TaitFluid(density=1000.0, bulk_modulus=2e5)
+
+
+def strokes(count, period, way, rows=40):
+    """A smooth motion there and back, `count` times."""
+    time = np.linspace(0.0, count * period, count * rows + 1)
+    return TimeTable(time, [(0.5 * way * (1 - np.cos(2 * np.pi * t / period)), 0) for t in time])
+
+
+@pytest.mark.parametrize("wall", [Slip(), Separable()])
+@pytest.mark.parametrize("floor", ["wall", "box", "plane"])
+def test_nothing_gets_behind_a_piston_that_ends_on_the_floor(floor, wall):
+    """The wave maker of docs/boundaries.md: 20 strokes of 4 cells."""
+    dx, way, period = 0.25, 1.0, 2.0
+    low = -2 * dx if floor != "wall" else 0.0
+    path = strokes(20, period, way)
+    scene = Scene(dimension=2, cell_size=dx, lower=(-1, low), upper=(4, 3), gravity=(0, -9.81))
+    water = Box(lower=(0, 0), upper=(4, 1))
+    scene.add_body(name="water", shape=water, material=WATER, hydrostatic=1.0)
+    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
+    if floor == "box":
+        step = Box(lower=(-1, low), upper=(4, 0))
+        scene.add_boundary(name="step", shape=step, response=Slip())
+    elif floor == "plane":
+        plane = HalfSpace(point=(0, 0), normal=(0, 1))
+        scene.add_boundary(name="bed", shape=plane, response=Slip())
+    scene.add_boundary(
+        name="piston",
+        shape=Box(lower=(-4, 0), upper=(0, 3)),
+        response=wall,
+        motion=Displacement(path),
+    )
+    sim = Simulation(scene, device="cpu", threads=1)
+    for k in range(1, 81):
+        sim.run(until=k * period / 4, progress=False)
+        position = np.asarray(sim.particles["water"]["position"])
+        front = float(path.at(sim.time)[0])
+        assert len(position) == sim.particle_count(0)
+        assert position[:, 0].min() > front - 0.05 * dx, f"behind at {sim.time:.2f} s"
+
+
+def fields(scene, boundary):
+    """Distances at the nodes of a scene, m; those beyond the field are far outside."""
+    field = surfaces.distance_field(scene, boundary)
+    known = {tuple(k): p for k, p in zip(field.keys.tolist(), field.place.tolist(), strict=True)}
+    edge, d = surfaces.FIELD_EDGE, scene.dimension
+
+    def at(index):
+        block, inside = np.divmod(index, edge)
+        place = known.get(tuple(block.tolist()))
+        if place is None:
+            return 9.0
+        if place < 0:
+            return -9.0
+        number = np.ravel_multi_index(tuple(inside), (edge + 1,) * d)
+        return float(field.values[place, number]) * field.spacing / scene.cell_size
+
+    return at
+
+
+def compare(scene, short, long, where):
+    """Both shapes have the same distances, cells, at these lattice points, up to 3 cells deep."""
+    one, two = (
+        fields(scene, libmpm._src.parts.Boundary(name=n, shape=s, response=Slip(), **more))
+        for n, s, more in (("short", *short), ("long", *long))
+    )
+    seen = 0
+    for index in where:
+        a, b = one(index), two(index)
+        if abs(b) > 3:
+            continue
+        seen += 1
+        assert abs(a - b) < 0.02, (index.tolist(), a, b)
+    assert seen > 10
+
+
+def tank(dimension):
+    dx = 0.125
+    scene = Scene(dimension=dimension, cell_size=dx, lower=(0,) * dimension,
+                  upper=(4, 2, 2)[:dimension])  # fmt: skip
+    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
+    return scene
+
+
+def grid_points(*ranges):
+    return np.stack(np.meshgrid(*(np.arange(*r) for r in ranges), indexing="ij"), -1).reshape(
+        -1, len(ranges)
+    )
+
+
+def test_a_box_on_the_floor_is_as_one_through_it():
+    scene = tank(2)
+    layer = {"layer": libmpm.boundaries.DecayLayer()}
+    compare(
+        scene,
+        (Box(lower=(1, 0), upper=(3, 1.5)), layer),
+        (Box(lower=(1, -2), upper=(3, 1.5)), layer),
+        grid_points((5, 28), (-2, 14)),
+    )
+
+
+def test_a_box_in_a_corner_is_as_one_through_both_walls():
+    scene = tank(3)
+    way = {"motion": Travel((0.5, 0, 0))}
+    compare(
+        scene,
+        (Box(lower=(0.5, 0, 0), upper=(1, 1.5, 1.5)), way),
+        (Box(lower=(0.5, -2, -2), upper=(1, 1.5, 1.5)), way),
+        grid_points((1, 12), (-2, 14, 3), (-2, 14, 3)),
+    )
+
+
+def test_a_post_on_the_floor_is_as_one_through_it():
+    scene = tank(3)
+    compare(
+        scene,
+        (Cylinder(start=(2, 1, 0), end=(2, 1, 2), radius=0.5), {}),
+        (Cylinder(start=(2, 1, -2), end=(2, 1, 4), radius=0.5), {}),
+        grid_points((10, 23, 2), (2, 15, 2), (-2, 18, 2)),
+    )
+
+
+def test_what_lies_in_the_open_is_as_stated():
+    """Near faces that no wall covers distances are the shape's own, to the bit."""
+    scene = tank(2)
+    boundary = libmpm._src.parts.Boundary(
+        name="ball", shape=libmpm.shapes.Sphere(centre=(2, 1), radius=0.4), response=Slip()
+    )
+    at = fields(scene, boundary)
+    for index in grid_points((10, 22), (2, 15)):
+        point = index * scene.cell_size
+        exact = np.hypot(*(point - (2, 1))) - 0.4
+        if abs(exact) < 0.3:
+            assert at(index) == np.float32(exact / scene.cell_size)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"motion": Displacement(TimeTable((0, 1, 2), ((0, 0), (0, 0), (0, 1))))},
+        {"rotation": Rotation(about=(2.25, 0), rate=1.0)},
+    ],
+)
+def test_what_leaves_the_wall_that_it_stands_on_is_warned_of(more):
+    for low, doubted in ((0.0, True), (-0.25, False)):
+        scene = tank(2)
+        box = Box(lower=(0, 0), upper=(1, 1))
+        scene.add_body(name="water", shape=box, material=WATER)
+        gate = Box(lower=(2, low), upper=(2.5, 1.5))
+        scene.add_boundary(name="gate", shape=gate, response=Slip(), **more)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", libmpm.ModelWarning)
+            doubts = [d for d in scene.plan(device="cpu").warnings if "'gate'" in d]
+        assert bool(doubts) == doubted
+        if doubted:
+            assert "wall y-" in doubts[0]
+            assert "0.25 m longer" in doubts[0]
