@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -12,7 +14,7 @@ from python.study_scenes import LONG, UNTIL, block, kinetic, long_block, status,
 
 import libmpm
 from libmpm import studies
-from libmpm._src.output.locks import Lock
+from libmpm._src.output.locks import Lock, this_process
 from libmpm._src.study import loop, pool, record
 
 
@@ -170,6 +172,26 @@ RECORDS = [
     '{"status": "finished", "particles": [1]}', '{"status": "failed", "error": {}}',
     '{"status": "running", "until": 1e999}', '{"status": "finished", "warnings": {"a": 1}}',
 ]  # fmt: skip
+
+
+def test_what_a_killed_writer_left_behind_is_swept_and_nothing_of_the_living(tmp_path, counted):
+    run(make(tmp_path))
+    child = subprocess.Popen(
+        [sys.executable, "-c", "from libmpm._src.output import locks; print(locks.this_process())"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    dead = child.communicate()[0].strip()
+    case = next((tmp_path / "cases").iterdir())
+    left, living = [], []
+    for folder, name in ((tmp_path, "study.json"), (case, "response.json")):
+        left.append(folder / f".{name}.{dead}-0123.part")
+        living.append(folder / f".{name}.{this_process()}-0123.part")
+    for path in (*left, *living):
+        path.write_text("{")
+    run(make(tmp_path))
+    assert [path.exists() for path in left] == [False, False]
+    assert [path.exists() for path in living] == [True, True]
 
 
 @pytest.mark.parametrize("text", RECORDS)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import hashlib
 import json
 import os
 import socket
@@ -29,9 +30,11 @@ __all__ = [
     "Lock",
     "Observer",
     "held_by",
+    "is_gone",
     "is_held",
     "locked",
     "owner_of",
+    "this_process",
 ]
 
 #: Seconds between heartbeats.
@@ -76,6 +79,20 @@ def _runs(pid: int, started: str) -> bool:
     except PermissionError:
         pass
     return True
+
+
+def this_process() -> str:
+    """Return a name of this process, for names of files: `is_gone` tells when it has ended."""
+    place = hashlib.sha256(_place().encode()).hexdigest()[:12]
+    return f"{place}-{os.getpid()}-{_started(os.getpid())}"
+
+
+def is_gone(name: str) -> bool:
+    """Tell whether `name` begins with that of a process of this machine that has ended."""
+    place, pid, started = [*name.split("-"), "", ""][:3]
+    if not pid.isdecimal() or len(pid) > 10:
+        return False
+    return this_process().startswith(f"{place}-") and not _runs(int(pid), started)
 
 
 def _now() -> float:

@@ -15,7 +15,7 @@ from libmpm._src.output.locks import is_held
 from libmpm._src.output.sensor_file import read_sensors
 from libmpm._src.output.series import Series
 from libmpm._src.scene import Scene
-from libmpm._src.study.files import LOCK, RESPONSE, write_shared
+from libmpm._src.study.files import LOCK, RESPONSE, sweep_shared, write_shared
 from libmpm._src.study.record import glance_record, glance_responses, read_responses
 from libmpm._src.study.rows import canonical, describe
 from libmpm._src.study.table import COLUMNS
@@ -132,6 +132,7 @@ def compute_response(case: Case, response: Response) -> Found:
 
 def store_responses(folder: Path, found: Sequence[tuple[Case, Found]]) -> None:
     """Keep the responses of rows in ``response.json``, beside those of others that share it."""
+    sweep_shared(folder / RESPONSE)
     before = _entries(read_responses(folder))
     after = dict(before)
     for case, (numbers_, error) in found:

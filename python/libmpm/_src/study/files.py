@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import glob
 import json
 import os
 import uuid
@@ -9,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from libmpm._src.errors import OutputError
-from libmpm._src.output.atomic import write_json, writing
+from libmpm._src.output.atomic import TEMPORARY, writing
 from libmpm._src.output.holding import LOCK
+from libmpm._src.output.locks import is_gone, this_process
 
 __all__ = [
     "CASES",
@@ -24,6 +27,7 @@ __all__ = [
     "TRUNKS",
     "glance",
     "read_object",
+    "sweep_shared",
     "write_shared",
 ]
 
@@ -62,7 +66,21 @@ def glance(path: Path) -> dict[str, Any]:
 def write_shared(path: Path, content: Any) -> None:
     """Write JSON atomically to a file that others may be writing at the same moment."""
     # The temporary names of two writers differ, so neither renames the other's half file.
-    own = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    write_json(own, content)
+    own = path.with_name(f".{path.name}.{this_process()}-{uuid.uuid4().hex}{TEMPORARY}")
     with writing(path):
-        os.replace(own, path)
+        try:
+            own.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+            os.replace(own, path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                own.unlink()
+            raise
+
+
+def sweep_shared(path: Path) -> None:
+    """Remove what killed writers of `path` have left beside it, and nothing of those that live."""
+    first = f".{path.name}."
+    with contextlib.suppress(OSError):
+        for other in path.parent.glob(f"{glob.escape(first)}*{TEMPORARY}"):
+            if is_gone(other.name.removeprefix(first)):
+                other.unlink(missing_ok=True)

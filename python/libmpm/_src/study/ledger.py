@@ -10,7 +10,7 @@ from typing import Any
 
 from libmpm._src.errors import OutputError, SceneError
 from libmpm._src.output.locks import locked
-from libmpm._src.study.files import STUDY, read_object, write_shared
+from libmpm._src.study.files import STUDY, read_object, sweep_shared, write_shared
 from libmpm._src.study.plan import Plan
 from libmpm._src.study.record import is_row
 from libmpm._src.study.rows import canonical
@@ -29,6 +29,7 @@ def update_ledger(folder: Path, name: str, run_axes: Sequence[str], plans: Seque
     """
     path = folder / STUDY
     with locked(folder / f"{STUDY}.lock"):
+        sweep_shared(path)
         found = read_object(path)
         if path.exists() and (problem := _problem(found)):
             raise OutputError(
