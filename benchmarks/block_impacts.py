@@ -26,8 +26,8 @@ import numpy as np
 
 import libmpm
 from libmpm import design
-from libmpm._src.bench import commit
-from libmpm._src.cases.bridges import block_impact, block_pulse
+from libmpm._src.advice.cases.bridges import block_impact, block_pulse
+from libmpm._src.cli.bench import commit
 
 LENGTHS = SPEEDS = (3.0, 6.0, 9.0, 12.0, 15.0)  # m, m/s
 DENSITIES = (200.0, 400.0, 600.0, 800.0, 1000.0)

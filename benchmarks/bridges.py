@@ -48,7 +48,7 @@ from bridges_scenes import (
 from result_pages import append, load
 
 import libmpm
-from libmpm._src import bench
+from libmpm._src.cli import bench
 from libmpm.analysis import Signal
 
 RESULTS = Path(__file__).resolve().parent / "results" / "bridges.jsonl"

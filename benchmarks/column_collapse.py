@@ -22,8 +22,8 @@ from result_pages import append, load, markdown
 
 import libmpm
 from libmpm import cases
-from libmpm._src import bench
-from libmpm._src.cases.grains import height_of, runout
+from libmpm._src.advice.cases.grains import height_of, runout
+from libmpm._src.cli import bench
 
 RESULTS = Path(__file__).resolve().parent / "results" / "column_collapse.jsonl"
 

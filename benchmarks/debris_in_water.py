@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from libmpm import cases
-from libmpm._src.bench import commit
+from libmpm._src.cli.bench import commit
 
 CASE = "debris-in-water"
 LENGTHS, DENSITIES = (3.0, 6.0, 9.0), (200.0, 400.0, 600.0, 800.0)

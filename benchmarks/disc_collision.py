@@ -18,7 +18,7 @@ from result_pages import Line, append, filled, load, markdown
 
 import libmpm
 from libmpm import materials, sensors, shapes
-from libmpm._src import bench
+from libmpm._src.cli import bench
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/disc_collision.jsonl"

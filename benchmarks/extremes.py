@@ -39,7 +39,7 @@ from extremes_workers import DeviceLostError, Task, Worker, together
 from result_pages import Line, load
 
 import libmpm
-from libmpm._src import bench
+from libmpm._src.cli import bench
 
 RESULTS = Path(__file__).resolve().parent / "results" / "extremes.jsonl"
 AXES: tuple[Axis, ...] = (

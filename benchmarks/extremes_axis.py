@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 import libmpm
-from libmpm._src.cases.choices import energies
+from libmpm._src.advice.cases.choices import energies
 
 #: What a trial can end in, from the best to the worst. "refused" comes before the first step, and
 #: "named" after it, both as a `libmpm.Error`; of "warned" a `ModelWarning` has said what will be

@@ -11,7 +11,7 @@ from extremes_solids import DX, SOLIDS, YOUNG, axis, cells, domain, solid, wave_
 
 import libmpm
 from libmpm import sensors
-from libmpm._src.field import Field
+from libmpm._src.base.formulas import Field
 
 #: What ends a large strain.
 EDGE = "J outside 0.05 to 20 is named as crushed, inverted or torn"

@@ -16,7 +16,7 @@ from extremes_axis import Axis, Trial, bounded, energies, first, no_energy_gain
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src.field import Field
+from libmpm._src.base.formulas import Field
 
 DENSITY = 1000.0  # kg/m³
 GRAVITY = 9.81  # m/s²

@@ -17,7 +17,7 @@ from extremes_tank import COMPRESSION, DENSITY, EXPONENT, GRAVITY, Tank
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src.field import Field
+from libmpm._src.base.formulas import Field
 
 # ---- smaller scenes -----------------------------------------------------------------------------
 

@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 
 import libmpm
 from libmpm import boundaries, sensors, shapes
-from libmpm._src import bench
-from libmpm._src.bench import COURANT, DENSITY, GRAVITY, HEIGHT, SOUND
+from libmpm._src.cli import bench
+from libmpm._src.cli.bench import COURANT, DENSITY, GRAVITY, HEIGHT, SOUND
 
 # The script beside this one, and through it the scenes of the tests.
 fbar_forms: Any = importlib.import_module("fbar_forms")

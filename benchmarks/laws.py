@@ -28,7 +28,7 @@ from laws_measured import POINTS
 from result_pages import Line, filled, load, markdown
 
 import libmpm
-from libmpm._src import bench
+from libmpm._src.cli import bench
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/laws.jsonl"

@@ -22,8 +22,8 @@ import numpy.typing as npt
 
 import libmpm
 from libmpm import FBar, Method, Transfer, boundaries, materials, sensors, shapes
-from libmpm._src.cases.settling import missing_depth
-from libmpm._src.field import Field
+from libmpm._src.advice.cases.settling import missing_depth
+from libmpm._src.base.formulas import Field
 
 Floats = npt.NDArray[np.float64]
 Numbers = dict[str, float]

@@ -35,9 +35,9 @@ from typing import Any
 import numpy as np
 
 import libmpm
-from libmpm._src.backends import core
-from libmpm._src.bench import COURANT, GRAVITY, HEIGHT, SOUND, collapse, commit, water
-from libmpm._src.processes import Link
+from libmpm._src.cli.bench import COURANT, GRAVITY, HEIGHT, SOUND, collapse, commit, water
+from libmpm._src.run.backends import core
+from libmpm._src.run.rank_messages import Link
 
 Line = dict[str, Any]
 Sized = tuple[libmpm.Scene, float]

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import libmpm
-from libmpm._src.bench import COURANT, GRAVITY, HEIGHT, SOUND, _device, commit, water
+from libmpm._src.cli.bench import COURANT, GRAVITY, HEIGHT, SOUND, _device, commit, water
 
 #: Length to height of the fills: no two neighbours are alike.
 SHAPES = (1.0, 0.7, 1.3, 0.85, 1.5)

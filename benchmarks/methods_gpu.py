@@ -16,7 +16,7 @@ from pathlib import Path
 
 import libmpm
 from libmpm import Kernel, Method, Smoothing, Transfer
-from libmpm._src.bench import collapse, timed
+from libmpm._src.cli.bench import collapse, timed
 from libmpm.smoothing import METHODS
 
 ASFLIP = Transfer(scheme="ASFLIP", flip=0.99, shift_max=0.1)

@@ -39,10 +39,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import libmpm
-from libmpm._src import backends
-from libmpm._src.bench import COURANT, DENSITY, GRAVITY, HEIGHT, SOUND, collapse, timed, water
-from libmpm._src.lowering import lower
-from libmpm._src.plan import Plan
+from libmpm._src.cli.bench import COURANT, DENSITY, GRAVITY, HEIGHT, SOUND, collapse, timed, water
+from libmpm._src.run import backends
+from libmpm._src.run.engine_spec import lower
+from libmpm._src.run.plan import Plan
 
 Line = dict[str, Any]
 Sized = tuple[libmpm.Scene, float]

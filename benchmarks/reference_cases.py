@@ -32,7 +32,7 @@ from result_pages import Line, append, load
 
 import libmpm
 from libmpm import cases
-from libmpm._src import bench
+from libmpm._src.cli import bench
 
 RESULTS = Path(__file__).resolve().parent / "results" / "reference_cases.jsonl"
 

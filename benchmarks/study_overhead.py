@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import libmpm
-from libmpm._src.bench import commit
+from libmpm._src.cli.bench import commit
 
 
 def speck(bulk_modulus: float) -> libmpm.Scene:

@@ -47,8 +47,8 @@ from tradeoff_options import BASELINE, OPTIONS, Option
 from tradeoff_table import PAGE, RESULTS, page, seconds, tables
 
 import libmpm
-from libmpm._src import bench
-from libmpm._src.cases.choices import energies
+from libmpm._src.advice.cases.choices import energies
+from libmpm._src.cli import bench
 
 #: Options between two runs of the baseline.
 BETWEEN = 6

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from libmpm import AssumedFields, FBar, Kernel, Method, Smoothing, Transfer
-from libmpm._src.method import CROSSINGS
+from libmpm._src.methods.method import CROSSINGS
 from libmpm.boundaries import DecayLayer, Mirror, Response
 from libmpm.cases import Options
 

@@ -17,8 +17,8 @@ import numpy as np
 
 import libmpm
 from libmpm import boundaries, cases, materials, sensors, shapes
-from libmpm._src.cases.choices import energies
-from libmpm._src.field import Field
+from libmpm._src.advice.cases.choices import energies
+from libmpm._src.base.formulas import Field
 
 Parameters = Mapping[str, Any]
 DENSITY = 1000.0  # kg/m³

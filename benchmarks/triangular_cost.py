@@ -22,7 +22,7 @@ import numpy as np
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
-from libmpm._src import info
+from libmpm._src.cli import info
 from support import triangular as t
 
 PARTS = ("bar", "column", "particles", "functions")

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import libmpm
-from libmpm._src.bench import collapse, commit
+from libmpm._src.cli.bench import collapse, commit
 
 
 def add_dry_box(scene: libmpm.Scene) -> None:

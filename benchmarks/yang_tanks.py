@@ -32,7 +32,7 @@ from result_pages import append, load
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src import bench
+from libmpm._src.cli import bench
 from libmpm.analysis import Signal
 
 RESULTS = Path(__file__).resolve().parent / "results" / "yang_tanks.jsonl"

@@ -2,7 +2,7 @@
 """Write the Python classes and the documentation page of all materials from the core's table.
 
 Each material is described once, in its C++ header. This tool turns that description into typed
-Python classes (python/libmpm/_src/materials_generated.py), so that editors, type checkers and
+Python classes (python/libmpm/_src/materials/generated.py), so that editors, type checkers and
 `help` show real signatures, and into docs/materials.md.
 
     python tools/generate_materials.py            write both
@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-MODULE = ROOT / "python/libmpm/_src/materials_generated.py"
+MODULE = ROOT / "python/libmpm/_src/materials/generated.py"
 PAGE = ROOT / "docs/materials.md"
 LINE = 100
 
@@ -50,9 +50,9 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from libmpm._src.friction import Cone, FrictionalMaterial
-from libmpm._src.parameters import Column, Entry, Material, Parameter
-from libmpm._src.values import value
+from libmpm._src.materials.friction import Cone, FrictionalMaterial
+from libmpm._src.materials.material import Column, Entry, Material, Parameter
+from libmpm._src.base.values import value
 
 '''
 

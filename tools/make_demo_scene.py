@@ -14,7 +14,7 @@ from pathlib import Path
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src.runfile import RunFile, RunSettings
+from libmpm._src.scene.run_file import RunFile, RunSettings
 
 TARGET = Path(__file__).resolve().parents[1] / "python" / "libmpm" / "data" / "surge.json"
 

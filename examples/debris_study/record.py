@@ -13,7 +13,7 @@ from typing import Any
 
 import libmpm
 from libmpm import studies
-from libmpm._src.bench import commit
+from libmpm._src.cli.bench import commit
 
 
 def add_arguments(parser: argparse.ArgumentParser, output: str) -> None:

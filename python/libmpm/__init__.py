@@ -22,6 +22,8 @@ from libmpm import (
     shapes,
     smoothing,
 )
+from libmpm._src.base.formulas import Field
+from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.errors import (
     CapacityError,
     CheckpointError,
@@ -32,28 +34,26 @@ from libmpm._src.errors import (
     OutputError,
     SceneError,
 )
-from libmpm._src.field import Field
-from libmpm._src.guard import Guard
-from libmpm._src.method import FBar, Method
-from libmpm._src.partition import Partition
-from libmpm._src.placed_force import PlacedForce
-from libmpm._src.plan import Plan
-from libmpm._src.scene import Scene
-from libmpm._src.smoothing import AssumedFields, Smoothing
-from libmpm._src.timetable import TimeTable
-from libmpm._src.transfer import Kernel, Transfer
-from libmpm._src.triangular.shapes import Traction
+from libmpm._src.grids.shapes import Traction
+from libmpm._src.methods.method import FBar, Method
+from libmpm._src.methods.smoothing import AssumedFields, Smoothing
+from libmpm._src.methods.transfer import Kernel, Transfer
+from libmpm._src.run.guard import Guard
+from libmpm._src.run.partition import Partition
+from libmpm._src.run.plan import Plan
+from libmpm._src.scene.placed_force import PlacedForce
+from libmpm._src.scene.scene import Scene
 
 if TYPE_CHECKING:
     from libmpm import studies
     from libmpm._src.advice.result import Advice
+    from libmpm._src.advice.tradeoff.result import TradeOff
+    from libmpm._src.advice.tradeoff.run import tradeoff
+    from libmpm._src.output.results import Results, load
     from libmpm._src.output.writer import Output
-    from libmpm._src.results import Results, load
-    from libmpm._src.simulation import Simulation
-    from libmpm._src.study.plan import Trunk
-    from libmpm._src.study.study import Study
-    from libmpm._src.tradeoff.result import TradeOff
-    from libmpm._src.tradeoff.run import tradeoff
+    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.studies.study.plan import Trunk
+    from libmpm._src.studies.study.study import Study
 
 __all__ = [
     "Advice",
@@ -114,14 +114,14 @@ if "OMP_WAIT_POLICY" not in os.environ:
 _LAZY = {
     "Advice": "libmpm._src.advice.result",
     "Output": "libmpm._src.output.writer",
-    "Results": "libmpm._src.results",
-    "Simulation": "libmpm._src.simulation",
-    "Study": "libmpm._src.study.study",
-    "TradeOff": "libmpm._src.tradeoff.result",
-    "Trunk": "libmpm._src.study.plan",
+    "Results": "libmpm._src.output.results",
+    "Simulation": "libmpm._src.run.simulation",
+    "Study": "libmpm._src.studies.study.study",
+    "TradeOff": "libmpm._src.advice.tradeoff.result",
+    "Trunk": "libmpm._src.studies.study.plan",
     "animate": "libmpm._src.pictures.animate",
-    "load": "libmpm._src.results",
-    "tradeoff": "libmpm._src.tradeoff.run",
+    "load": "libmpm._src.output.results",
+    "tradeoff": "libmpm._src.advice.tradeoff.run",
 }
 
 

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 import sys
 
-from libmpm._src.cli import main
+from libmpm._src.cli.commands import main
 
 sys.exit(main())

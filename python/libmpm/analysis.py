@@ -1,10 +1,15 @@
 """From sensor series to responses, and statistics of responses."""
 
-from libmpm._src.analysis.peaks import Peak
-from libmpm._src.analysis.regression import Prediction, Regression, regression
-from libmpm._src.analysis.residuals import HypothesisTest, ResidualTests, WhiteTest, white_test
-from libmpm._src.analysis.signal import Signal, responses
-from libmpm._src.analysis.statistics import (
+from libmpm._src.studies.analysis.peaks import Peak
+from libmpm._src.studies.analysis.regression import Prediction, Regression, regression
+from libmpm._src.studies.analysis.residuals import (
+    HypothesisTest,
+    ResidualTests,
+    WhiteTest,
+    white_test,
+)
+from libmpm._src.studies.analysis.signal import Signal, responses
+from libmpm._src.studies.analysis.statistics import (
     BoxPlot,
     Correlation,
     Parity,

@@ -6,7 +6,8 @@ face of the domain; `riemann_inlet` gives those of a bore. `piston_stroke` and `
 are places of a wave maker.
 """
 
-from libmpm._src.boundaries import (
+from libmpm._src.boundaries.flows import Bore, Flow, Inflow, Outflow, riemann_inlet
+from libmpm._src.boundaries.responses import (
     DecayLayer,
     Displacement,
     Mirror,
@@ -19,8 +20,7 @@ from libmpm._src.boundaries import (
     Travel,
     decay_thickness,
 )
-from libmpm._src.flow import Bore, Flow, Inflow, Outflow, riemann_inlet
-from libmpm._src.wave_makers import piston_stroke, stroke_from_file
+from libmpm._src.boundaries.wave_makers import piston_stroke, stroke_from_file
 
 __all__ = [
     "Bore",

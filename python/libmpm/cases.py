@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from libmpm._src.cases.bridges import CASES as _BRIDGES
-from libmpm._src.cases.case import Bound, Case, CaseResult, Options
-from libmpm._src.cases.fluids import CASES as _FLUIDS
-from libmpm._src.cases.locking import CASES as _LOCKING
-from libmpm._src.cases.solids import CASES as _SOLIDS
-from libmpm._src.cases.waves import CASES as _WAVES
+from libmpm._src.advice.cases.bridges import CASES as _BRIDGES
+from libmpm._src.advice.cases.case import Bound, Case, CaseResult, Options
+from libmpm._src.advice.cases.fluids import CASES as _FLUIDS
+from libmpm._src.advice.cases.locking import CASES as _LOCKING
+from libmpm._src.advice.cases.solids import CASES as _SOLIDS
+from libmpm._src.advice.cases.waves import CASES as _WAVES
+from libmpm._src.base.values import nearest
 from libmpm._src.errors import SceneError
-from libmpm._src.values import nearest
 
 __all__ = ["Bound", "Case", "CaseResult", "Options", "case", "names", "run"]
 

@@ -6,10 +6,10 @@ of each load with a confidence band, `from_study` does so for results of a study
 packages of ``pip install libmpm[studies]``.
 """
 
-from libmpm._src.analysis.curves import Exceedance, LoadAt, combine
-from libmpm._src.analysis.exceedance import exceedance, from_study
-from libmpm._src.analysis.laws import Density, Discrete, Histogram, Law
-from libmpm._src.analysis.ordered import (
+from libmpm._src.studies.demand.curves import Exceedance, LoadAt, combine
+from libmpm._src.studies.demand.exceedance import exceedance, from_study
+from libmpm._src.studies.demand.laws import Density, Discrete, Histogram, Law
+from libmpm._src.studies.demand.ordered import (
     OrderedLoad,
     Reduction,
     expected_load,

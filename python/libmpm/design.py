@@ -5,7 +5,7 @@ and return a float or an array. Impossible values raise `SceneError`; values out
 a source speaks of issue a `ModelWarning`. `formulas` lists all of them.
 """
 
-from libmpm._src.design.blocks import (
+from libmpm._src.studies.design.blocks import (
     block_force,
     block_force_partial,
     block_force_pulse,
@@ -15,8 +15,8 @@ from libmpm._src.design.blocks import (
     plane_strain_modulus,
     spread_height,
 )
-from libmpm._src.design.contact import Impact, kelvin_voigt, kelvin_voigt_peak
-from libmpm._src.design.flow import (
+from libmpm._src.studies.design.contact import Impact, kelvin_voigt, kelvin_voigt_peak
+from libmpm._src.studies.design.flow import (
     cauchy_number,
     drag_force,
     froude_number,
@@ -24,8 +24,8 @@ from libmpm._src.design.flow import (
     sound_speed,
     surf_similarity,
 )
-from libmpm._src.design.formula import Example, Formula, Symbol, formula_table, formulas
-from libmpm._src.design.impact import (
+from libmpm._src.studies.design.formula import Example, Formula, Symbol, formula_table, formulas
+from libmpm._src.studies.design.impact import (
     bar_duration,
     bar_force,
     bar_force_of_material,
@@ -37,13 +37,13 @@ from libmpm._src.design.impact import (
     reflection_coefficient,
     transmission_coefficient,
 )
-from libmpm._src.design.similitude import (
+from libmpm._src.studies.design.similitude import (
     Froude,
     elastic_impact_ratio,
     mach_ratio,
     prototype_time,
 )
-from libmpm._src.design.spreading import (
+from libmpm._src.studies.design.spreading import (
     DEBRIS_FRICTION,
     NAITO_ANGLE,
     Friction,

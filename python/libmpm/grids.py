@@ -1,6 +1,6 @@
 """Grids of triangles and of splines for plane scenes, their functions and their mass matrices."""
 
-from libmpm._src.triangular.bases import (
+from libmpm._src.grids.bases import (
     ConsistentMass,
     CubicPowellSabin,
     Lagrange,
@@ -9,11 +9,11 @@ from libmpm._src.triangular.bases import (
     PartialMass,
     PowellSabin,
 )
-from libmpm._src.triangular.choices import SplineGrid, TriangularGrid
-from libmpm._src.triangular.convergence import Convergence, convergence
-from libmpm._src.triangular.functions import Functions
-from libmpm._src.triangular.mesh import Mesh
-from libmpm._src.triangular.projection import Projection
+from libmpm._src.grids.convergence import Convergence, convergence
+from libmpm._src.grids.functions import Functions
+from libmpm._src.grids.grid import SplineGrid, TriangularGrid
+from libmpm._src.grids.mesh import Mesh
+from libmpm._src.grids.projection import Projection
 
 __all__ = [
     "ConsistentMass",

@@ -6,9 +6,17 @@ Evaluated by the engine, at hardly any cost: `LoadCell`, `WaveGauge`, `VelocityP
 `ColumnGauge`, `Custom`.
 """
 
-from libmpm._src.sensing.attributes import names as attribute_names
-from libmpm._src.sensing.column import ColumnGauge
-from libmpm._src.sensing.values import (
+from libmpm._src.sensors.attributes import names as attribute_names
+from libmpm._src.sensors.column_gauge import ColumnGauge
+from libmpm._src.sensors.engine_sensors import (
+    Energy,
+    LoadCell,
+    ParticleTracker,
+    Sensor,
+    VelocityProbe,
+    WaveGauge,
+)
+from libmpm._src.sensors.python_sensors import (
     AttributeTracker,
     BodyTracker,
     ContactForce,
@@ -17,14 +25,6 @@ from libmpm._src.sensing.values import (
     GridSensor,
     ParticleSensor,
     PressureProbe,
-)
-from libmpm._src.sensors import (
-    Energy,
-    LoadCell,
-    ParticleTracker,
-    Sensor,
-    VelocityProbe,
-    WaveGauge,
 )
 
 __all__ = ["AttributeTracker", "BodyTracker", "ColumnGauge", "ContactForce", "Custom"]

@@ -12,19 +12,19 @@ a solid.
 `Cells` and `Points` for bodies and `Outline` for boundaries.
 """
 
-from libmpm._src.geometry.afloat import Afloat, afloat
-from libmpm._src.geometry.arranged import Moved, Repeated, Turned
-from libmpm._src.geometry.choices import Columns, Jitter, PoissonDisk, Sampling
-from libmpm._src.geometry.combined import Difference, Intersection, Union
-from libmpm._src.geometry.fill import basin
-from libmpm._src.geometry.height_field import HeightField
-from libmpm._src.geometry.mesh import SurfaceMesh
-from libmpm._src.geometry.point_file import PointFile
-from libmpm._src.geometry.primitives import Cone, Cylinder, HalfSpace, Sphere
-from libmpm._src.geometry.prisms import Extrusion, Wedge
-from libmpm._src.geometry.solid import Shape, Solid
-from libmpm._src.shapes import Box, DomainWalls, OrientedBox
-from libmpm._src.triangular.shapes import Cells, Outline, Points
+from libmpm._src.grids.shapes import Cells, Outline, Points
+from libmpm._src.shapes.afloat import Afloat, afloat
+from libmpm._src.shapes.basin import basin
+from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox
+from libmpm._src.shapes.combined import Difference, Intersection, Union
+from libmpm._src.shapes.height_field import HeightField
+from libmpm._src.shapes.particle_placement import Columns, Jitter, PoissonDisk, Sampling
+from libmpm._src.shapes.point_file import PointFile
+from libmpm._src.shapes.primitives import Cone, Cylinder, HalfSpace, Sphere
+from libmpm._src.shapes.prisms import Extrusion, Wedge
+from libmpm._src.shapes.solid import Shape, Solid
+from libmpm._src.shapes.surface_mesh import SurfaceMesh
+from libmpm._src.shapes.transformed import Moved, Repeated, Turned
 
 #: What a surface mesh encloses; files name it "SurfaceMesh", as "Mesh" is that of `libmpm.grids`.
 Mesh = SurfaceMesh

@@ -15,7 +15,7 @@ import libmpm
 from attack.base import Attack, Defect
 from attack.inputs import command
 from attack.kills import compare, go_on
-from libmpm._src.cli import ExitCode
+from libmpm._src.cli.commands import ExitCode
 from support import fuzzing
 
 __all__ = ["Folders"]

@@ -19,8 +19,8 @@ import numpy as np
 import libmpm
 from attack.base import Attack
 from libmpm import studies
-from libmpm._src.cli import ExitCode, main
-from libmpm._src.export import FORMATS
+from libmpm._src.cli.commands import ExitCode, main
+from libmpm._src.output.export import FORMATS
 from libmpm._src.output.locks import Lock, Observer, held_by, is_held
 from support import fuzz_readers, fuzz_scenes, fuzzing
 from support.fuzz_readers import KINDS, Kind

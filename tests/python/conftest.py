@@ -109,7 +109,7 @@ def tank() -> Callable[..., libmpm.Scene]:
 @pytest.fixture
 def counted(monkeypatch):
     """The folders of the cases of studies that were really run, in order."""
-    from libmpm._src.study import worker
+    from libmpm._src.studies.study import worker
 
     names = []
     real = worker._Attempt.run

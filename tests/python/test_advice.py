@@ -16,7 +16,7 @@ from libmpm._src.advice.advise import advise
 from libmpm._src.advice.atlas import read_atlas
 from libmpm._src.advice.facts import Facts
 from libmpm._src.advice.rules import RULES, matches
-from libmpm._src.cli import main
+from libmpm._src.cli.commands import main
 from libmpm.cases import Options
 from support import scenes
 
@@ -394,7 +394,7 @@ def test_scenes_of_solids():
     assert names(flying(velocity=None)) == ["mode"]
     long = shapes.Box(lower=(0.5, 0.5), upper=(3.5, 1.0))
     assert names(flying(velocity=None, shape=long)) == ["bar", "mode"]
-    turning = libmpm._src.field.Field(components=("-y", "x"))
+    turning = libmpm._src.base.formulas.Field(components=("-y", "x"))
     assert names(flying(velocity=turning)) == ["spin"]
     soft = materials.LinearElastic(density=1000, youngs_modulus=1e6, poissons_ratio=0.48)
     assert names(flying(soft, velocity=None)) == ["mode-incompressible", "mode"]

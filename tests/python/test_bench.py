@@ -9,8 +9,8 @@ import sys
 import pytest
 
 import libmpm
-from libmpm._src.bench import FBAR_FORMS, SOUND, collapse, measure, timed
-from libmpm._src.cli import main
+from libmpm._src.cli.bench import FBAR_FORMS, SOUND, collapse, measure, timed
+from libmpm._src.cli.commands import main
 from python import fake_engine
 
 

@@ -15,8 +15,8 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
-from libmpm._src import snapshot as snapshots
 from libmpm._src.output.checkpoint import load_header
+from libmpm._src.run import checkpoint_state as snapshots
 from support.branches import (
     DX,
     THIN,

@@ -8,7 +8,7 @@ import pytest
 
 import libmpm
 from libmpm import _core, materials, shapes
-from libmpm._src.lowering import lower
+from libmpm._src.run.engine_spec import lower
 from libmpm.smoothing import METHODS, smooth
 from support.bars import YOUNG, Bar
 from support.drifting import DX, SOFT, by_id, drifting, state_of, undecided

@@ -8,7 +8,7 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, materials, shapes
-from libmpm._src.lowering import lower
+from libmpm._src.run.engine_spec import lower
 from libmpm.smoothing import METHODS, smooth
 from support import scenes
 from support.devices import need_device

@@ -192,7 +192,7 @@ class TestCurrentDialect:
         assert level == pytest.approx(0.5, abs=0.05)
 
     def test_round_trip_as_a_run_file(self, tmp_path: Path, flume: claymore.Imported) -> None:
-        from libmpm._src.runfile import read_run_file
+        from libmpm._src.scene.run_file import read_run_file
 
         found = flume
         path = tmp_path / "scene.json"

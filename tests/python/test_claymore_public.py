@@ -65,7 +65,7 @@ def test_scenes_load_and_run(tmp_path: Path) -> None:
 
 def test_at_their_own_resolution(monkeypatch: pytest.MonkeyPatch) -> None:
     # Nothing is filled here; the numbers follow from the files.
-    monkeypatch.setattr("libmpm._src.claymore.build._COUNTED", 0)
+    monkeypatch.setattr("libmpm._src.compat.claymore.build._COUNTED", 0)
     for path in public_scenes():
         if "Resume" in path.name or "hydrouq" in path.name:
             continue

@@ -7,10 +7,10 @@ import sys
 
 import pytest
 
-from libmpm._src.cli import EXIT_CODES, ExitCode, main
-from libmpm._src.demo import load_demo
+from libmpm._src.cli.commands import EXIT_CODES, ExitCode, main
+from libmpm._src.cli.demo import load_demo
 from libmpm._src.output.frames import list_frames
-from libmpm._src.runfile import RunFile, RunSettings, read_run_file, without_debris
+from libmpm._src.scene.run_file import RunFile, RunSettings, read_run_file, without_debris
 from python import fake_engine
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm._src.cli import ExitCode, _seconds, main
-from libmpm._src.interrupts import asked_to_stop
-from libmpm._src.runfile import RunFile, RunSettings
+from libmpm._src.base.interrupts import asked_to_stop
+from libmpm._src.cli.commands import ExitCode, _seconds, main
+from libmpm._src.scene.run_file import RunFile, RunSettings
 from python import fake_engine
 
 
@@ -50,7 +50,7 @@ SIGNALLED = """
 import sys
 from python import fake_engine
 fake_engine.install().Engine.delay = 2e-3
-from libmpm._src.cli import main
+from libmpm._src.cli.commands import main
 sys.exit(main(sys.argv[1:]))
 """
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from libmpm import Scene, SceneError, TimeTable, materials, shapes
-from libmpm._src import filling
-from libmpm._src.lowering import lower
+from libmpm._src.run.engine_spec import lower
+from libmpm._src.shapes import filling
 from support.scenes import with_arrays
 
 WATER = materials.TaitFluid(density=1000.0, bulk_modulus=1e6)

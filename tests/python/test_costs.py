@@ -144,7 +144,7 @@ def test_water_that_is_stiffer_than_its_flow_needs_is_named_with_its_cost():
 def test_the_plan_counts_on_the_threads_that_the_engine_takes():
     code = (
         "import libmpm; from test_costs import tank; p = tank().plan(device='cpu');"
-        "print(p.rate / libmpm._src.plan.RATES['cpu', 'single'])"
+        "print(p.rate / libmpm._src.run.plan.RATES['cpu', 'single'])"
     )
     here = os.path.dirname(__file__)
     path = os.pathsep.join([os.path.dirname(os.path.dirname(libmpm.__file__)), here])

@@ -12,7 +12,7 @@ import pytest
 
 import libmpm
 from libmpm import Scene, Simulation, TimeTable
-from libmpm._src import surfaces
+from libmpm._src.boundaries import distance_field
 from libmpm.boundaries import Displacement, Rotation, Separable, Slip, Travel
 from libmpm.materials import TaitFluid
 from libmpm.shapes import Box, Cylinder, DomainWalls, HalfSpace
@@ -60,9 +60,9 @@ def test_nothing_gets_behind_a_piston_that_ends_on_the_floor(floor, wall):
 
 def fields(scene, boundary):
     """Distances at the nodes of a scene, m; those beyond the field are far outside."""
-    field = surfaces.distance_field(scene, boundary)
+    field = distance_field.distance_field(scene, boundary)
     known = {tuple(k): p for k, p in zip(field.keys.tolist(), field.place.tolist(), strict=True)}
-    edge, d = surfaces.FIELD_EDGE, scene.dimension
+    edge, d = distance_field.FIELD_EDGE, scene.dimension
 
     def at(index):
         block, inside = np.divmod(index, edge)
@@ -80,7 +80,7 @@ def fields(scene, boundary):
 def compare(scene, short, long, where):
     """Both shapes have the same distances, cells, at these lattice points, up to 3 cells deep."""
     one, two = (
-        fields(scene, libmpm._src.parts.Boundary(name=n, shape=s, response=Slip(), **more))
+        fields(scene, libmpm._src.scene.parts.Boundary(name=n, shape=s, response=Slip(), **more))
         for n, s, more in (("short", *short), ("long", *long))
     )
     seen = 0
@@ -142,7 +142,7 @@ def test_a_post_on_the_floor_is_as_one_through_it():
 def test_what_lies_in_the_open_is_as_stated():
     """Near faces that no wall covers distances are the shape's own, to the bit."""
     scene = tank(2)
-    boundary = libmpm._src.parts.Boundary(
+    boundary = libmpm._src.scene.parts.Boundary(
         name="ball", shape=libmpm.shapes.Sphere(centre=(2, 1), radius=0.4), response=Slip()
     )
     at = fields(scene, boundary)

@@ -15,10 +15,10 @@ import warnings
 import pytest
 
 import libmpm
-from libmpm._src.cli import ExitCode, main
+from libmpm._src.cli.commands import ExitCode, main
 from libmpm._src.output.locks import Lock
 from libmpm._src.pictures.animate import RunFrames
-from libmpm._src.runfile import RunFile, RunSettings
+from libmpm._src.scene.run_file import RunFile, RunSettings
 from python import fake_engine
 from support.damage import cases, damage
 

@@ -18,8 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from libmpm import debris, materials
-from libmpm._src.debris.laws import Stream, counts_of
-from libmpm._src.debris.rectangles import Rectangles, gaps, obliquity
+from libmpm._src.studies.debris.laws import Stream, counts_of
+from libmpm._src.studies.debris.rectangles import Rectangles, gaps, obliquity
 from support.debris_fields import BAR, BOXES, HDPE, WOOD, distances, polygon, polygons, refused
 
 # Geometry ----------------------------------------------------------------------------------

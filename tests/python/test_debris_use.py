@@ -20,7 +20,7 @@ import shapely
 
 import libmpm
 from libmpm import Scene, debris, materials, shapes
-from libmpm._src.lowering import lower
+from libmpm._src.run.engine_spec import lower
 from support.debris_fields import BAR, BOXES, HDPE, WOOD, distances, polygons, refused
 from support.scenes import with_arrays
 

@@ -16,7 +16,7 @@ import pytest
 
 import libmpm
 from libmpm import design
-from libmpm._src.design.similitude import RATIOS
+from libmpm._src.studies.design.similitude import RATIOS
 from support.functions import refused
 
 PAGE = Path(__file__).parents[2] / "docs" / "design-formulas.md"

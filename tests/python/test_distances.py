@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 import libmpm
 from libmpm import Scene, shapes
-from libmpm._src.surfaces import distance_field
+from libmpm._src.boundaries.distance_field import distance_field
 from libmpm.boundaries import DecayLayer, Slip
 from libmpm.materials import TaitFluid
 

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm._src.cli import main
-from libmpm._src.export import export
-from libmpm._src.info import packages_of
+from libmpm._src.cli.commands import main
+from libmpm._src.cli.info import packages_of
+from libmpm._src.output.export import export
 from libmpm._src.output.frames import read_frame, read_series
-from libmpm._src.results import BodyFrames
-from libmpm._src.runfile import RunFile, RunSettings
+from libmpm._src.output.results import BodyFrames
+from libmpm._src.scene.run_file import RunFile, RunSettings
 from python import fake_engine
 
 

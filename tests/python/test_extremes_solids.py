@@ -112,7 +112,7 @@ def test_2_to_the_31_particles_are_planned_and_not_allocated(monkeypatch):
     plan = scene.plan(device="cpu")
     assert plan.particles == pytest.approx(2**31, rel=1e-4)
     assert plan.memory_total > 2**31 * 4 * (2 + 4 + 1)
-    monkeypatch.setattr("libmpm._src.backends.memory_free", lambda backend: 2**30)
+    monkeypatch.setattr("libmpm._src.run.backends.memory_free", lambda backend: 2**30)
     with pytest.raises(libmpm.CapacityError, match=r"1,024 MiB free\. The plan asks for .* MiB"):
         libmpm.Simulation(scene, device="cpu", threads=1).step()
 

@@ -5,7 +5,7 @@ import pytest
 
 import libmpm
 from libmpm import Field, materials, shapes
-from libmpm._src.faults import describe_fault
+from libmpm._src.run.fault_messages import describe_fault
 
 CELLS, DX = 128, 0.01
 

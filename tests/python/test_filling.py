@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 
 import libmpm
 from libmpm import Scene, boundaries, materials, shapes
-from libmpm._src import filling
-from libmpm._src.lowering import lower
+from libmpm._src.run.engine_spec import lower
+from libmpm._src.shapes import filling
 from support.scenes import with_arrays
 
 Array = npt.NDArray[np.float64]
@@ -379,7 +379,7 @@ def test_the_engine_makes_lattices_as_numpy_does(
         return [np.array(water[name]) for name in ("id", "position", "pressure")]
 
     own = start()
-    monkeypatch.setattr("libmpm._src.lowering.at_hand", lambda points: points.rows)
+    monkeypatch.setattr("libmpm._src.run.engine_spec.at_hand", lambda points: points.rows)
     for a, b in zip(own, start(), strict=True):
         assert np.array_equal(a, b)
     assert own[2].max() > 0

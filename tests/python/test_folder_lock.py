@@ -14,11 +14,11 @@ import pytest
 from python.test_checkpoint import same_folders
 
 import libmpm
-from libmpm._src.cli import ExitCode, main
-from libmpm._src.output import holding, locks
+from libmpm._src.cli.commands import ExitCode, main
+from libmpm._src.output import folder_lock, locks
 from libmpm._src.output.locks import Lock
 from libmpm._src.output.sensor_file import read_sensors
-from libmpm._src.runfile import RunFile, RunSettings
+from libmpm._src.scene.run_file import RunFile, RunSettings
 from python import fake_engine
 
 UNTIL = 0.2
@@ -27,7 +27,7 @@ SLOW = """
 import sys
 from python import fake_engine
 fake_engine.install().Engine.delay = 4e-3
-from libmpm._src.cli import main
+from libmpm._src.cli.commands import main
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -84,11 +84,11 @@ def begin(command, out):
 
 
 def content(out):
-    return json.loads((out / holding.LOCK).read_text())
+    return json.loads((out / folder_lock.LOCK).read_text())
 
 
 def edit(out, **changes):
-    (out / holding.LOCK).write_text(json.dumps(content(out) | changes))
+    (out / folder_lock.LOCK).write_text(json.dumps(content(out) | changes))
 
 
 def test_a_second_run_is_refused_and_the_first_loses_nothing(command, out, whole, capsys):
@@ -100,7 +100,7 @@ def test_a_second_run_is_refused_and_the_first_loses_nothing(command, out, whole
     with pytest.raises(libmpm.OutputError, match=f"process {child.pid}"):
         libmpm.Simulation.resume(out, output=out).step(1)
     assert child.wait(timeout=60) == 0, child.stderr.read()
-    assert not (out / holding.LOCK).exists()
+    assert not (out / folder_lock.LOCK).exists()
     assert len(read_sensors(out / "sensors.h5")["gauge"]) == 200
     assert same_folders(out, whole)
     capsys.readouterr()
@@ -117,7 +117,7 @@ def test_after_a_kill_the_next_run_takes_over_at_once(command, out, whole, capsy
     assert main(command) == 0
     assert time.monotonic() - began < locks.UNSIGNED
     assert "warning" not in capsys.readouterr().err
-    assert not (out / holding.LOCK).exists()
+    assert not (out / folder_lock.LOCK).exists()
     assert same_folders(out, whole)
 
 
@@ -127,7 +127,7 @@ def test_the_lock_of_a_silent_host_is_taken_over_after_the_wait(command, out, wh
     child.wait()
     edit(out, place="another boot", host="node17")
     monkeypatch.setattr(locks, "STALE", 0.4)
-    monkeypatch.setattr(holding, "_LOOK", 0.05)
+    monkeypatch.setattr(folder_lock, "_LOOK", 0.05)
     match = rf"has the lock of process {child.pid} of node17, which .* no heartbeat for 0\.4 s"
     with pytest.warns(libmpm.ModelWarning, match=match):
         assert main(command) == 0
@@ -137,9 +137,9 @@ def test_the_lock_of_a_silent_host_is_taken_over_after_the_wait(command, out, wh
 def test_the_lock_of_a_host_that_beats_is_respected(out, monkeypatch):
     """However long ago the heartbeat was by this host's clock: clocks are not compared."""
     out.mkdir()
-    lock = Lock.acquire(out / holding.LOCK)
+    lock = Lock.acquire(out / folder_lock.LOCK)
     edit(out, place="another boot", host="node17")
-    monkeypatch.setattr(holding, "_LOOK", 0.05)
+    monkeypatch.setattr(folder_lock, "_LOOK", 0.05)
     over = threading.Event()
 
     def beat():
@@ -160,7 +160,7 @@ def test_the_lock_of_a_host_that_beats_is_respected(out, monkeypatch):
     finally:
         over.set()
         thread.join()
-    assert sorted(p.name for p in out.iterdir()) == [holding.LOCK]
+    assert sorted(p.name for p in out.iterdir()) == [folder_lock.LOCK]
 
 
 def test_a_run_that_was_taken_over_writes_no_more(out, monkeypatch):
@@ -226,21 +226,21 @@ def test_two_simulations_of_a_process_do_not_share_a_folder(out):
 
 def test_the_lock_of_a_study_serves_the_run_inside_it_alone(out):
     out.mkdir()
-    lock = Lock.acquire(out / holding.LOCK)
+    lock = Lock.acquire(out / folder_lock.LOCK)
     made = lambda: libmpm.Simulation(fake_engine.small_scene(), device="cpu", output=out)  # noqa: E731
-    with holding.lent(lock):
+    with folder_lock.lent(lock):
         sim = made()
         sim.run(until=0.01, progress=False)
     assert lock.beat(), "the run gave back a lock that was lent to it"
     lock.release()
     sim.run(until=0.02, progress=False)
-    assert not (out / holding.LOCK).exists()
+    assert not (out / folder_lock.LOCK).exists()
 
 
 def test_a_program_started_in_the_place_of_the_owner_takes_over(out):
     """`exec` keeps number and start of a process: the lock would look held for ever."""
     out.mkdir()
-    Lock.acquire(out / holding.LOCK)
+    Lock.acquire(out / folder_lock.LOCK)
     sim = libmpm.Simulation(fake_engine.small_scene(), device="cpu", output=out)
     sim.run(until=0.01, progress=False)
-    assert not (out / holding.LOCK).exists()
+    assert not (out / folder_lock.LOCK).exists()

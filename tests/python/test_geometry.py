@@ -14,8 +14,8 @@ from shapely import LineString, Point, Polygon
 
 import libmpm
 from libmpm import shapes
-from libmpm._src.geometry.volume import counted_volume
-from libmpm._src.values import from_plain
+from libmpm._src.base.values import from_plain
+from libmpm._src.shapes.volume import counted_volume
 
 Array = npt.NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import libmpm
 from libmpm import grids
-from libmpm._src.values import Value
+from libmpm._src.base.values import Value
 
 MESH = grids.Mesh.blocks(columns=2, rows=1, lower=(10.0, 20.0), upper=(14.0, 21.0))
 CENTROIDS = MESH.corners().mean(axis=1)

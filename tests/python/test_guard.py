@@ -11,8 +11,8 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
-from libmpm._src.guard import opened_by
-from libmpm._src.watch import Watch
+from libmpm._src.run.guard import opened_by
+from libmpm._src.run.guard_watch import Watch
 from support.devices import device  # noqa: F401
 
 SOFT = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}

@@ -10,7 +10,7 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, materials, shapes
-from libmpm._src.guard_level import basin_of
+from libmpm._src.run.guard_water_level import basin_of
 from support.devices import device  # noqa: F401
 
 DX = 0.05
@@ -91,7 +91,7 @@ def test_none_leaves_it_unwatched():
 
 def test_a_state_with_layers_in_one_another_is_named(monkeypatch):
     # What a look would see of it: the middle of twelve cells lower by parts, volumes as they were.
-    from libmpm._src.watch import Watch
+    from libmpm._src.run.guard_watch import Watch
 
     simulation = start(resting("default", cells=12, modulus=2e6), libmpm.Guard(every=10))
     simulation.step(15)
@@ -167,7 +167,7 @@ def spilling(faces, flow=None, **more):
 
 def test_open_scenes_are_judged_too(monkeypatch):
     """What goes out by a side takes its volume along: the middle stays above what is left."""
-    from libmpm._src.watch import Watch
+    from libmpm._src.run.guard_watch import Watch
 
     lows = []
     seen = Watch._lies

@@ -13,7 +13,7 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, materials, shapes
-from libmpm._src.watch import Watch
+from libmpm._src.run.guard_watch import Watch
 from support.bars import LENGTH, YOUNG, Bar
 from support.devices import device  # noqa: F401
 

@@ -12,7 +12,7 @@ import pytest
 
 import libmpm
 from libmpm import FBar, Scene, TimeTable, boundaries, materials, sensors, shapes
-from libmpm._src.lowering import lower, world_offset
+from libmpm._src.run.engine_spec import lower, world_offset
 from support.scenes import with_arrays
 
 Make = Callable[..., Scene]

@@ -14,7 +14,7 @@ import pytest
 
 import libmpm
 from libmpm import materials
-from libmpm._src.parameters import wave_speed
+from libmpm._src.materials.material import wave_speed
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "generate_materials.py"
 ALL = [

@@ -11,7 +11,7 @@ import pytest
 
 import libmpm
 from libmpm import sensors, shapes
-from libmpm._src.sensing.of_column import hat, mean_column
+from libmpm._src.sensors.column_gauge_sampler import hat, mean_column
 from libmpm.analysis import Signal
 from support.sensing_scenes import WATER, G, add_walls, open_scene, simulate
 

@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import libmpm
-from libmpm._src.triangular.particles import subdivide, voronoi_areas
+from libmpm._src.grids.particles import subdivide, voronoi_areas
 from libmpm.grids import Mesh
 
 CORNERS = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]

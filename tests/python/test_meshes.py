@@ -13,10 +13,10 @@ import pytest
 
 import libmpm
 from libmpm import shapes
-from libmpm._src.geometry import mesh_file
-from libmpm._src.geometry.triangles import TriangleTree
-from libmpm._src.geometry.volume import counted_volume
-from libmpm._src.values import from_plain
+from libmpm._src.base.values import from_plain
+from libmpm._src.shapes import mesh_file
+from libmpm._src.shapes.mesh_distance import TriangleTree
+from libmpm._src.shapes.volume import counted_volume
 
 meshio = pytest.importorskip("meshio")
 trimesh = pytest.importorskip("trimesh")
@@ -188,7 +188,7 @@ def test_finite_elements_give_their_outside(kind: str, tmp_path: Path) -> None:
 
 
 def test_a_body_of_a_mesh(ball: trimesh.Trimesh, tmp_path: Path) -> None:
-    from libmpm._src.lowering import lower
+    from libmpm._src.run.engine_spec import lower
 
     ball.export(tmp_path / "ball.stl")
     scene = libmpm.Scene(cell_size=0.1, lower=(0, 0, 0), upper=(2, 2, 2))

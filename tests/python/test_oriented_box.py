@@ -22,9 +22,9 @@ from shapely.geometry import Polygon
 
 import libmpm
 from libmpm import Scene, boundaries, grids, materials, shapes
-from libmpm._src import sampling
-from libmpm._src.lowering import lower
-from libmpm._src.turned import TurnedBox, depth, rotation
+from libmpm._src.run.engine_spec import lower
+from libmpm._src.shapes import lattices
+from libmpm._src.shapes.oriented_boxes import TurnedBox, depth, rotation
 from support.scenes import with_arrays
 
 Make = Callable[..., Scene]
@@ -170,8 +170,8 @@ def test_positions_are_those_of_the_box_turned(angle: float, axis: str, per_cell
 
 
 def test_quarter_turn_of_binary_numbers_is_exact() -> None:
-    grid = sampling.turned_lattice(turned((1.0, 0.5), (0.5, 0.25), 90.0), 0.125, 4)
-    points = sampling.points(grid, [], 0.125)
+    grid = lattices.turned_lattice(turned((1.0, 0.5), (0.5, 0.25), 90.0), 0.125, 4)
+    points = lattices.points(grid, [], 0.125)
     found = points.rows(0, points.count)
     x, y = np.arange(0.90625, 1.125, 0.0625), np.arange(0.28125, 0.75, 0.0625)
     expected = np.array([(a, b) for b in y for a in x[::-1]])
@@ -245,8 +245,8 @@ def test_a_straight_box_out_of_a_turned_one(both: bool) -> None:
     cut = oriented((1, 1), (0.4, 0.3), 75) if both else shapes.Box(lower=(0.8, 0.9), upper=(1.3, 2))
     scene.add_body(name="cut", shape=cut, material=HDPE, subtract_from=("log",))
     spec = with_arrays(lower(scene))["bodies"]
-    grid = sampling.turned_lattice(log.turned_box(), CELL, 4)
-    points = sampling.points(grid, [], CELL)
+    grid = lattices.turned_lattice(log.turned_box(), CELL, 4)
+    points = lattices.points(grid, [], CELL)
     full = points.rows(0, points.count)
     taken = inside(full, cut.turned_box())
     assert 0 < taken.sum() < len(full)
@@ -255,10 +255,10 @@ def test_a_straight_box_out_of_a_turned_one(both: bool) -> None:
 
 @pytest.mark.parametrize("angle", [-90.0, 90.0, 180.0])
 def test_quarter_turned_holes_are_straight_holes(angle: float) -> None:
-    grid = sampling.lattice((0.0, 0.0), (1.0, 1.0), CELL, 4)
+    grid = lattices.lattice((0.0, 0.0), (1.0, 1.0), CELL, 4)
     size = (0.3, 0.5) if angle == 180.0 else (0.5, 0.3)
     hole = turned((0.45, 0.55), size, angle)
-    one, two = (sampling.points(grid, [h], CELL) for h in (hole, ((0.3, 0.3), (0.6, 0.8))))
+    one, two = (lattices.points(grid, [h], CELL) for h in (hole, ((0.3, 0.3), (0.6, 0.8))))
     np.testing.assert_array_equal(one.rows(0, one.count), two.rows(0, two.count))
     assert one.count == 400 - 6 * 10
 
@@ -266,7 +266,7 @@ def test_quarter_turned_holes_are_straight_holes(angle: float) -> None:
 def test_equal_angles_cut_along_the_lattice() -> None:
     """A box out of a larger one at the same angle: as if neither were turned."""
     axes = (turned((0.3, -2.0), (1.0, 0.6), 31.7), turned((0.3, -2.0), (0.5, 0.2), 31.7))
-    points = sampling.points(sampling.turned_lattice(axes[0], CELL, 4), [axes[1]], CELL)
+    points = lattices.points(lattices.turned_lattice(axes[0], CELL, 4), [axes[1]], CELL)
     assert points.count == 20 * 12 - 10 * 4
 
 
@@ -276,7 +276,7 @@ angles = st.floats(-200.0, 200.0)
 
 
 @st.composite
-def scenes_of_holes(draw: st.DrawFn) -> tuple[sampling.Lattice, list[Any]]:
+def scenes_of_holes(draw: st.DrawFn) -> tuple[lattices.Lattice, list[Any]]:
     d = draw(st.sampled_from([2, 3]))
 
     def box() -> TurnedBox:
@@ -285,9 +285,9 @@ def scenes_of_holes(draw: st.DrawFn) -> tuple[sampling.Lattice, list[Any]]:
         return turned(at, size, draw(angles), axis)
 
     if draw(st.booleans()):
-        grid = sampling.lattice((0.0,) * d, (1.0, 0.8, 0.6)[:d], CELL, 2**d)
+        grid = lattices.lattice((0.0,) * d, (1.0, 0.8, 0.6)[:d], CELL, 2**d)
     else:
-        grid = sampling.turned_lattice(box(), CELL, 2**d)
+        grid = lattices.turned_lattice(box(), CELL, 2**d)
     holes: list[Any] = [box() for _ in range(draw(st.integers(1, 3)))]
     if draw(st.booleans()):
         holes.append(((0.2, 0.1, 0.0)[:d], (0.5, 0.4, 0.3)[:d]))
@@ -296,14 +296,14 @@ def scenes_of_holes(draw: st.DrawFn) -> tuple[sampling.Lattice, list[Any]]:
 
 @settings(max_examples=250, deadline=None)
 @given(scenes_of_holes(), st.randoms(use_true_random=False))
-def test_holes_against_the_plain_test(case: tuple[sampling.Lattice, list[Any]], rng: Any) -> None:
+def test_holes_against_the_plain_test(case: tuple[lattices.Lattice, list[Any]], rng: Any) -> None:
     grid, holes = case
-    everything = sampling.points(grid, [], CELL)
+    everything = lattices.points(grid, [], CELL)
     full = everything.rows(0, everything.count)
     boxes = [b if isinstance(b, TurnedBox) else TurnedBox.straight(*b) for b in holes]
     assume(not any(doubtful(full, b) for b in boxes))
     taken = np.any([inside(full, b) for b in boxes], axis=0)
-    points = sampling.points(grid, holes, CELL)
+    points = lattices.points(grid, holes, CELL)
     whole = points.rows(0, points.count)
     np.testing.assert_array_equal(whole, full[~taken])
     for _ in range(5):
@@ -315,9 +315,9 @@ def test_holes_against_the_plain_test(case: tuple[sampling.Lattice, list[Any]], 
 
 def test_rows_beside_a_hole_that_is_larger_than_they_are() -> None:
     """A hole of whole sections is one interval; a few rows on both sides of it stay a few."""
-    grid = sampling.lattice((0.0, 0.0, 0.0), (40.0, 10.0, 10.0), CELL, 8)
+    grid = lattices.lattice((0.0, 0.0, 0.0), (40.0, 10.0, 10.0), CELL, 8)
     hole = turned((20.0, 5.0, 5.0), (30.0, 20.0, 20.0), 1.0, "x")
-    points = sampling.points(grid, [hole], CELL)
+    points = lattices.points(grid, [hole], CELL)
     assert points.count == grid.count // 4
     tracemalloc.start()
     found = points.rows(points.count // 2 - 2, points.count // 2 + 2)
@@ -329,9 +329,9 @@ def test_rows_beside_a_hole_that_is_larger_than_they_are() -> None:
 
 def test_two_billion_points_with_turned_holes() -> None:
     """Counting looks at the lines that a hole cuts, not at the points."""
-    grid = sampling.lattice((0.0,) * 3, (63.0,) * 3, CELL, 8)
+    grid = lattices.lattice((0.0,) * 3, (63.0,) * 3, CELL, 8)
     hole = turned((30.0, 20.0, 62.9), (5.0, 1.0, 0.6), 30.0)
-    points = sampling.points(grid, [hole], CELL)
+    points = lattices.points(grid, [hole], CELL)
     # 5 m × 1 m × 0.4 m below the surface, and eight points in a cube of 0.1 m.
     taken = grid.count - points.count
     assert taken == pytest.approx(5 * 1 * 0.4 * 8000, rel=0.01)

@@ -13,11 +13,11 @@ import pytest
 from python.test_checkpoint import output, same_folders, simulate
 
 import libmpm
-from libmpm._src.cli import ExitCode, main
+from libmpm._src.cli.commands import ExitCode, main
 from libmpm._src.output import writer
 from libmpm._src.output.frames import list_frames, read_series
 from libmpm._src.output.sensor_file import read_sensors
-from libmpm._src.runfile import RunFile, RunSettings
+from libmpm._src.scene.run_file import RunFile, RunSettings
 from python import fake_engine
 
 UNTIL = 0.12

@@ -12,7 +12,7 @@ import pytest
 
 import libmpm
 from libmpm import Partition, boundaries, materials, shapes
-from libmpm._src.cli import main
+from libmpm._src.cli.commands import main
 from python import fake_engine
 
 CELL = 0.05

@@ -10,9 +10,9 @@ import pytest
 
 import libmpm
 from libmpm import Partition, boundaries, materials, shapes
-from libmpm._src import backends
-from libmpm._src.cli import _parser, main
-from libmpm._src.partition import told_ranks
+from libmpm._src.cli.commands import _parser, main
+from libmpm._src.run import backends
+from libmpm._src.run.partition import told_ranks
 from support import jobs
 
 HEAD = """

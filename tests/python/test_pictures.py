@@ -18,10 +18,11 @@ from matplotlib.collections import PathCollection
 
 import libmpm
 from libmpm import boundaries, materials, shapes
-from libmpm._src import html, progress
+from libmpm._src.output import html
 from libmpm._src.pictures import animate as films
-from libmpm._src.pictures import figure as common
+from libmpm._src.pictures import figures as common
 from libmpm._src.pictures import outlines
+from libmpm._src.run import progress
 
 matplotlib.use("Agg", force=False)
 
@@ -272,7 +273,7 @@ def test_spray_is_said_to_lie_beyond_the_colours(run):
 
 def test_views_in_space_hold_the_particles(run, scene):
     pyvista = pytest.importorskip("pyvista")
-    from libmpm._src.pictures.space import preview_in_space, view
+    from libmpm._src.pictures.view_3d import preview_in_space, view
 
     plotter = view(run, color="pressure", off_screen=True)
     names = set(plotter.actors)
@@ -289,7 +290,7 @@ def test_views_in_space_hold_the_particles(run, scene):
     assert "sensors-points" in plotter.actors or any("sensors" in n for n in plotter.actors)
     plotter.close()
     ball = shapes.Sphere(centre=(1.0, 0.4, 0.5), radius=0.3)
-    from libmpm._src.pictures.space import surface_of
+    from libmpm._src.pictures.view_3d import surface_of
 
     surface = surface_of(pyvista, scene, ball)
     away = np.linalg.norm(surface.points - (1.0, 0.4, 0.5), axis=1)

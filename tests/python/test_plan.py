@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import libmpm
-from libmpm._src import backends
+from libmpm._src.run import backends
 
 RESULT: dict[str, Any] = {
     "bodies": [

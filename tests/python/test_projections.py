@@ -190,7 +190,7 @@ def test_functions_without_particles_get_nothing(mass: Any) -> None:
 def test_many_batches_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
     functions = functions_on(grids.PowellSabin())
     whole = functions.project(sines)
-    monkeypatch.setattr("libmpm._src.triangular.functions._AT_ONCE", 77)
+    monkeypatch.setattr("libmpm._src.grids.functions._AT_ONCE", 77)
     parts = functions.project(sines)
     np.testing.assert_allclose(parts.coefficients, whole.coefficients, atol=1e-12)
     assert parts.error() == pytest.approx(whole.error(), rel=1e-9)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src.transfer import SCHEMES
+from libmpm._src.methods.transfer import SCHEMES
 from support import fuzzing, random_function_scenes
 
 pytestmark = pytest.mark.filterwarnings("ignore::libmpm.ModelWarning")

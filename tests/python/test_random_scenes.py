@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import libmpm
 from libmpm import boundaries
-from libmpm._src.lowering import lower
+from libmpm._src.run.engine_spec import lower
 from support import fuzzing, random_scenes
 from support.random_scenes import DX, SPEED
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm._src import backends
 from libmpm._src.output import frames
+from libmpm._src.run import backends
 from python import fake_engine
 from support import jobs
 from support.jobs import well

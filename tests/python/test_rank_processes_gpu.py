@@ -10,7 +10,7 @@ import pytest
 from python.test_ranks_gpu import SCENES
 
 import libmpm
-from libmpm._src.backends import cuda_status
+from libmpm._src.run.backends import cuda_status
 from python import test_flow
 from support import jobs
 from support.devices import need_device

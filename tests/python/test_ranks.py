@@ -15,7 +15,7 @@ from python.test_guard import bar
 import libmpm
 import libmpm.cases
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src import backends
+from libmpm._src.run import backends
 from python import fake_engine
 from support import sensing_scenes
 

@@ -10,7 +10,7 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src.backends import cuda_status
+from libmpm._src.run.backends import cuda_status
 from support.devices import need_device
 
 pytestmark = pytest.mark.gpu

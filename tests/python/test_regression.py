@@ -18,7 +18,7 @@ import pytest
 
 import libmpm
 from libmpm import analysis
-from libmpm._src.study.table import StudyResult
+from libmpm._src.studies.study.table import StudyResult
 
 pytest.importorskip("statsmodels")
 

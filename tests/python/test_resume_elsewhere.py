@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm._src import backends
+from libmpm._src.run import backends
 from support import scenes
 from support.devices import device  # noqa: F401
 

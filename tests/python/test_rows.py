@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm._src.lowering import lower
+from libmpm._src.run.engine_spec import lower
 from support import scenes
 from support.devices import device  # noqa: F401
 

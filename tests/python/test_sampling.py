@@ -11,14 +11,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from libmpm._src import sampling
+from libmpm._src.shapes import lattices
 
 Hole = tuple[Sequence[float], Sequence[float]]
 
 
-def positions(grid: sampling.Lattice, holes: Sequence[Hole]) -> npt.NDArray[np.float64]:
+def positions(grid: lattices.Lattice, holes: Sequence[Hole]) -> npt.NDArray[np.float64]:
     """All points of a lattice in cells of 0.1 m."""
-    points = sampling.points(grid, holes, 0.1)
+    points = lattices.points(grid, holes, 0.1)
     return points.rows(0, points.count)
 
 
@@ -34,7 +34,7 @@ def two_holes(dimension: int) -> list[Hole]:
 @pytest.mark.parametrize("per_cell", [1, 4, 8, 9, 27, 64, 5])
 def test_counts_of_whole_cells(dimension: int, per_cell: int) -> None:
     upper = (1.0, 0.5, 0.7)[:dimension]
-    grid = sampling.lattice((0.0,) * dimension, upper, 0.1, per_cell)
+    grid = lattices.lattice((0.0,) * dimension, upper, 0.1, per_cell)
     k = per_cell ** (1 / dimension)
     assert grid.shape == tuple(round(x * k / 0.1) for x in upper)
     points = positions(grid, [])
@@ -43,7 +43,7 @@ def test_counts_of_whole_cells(dimension: int, per_cell: int) -> None:
 
 
 def test_points_are_centres_of_equal_slices() -> None:
-    grid = sampling.lattice((1.0, 2.0), (1.4, 2.2), 0.1, 4)
+    grid = lattices.lattice((1.0, 2.0), (1.4, 2.2), 0.1, 4)
     assert grid.shape == (8, 4)
     np.testing.assert_allclose(grid.axis(0), 1.025 + 0.05 * np.arange(8))
     points = positions(grid, [])
@@ -51,12 +51,12 @@ def test_points_are_centres_of_equal_slices() -> None:
 
 
 def test_at_least_one_point() -> None:
-    assert sampling.lattice((0.0, 0.0), (0.01, 0.3), 0.1, 1).shape == (1, 3)
+    assert lattices.lattice((0.0, 0.0), (0.01, 0.3), 0.1, 1).shape == (1, 3)
 
 
 def test_ties_do_not_depend_on_rounding() -> None:
     shapes = {
-        sampling.lattice((x, 0.0), (x + 0.25, 0.1), 0.1, 1).shape
+        lattices.lattice((x, 0.0), (x + 0.25, 0.1), 0.1, 1).shape
         for x in np.linspace(0.0, 1000.0, 97)
     }
     assert shapes == {(3, 1)}
@@ -64,7 +64,7 @@ def test_ties_do_not_depend_on_rounding() -> None:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_holes_against_the_plain_test(dimension: int) -> None:
-    grid = sampling.lattice((0.0,) * dimension, (1.0, 0.8, 0.6)[:dimension], 0.1, 2**dimension)
+    grid = lattices.lattice((0.0,) * dimension, (1.0, 0.8, 0.6)[:dimension], 0.1, 2**dimension)
     holes = two_holes(dimension)
     points = positions(grid, [])
     inside = np.zeros(len(points), dtype=bool)
@@ -76,14 +76,14 @@ def test_holes_against_the_plain_test(dimension: int) -> None:
 
 
 def test_point_on_a_face_belongs_to_the_hole_above_it() -> None:
-    grid = sampling.lattice((0.0, 0.0), (0.5, 0.1), 0.1, 1)
+    grid = lattices.lattice((0.0, 0.0), (0.5, 0.1), 0.1, 1)
     noise = 1e-13
     kept = positions(grid, [([0.15 + noise, 0.0], [0.35 - noise, 1.0])])
     np.testing.assert_allclose(kept[:, 0], [0.05, 0.35, 0.45])
 
 
 def test_nothing_is_left() -> None:
-    grid = sampling.lattice((0.0, 0.0), (0.5, 0.3), 0.1, 4)
+    grid = lattices.lattice((0.0, 0.0), (0.5, 0.3), 0.1, 4)
     assert positions(grid, [([-1.0, -1.0], [1.0, 1.0])]).shape == (0, 2)
 
 
@@ -91,8 +91,8 @@ def test_nothing_is_left() -> None:
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_pieces_are_the_whole(dimension: int, with_holes: bool) -> None:
     """Wherever the rows are cut: within lines and sections, at their ends, in a hole's run."""
-    grid = sampling.lattice((0.0,) * dimension, (1.0, 0.8, 0.6)[:dimension], 0.1, 2**dimension)
-    points = sampling.points(grid, two_holes(dimension) if with_holes else [], 0.1)
+    grid = lattices.lattice((0.0,) * dimension, (1.0, 0.8, 0.6)[:dimension], 0.1, 2**dimension)
+    points = lattices.points(grid, two_holes(dimension) if with_holes else [], 0.1)
     n = points.count
     whole = points.rows(0, n)
     random = np.random.default_rng(2)
@@ -110,12 +110,12 @@ def test_pieces_are_the_whole(dimension: int, with_holes: bool) -> None:
 @pytest.mark.parametrize("with_holes", [False, True])
 def test_two_billion_points(with_holes: bool) -> None:
     """Any rows come at once and take the memory that they fill."""
-    grid = sampling.lattice((0.0,) * 3, (63.0,) * 3, 0.1, 8)
+    grid = lattices.lattice((0.0,) * 3, (63.0,) * 3, 0.1, 8)
     assert grid.count == 1260**3 > 2e9
     holes: list[Hole] = [([1.0, 1.0, 1.0], [3.0, 3.0, 3.0]), ([2.0, 2.0, 0.0], [5.0, 8.0, 2.5])]
     tracemalloc.start()
     began = time.perf_counter()
-    points = sampling.points(grid, holes if with_holes else [], 0.1)
+    points = lattices.points(grid, holes if with_holes else [], 0.1)
     n = points.count
     end, middle = points.rows(n - 1000, n), points.rows(n // 2, n // 2 + 100_000)
     wall, (_, peak) = time.perf_counter() - began, tracemalloc.get_traced_memory()

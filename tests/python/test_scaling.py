@@ -17,14 +17,14 @@ from python.conftest import make_scene
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
-from libmpm._src import scaling
-from libmpm._src.cli import main
-from libmpm._src.parameters import Material
-from libmpm._src.runfile import RunFile, RunSettings
-from libmpm._src.scaling import HALF_POWERS, OUTSIDE, OWNER, TEXT, UNITS, VOLUME, Scaling
-from libmpm._src.scene import HEAD
-from libmpm._src.schema import documented
-from libmpm._src.values import registry
+from libmpm._src.base.values import registry
+from libmpm._src.cli.commands import main
+from libmpm._src.materials.material import Material
+from libmpm._src.scene import scaling
+from libmpm._src.scene.run_file import RunFile, RunSettings
+from libmpm._src.scene.scaling import HALF_POWERS, OUTSIDE, OWNER, TEXT, UNITS, VOLUME, Scaling
+from libmpm._src.scene.scene import HEAD
+from libmpm._src.scene.schema import documented
 
 # Units --------------------------------------------------------------------------------------------
 
@@ -55,8 +55,8 @@ def test_every_field_of_every_value_has_a_unit():
     fields = [f.name for f in dataclasses.fields(RunSettings)]
     missing += [f"RunSettings.{key}" for key in fields if key not in UNITS["RunSettings"]]
     strange += [n for n in UNITS if n not in kinds and n not in ("Scene", "RunSettings")]
-    assert not missing, f"give the units of {missing} in libmpm._src.scaling.UNITS"
-    assert not strange, f"libmpm._src.scaling.UNITS has entries of nothing: {strange}"
+    assert not missing, f"give the units of {missing} in libmpm._src.scene.scaling.UNITS"
+    assert not strange, f"libmpm._src.scene.scaling.UNITS has entries of nothing: {strange}"
 
 
 def test_every_unit_is_known_and_no_number_goes_without():

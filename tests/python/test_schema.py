@@ -13,9 +13,9 @@ from python.test_scaling import plane_scene, rich_scene
 
 import libmpm
 from libmpm import boundaries, cases, grids, materials, sensors, shapes
-from libmpm._src.demo import demo_file
-from libmpm._src.runfile import RunFile, RunSettings, read_run_file
-from libmpm._src.schema import documented, scene_schema, schema_text
+from libmpm._src.cli.demo import demo_file
+from libmpm._src.scene.run_file import RunFile, RunSettings, read_run_file
+from libmpm._src.scene.schema import documented, scene_schema, schema_text
 from python import fake_engine
 
 jsonschema = pytest.importorskip("jsonschema")

@@ -9,8 +9,8 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
-from libmpm._src.sensing import bodies
-from libmpm._src.sensing.moment import Moment
+from libmpm._src.sensors import body_sensors
+from libmpm._src.sensors.step_readings import Moment
 from support.sensing_scenes import (
     G,
     add_block,
@@ -74,22 +74,22 @@ def test_rotations_are_found_from_points():
     angle = 2.2
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     turn = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-    found = bodies.quaternion_of(start, start @ turn.T, mass)
+    found = body_sensors.quaternion_of(start, start @ turn.T, mass)
     half = [math.cos(angle / 2), *(math.sin(angle / 2) * axis)]
     np.testing.assert_allclose(found, half, atol=1e-12)
     omega = np.array([0.3, -1.0, 2.0])
     away = start - mass @ start / mass.sum()
-    spun = bodies.angular_velocity(away, np.cross(omega, away), mass)
+    spun = body_sensors.angular_velocity(away, np.cross(omega, away), mass)
     np.testing.assert_allclose(spun, omega, rtol=1e-12)
     plane = start[:, :2]
     turned = plane @ np.array([[math.cos(2), math.sin(2)], [-math.sin(2), math.cos(2)]])
-    assert bodies.angle_of(plane, turned, mass) == pytest.approx(2, abs=1e-12)
+    assert body_sensors.angle_of(plane, turned, mass) == pytest.approx(2, abs=1e-12)
 
 
 def test_gravity_over_time_is_integrated():
     table = libmpm.TimeTable([0.0, 0.1, 0.3], [[0, 0], [0, -10], [0, -4]])
     scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1), gravity=table)
-    np.testing.assert_allclose(bodies.gravity_impulse(scene, 0.05, 0.3), [0, -0.375 - 1.4])
+    np.testing.assert_allclose(body_sensors.gravity_impulse(scene, 0.05, 0.3), [0, -0.375 - 1.4])
 
 
 # Forces -------------------------------------------------------------------------------------------
@@ -285,7 +285,7 @@ def test_scenes_with_sensors_round_trip(tmp_path):
 
 @pytest.mark.parametrize("largest", [1 << 25, 0])
 def test_what_bodies_share_of_nodes_is_their_mass(monkeypatch, largest):
-    from libmpm._src.sensing import moment
+    from libmpm._src.sensors import step_readings as moment
 
     monkeypatch.setattr(moment, "_LARGEST_TABLE", largest)
     sim = simulate(busy_scene())

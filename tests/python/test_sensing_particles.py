@@ -9,7 +9,7 @@ import pytest
 
 import libmpm
 from libmpm import materials, sensors, shapes
-from libmpm._src.sensing import attributes
+from libmpm._src.sensors import attributes
 from support.sensing_scenes import (
     SOLID,
     WATER,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm._src import backends
+from libmpm._src.run import backends
 from python import fake_engine
 
 

@@ -8,8 +8,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import libmpm
 from libmpm import boundaries, materials, shapes
 from libmpm._src.pictures import panel as panels
-from libmpm._src.pictures.figure import Picture
-from libmpm._src.pictures.views import View
+from libmpm._src.pictures.directions import View
+from libmpm._src.pictures.figures import Picture
 
 matplotlib.use("Agg", force=False)
 

@@ -16,9 +16,9 @@ from python.study_scenes import LONG, UNTIL, block, fallen, kinetic, long_block,
 
 import libmpm
 from libmpm import studies
-from libmpm._src.cli import main
-from libmpm._src.study import worker
-from libmpm._src.study.plan import _replaced
+from libmpm._src.cli.commands import main
+from libmpm._src.studies.study import worker
+from libmpm._src.studies.study.plan import _replaced
 
 ROWS = [{"gravity": 5.0}, {"gravity": 10.0}]
 

@@ -14,11 +14,11 @@ from python.study_scenes import LONG, UNTIL, block, kinetic, long_block, status,
 
 import libmpm
 from libmpm import studies
-from libmpm._src.study import case as case_module
-from libmpm._src.study import pool, progress, worker
-from libmpm._src.study import study as study_module
-from libmpm._src.study.rows import describe
-from libmpm._src.values import keywords_only
+from libmpm._src.base.values import keywords_only
+from libmpm._src.studies.study import case as case_module
+from libmpm._src.studies.study import pool, progress, worker
+from libmpm._src.studies.study import study as study_module
+from libmpm._src.studies.study.rows import describe
 
 ROWS = [{"gravity": 5.0}, {"gravity": 10.0}]
 

@@ -15,7 +15,7 @@ from python.study_scenes import LONG, UNTIL, block, kinetic, long_block, status,
 import libmpm
 from libmpm import studies
 from libmpm._src.output.locks import Lock, this_process
-from libmpm._src.study import loop, pool, record
+from libmpm._src.studies.study import dispatch, pool, record
 
 
 def make(folder, rows=({"gravity": 1.0}, {"gravity": 2.0}), factory=block, **arguments):
@@ -62,11 +62,11 @@ def test_a_worker_that_hangs_beyond_the_limit_is_ended(tmp_path, monkeypatch):
         found = wait_for(lambda: status(victim).get("status") == "running" and status(victim))
         os.kill(found["pid"], signal.SIGSTOP)
         stopped.append(found["pid"])
-        monkeypatch.setattr(loop, "_GRACE_SHARE", -1.0)
-        monkeypatch.setattr(loop, "_GRACE", -limit)
+        monkeypatch.setattr(dispatch, "_GRACE_SHARE", -1.0)
+        monkeypatch.setattr(dispatch, "_GRACE", -limit)
 
     def kill(self, future):
-        monkeypatch.setattr(loop, "_GRACE", 600.0)
+        monkeypatch.setattr(dispatch, "_GRACE", 600.0)
         real(self, future)
 
     monkeypatch.setattr(pool.SpawnPool, "kill", kill)
@@ -109,7 +109,7 @@ def test_a_worker_killed_before_its_first_case_does_not_end_the_study(tmp_path, 
 
 
 def test_a_study_that_waits_for_others_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(loop, "_SILENCE", 0.5)
+    monkeypatch.setattr(dispatch, "_SILENCE", 0.5)
     study = make(tmp_path)
     (first, _) = [case.folder for case in study.cases]
     first.mkdir(parents=True)

@@ -31,8 +31,8 @@ from python.study_scenes import (
 
 import libmpm
 from libmpm import studies
-from libmpm._src import backends
-from libmpm._src.study import pool
+from libmpm._src.run import backends
+from libmpm._src.studies.study import pool
 
 ROWS = [{"gravity": 1.0 + i} for i in range(6)]
 
@@ -157,7 +157,7 @@ def study(folder):
 
 COMMAND = """
 import sys
-from libmpm._src.cli import main
+from libmpm._src.cli.commands import main
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))
 """
@@ -219,7 +219,7 @@ def test_two_processes_on_one_folder_run_no_case_twice(tmp_path):
     script.write_text("""
 import sys
 import libmpm
-from libmpm._src.study import worker
+from libmpm._src.studies.study import worker
 from python.study_scenes import LONG, long_block, kinetic
 
 real = worker._Attempt.run

@@ -17,7 +17,7 @@ import libmpm
 from libmpm import studies
 from libmpm._src.output import locks
 from libmpm._src.output.locks import Lock, Observer, is_held, locked
-from libmpm._src.study.rows import call_with, canonical, digest, take_rows
+from libmpm._src.studies.study.rows import call_with, canonical, digest, take_rows
 
 
 def test_rows_come_from_mappings_arrays_and_frames():

@@ -13,7 +13,7 @@ import pytest
 
 import libmpm
 from libmpm import Scene, Simulation, TimeTable
-from libmpm._src import surfaces
+from libmpm._src.boundaries import distance_field
 from libmpm.boundaries import (
     DecayLayer,
     Displacement,
@@ -251,12 +251,12 @@ def test_within_limits_a_boundary_to_a_box():
 def test_a_surface_costs_memory_with_its_area():
     """Twice the radius in cells: four times the blocks in 3D, not eight; none for the domain."""
 
-    def field(cells: int, radius: float) -> surfaces.DistanceField:
+    def field(cells: int, radius: float) -> distance_field.DistanceField:
         scene = Scene(cell_size=1 / cells, lower=(0, 0, 0), upper=(4, 4, 4))
         scene.add_boundary(
             name="ball", shape=Sphere(centre=(2, 2, 2), radius=radius), response=Slip()
         )
-        return surfaces.distance_field(scene, scene.boundaries[0])
+        return distance_field.distance_field(scene, scene.boundaries[0])
 
     small, large = field(32, 0.6), field(64, 0.6)
     assert 3.0 < large.values.nbytes / small.values.nbytes < 5.0
@@ -268,10 +268,10 @@ def test_distances_of_the_lattice_are_those_of_the_shape():
     shape = Cylinder(start=(1, 0, 1), end=(1, 2, 1.2), radius=0.4)
     scene = Scene(cell_size=0.1, lower=(-0.3, 0, 0), upper=(2, 2, 2))
     scene.add_boundary(name="pile", shape=shape, response=Sticky(), spacing=0.05)
-    field = surfaces.distance_field(scene, scene.boundaries[0])
+    field = distance_field.distance_field(scene, scene.boundaries[0])
     assert field.spacing == 0.05
     k = int(np.argmax(field.place >= 0))
-    corner = field.keys[k] * surfaces.FIELD_EDGE * field.spacing + np.array(scene.lower)
+    corner = field.keys[k] * distance_field.FIELD_EDGE * field.spacing + np.array(scene.lower)
     wanted = shape.distance(corner[None])[0] / field.spacing
     assert field.values[field.place[k], 0] == pytest.approx(wanted, abs=1e-5)
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from libmpm import Error, FBar, Kernel, Transfer
-from libmpm._src import materials_generated
-from libmpm._src.lowering import PIPELINES, PRECISIONS
-from libmpm._src.transfer import KERNELS, SCHEMES, SWEEPS
+from libmpm._src.materials import generated
+from libmpm._src.methods.transfer import KERNELS, SCHEMES, SWEEPS
+from libmpm._src.run.engine_spec import PIPELINES, PRECISIONS
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
 SCRIPT = FOLDER / "tradeoff.py"
@@ -90,8 +90,8 @@ def test_every_form_of_fbar_precision_and_pipeline_has_a_row():
 def test_every_elastic_law_has_a_row():
     """Laws compete where they need the same numbers."""
     elastic = set()
-    for name in materials_generated.__all__:
-        needs = {p.name for p in getattr(materials_generated, name).table.parameters}
+    for name in generated.__all__:
+        needs = {p.name for p in getattr(generated, name).table.parameters}
         if needs == {"density", "youngs_modulus", "poissons_ratio"}:
             elastic.add(name)
     assert elastic <= {o.material for o in OPTIONS}

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 import libmpm
 from libmpm import FBar, ModelWarning, SceneError, TradeOff, boundaries, materials, sensors, shapes
-from libmpm._src.tradeoff.choices import CHOICES, apply_choices
-from libmpm._src.tradeoff.front import front
-from libmpm._src.tradeoff.metrics import energy_drift, with_energy
-from libmpm._src.tradeoff.result import COLUMNS
+from libmpm._src.advice.tradeoff.choices import CHOICES, apply_choices
+from libmpm._src.advice.tradeoff.front import front
+from libmpm._src.advice.tradeoff.metrics import energy_drift, with_energy
+from libmpm._src.advice.tradeoff.result import COLUMNS
 
 G, DENSITY, DEPTH, WIDTH = 9.81, 1000.0, 0.4, 0.2
 #: Pa: ρgH/K is 0.02, the force on a wall less than ½ρgH² by 2/3 of it.
@@ -439,7 +439,7 @@ def test_a_folder_goes_on_and_is_read_again(tmp_path, counted):
 
 
 def test_an_interrupted_sweep_goes_on(tmp_path, counted, monkeypatch):
-    from libmpm._src.study import worker
+    from libmpm._src.studies.study import worker
 
     real, calls = worker._Attempt._simulate, []
 

@@ -9,7 +9,7 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
-from libmpm._src.cli import main
+from libmpm._src.cli.commands import main
 from support.function_scenes import ELASTIC, block, column, square
 
 

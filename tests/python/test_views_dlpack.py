@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm._src.foreign import host_array
+from libmpm._src.base.arrays import host_array
 from support.devices import need_device
 
 #: Derived by the host; all others are gathered where the particles are.

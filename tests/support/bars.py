@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 import libmpm
 from libmpm import boundaries, materials, shapes
-from libmpm._src.lowering import lower
-from libmpm._src.transfer import Kernel
+from libmpm._src.methods.transfer import Kernel
+from libmpm._src.run.engine_spec import lower
 
 LENGTH, AREA = 1.6, 1.0  # m, m²
 YOUNG, DENSITY = 1.2e6, 3000.0  # Pa, kg/m³: waves run at 20 m/s

@@ -7,7 +7,7 @@ import pytest
 
 def need_device():
     """Skip the test where there is no CUDA device, or fail it where LIBMPM_REQUIRE_GPU=1."""
-    from libmpm._src.backends import cuda_status
+    from libmpm._src.run.backends import cuda_status
 
     if reason := cuda_status().reason:
         if os.environ.get("LIBMPM_REQUIRE_GPU") == "1":

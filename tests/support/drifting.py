@@ -6,7 +6,7 @@ import numpy as np
 
 import libmpm
 from libmpm import materials, shapes
-from libmpm._src.lowering import lower
+from libmpm._src.run.engine_spec import lower
 from libmpm.smoothing import smooth
 from support import scenes
 

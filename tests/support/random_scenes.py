@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from libmpm._src.transfer import KERNELS, SCHEMES
+from libmpm._src.methods.transfer import KERNELS, SCHEMES
 
 #: Edge of a cell, m; a power of two, so that whole cells are added without rounding.
 DX = 0.125

@@ -261,14 +261,14 @@ def with_arrays(spec):
 
 def specification(scene, *, precision="double", pipeline="auto", threads=1):
     """The dictionary that the engine takes; one thread, the scenes are too small for more."""
-    from libmpm._src.lowering import lower
+    from libmpm._src.run.engine_spec import lower
 
     return with_arrays(lower(scene, precision=precision, pipeline=pipeline, threads=threads))
 
 
 def engine(spec, device="cpu"):
     """An engine for a specification that a test has changed by hand."""
-    from libmpm._src.backends import select
+    from libmpm._src.run.backends import select
 
     return select(device).module.Engine(spec)
 

@@ -11,7 +11,7 @@ import pytest
 import libmpm
 import libmpm.cases
 from libmpm import design
-from libmpm._src.cases.bridges import CASES, block_impact, block_pulse
+from libmpm._src.advice.cases.bridges import CASES, block_impact, block_pulse
 
 pytestmark = pytest.mark.validation
 

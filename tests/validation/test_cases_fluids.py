@@ -22,7 +22,7 @@ def run(name, device, options=None, **changes):
 
 
 def test_every_case_of_water_is_here():
-    from libmpm._src.cases.fluids import CASES
+    from libmpm._src.advice.cases.fluids import CASES
 
     assert tuple(case.name for case in CASES) == NAMES
 

@@ -10,10 +10,10 @@ import pytest
 
 import libmpm
 import libmpm.cases
-from libmpm._src.cases.dominoes import _rigid_time
-from libmpm._src.cases.grains import runout
-from libmpm._src.cases.solids import CASES
-from libmpm._src.friction import triaxial
+from libmpm._src.advice.cases.dominoes import _rigid_time
+from libmpm._src.advice.cases.grains import runout
+from libmpm._src.advice.cases.solids import CASES
+from libmpm._src.materials.friction import triaxial
 
 pytestmark = pytest.mark.validation
 

@@ -18,7 +18,7 @@ def run(name, device, **changes):
 
 
 def test_every_case_of_waves_is_here():
-    from libmpm._src.cases.waves import CASES
+    from libmpm._src.advice.cases.waves import CASES
 
     assert tuple(case.name for case in CASES) == NAMES
 

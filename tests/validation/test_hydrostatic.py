@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm._src.cases.settling import missing_depth
+from libmpm._src.advice.cases.settling import missing_depth
 from support import scenes
 from support.tolerances import ACOUSTIC, ACOUSTIC_ORDER, WALL_FORCE
 

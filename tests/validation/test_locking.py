@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.sparse.linalg import spsolve
 
 from libmpm import FBar
-from libmpm._src.cases import locking
+from libmpm._src.advice.cases import locking
 from libmpm.cases import Options
 
 pytestmark = [

@@ -1,1 +1,5 @@
-"""Implementation of libmpm; import the public names from `libmpm` and its modules."""
+"""Implementation of libmpm, one folder a subject; import the public names from `libmpm`."""
+
+from libmpm._src import moved
+
+moved.install()

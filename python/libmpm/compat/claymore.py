@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from libmpm._src.claymore.build import Imported, import_scene
-from libmpm._src.values import Checker
+from libmpm._src.base.values import Checker
+from libmpm._src.compat.claymore.build import Imported, import_scene
 
 __all__ = ["Imported", "load"]
 

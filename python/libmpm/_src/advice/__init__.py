@@ -1,1 +1,1 @@
-"""Advice on a scene's numerical settings, from the shipped atlas of measurements."""
+"""Which settings to take: advice from measurements, trade-offs, reference cases."""

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from libmpm._src import backends
 from libmpm._src.advice.atlas import BASELINE, Atlas, read_atlas
 from libmpm._src.advice.choose import (
     Candidate,
@@ -21,18 +20,19 @@ from libmpm._src.advice.choose import (
     softest,
 )
 from libmpm._src.advice.facts import Facts, own_fbar
-from libmpm._src.advice.ranges import leaves, thin_loads
 from libmpm._src.advice.result import Advice, Reason, Settings
 from libmpm._src.advice.rules import RULES, Match, matches, unmatched
-from libmpm._src.checks import check_scene
+from libmpm._src.advice.validity_ranges import leaves, thin_loads
+from libmpm._src.base.values import Checker, nearest, sequence
 from libmpm._src.errors import SceneError
-from libmpm._src.geometry.point_file import PointFile
-from libmpm._src.method import FBar
-from libmpm._src.parameters import wave_speed
-from libmpm._src.values import Checker, nearest, sequence
+from libmpm._src.materials.material import wave_speed
+from libmpm._src.methods.method import FBar
+from libmpm._src.run import backends
+from libmpm._src.scene.checks import check_scene
+from libmpm._src.shapes.point_file import PointFile
 
 if TYPE_CHECKING:
-    from libmpm._src.scene import Scene
+    from libmpm._src.scene.scene import Scene
 
 __all__ = ["advise"]
 

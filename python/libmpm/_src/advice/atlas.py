@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from libmpm._src.errors import Error
-from libmpm._src.method import CROSSINGS, FBar
-from libmpm._src.transfer import Kernel, Transfer
+from libmpm._src.methods.method import CROSSINGS, FBar
+from libmpm._src.methods.transfer import Kernel, Transfer
 
 __all__ = ["BASELINE", "Atlas", "Row", "read_atlas"]
 

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from libmpm._src.advice.atlas import BASELINE, Row
 from libmpm._src.advice.facts import Facts
 from libmpm._src.advice.rules import FLOATING, Match
-from libmpm._src.boundaries import DecayLayer
+from libmpm._src.boundaries.responses import DecayLayer
 
 __all__ = ["Candidate", "candidates", "choose", "layer_of", "per_case", "present", "softest"]
 

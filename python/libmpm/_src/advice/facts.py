@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from libmpm._src.boundaries import DecayLayer, Mirror, Response, Slip, Sticky
-from libmpm._src.checks import extent_of
-from libmpm._src.checks_bodies import initial_gravity
-from libmpm._src.field import Field
-from libmpm._src.filling import BOXES
-from libmpm._src.flow import Inflow, Outflow
-from libmpm._src.geometry.choices import Columns
-from libmpm._src.geometry.point_file import PointFile
-from libmpm._src.geometry.solid import Solid
-from libmpm._src.method import FBar
-from libmpm._src.parameters import wave_speed
-from libmpm._src.shapes import DomainWalls
-from libmpm._src.surfaces import motion_of
-from libmpm._src.timetable import TimeTable, largest
+from libmpm._src.base.formulas import Field
+from libmpm._src.base.time_tables import TimeTable, largest
+from libmpm._src.boundaries.distance_field import motion_of
+from libmpm._src.boundaries.flows import Inflow, Outflow
+from libmpm._src.boundaries.responses import DecayLayer, Mirror, Response, Slip, Sticky
+from libmpm._src.materials.material import wave_speed
+from libmpm._src.methods.method import FBar
+from libmpm._src.scene.checks import extent_of
+from libmpm._src.scene.checks_bodies import initial_gravity
+from libmpm._src.shapes.boxes import DomainWalls
+from libmpm._src.shapes.filling import BOXES
+from libmpm._src.shapes.particle_placement import Columns
+from libmpm._src.shapes.point_file import PointFile
+from libmpm._src.shapes.solid import Solid
 
 if TYPE_CHECKING:
-    from libmpm._src.parts import Body, Boundary
-    from libmpm._src.scene import Scene
+    from libmpm._src.scene.parts import Body, Boundary
+    from libmpm._src.scene.scene import Scene
 
 __all__ = ["LOCKS", "Facts", "own_fbar"]
 

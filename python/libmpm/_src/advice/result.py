@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from libmpm._src.advice.atlas import Row
 from libmpm._src.advice.rules import Match
-from libmpm._src.boundaries import DecayLayer
-from libmpm._src.html import table
-from libmpm._src.method import FBar, Method
-from libmpm._src.values import plain
+from libmpm._src.base.values import plain
+from libmpm._src.boundaries.responses import DecayLayer
+from libmpm._src.methods.method import FBar, Method
+from libmpm._src.output.html import table
 
 if TYPE_CHECKING:
-    from libmpm._src.scene import Scene
+    from libmpm._src.scene.scene import Scene
 
 __all__ = ["Advice", "Reason", "Settings"]
 
@@ -108,7 +108,7 @@ class Advice:
         of the water: both change what is computed and not only how. `Settings.precision` belongs
         to `Simulation`. Without settings the copy is equal to the scene.
         """
-        from libmpm._src.scene import Scene
+        from libmpm._src.scene.scene import Scene
 
         data = self.scene.to_dict()
         if self.settings is not None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from libmpm._src.advice.facts import LOCKS, Facts
-from libmpm._src.field import Field
+from libmpm._src.base.formulas import Field
 
 __all__ = ["FLOATING", "RULES", "Match", "Rule", "matches", "unmatched"]
 

@@ -20,9 +20,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.values import shown
 from libmpm._src.errors import CheckpointError, Error, ModelWarning
-from libmpm._src.output.atomic import replacing, sync_folder
-from libmpm._src.values import shown
+from libmpm._src.output.atomic_files import replacing, sync_folder
 
 __all__ = [
     "FORMAT",

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.errors import OutputError
-from libmpm._src.output.atomic import file_name, write_json
-from libmpm._src.output.image import new_file
-from libmpm._src.output.reading import array_of, is_cut, reading
+from libmpm._src.output.atomic_files import file_name, write_json
+from libmpm._src.output.hdf5_image import new_file
+from libmpm._src.output.reading_files import array_of, is_cut, reading
 
 __all__ = [
     "cut_parts",

@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from libmpm._src.output.atomic import writing
+from libmpm._src.output.atomic_files import writing
 
 __all__ = [
     "HEARTBEAT",

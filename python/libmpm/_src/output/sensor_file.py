@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.errors import ModelWarning, OutputError
-from libmpm._src.output.atomic import file_name, writing
-from libmpm._src.output.image import LIBVER, new_file
-from libmpm._src.output.reading import array_of, reading
+from libmpm._src.output.atomic_files import file_name, writing
+from libmpm._src.output.hdf5_image import LIBVER, new_file
+from libmpm._src.output.reading_files import array_of, reading
 from libmpm._src.output.series import Series
 
 __all__ = ["SensorFile", "append_csv", "read_sensors", "series_of"]

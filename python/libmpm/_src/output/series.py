@@ -1,4 +1,4 @@
-"""The samples of one sensor: arrays, named columns, peaks, impulses, a plot, a DataFrame."""
+"""`Series`: the samples of one sensor: named columns, peaks, impulses, a plot, a DataFrame."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.optional_packages import need
+from libmpm._src.base.values import nearest
 from libmpm._src.errors import Error
-from libmpm._src.optional import need
-from libmpm._src.values import nearest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -255,7 +255,7 @@ class Series:
 
     def _repr_html_(self) -> str:
         """Return its first and last samples as a table for Jupyter."""
-        from libmpm._src.html import series_html
+        from libmpm._src.output.html import series_html
 
         return series_html(self)
 

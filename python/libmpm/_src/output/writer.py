@@ -1,4 +1,4 @@
-"""The output folder of a run: what is written, when, and how a resumed run continues it."""
+"""`Output`: what is written to the folder of a run, when, and how a resumed run continues it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.values import shown
 from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output import frames
-from libmpm._src.output.atomic import file_name, replacing, write_json, writing
-from libmpm._src.output.earlier import (
+from libmpm._src.output.atomic_files import file_name, replacing, write_json, writing
+from libmpm._src.output.earlier_run import (
     clear,
     cut_folder,
     frame_times,
@@ -29,13 +30,12 @@ from libmpm._src.output.earlier import (
     other_run,
     read_log,
 )
-from libmpm._src.output.holding import Hold
+from libmpm._src.output.folder_lock import Hold
 from libmpm._src.output.sensor_file import SensorFile, append_csv
-from libmpm._src.sensors import LEAST_INTERVAL
-from libmpm._src.values import shown
+from libmpm._src.sensors.engine_sensors import LEAST_INTERVAL
 
 if TYPE_CHECKING:
-    from libmpm._src.simulation import Simulation
+    from libmpm._src.run.simulation import Simulation
 
 __all__ = ["Output", "Writer", "due_index", "due_time"]
 

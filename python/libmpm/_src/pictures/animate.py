@@ -1,4 +1,4 @@
-"""Films of a run, from the frames in its folder."""
+"""`animate`: films of a run, from the frames in its folder."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from matplotlib import animation
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
+from libmpm._src.base.values import nearest
 from libmpm._src.errors import Error, ModelWarning, OutputError, SceneError
-from libmpm._src.output.earlier import document_of
+from libmpm._src.output.earlier_run import document_of
 from libmpm._src.output.frames import frame_time, list_frames, read_frame, read_series
-from libmpm._src.output.reading import is_cut
-from libmpm._src.pictures import figure as common
+from libmpm._src.output.reading_files import is_cut
+from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.panel import Dots, Panel, height_of, legend_of
 from libmpm._src.pictures.plot import bodies_of, chosen_color
 from libmpm._src.pictures.preview import vertical_of
-from libmpm._src.scene import Scene
-from libmpm._src.values import nearest
+from libmpm._src.scene.scene import Scene
 
 __all__ = ["RunFrames", "animate"]
 

@@ -10,14 +10,14 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
-from libmpm._src.boundaries import Response
-from libmpm._src.pictures.figure import AXES
-from libmpm._src.sensors import LoadCell
-from libmpm._src.shapes import Box, DomainWalls, OrientedBox, faces_of
-from libmpm._src.triangular.shapes import Outline
+from libmpm._src.boundaries.responses import Response
+from libmpm._src.grids.shapes import Outline
+from libmpm._src.pictures.figures import AXES
+from libmpm._src.sensors.engine_sensors import LoadCell
+from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox, faces_of
 
 if TYPE_CHECKING:
-    from libmpm._src.scene import Scene
+    from libmpm._src.scene.scene import Scene
 
 __all__ = [
     "Plane",

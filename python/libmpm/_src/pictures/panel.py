@@ -12,7 +12,8 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from libmpm._src.pictures.figure import AXES, CYCLE
+from libmpm._src.pictures.directions import OBLIQUE, View
+from libmpm._src.pictures.figures import AXES, CYCLE
 from libmpm._src.pictures.outlines import (
     Plane,
     draw_boundaries,
@@ -20,12 +21,11 @@ from libmpm._src.pictures.outlines import (
     draw_sensors,
     sample_solid,
 )
-from libmpm._src.pictures.splats import Layer, Splats, Surface
-from libmpm._src.pictures.views import OBLIQUE, View
-from libmpm._src.shapes import Box, DomainWalls
+from libmpm._src.pictures.particle_discs import Layer, Splats, Surface
+from libmpm._src.shapes.boxes import Box, DomainWalls
 
 if TYPE_CHECKING:
-    from libmpm._src.scene import Scene
+    from libmpm._src.scene.scene import Scene
 
 __all__ = ["COLOUR_MAP", "Dots", "Panel", "body_colours", "height_of", "legend_of", "radius_of"]
 

@@ -1,4 +1,4 @@
-"""Particles of a moment, coloured by an attribute."""
+"""`Simulation.plot`: particles of a moment, coloured by an attribute."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
+from libmpm._src.base.values import nearest
 from libmpm._src.errors import Error
-from libmpm._src.pictures import figure as common
+from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.panel import Dots, Panel, height_of, is_fluid, legend_of
 from libmpm._src.pictures.preview import vertical_of
-from libmpm._src.values import nearest
 
 if TYPE_CHECKING:
-    from libmpm._src.scene import Scene
-    from libmpm._src.simulation import Simulation
-    from libmpm._src.views import BodyView
+    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.views import BodyView
+    from libmpm._src.scene.scene import Scene
 
 __all__ = ["bodies_of", "chosen_color", "extend_of", "plot", "sampled_particles"]
 

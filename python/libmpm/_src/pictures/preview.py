@@ -1,4 +1,4 @@
-"""A scene before it runs: its particles, boundaries and sensors where they will be."""
+"""`Scene.preview`: a scene before it runs, with its particles, boundaries and sensors."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
+from libmpm._src.base.values import warned_already
 from libmpm._src.errors import Error, SceneError
-from libmpm._src.pictures import figure as common
+from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.outlines import draw_flows, draw_shape
 from libmpm._src.pictures.panel import Dots, Panel, body_colours
-from libmpm._src.values import warned_already
 
 if TYPE_CHECKING:
-    from libmpm._src.scene import Scene
+    from libmpm._src.scene.scene import Scene
 
 __all__ = ["preview", "sampled_bodies", "vertical_of"]
 
@@ -26,7 +26,7 @@ _CHUNK = 1 << 20
 
 def vertical_of(scene: Scene) -> int:
     """Return the axis along which gravity pulls most at the start; the last without gravity."""
-    from libmpm._src.checks import initial_gravity
+    from libmpm._src.scene.checks import initial_gravity
 
     strength = np.abs(initial_gravity(scene))
     return int(np.argmax(strength)) if strength.any() else scene.dimension - 1
@@ -37,7 +37,7 @@ def sampled_bodies(scene: Scene, most: int) -> tuple[dict[str, Dots], int, str]:
 
     The third is what forbids the scene to run, in which case there are none; empty otherwise.
     """
-    from libmpm._src.lowering import lower
+    from libmpm._src.run.engine_spec import lower
 
     try:
         with warned_already():
@@ -75,7 +75,7 @@ def preview(
 ) -> Any:
     """See `Scene.preview`."""
     if backend == "pyvista":
-        from libmpm._src.pictures.space import preview_in_space
+        from libmpm._src.pictures.view_3d import preview_in_space
 
         return preview_in_space(scene, most=most)
     if backend != "matplotlib":

@@ -1,4 +1,4 @@
-"""A series over time."""
+"""`Series.plot`: what a sensor has recorded, over time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from libmpm._src.errors import Error
 from libmpm._src.output.series import moving_mean
-from libmpm._src.pictures.figure import CYCLE, Picture
+from libmpm._src.pictures.figures import CYCLE, Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

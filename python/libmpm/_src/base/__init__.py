@@ -1,0 +1,1 @@
+"""What every folder stands on: checked values, formulas, time tables, text tables."""

@@ -1,0 +1,396 @@
+"""Values: frozen, keyword-only, comparable, picklable descriptions that round-trip through JSON.
+
+`value` turns an annotated class into one. Its `_check` method receives a `Checker` that converts
+each field and collects every broken rule, so one `SceneError` reports all of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import functools
+import inspect
+import math
+import numbers
+import operator
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, ClassVar, ParamSpec, TypeVar, dataclass_transform, overload
+
+from libmpm._src.errors import ModelWarning, SceneError
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+#: Tags of `to_dict` and the classes they stand for.
+registry: dict[str, type[Value]] = {}
+
+
+#: Bytes of a name; file systems take 255, with ending and number.
+_LONGEST = 200
+
+
+def nearest(name: Any, names: Iterable[str]) -> str:
+    """Return a hint naming the candidate closest to `name`, or all of them."""
+    names = [str(n) for n in names]
+    # The comparison takes a time that grows with the square of the lengths.
+    wanted = name if isinstance(name, str) else shown(name)
+    close = difflib.get_close_matches(wanted[:200], names, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    return f"choose from {', '.join(names)}" if names else "there are none"
+
+
+def shown(item: Any, most: int = 200) -> str:
+    """Return the text of any object for a message: no longer than `most` characters.
+
+    Lists in lists without end, and whole numbers of thousands of digits, have no text of their own.
+    """
+    try:
+        text = repr(item)
+    except (RecursionError, ValueError):
+        return f"a {type(item).__name__} without a text of its own"
+    return text if len(text) <= most else f"{text[:most]}…"
+
+
+def keywords_only(
+    label: str, positional: int = 0, instead: Mapping[str, Sequence[str]] | None = None
+) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Make a method report unnamed, unknown and missing arguments as one `SceneError`.
+
+    Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
+    after self may come without a name. `instead` names an argument that makes others unnecessary.
+    """
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        parameters = list(inspect.signature(function).parameters.values())[1:]
+        names = [p.name for p in parameters]
+        required = [p.name for p in parameters if p.default is p.empty]
+
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+            problems = []
+            extra = len(args) - 1 - positional
+            if extra > 0:
+                problems.append(
+                    f"{label}: {extra} argument(s) without a name too many; "
+                    f"write them as keywords: {', '.join(names)}"
+                )
+            for key in kwargs:
+                if key not in names:
+                    problems.append(f"{label}: unknown argument '{key}'; {nearest(key, names)}")
+            if extra <= 0:
+                unnamed = names[: len(args) - 1]
+                missing = [key for key in required if key not in kwargs and key not in unnamed]
+                for other, names_of in (instead or {}).items():
+                    if kwargs.get(other) is None:
+                        missing += [key for key in names_of if kwargs.get(key) is None]
+                problems += [
+                    f"{label}: argument '{key}' is missing; it has no default" for key in missing
+                ]
+            if problems:
+                raise SceneError(problems)
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate
+
+
+class Checker:
+    """Converts the fields of one object and collects what is wrong with them."""
+
+    def __init__(self, label: str) -> None:
+        """`label` names the object in every message."""
+        self.label = label
+        self.problems: list[str] = []
+
+    def fail(self, message: str) -> None:
+        """Record a problem of this object."""
+        self.problems.append(f"{self.label}: {message}")
+
+    def finish(self) -> None:
+        """Raise `SceneError` if anything was wrong."""
+        if self.problems:
+            raise SceneError(self.problems)
+
+    def number(
+        self,
+        name: str,
+        value: Any,
+        *,
+        lower: float = -math.inf,
+        upper: float = math.inf,
+        lower_open: bool = False,
+        upper_open: bool = False,
+        unit: str = "",
+        remedy: str = "",
+        infinite: bool = False,
+    ) -> float:
+        """Return `value` as float, within its range."""
+        tail = f" {unit}" if unit and unit != "1" else ""
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            self.fail(f"{name} is {shown(value)}; expected a number{' in' + tail if tail else ''}")
+            return math.nan
+        try:
+            number = float(value)
+        except OverflowError:
+            self.fail(f"{name} is {shown(value, 40)}; expected a number below 1.8e308{tail}")
+            return math.nan
+        rules = []
+        if lower > -math.inf:
+            rules.append(f"{'>' if lower_open else '≥'} {lower:g}")
+        if upper < math.inf:
+            rules.append(f"{'<' if upper_open else '≤'} {upper:g}")
+        below = number <= lower if lower_open else number < lower
+        above = number >= upper if upper_open else number > upper
+        # The infinite default bounds are no rule; only a stated bound may refuse a value here.
+        out = (lower > -math.inf and below) or (upper < math.inf and above)
+        if math.isnan(number) or out or (math.isinf(number) and not infinite):
+            rule = f"expected {' and '.join(rules) or 'a finite number'}{tail}"
+            self.fail(f"{name} is {number:g}; {rule}" + (f"; {remedy}" if remedy else ""))
+            return math.nan
+        return number
+
+    def integer(self, name: str, value: Any, *, lower: int = 0, remedy: str = "") -> int:
+        """Return `value` as int, not below `lower`, and of no more than 64 bits with its sign."""
+        try:
+            number = operator.index(value)
+        except TypeError:
+            number = None
+        if number is None or isinstance(value, bool) or number < lower:
+            tail = f"; {remedy}" if remedy else ""
+            self.fail(f"{name} is {shown(value, 40)}; expected a whole number ≥ {lower}{tail}")
+            return lower
+        if number >= 1 << 63:
+            self.fail(f"{name} is {shown(value, 40)}; expected a whole number < 2^63")
+            return lower
+        return number
+
+    def vector(
+        self, name: str, value: Any, *, lengths: Sequence[int] = (2, 3), unit: str = ""
+    ) -> tuple[float, ...]:
+        """Return `value` as a tuple of finite floats, of one of the lengths."""
+        wanted = f"expected {' or '.join(map(str, lengths))} numbers{' in ' + unit if unit else ''}"
+        items = sequence(value)
+        if items is None or len(items) not in lengths:
+            self.fail(f"{name} is {shown(value)}; {wanted}")
+            return ()
+        before = len(self.problems)
+        result = tuple(self.number(f"{name}[{i}]", x, unit=unit) for i, x in enumerate(items))
+        return result if len(self.problems) == before else ()
+
+    def choice(self, name: str, value: Any, choices: Sequence[str]) -> str:
+        """Return `value` if it is one of the names."""
+        if not isinstance(value, str) or value not in choices:
+            self.fail(f"{name} is {shown(value)}; {nearest(value, choices)}")
+            return choices[0]
+        return value
+
+    def text(self, name: str, value: Any, *, empty: bool = False) -> str:
+        """Return `value` if it is a string that can serve as a name."""
+        if not isinstance(value, str) or (not value.strip() and not empty) or "/" in value:
+            self.fail(f"{name} is {shown(value)}; expected a non-empty text without '/'")
+            return ""
+        if any(not (c.isprintable() or c == " ") for c in value):
+            self.fail(
+                f"{name} is {shown(value)}; expected characters that can be printed, since names "
+                "become parts of file names"
+            )
+            return ""
+        if len(value.encode()) > _LONGEST:
+            self.fail(
+                f"{name} is {shown(value, 40)}, {len(value.encode())} bytes long; expected at most "
+                f"{_LONGEST}, since names become parts of file names"
+            )
+            return ""
+        return value
+
+    def instance(self, name: str, value: Any, kinds: tuple[type, ...], example: str) -> Any:
+        """Return `value` if it is an instance of one of the classes."""
+        if not isinstance(value, kinds):
+            self.fail(f"{name} is {shown(value)}; expected {example}")
+        return value
+
+
+def sequence(value: Any) -> list[Any] | None:
+    """Return list, tuple or array as a list of Python objects; None for anything else."""
+    if hasattr(value, "__dlpack__") and not hasattr(value, "tolist"):
+        from libmpm._src.base.arrays import host_array
+
+        value = host_array(value, "a sequence")
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    return list(value) if isinstance(value, list | tuple) else None
+
+
+class Value:
+    """Base of all descriptions; see the module text."""
+
+    #: Name in messages, for instance ``shapes.Box``.
+    label: ClassVar[str] = ""
+
+    def _label(self) -> str:
+        """Return the name of this object in messages."""
+        return self.label or type(self).__name__
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        """Return the converted fields; report what is wrong to `check`."""
+        return {}
+
+    def __post_init__(self) -> None:
+        """Convert and validate the fields."""
+        check = Checker(self._label())
+        converted = self._check(check)
+        check.finish()
+        for name, item in converted.items():
+            object.__setattr__(self, name, item)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists, numbers, texts and dictionaries; "type" names the class."""
+        fields = dataclasses.fields(self)  # type: ignore[arg-type]
+        found = {f.name: plain(getattr(self, f.name)) for f in fields}
+        return {"type": type(self).__name__} | found
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Any:
+        """Build the value that `to_dict` described; raises `SceneError`."""
+        result = from_plain(data)
+        if not isinstance(result, cls):
+            raise SceneError(
+                f"{cls.label or cls.__name__}: the data describe {type(result).__name__}; "
+                f'expected "type": "{cls.__name__}"'
+            )
+        return result
+
+    def __repr__(self) -> str:
+        """Return the call that makes this value."""
+        fields = dataclasses.fields(self)  # type: ignore[arg-type]
+        inside = ", ".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields)
+        return f"{self.label or type(self).__name__}({inside})"
+
+
+@overload
+def value(cls: type[T], /) -> type[T]: ...
+@overload
+def value(*, kw_only: bool = True) -> Callable[[type[T]], type[T]]: ...
+@dataclass_transform(kw_only_default=True, frozen_default=True, eq_default=True)
+def value(cls: type[T] | None = None, /, *, kw_only: bool = True) -> Any:
+    """Make a frozen, keyword-only dataclass that reports wrong keywords like other problems."""
+
+    def make(cls: type[T]) -> type[T]:
+        made = dataclasses.dataclass(frozen=True, kw_only=kw_only, repr=False)(cls)
+        label = getattr(made, "label", "") or made.__name__
+        unnamed = 0 if kw_only else len(dataclasses.fields(made))  # type: ignore[arg-type]
+        checked = keywords_only(label, unnamed)(made.__init__)
+        type.__setattr__(made, "__init__", checked)
+        registry[made.__name__] = made  # type: ignore[assignment]
+        return made
+
+    return make if cls is None else make(cls)
+
+
+def plain(item: Any) -> Any:
+    """Return `item` in terms of JSON; infinity becomes null, the mark of an open end."""
+    if isinstance(item, Value):
+        return item.to_dict()
+    if isinstance(item, Mapping):
+        return {str(k): plain(v) for k, v in item.items()}
+    if isinstance(item, tuple | list):
+        return [plain(v) for v in item]
+    if isinstance(item, float) and math.isinf(item):
+        return None
+    return item
+
+
+#: Bits of the largest whole number that a floating-point number can come near.
+_LARGEST = 1023
+
+#: Lists and objects inside each other that a description may have; solids are made of solids.
+_DEEPEST = 200
+
+
+def from_plain(item: Any) -> Any:
+    """Undo `plain`; dictionaries with a "type" become values, and all problems are collected."""
+    problems: list[str] = []
+    if deeper_than(item, _DEEPEST):
+        raise SceneError(
+            f"lists and objects are nested more than {_DEEPEST} deep; expected fewer; a Union has "
+            "any number of parts side by side"
+        )
+    result = _from_plain(item, problems)
+    if problems:
+        raise SceneError(problems)
+    return result
+
+
+def deeper_than(item: Any, limit: int) -> bool:
+    """Return whether lists and dictionaries are nested more than so deep, without recursion."""
+    level = [item]
+    for _ in range(limit):
+        inner: list[Any] = []
+        for one in level:
+            if isinstance(one, Mapping):
+                inner += one.values()
+            elif isinstance(one, list | tuple):
+                inner += [x for x in one if isinstance(x, Mapping | list | tuple)]
+        level = inner
+        if not level:
+            return False
+    return True
+
+
+def _from_plain(item: Any, problems: list[str], name: str = "") -> Any:
+    """Undo `plain`; `name` is the key under which the item stands."""
+    if isinstance(item, Mapping):
+        strange = [k for k in item if not isinstance(k, str)]
+        if strange:
+            where = f"{name}: " if name else ""
+            problems.append(f"{where}the key {shown(strange[0])} is no text; expected names")
+            return None
+        parts = {k: _from_plain(v, problems, k) for k, v in item.items() if k != "type"}
+        if "type" not in item:
+            return parts
+        tag = item["type"]
+        if not isinstance(tag, str) or tag not in registry:
+            where = f"{name}: " if name else ""
+            problems.append(f'{where}"type" is {shown(tag)}; {nearest(tag, registry)}')
+            return None
+        try:
+            return registry[tag](**parts)
+        except SceneError as error:
+            problems.extend(error.problems)
+            return None
+    if isinstance(item, list | tuple):
+        return [_from_plain(v, problems, name) for v in item]
+    if isinstance(item, int) and item.bit_length() > _LARGEST:
+        problems.append(
+            f"{name or 'a value'} is a whole number of {item.bit_length()} bits; expected one "
+            "below 1.8e308"
+        )
+        return None
+    return item
+
+
+_quiet: ContextVar[bool] = ContextVar("libmpm_quiet", default=False)
+
+
+@contextmanager
+def warned_already() -> Iterator[None]:
+    """Let `warn` pass over a scene's doubts, which its user has been told.
+
+    Filters of `warnings` belong to the process; several simulations may be made at a time.
+    """
+    token = _quiet.set(True)
+    try:
+        yield
+    finally:
+        _quiet.reset(token)
+
+
+def warn(messages: Iterable[str], stacklevel: int = 3) -> None:
+    """Issue each message as a `ModelWarning`."""
+    for message in () if _quiet.get() else messages:
+        warnings.warn(message, ModelWarning, stacklevel=stacklevel + 1)

@@ -1,0 +1,301 @@
+"""`Slip`, `Sticky`, `Separable` and the other walls, and how boundaries move.
+
+v is the velocity relative to the boundary, n the normal that points into the material.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal
+
+from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.base.values import Checker, Value, sequence, value
+
+__all__ = ["DecayLayer", "Displacement", "Mirror", "Prescribed", "Response", "Rotation"]
+__all__ += ["Separable", "Slip", "Sticky", "Travel", "decay_thickness"]
+
+#: Names of the axes, and of the components of a velocity.
+_AXES = ("x", "y", "z")
+
+
+class Response(Value):
+    """Base of all boundary responses."""
+
+    #: Name of the response in the engine.
+    kind: ClassVar[str]
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """Static and dynamic coefficient of Coulomb friction."""
+        return (0.0, 0.0)
+
+
+@value
+class Sticky(Response):
+    """No relative motion at all: v = 0."""
+
+    label: ClassVar[str] = "boundaries.Sticky"
+    kind: ClassVar[str] = "sticky"
+
+
+@value
+class Slip(Response):
+    """No relative motion along the normal, free along the face: v·n = 0.
+
+    Material cannot come off such a face; use `Separable` where it may, or with friction.
+    """
+
+    label: ClassVar[str] = "boundaries.Slip"
+    kind: ClassVar[str] = "slip"
+
+
+@value
+class Separable(Response):
+    """Material may leave but not enter: v·n ≥ 0, with Coulomb friction while pressed on.
+
+    =================  ====  =====  ===================================================
+    parameter          unit  range  meaning
+    =================  ====  =====  ===================================================
+    static_friction    1     ≥ 0    sticks while tangential ≤ static · normal impulse
+    dynamic_friction   1     ≥ 0    tangential = dynamic · normal impulse while sliding
+    =================  ====  =====  ===================================================
+
+    The static coefficient may not be below the dynamic one. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "boundaries.Separable"
+    kind: ClassVar[str] = "separable"
+
+    static_friction: float = 0.0
+    dynamic_friction: float = 0.0
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        remedy = "friction opposes sliding; use 0 for a smooth face"
+        found = {
+            name: check.number(name, getattr(self, name), lower=0, remedy=remedy)
+            for name in ("static_friction", "dynamic_friction")
+        }
+        if found["static_friction"] < found["dynamic_friction"]:
+            check.fail(
+                f"static_friction is {found['static_friction']:g} with dynamic_friction "
+                f"{found['dynamic_friction']:g}; expected static ≥ dynamic, or sliding would be "
+                "harder than starting to slide; raise static_friction"
+            )
+        return found
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """Static and dynamic coefficient of Coulomb friction."""
+        return (self.static_friction, self.dynamic_friction)
+
+
+@value
+class Mirror(Response):
+    """A plane of symmetry: what lies beyond it is the image of what lies before it.
+
+    The plane itself is held, not the nodes beside it, so that the cell at the wall strains like any
+    other (`design/walls.md`). For `DomainWalls` alone. `slip` lets material glide along the plane,
+    which is what symmetry is; without it the tangential velocity is reversed as well, which holds a
+    viscous fluid at the plane. A mirror neither rubs nor lets go. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "boundaries.Mirror"
+
+    slip: bool = True
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance("slip", self.slip, (bool,), "True or False")
+        return {}
+
+    @property
+    def kind(self) -> str:  # type: ignore[override]  # depends on the value
+        """Name of the response in the engine."""
+        return "mirror" if self.slip else "mirror-sticky"
+
+
+@value
+class Prescribed(Response):
+    """A region of the flow with a given velocity: a pump, an inlet, a current.
+
+    Nodes inside the shape take the velocity of the boundary's `motion`, others are not touched.
+    `components` names the axes on which they do: "all" or some of "x", "y", "z". Raises
+    `SceneError`.
+    """
+
+    label: ClassVar[str] = "boundaries.Prescribed"
+    kind: ClassVar[str] = "prescribed"
+
+    components: Literal["all"] | Sequence[str] = "all"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        if isinstance(self.components, str) and self.components == "all":
+            return {}
+        given = (self.components,) if isinstance(self.components, str) else self.components
+        names = sequence(given) or []
+        if not names or any(name not in _AXES for name in names):
+            check.fail(f'components is {self.components!r}; expected "all" or some of x, y, z')
+            return {}
+        return {"components": tuple(a for a in _AXES if a in names)}
+
+    def axes(self, dimension: int) -> int:
+        """Return the components as a bit mask."""
+        names = _AXES[:dimension] if self.components == "all" else self.components
+        return sum(1 << _AXES.index(a) for a in names)
+
+
+@value
+class DecayLayer(Value):
+    """How the hold of a surface fades with the distance r of a node from it (Yang 2016, 4.26).
+
+    =========  =====  ==========  ============================================================
+    parameter  unit   range       meaning
+    =========  =====  ==========  ============================================================
+    function   -      a name      of s = r / (thickness Δx): "constrained" 1, "quadratic" (1-s)²,
+                                  "linear" 1-s, "flipped" 1-s², "cosine" (1+cos πs)/2, "free" 0
+    thickness  cells  > 0, ≤ 4    beyond it nodes are free
+    =========  =====  ==========  ============================================================
+
+    On and behind the surface all is held. The default holds nodes up to one cell off, so that on
+    average over its places in the cells the impermeable surface is the stated one; functions that
+    fade let water seep in (`design/walls.md` section 6). Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "boundaries.DecayLayer"
+
+    function: Literal["constrained", "quadratic", "linear", "flipped", "cosine", "free"] = (
+        "constrained"
+    )
+    thickness: float = 1.0
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        names = ("constrained", "quadratic", "linear", "flipped", "cosine", "free")
+        return {
+            "function": check.choice("function", self.function, names),
+            "thickness": check.number(
+                "thickness", self.thickness, lower=0, lower_open=True, upper=4, unit="cells"
+            ),
+        }
+
+
+def decay_thickness(cell: Sequence[float], normal: Sequence[float]) -> float:
+    """Return the thickness h, m, of one cell's decay layer along a normal, in rectangular cells.
+
+    h = √(Σ l² n²) with the edges l (d,) m of a cell and the unit normal n of the wall; `normal`
+    (d,) may have any length but 0. In square cells it is their edge at any angle, which is a
+    `DecayLayer` of thickness 1: the function is for what was done in other cells. Raises
+    `SceneError`. Source: Yang (2016), eq. 4.25, printed with n instead of its square.
+    """
+    check = Checker("boundaries.decay_thickness")
+    edges = check.vector("cell", cell, unit="m")
+    direction = check.vector("normal", normal)
+    if any(x <= 0 for x in edges):
+        check.fail(f"cell is {tuple(cell)!r}; expected edges > 0 m")
+    if direction and not any(direction):
+        check.fail("normal is 0; expected a direction")
+    if not check.problems and len(edges) != len(direction):
+        check.fail(f"cell has {len(edges)} numbers and normal {len(direction)}; expected as many")
+    check.finish()
+    length = math.hypot(*direction)
+    return math.hypot(*(x * n / length for x, n in zip(edges, direction, strict=True)))
+
+
+@value(kw_only=False)
+class Displacement(Value):
+    """A shape that moves by a table of places: how far it is, in m, from where it is stated.
+
+    `table` has rows of (d,) m; its `end` is "hold" or "repeat". The velocity is the slope between
+    rows. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "boundaries.Displacement"
+
+    table: TimeTable
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance("table", self.table, (TimeTable,), "a TimeTable of vectors in m")
+        if isinstance(self.table, TimeTable) and self.table.end == "zero":
+            check.fail(
+                "table ends with 'zero', which would throw the shape back to its place; expected "
+                "'hold' or 'repeat'; bring it back by rows of its own"
+            )
+        return {}
+
+
+@value(kw_only=False)
+class Travel(Value):
+    """A shape that moves with a velocity: a vector (d,) or a `TimeTable` of vectors, m/s.
+
+    A `TimeTable` given as `motion` itself moves no shape: it is a velocity that its face has, like
+    a conveyor's. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "boundaries.Travel"
+
+    velocity: Sequence[float] | TimeTable
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        if isinstance(self.velocity, TimeTable):
+            return {}
+        return {"velocity": check.vector("velocity", self.velocity, unit="m/s")}
+
+
+@value
+class Rotation(Value):
+    """A shape that turns about a point: by a rate or by a table of angles, right-handed.
+
+    =========  ======  ===========  ==========================================================
+    parameter  unit    range        meaning
+    =========  ======  ===========  ==========================================================
+    about      m       (d,)         the fulcrum at time 0, relative to the scene's `origin`; it
+                                    goes where the shape's `motion` takes it
+    rate       rad/s   finite       a number or a `TimeTable` of numbers
+    angle      rad     a table      `TimeTable` of numbers, in place of `rate`
+    axis       -       name, (3,)   "x", "y", "z" or a direction; None = "z". Left out in 2D
+    =========  ======  ===========  ==========================================================
+
+    Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "boundaries.Rotation"
+
+    about: Sequence[float]
+    rate: float | TimeTable | None = None
+    angle: TimeTable | None = None
+    axis: str | Sequence[float] | None = None
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        about = check.vector("about", self.about, unit="m")
+        if (self.rate is None) == (self.angle is None):
+            check.fail(
+                f"rate is {self.rate!r} with angle {self.angle!r}; expected one of the two; give a "
+                "rate in rad/s, or a TimeTable of angles in rad"
+            )
+        for name, table in (("rate", self.rate), ("angle", self.angle)):
+            if isinstance(table, TimeTable) and table.components:
+                check.fail(f"{name} has rows of {table.components} numbers; expected plain numbers")
+        found: dict[str, Any] = {"about": about}
+        if self.rate is not None and not isinstance(self.rate, TimeTable):
+            found["rate"] = check.number("rate", self.rate, unit="rad/s")
+        if self.angle is not None:
+            check.instance("angle", self.angle, (TimeTable,), "a TimeTable of angles in rad")
+            if isinstance(self.angle, TimeTable) and self.angle.end == "zero":
+                check.fail("angle ends with 'zero', a jump; expected 'hold' or 'repeat'")
+        if self.axis is not None and len(about) == 2:
+            check.fail(f"axis is {self.axis!r} in 2D, where shapes turn in the plane; leave it out")
+        elif isinstance(self.axis, str):
+            found["axis"] = check.choice("axis", self.axis, _AXES)
+        elif self.axis is not None:
+            axis = check.vector("axis", self.axis, lengths=(3,))
+            if axis and not any(axis):
+                check.fail("axis is (0, 0, 0); expected a direction")
+            found["axis"] = axis
+        return found
+
+    def direction(self) -> tuple[float, ...]:
+        """Return the axis as a unit vector (3,)."""
+        if self.axis is None or isinstance(self.axis, str):
+            k = 2 if self.axis is None else _AXES.index(self.axis)
+            return tuple(float(a == k) for a in range(3))
+        length = math.hypot(*self.axis)
+        return tuple(x / length for x in self.axis)

@@ -1,0 +1,586 @@
+"""The commands of `libmpm` and their options; `docs/command-line.md` is its page."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import enum
+import json
+import os
+import re
+import signal
+import sys
+import time as clock
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from libmpm._src.errors import (
+    CapacityError,
+    CheckpointError,
+    DeviceError,
+    Error,
+    ModelWarning,
+    NumericalError,
+    OutputError,
+    SceneError,
+)
+
+__all__ = ["EXIT_CODES", "ExitCode", "main"]
+
+
+class ExitCode(enum.IntEnum):
+    """What the process returns; a scheduler decides by it what to do with the job."""
+
+    #: Everything that was asked for is done.
+    DONE = 0
+    #: An error that libmpm does not expect; its traceback is on stderr.
+    UNEXPECTED = 1
+    #: Arguments, a scene or a checkpoint that cannot be used; the same job will fail again.
+    INPUT = 2
+    #: The state became unusable, or some cases of a study failed.
+    NUMERICAL = 3
+    #: A result cannot be written; go on from the last checkpoint once there is space.
+    OUTPUT = 4
+    #: No such device, or not enough memory.
+    DEVICE = 5
+    #: Stopped by the wall-clock limit or a batch system's signal, with a checkpoint written:
+    #: submit the job again with ``libmpm resume`` or ``libmpm run --continue``.
+    STOPPED = 6
+    #: Stopped by Ctrl-C.
+    INTERRUPTED = 130
+
+
+#: Exception -> exit code of the process.
+EXIT_CODES: dict[type[Error], ExitCode] = {
+    SceneError: ExitCode.INPUT,
+    CheckpointError: ExitCode.INPUT,
+    NumericalError: ExitCode.NUMERICAL,
+    OutputError: ExitCode.OUTPUT,
+    DeviceError: ExitCode.DEVICE,
+    CapacityError: ExitCode.DEVICE,
+}
+
+_LISTED = (
+    "Exit codes: 0 done, 2 bad input, 3 numerical failure, 4 output failure, 5 device or memory, "
+    "6 stopped by the wall limit or a signal with a checkpoint written (submit again), "
+    "130 interrupted."
+)
+
+#: Commands that SIGTERM and SIGUSR1 stop at a step, with a checkpoint and code 6.
+_STEPPING = ("demo", "run", "resume")
+
+
+def _seconds(text: str) -> float:
+    """Return the seconds of "3500", "HH:MM:SS" or "D-HH:MM:SS"."""
+    match = re.fullmatch(r"(?:(\d+)-)?(\d+):([0-5]?\d):([0-5]?\d)", text)
+    if match:
+        days, hours, minutes, seconds = (int(part or 0) for part in match.groups())
+        return ((days * 24.0 + hours) * 60 + minutes) * 60 + seconds
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not found >= 0:
+        raise argparse.ArgumentTypeError(f"{text!r}; expected seconds, HH:MM:SS or D-HH:MM:SS")
+    return found
+
+
+def _add_execution(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--device", default="auto", help="auto, cpu, cuda, cuda:N, or several: cuda:0,cuda:1"
+    )
+    parser.add_argument("--precision", default="auto", help="auto, single, mixed or double")
+    parser.add_argument("--pipeline", default="auto", help="auto, fused, two-pass or phased")
+    parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
+
+
+def _add_writing(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--until", type=float, help="end of the run, s; overrides the file")
+    parser.add_argument(
+        "--wall-limit", type=_seconds, metavar="TIME",
+        help="seconds, HH:MM:SS or D-HH:MM:SS of wall time from the command's start, after which "
+        "the run stops with a checkpoint and exit code 6; leave room to write it",
+    )  # fmt: skip
+    parser.add_argument("--no-picture", action="store_true", help="do not draw report.png")
+    parser.add_argument(
+        "--no-guard", action="store_true",
+        help="do not look for energy from nowhere, crushed volumes and lost particles",
+    )  # fmt: skip
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    parser.add_argument(
+        "--cuts", choices=("x", "y", "z", "curve"),
+        help="several devices: parts by planes across an axis, or along a space-filling curve",
+    )  # fmt: skip
+    parser.add_argument(
+        "--at", type=_places, metavar="X,...",
+        help="with --cuts x, y or z: places of the first planes, m, one fewer than devices; "
+        "--at=-1.2,0.4 where the first is negative",
+    )  # fmt: skip
+    parser.add_argument(
+        "--by", choices=("body", "material"),
+        help="several devices: each begins with a body, or the bodies of one material",
+    )  # fmt: skip
+    parser.add_argument(
+        "--weights", choices=("particles", "measured"),
+        help="several CPU ranks: loads by particles, or by the time that they took; default: "
+        "particles",
+    )  # fmt: skip
+    parser.add_argument(
+        "--rebalance-above", type=float, metavar="RATIO",
+        help="several devices: largest load over the mean above which cuts move; 0 = at every "
+        "sort, inf = never; default: 1.05",
+    )  # fmt: skip
+
+
+def _add_scaling(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scale", type=float, metavar="RATIO",
+        help="Froude similitude: lengths times RATIO, times and velocities times its root, ...",
+    )  # fmt: skip
+    parser.add_argument("--cauchy", action="store_true", help="with --scale: moduli scale too")
+    parser.add_argument("--reynolds", action="store_true", help="with --scale: viscosities too")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="libmpm",
+        description="Material point method for floods, debris and the structures they hit.",
+        epilog=_LISTED,
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    importer = commands.add_parser("import", help="a scene of another program as a scene file")
+    importer.add_argument("format", choices=("claymore",))
+    importer.add_argument("file", type=Path)
+    importer.add_argument("-o", "--output", type=Path, required=True, help="scene file to write")
+    importer.add_argument("--cell-size", type=float, help="m; default: that of the file")
+    importer.add_argument("--motion-folder", type=Path, help="of motion files; default: the file's")
+    importer.add_argument("--checkpoint", type=Path, help="that stands for the file's own")
+
+    demo = commands.add_parser("demo", help="a surge carries debris into a raised box")
+    demo.add_argument("-o", "--output", type=Path, default=Path("libmpm-demo"), help="folder")
+    demo.add_argument("--without-debris", action="store_true", help="water only")
+    _add_execution(demo)
+    _add_writing(demo)
+
+    run = commands.add_parser("run", help="run a scene file", epilog=_LISTED)
+    run.add_argument("file", type=Path)
+    run.add_argument("-o", "--output", type=Path, required=True, help="folder")
+    existing = run.add_mutually_exclusive_group()
+    existing.add_argument("--overwrite", action="store_true", help="replace earlier results")
+    existing.add_argument(
+        "--continue", dest="go_on", action="store_true",
+        help="go on from the folder's newest checkpoint if it has one, else start; nothing is "
+        "done to a finished run. A job that is submitted again and again needs no other command",
+    )  # fmt: skip
+    run.add_argument("--without-debris", action="store_true", help="leave out its debris bodies")
+    _add_execution(run)
+    _add_writing(run)
+    _add_scaling(run)
+
+    plan = commands.add_parser("plan", help="what a scene would store, run and cost")
+    plan.add_argument("file", type=Path)
+    plan.add_argument("--until", type=float, help="end, s; overrides the file")
+    _add_execution(plan)
+    _add_scaling(plan)
+
+    check = commands.add_parser("check", help="validate a scene file: all problems at once")
+    check.add_argument("file", type=Path)
+    check.add_argument("--strict", action="store_true", help="warnings count as problems")
+    check.add_argument(
+        "--advise", type=float, nargs="?", const=0.05, metavar="ERROR",
+        help="propose numerical settings within an error, 0.05 where none is given",
+    )  # fmt: skip
+    _add_scaling(check)
+
+    resume = commands.add_parser("resume", help="continue a run after a stop or kill")
+    resume.add_argument("path", type=Path, help="folder of the run, or a checkpoint file")
+    resume.add_argument("-o", "--output", type=Path, help="another folder for the rest")
+    resume.add_argument(
+        "--overwrite", action="store_true", help="replace the results of another run in the folder"
+    )
+    resume.add_argument("--device", help="as of run; default: the checkpoint's own")
+    _add_writing(resume)
+
+    from libmpm._src.cli.bench import add_arguments
+    from libmpm._src.output.export import FORMATS
+    from libmpm._src.studies.study.command import add_arguments as add_study_arguments
+
+    export = commands.add_parser("export", help="frames and sensors in other formats")
+    export.add_argument("path", type=Path, help="folder of a run, or a checkpoint file")
+    export.add_argument("--to", required=True, choices=FORMATS)
+    export.add_argument("-o", "--output", type=Path, help="folder; default: RUN/export")
+    export.add_argument("--body", nargs="+", help="names of bodies; default: all")
+    export.add_argument(
+        "--attributes", nargs="+", help="beside the position; of a checkpoint any, of frames theirs"
+    )
+    export.add_argument("--from", dest="first", type=float, help="first time, s")
+    export.add_argument("--until", type=float, help="last time, s")
+    export.add_argument("--no-sensors", action="store_true", help="frames alone")
+    export.add_argument("--one-file", action="store_true", help="npz: everything in run.npz")
+    export.add_argument("--device", help="that reads a checkpoint; default: its own")
+
+    add_study_arguments(commands.add_parser("study", help="many scenes from one table"))
+    add_arguments(commands.add_parser("bench", help="speed of a collapsing cube of water"))
+
+    info = commands.add_parser(
+        "info", help="version, devices, packages; or what a run, scene or checkpoint holds"
+    )
+    info.add_argument("path", type=Path, nargs="?", help="folder of a run, scene file, checkpoint")
+    info.add_argument("--json", action="store_true", help="as JSON")
+
+    schema = commands.add_parser("schema", help="JSON Schema of scene files, for editors")
+    schema.add_argument("-o", "--output", type=Path, help="file; default: print it")
+    return parser
+
+
+def _execution(arguments: argparse.Namespace) -> dict[str, Any]:
+    names = ("precision", "pipeline", "threads")
+    chosen = {name: getattr(arguments, name) for name in names}
+    return chosen | {"device": _device(arguments.device)}
+
+
+def _device(text: str) -> str | list[str]:
+    """Return one device, or those between commas."""
+    return text.split(",") if "," in text else text
+
+
+def _places(text: str) -> tuple[float, ...]:
+    """Return the numbers between commas."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}; expected places in m, such as 1.5,3.0"
+        ) from None
+
+
+def _partition(arguments: argparse.Namespace, path: Path | None = None) -> Any:
+    """Return the partition that was asked for, the rest from a checkpoint; None for neither."""
+    names = ("cuts", "at", "by", "weights", "rebalance_above")
+    given = {name: getattr(arguments, name) for name in names}
+    given = {name: word for name, word in given.items() if word is not None}
+    if not given:
+        return None
+    from libmpm._src.run.partition import Partition
+
+    kept: dict[str, Any] = {}
+    if path is not None:
+        from libmpm._src.output import checkpoint
+
+        header, _ = checkpoint.find_newest(path, checkpoint.load_header)[1]
+        kept = {k: v for k, v in (header.get("partition") or {}).items() if k != "type"}
+    # Both say where ranks begin.
+    for name, other in (("at", "by"), ("by", "at")):
+        if name in given:
+            kept.pop(other, None)
+    return Partition(**(kept | given))
+
+
+def _scaling(arguments: argparse.Namespace) -> Any:
+    """Return the scaling that was asked for, or None."""
+    ratio = getattr(arguments, "scale", None)
+    if ratio is None:
+        for name in ("cauchy", "reynolds"):
+            if getattr(arguments, name, False):
+                raise SceneError(f"--{name} without --scale; expected a length ratio; add it")
+        return None
+    from libmpm._src.scene.scaling import Scaling
+
+    return Scaling(ratio, arguments.cauchy, arguments.reynolds)
+
+
+def _source(arguments: argparse.Namespace) -> Any:
+    """Return the scene file, scaled if that was asked for."""
+    from libmpm._src.scene.run_file import read_run_file
+    from libmpm._src.scene.scaling import scale_run_file
+
+    source, scaling = read_run_file(arguments.file), _scaling(arguments)
+    return source if scaling is None else scale_run_file(source, scaling)
+
+
+def _until(stated: float | None, recorded: float | None) -> float:
+    until = recorded if stated is None else stated
+    if until is None:
+        raise SceneError('the end is not stated: pass --until, or give "until" in the "run" key')
+    return until
+
+
+def _finish(simulation: Any, until: float, arguments: argparse.Namespace) -> int:
+    from libmpm._src.cli.demo import run_to_end
+
+    limit = arguments.wall_limit
+    if limit is not None:
+        limit = max(0.0, limit - (clock.monotonic() - arguments.began))
+    text = run_to_end(
+        simulation,
+        until,
+        progress=not arguments.quiet,
+        picture=not arguments.no_picture,
+        wall_limit=limit,
+    )
+    print(text)
+    return ExitCode.STOPPED if simulation.stopped else ExitCode.DONE
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    from libmpm._src.cli.demo import load_demo
+
+    # The folder is the demonstration's own unless the user names one that holds other results.
+    return _run_source(load_demo(), arguments, overwrite=arguments.output == Path("libmpm-demo"))
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    source = _source(arguments)
+    if not arguments.go_on:
+        return _run_source(source, arguments, overwrite=arguments.overwrite)
+    from libmpm._src.output.folder_lock import held_folder
+
+    # What the folder holds is read while nobody else can change it.
+    with held_folder(arguments.output):
+        return _run_source(source, arguments, overwrite=False, go_on=True)
+
+
+def _run_source(
+    source: Any, arguments: argparse.Namespace, *, overwrite: bool, go_on: bool = False
+) -> int:
+    from libmpm._src.cli.demo import start
+    from libmpm._src.scene.run_file import without_debris
+
+    if arguments.without_debris:
+        source = without_debris(source)
+    until = _until(arguments.until, source.settings.until)
+    folder = arguments.output
+    if go_on and (folder / "log.json").is_file():
+        from libmpm._src.output.results import Results
+
+        results = Results(folder)
+        if results.scene != source.scene:
+            raise SceneError(
+                f"{folder} holds the run of another scene; expected that of {arguments.file}; "
+                "choose another folder, or pass --overwrite"
+            )
+        log = results.log
+        if log.get("status") in ("finished", "stopped") and log.get("time", 0.0) >= until:
+            print(f"{folder}: finished at {log['time']:g} s; nothing to do")
+            return ExitCode.DONE
+        if results.checkpoints:
+            return _go_on(folder, None, until, arguments)
+        # What was cut off before its first checkpoint has nothing to go on from.
+        overwrite = True
+    simulation = start(
+        source, folder, overwrite=overwrite, guard=not arguments.no_guard,
+        partition=_partition(arguments), **_execution(arguments),
+    )  # fmt: skip
+    return _finish(simulation, until, arguments)
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    from libmpm._src.run.plan import build_plan
+
+    source, scaling = _source(arguments), _scaling(arguments)
+    until = source.settings.until if arguments.until is None else arguments.until
+    if scaling is not None:
+        print(f"{dataclasses.replace(scaling, dimension=source.scene.dimension)}\n")
+    print(build_plan(source.scene, until=until, **_execution(arguments)))
+    return ExitCode.DONE
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    source = _source(arguments)
+    source.scene.validate(strict=arguments.strict)
+    print(f"{arguments.file}: valid; {source.scene!r}")
+    if arguments.advise is not None:
+        print(source.scene.advise(error=arguments.advise))
+    return ExitCode.DONE
+
+
+def _resume(arguments: argparse.Namespace) -> int:
+    from libmpm._src.output.folder_lock import held_folder
+
+    path, output = arguments.path, arguments.output
+    with held_folder(path) if output is None else contextlib.nullcontext():
+        return _go_on(path, output, arguments.until, arguments)
+
+
+def _go_on(
+    path: Path, output: Path | None, until: float | None, arguments: argparse.Namespace
+) -> int:
+    """Continue from a checkpoint, or the newest of a folder."""
+    from libmpm._src.output.writer import Output
+    from libmpm._src.run.simulation import Simulation
+
+    named = arguments.device
+    simulation = Simulation.resume(
+        path,
+        device=None if named in (None, "auto") else _device(named),
+        guard=None if arguments.no_guard else "same",
+        partition=_partition(arguments, path) or "same",
+    )
+    recorded = simulation.recorded_output()
+    folder = output or (path if path.is_dir() else None)
+    if folder is None and recorded is not None:
+        folder = recorded.path
+    if folder is None:
+        raise SceneError("the checkpoint names no output folder; pass -o")
+    settings = recorded.to_dict() if recorded is not None else {}
+    settings |= {"path": str(folder), "overwrite": getattr(arguments, "overwrite", False)}
+    simulation.set_output(Output(**settings))
+    return _finish(simulation, _until(until, simulation.recorded_until()), arguments)
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    from libmpm._src.output.export import export
+
+    made = export(
+        arguments.path,
+        arguments.to,
+        output=arguments.output,
+        bodies=arguments.body,
+        attributes=arguments.attributes,
+        first=float("-inf") if arguments.first is None else arguments.first,
+        last=float("inf") if arguments.until is None else arguments.until,
+        sensors=not arguments.no_sensors,
+        one_file=arguments.one_file,
+        device=arguments.device,
+    )
+    where = f" in {made[0].parent}" if made else "; the run has no frames in that time"
+    print(f"{len(made)} file{'s' if len(made) != 1 else ''}{where}")
+    return ExitCode.DONE
+
+
+def _study(arguments: argparse.Namespace) -> int:
+    from libmpm._src.studies.study.command import run_command
+
+    return run_command(arguments)
+
+
+def _bench(arguments: argparse.Namespace) -> int:
+    from libmpm._src.cli.bench import run_command
+
+    return run_command(arguments)
+
+
+def _info(arguments: argparse.Namespace) -> int:
+    from libmpm._src.cli.info import about, collect, describe, text_of
+
+    if arguments.path is None:
+        print(json.dumps(collect(), indent=2) if arguments.json else describe())
+        return ExitCode.DONE
+    found = about(arguments.path)
+    print(json.dumps(found, indent=2, ensure_ascii=False) if arguments.json else text_of(found))
+    return ExitCode.DONE
+
+
+def _schema(arguments: argparse.Namespace) -> int:
+    from libmpm._src.scene.schema import schema_text
+
+    if arguments.output is None:
+        print(schema_text(), end="")
+        return ExitCode.DONE
+    from libmpm._src.output.atomic_files import replacing
+
+    with replacing(arguments.output) as part:
+        part.write_text(schema_text(), encoding="utf-8")
+    return ExitCode.DONE
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    from libmpm._src.output.atomic_files import replacing
+    from libmpm.compat import claymore
+
+    found = claymore.load(
+        arguments.file, cell_size=arguments.cell_size,
+        motion_folder=arguments.motion_folder, checkpoint=arguments.checkpoint,
+    )  # fmt: skip
+    text = json.dumps(found.run_file().to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+    with replacing(arguments.output) as part:
+        part.write_text(text + "\n", encoding="utf-8")
+    print(found.report())
+    return ExitCode.DONE
+
+
+_COMMANDS = {
+    "demo": _demo,
+    "run": _run,
+    "plan": _plan,
+    "check": _check,
+    "resume": _resume,
+    "export": _export,
+    "study": _study,
+    "bench": _bench,
+    "import": _import,
+    "info": _info,
+    "schema": _schema,
+}
+
+
+def _terminate(number: int, frame: object) -> None:
+    """Treat SIGTERM like Ctrl-C, where there is no run to stop at a step."""
+    signal.raise_signal(signal.SIGINT)
+
+
+@contextlib.contextmanager
+def _signals(command: str) -> Iterator[None]:
+    """Let a batch system's signals end the command in order."""
+    from libmpm._src.base.interrupts import stop_signals
+
+    if command in _STEPPING:
+        with stop_signals():
+            yield
+        return
+    try:
+        previous = signal.signal(signal.SIGTERM, _terminate)
+    except ValueError:
+        # Only the main thread may set handlers; elsewhere the caller looks after signals.
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+@contextlib.contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Show warnings about a model without the place in libmpm that raised them."""
+    usual = warnings.formatwarning
+
+    def shown(message: Any, category: Any, *rest: Any, **others: Any) -> str:
+        if issubclass(category, ModelWarning):
+            return f"libmpm: warning: {message}\n"
+        return usual(message, category, *rest, **others)
+
+    warnings.formatwarning = shown
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code of the process, an `ExitCode`."""
+    began = clock.monotonic()
+    parsed = _parser().parse_args(arguments)
+    parsed.began = began
+    try:
+        with _signals(parsed.command), _plain_warnings():
+            return _COMMANDS[parsed.command](parsed)
+    except Error as error:
+        print(f"libmpm: {type(error).__name__}: {error}", file=sys.stderr)
+        codes = (c for t, c in EXIT_CODES.items() if isinstance(error, t))
+        return next(codes, ExitCode.UNEXPECTED)
+    except KeyboardInterrupt:
+        print("libmpm: interrupted", file=sys.stderr)
+        return ExitCode.INTERRUPTED
+    except BrokenPipeError:
+        # The reader, such as `head`, has seen enough; the interpreter must not flush to it again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ExitCode.DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

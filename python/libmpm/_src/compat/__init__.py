@@ -1,0 +1,1 @@
+"""Scenes of other programs: `claymore` reads those of ClaymoreUW and HydroUQ."""

@@ -1,1 +1,0 @@
-"""Solids by signed distance: primitives, combinations, beds, surface meshes."""

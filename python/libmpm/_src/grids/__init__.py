@@ -1,0 +1,1 @@
+"""Grids of triangles and of splines in place of square cells."""

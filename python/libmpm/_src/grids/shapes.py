@@ -1,0 +1,178 @@
+"""`Cells`, `Points`, `Outline`, `Traction`: shapes on such grids, and forces on surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, ClassVar
+
+import numpy as np
+
+from libmpm._src.base.arrays import real_array
+from libmpm._src.base.time_tables import TimeTable, check_vector_table
+from libmpm._src.base.values import Checker, Value, value
+from libmpm._src.shapes.boxes import Shape, faces_of
+
+__all__ = ["Cells", "Outline", "Points", "Traction"]
+
+
+def _points(check: Checker, name: str, given: Any, least: int) -> tuple[tuple[float, ...], ...]:
+    """Return rows of two finite numbers, at least so many."""
+    try:
+        array = real_array(given, name)
+    except (OverflowError, TypeError, ValueError):
+        check.fail(f"{name} is {given!r:.80}; expected rows of two numbers in m")
+        return ()
+    if array.ndim != 2 or array.shape[1] != 2:
+        check.fail(f"{name} has the shape {array.shape}; expected (n, 2) in m")
+        return ()
+    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+    if len(bad):
+        check.fail(f"{name}[{bad[0]}] is not finite; expected two numbers in m")
+        return ()
+    if len(array) < least:
+        check.fail(f"{name} has {len(array)} rows; expected {least} or more")
+    return tuple(tuple(row) for row in array.tolist())
+
+
+@value
+class Cells(Shape):
+    """The triangles of the grid's mesh, or those inside a polygon, as a body.
+
+    =========  ====  ========  ==============================================================
+    parameter  unit  shape     meaning
+    =========  ====  ========  ==============================================================
+    within     m     (k, 2)    corners of a polygon; triangles whose centre lies inside belong
+                               to the body. None = all
+    =========  ====  ========  ==============================================================
+
+    Every triangle is filled with the same number of particles, `particles_per_cell`, a square
+    number k²: at the centres of k² equal triangles, each with its exact area. Equal numbers keep
+    the quadrature error small. Raises `SceneError`. Source: de Koster (2018) 2.3.
+    """
+
+    label: ClassVar[str] = "shapes.Cells"
+
+    within: Sequence[Sequence[float]] | None = None
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        if self.within is None:
+            return {}
+        return {"within": _points(check, "within", self.within, 3)}
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes."""
+        return 2
+
+
+@value
+class Points(Shape):
+    """Given particles as a body.
+
+    =========  ====  ========  ==============================================================
+    parameter  unit  shape     meaning
+    =========  ====  ========  ==============================================================
+    position   m     (n, 2)    where they are, inside the grid
+    volume     m²    (n,)      area of each; None = of its Voronoi cell
+    within     m     (k, 2)    corners of a polygon: Voronoi cells are cut at the outline of the
+                               triangles whose centres lie inside. None = all
+    =========  ====  ========  ==============================================================
+
+    Raises `SceneError`. Source: de Koster (2018) 2.3.
+    """
+
+    label: ClassVar[str] = "shapes.Points"
+
+    position: Sequence[Sequence[float]]
+    volume: Sequence[float] | None = None
+    within: Sequence[Sequence[float]] | None = None
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        points = _points(check, "position", self.position, 1)
+        within = None if self.within is None else _points(check, "within", self.within, 3)
+        volume = self.volume
+        if volume is not None:
+            try:
+                areas = real_array(volume, "volume")
+            except (OverflowError, TypeError, ValueError):
+                areas = np.empty(())
+            if areas.shape != (len(points),):
+                check.fail(
+                    f"volume has the shape {areas.shape}; expected ({len(points)},), one a particle"
+                )
+            elif not (np.all(np.isfinite(areas)) and np.all(areas > 0)):
+                bad = int(np.flatnonzero(~(np.isfinite(areas) & (areas > 0)))[0])
+                check.fail(f"volume[{bad}] is {areas[bad]:g}; expected > 0 m²")
+            volume = tuple(areas.ravel().tolist())
+            if within is not None:
+                check.fail("volume and within are given; expected one: within is for Voronoi cells")
+        return {"position": points, "volume": volume, "within": within}
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes."""
+        return 2
+
+
+@value
+class Outline(Shape):
+    """A part of the outline of the grid's mesh as a boundary.
+
+    =========  ====  ========  ==============================================================
+    parameter  unit  shape     meaning
+    =========  ====  ========  ==============================================================
+    points     m     (k, 2)    a line of straight parts along the outline; the edges of the mesh
+                               that lie on it are held
+    =========  ====  ========  ==============================================================
+
+    Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "shapes.Outline"
+
+    points: Sequence[Sequence[float]]
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        points = _points(check, "points", self.points, 2)
+        if any(a == b for a, b in pairwise(points)):
+            check.fail("points has the same point twice in a row; leave one out")
+        return {"points": points}
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes."""
+        return 2
+
+    def segments(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Return the straight parts, (k - 1, 4): x and y of both ends, m."""
+        points = np.asarray(self.points, dtype=np.float64)
+        return np.hstack([points[:-1], points[1:]])
+
+
+@value
+class Traction(Value):
+    """A force on one face of a box-shaped body, carried by the particles along it.
+
+    =========  ====  ========  ==============================================================
+    parameter  unit  shape     meaning
+    =========  ====  ========  ==============================================================
+    face       -     a name    "x-", "x+", "y-" or "y+" of the body's box at the start
+    value      Pa    (2,)      force per area, or a `TimeTable` of it
+    =========  ====  ========  ==============================================================
+
+    Each particle next to the face stands for an equal part of its length and keeps that force
+    wherever it goes. Raises `SceneError`. Source: de Koster (2018) eq. 2.28.
+    """
+
+    label: ClassVar[str] = "Traction"
+
+    face: str
+    value: Sequence[float] | TimeTable
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        face = check.choice("face", self.face, faces_of(2))
+        if isinstance(self.value, TimeTable):
+            check_vector_table(check, "value", self.value, 2, "Pa")
+            return {"face": face}
+        return {"face": face, "value": check.vector("value", self.value, lengths=(2,), unit="Pa")}

@@ -1,0 +1,1 @@
+"""Material laws, their parameters, and the stress that a body starts with."""

@@ -1,0 +1,1 @@
+"""Numerical choices: transfer, kernel, F-bar, smoothing over cells."""

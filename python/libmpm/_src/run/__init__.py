@@ -1,0 +1,1 @@
+"""Running a scene: plan, simulation, guards, ranks, checkpoints taken up again."""

@@ -1,0 +1,470 @@
+"""From a scene to the specification that the engine takes.
+
+`design/engine-contract.md` in the sources describes the dictionary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from libmpm._src.base.formulas import Field
+from libmpm._src.base.time_tables import TimeTable, constant
+from libmpm._src.base.values import nearest, warn
+from libmpm._src.boundaries.distance_field import lower_surface
+from libmpm._src.boundaries.flow_layers import flow_entries, keep_room, zones
+from libmpm._src.boundaries.responses import Prescribed, Response
+from libmpm._src.errors import SceneError
+from libmpm._src.grids import placing
+from libmpm._src.grids.shapes import Outline
+from libmpm._src.materials.initial_stress import stored_stress
+from libmpm._src.materials.material import wave_speed
+from libmpm._src.methods.method import CROSSINGS, FBar
+from libmpm._src.run.hydrostatic import at_hand, still_water
+from libmpm._src.scene.checks import (
+    extent_of,
+    faces_present,
+    initial_gravity,
+    relative,
+    snap,
+    vertical_axis,
+)
+from libmpm._src.scene.checks_sizes import check_numbers
+from libmpm._src.scene.checks_time_steps import check_intervals, check_step, too_slow
+from libmpm._src.sensors.engine_sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
+from libmpm._src.sensors.python_sensors import Sampled
+from libmpm._src.shapes.boxes import Box
+from libmpm._src.shapes.filling import bounds_of, fill
+
+if TYPE_CHECKING:
+    from libmpm._src.scene.from_checkpoint import RestoredBody
+    from libmpm._src.scene.parts import Body, Boundary, PlacedSensor
+    from libmpm._src.scene.scene import Scene
+
+__all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "choose_device"]
+__all__ += ["choose_precision", "lower", "world_offset"]
+
+PRECISIONS = ("single", "mixed", "double")
+PIPELINES = ("auto", "fused", "two-pass", "phased")
+
+#: Threads of a run; machines with more cores run several.
+_MOST_THREADS = 1024
+
+#: From (first, last) to what is given for the particles first ≤ i < last of a body.
+Rows = Callable[[int, int], npt.NDArray[np.float64]]
+
+#: Cells beyond the domain that a box may reach; more would block nothing further.
+_BEYOND = 64
+
+
+def world_offset(scene: Scene) -> npt.NDArray[np.float64]:
+    """Return origin + lower, float64 (d,), m: add it to relative positions for world positions."""
+    origin = np.asarray(scene.origin, dtype=np.float64)
+    return origin + np.asarray(scene.lower, dtype=np.float64)
+
+
+def check_options(
+    precision: str, pipeline: str, *, time_step: float | None = None, threads: int = 0
+) -> list[str]:
+    """Return what is wrong with the options of a run."""
+    problems = []
+    if precision not in PRECISIONS:
+        problems.append(f"precision is {precision!r}; {nearest(str(precision), PRECISIONS)}")
+    if pipeline not in PIPELINES:
+        problems.append(f"pipeline is {pipeline!r}; {nearest(str(pipeline), PIPELINES)}")
+    if time_step is not None and not (np.isfinite(time_step) and time_step > 0):
+        problems.append(f"time_step is {time_step!r}; expected > 0 s; use None for the stable one")
+    # Beyond what a system can start, OpenMP ends the process.
+    if not isinstance(threads, int) or not 0 <= threads <= _MOST_THREADS:
+        problems.append(
+            f"threads is {threads!r:.40}; expected ≥ 0 and ≤ {_MOST_THREADS}; 0 takes all"
+        )
+    return problems
+
+
+def choose_precision(scene: Scene, precision: str) -> str:
+    """Return the precision that "auto" stands for: double on grids of functions, else single."""
+    if scene.grid is None:
+        return "single" if precision == "auto" else precision
+    if precision not in ("auto", "double"):
+        raise SceneError(
+            f"precision is {precision!r} on a grid of functions, which is built in double alone; "
+            "use 'double' or 'auto'"
+        )
+    return "double"
+
+
+def choose_device(scene: Scene, device: str | Sequence[str]) -> str | Sequence[str]:
+    """Return the device of a scene: the CPU for grids of functions, else as asked for."""
+    if scene.grid is None or device == "cpu":
+        return device
+    if device != "auto":
+        raise SceneError(
+            f"device is {device!r} on a grid of functions, which is built for the CPU alone; use "
+            "'cpu' or 'auto'"
+        )
+    return "cpu"
+
+
+def check_backend(kind: str, precision: str) -> None:
+    """Refuse a precision that a backend, "cpu" or "cuda", does not have."""
+    if kind == "cpu" and precision == "mixed":
+        raise SceneError(
+            "precision is 'mixed'; on the CPU it would compute what 'double' does and save little; "
+            "use precision='double' there, or a CUDA device"
+        )
+
+
+def lower(
+    scene: Scene,
+    *,
+    precision: str = "auto",
+    pipeline: str = "auto",
+    device_index: int = 0,
+    threads: int = 0,
+    shared_device: bool = False,
+    time_step: float | None = None,
+    with_particles: bool = True,
+    shell: bool = False,
+) -> dict[str, Any]:
+    """Return the engine's specification of a scene.
+
+    Positions are float64 in metres relative to `Scene.lower`; `Scene.origin` does not enter.
+    `position` and `pressure` are functions that give the rows first ≤ i < last, so that nothing of
+    the particles' size is allocated; without particles they are None. `time_step` in s overrides
+    that of the scene's method. A `shell` has one particle in each body and the ids of all: for
+    engines that load a state. Raises `SceneError`, warns as `Scene.validate`.
+    """
+    precision = choose_precision(scene, precision)
+    problems = check_options(precision, pipeline, time_step=time_step, threads=threads)
+    if scene.grid is not None and pipeline != "auto":
+        problems.append(f"pipeline is {pipeline!r} on a grid of functions; expected 'auto'")
+    if problems:
+        raise SceneError(problems)
+    scene.validate()
+    fixed = scene.method.time_step if time_step is None else float(time_step)
+    if fixed is not None or scene.grid is None:
+        check_step(scene, fixed, precision)
+    if scene.grid is None:
+        check_intervals(scene, fixed)
+        warn(too_slow(scene, fixed, precision))
+    bodies = []
+    first = 0
+    for body in scene.bodies:
+        bodies.append(_body(scene, body, first, with_particles and not shell))
+        bodies[-1] |= keep_room(scene, body, bodies[-1])
+        if shell:
+            _hollow(bodies[-1])
+        first += bodies[-1].get("id_count", bodies[-1]["count"])
+    if problems := check_numbers(scene, precision, bodies):
+        raise SceneError(problems)
+    gravity = scene.gravity
+    if not isinstance(gravity, TimeTable):
+        gravity = constant(initial_gravity(scene).tolist())
+    return (
+        {
+            "dimension": scene.dimension,
+            "precision": precision,
+            "device": device_index,
+            "pipeline": pipeline,
+            "shared_device": shared_device,
+            "threads": threads,
+            "cell_size": scene.cell_size,
+            "cells": list(scene.cells),
+            "gravity": _table(gravity),
+            "cfl": scene.method.cfl,
+            "time_step": fixed,
+            "leaving": scene.method.leaving,
+            "transfer": scene.method.transfer_choice.scene_part(),
+            "kernel": scene.method.kernel_choice.specification(),
+            "bodies": bodies,
+            "boundaries": [_boundary(scene, b) for b in scene.boundaries] + zones(scene),
+            "sensors": [
+                _sensor(scene, s, bodies)
+                for s in scene.sensors
+                if not isinstance(s.sensor, Sampled)
+            ],
+        }
+        | ({"deformed_nodes": True} if scene.method.kernel_choice.moved_nodes else {})
+        | flow_entries(scene, bodies)
+        | _added(scene, time_step, with_particles and not shell)
+    )
+
+
+def _added(scene: Scene, time_step: float | None, with_particles: bool) -> dict[str, Any]:
+    """Return what only some scenes have: a grid of functions, or another run to go on from."""
+    if scene.grid is not None:
+        return {"grid": scene.grid.specification()}
+    start = scene.start
+    if start is None or start.as_it_was(scene, time_step) or not with_particles:
+        return {}
+    from libmpm._src.run.checkpoint_state import snapshot
+
+    found = snapshot(scene)
+    kept = found.sensors or {
+        "sensor_next": np.zeros(0, dtype=np.int64),
+        "sensor_last": np.zeros(0), "sensor_first": np.zeros(0), "load_impulse": np.zeros(0),
+    }  # fmt: skip
+    return {
+        "start": {
+            "time": found.time, "step": found.step, "time_step": found.time_step,
+            "cell": found.cell, "velocity": found.velocity(), "averages": found.averages(), **kept,
+        }
+    }  # fmt: skip
+
+
+def _hollow(specification: dict[str, Any]) -> None:
+    """Leave one particle of a body, in the middle of its bounds, and the ids of all."""
+    middle = specification["bounds"].mean(axis=0, keepdims=True)
+    specification.setdefault("id_count", specification["count"])
+    specification |= {"count": 1, "position": middle}
+
+
+def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:
+    """Return a body that goes on from another run, without those that new bodies displace."""
+    result: dict[str, Any] = {
+        "name": body.name,
+        "material": body.material.table.name,
+        "parameters": body.material.core_parameters(scene.dimension),
+        "count": before.ids,
+        "id_count": before.ids,
+        "bounds": bounds_of(scene, body),
+        "particle_mass": before.particle_mass,
+        "first_id": before.first_id,
+        "position": None,
+        "velocity": np.zeros(scene.dimension),
+        "pressure": None,
+        "fbar": _fbar(scene, body),
+        "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
+    } | _over_cells(scene, body)
+    if not fill:
+        return result
+    from libmpm._src.run.checkpoint_state import remaining
+
+    ids, position, state = remaining(scene, body)
+    return result | {
+        "count": len(ids),
+        "bounds": np.array([position.min(axis=0), position.max(axis=0)]),
+        "position": position,
+        "ids": ids.astype(np.uint32),
+        "state": state,
+        "state_width": state.shape[1],
+    }
+
+
+def _table(table: TimeTable) -> dict[str, Any]:
+    time, value = table.arrays()
+    return {"time": time, "value": value, "end": table.end}
+
+
+def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[str, Any]:
+    if scene.grid is not None:
+        return _body_on_functions(scene, body, first, with_particles)
+    before = None if scene.start is None else scene.start.restored(body.name)
+    if before is not None:
+        assert scene.start is not None
+        return _restored(scene, body, before, with_particles)
+    filling = fill(scene, body)
+    points = filling.points
+    parameters = body.material.core_parameters(scene.dimension)
+    mass = parameters["density"] * filling.volume / filling.slices
+    pressure = None
+    if body.hydrostatic is not None and with_particles:
+        pressure = still_water(scene, body.hydrostatic, parameters["density"], at_hand(points))
+    starts: dict[str, Any] = {}
+    if body.stress is not None and with_particles:
+        starts = stored_stress(scene, body, points.rows, points.count)
+    return (
+        {
+            "name": body.name,
+            "material": body.material.table.name,
+            "parameters": parameters,
+            "count": points.count,
+            "bounds": filling.bounds,
+            "particle_mass": mass,
+            "first_id": first,
+            "position": at_hand(points) if with_particles else None,
+            "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
+            "pressure": pressure,
+            "fbar": _fbar(scene, body),
+            "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
+        }
+        | starts
+        | _over_cells(scene, body)
+    )
+
+
+def _over_cells(scene: Scene, body: Body) -> dict[str, Any]:
+    """Return what is done between the parts of a body's step, where there is any."""
+    told: dict[str, Any] = {}
+    if body.smoothing is not None:
+        told["smoothing"] = body.smoothing.specification(body.material.table.stores_volume)
+    if body.assumed is not None:
+        told["assumed"] = body.assumed.specification()
+    if body.damping > 0:
+        told["damping"] = body.damping
+    if body.force is not None:
+        told["force"] = body.force.specification(scene.lower)
+    return told
+
+
+def _velocity(scene: Scene, body: Body, position: Rows, count: int) -> npt.NDArray[np.float64]:
+    """Return the velocity of a body (d,), or of each of so many particles (count, d), m/s."""
+    if not isinstance(body.velocity, Field):
+        return np.array(body.velocity, dtype=np.float64)
+    if count == 0:
+        return np.zeros(scene.dimension)
+    where = f"body '{body.name}': velocity"
+    return body.velocity.at(position(0, count) + np.asarray(scene.lower), where)
+
+
+def _body_on_functions(
+    scene: Scene, body: Body, first: int, with_particles: bool
+) -> dict[str, Any]:
+    placed = placing.place(scene, body)
+    low = np.asarray(scene.lower, dtype=np.float64)
+    position = placed.position - low
+    n = placed.count
+    parameters = body.material.core_parameters(scene.dimension)
+    density = parameters["density"]
+
+    def rows(first: int, last: int) -> npt.NDArray[np.float64]:
+        return position[first:last]
+
+    result: dict[str, Any] = {
+        "name": body.name,
+        "material": body.material.table.name,
+        "parameters": parameters,
+        "count": n,
+        "bounds": np.array([position.min(axis=0), position.max(axis=0)]),
+        "particle_mass": density * float(placed.volume.sum()) / n,
+        "first_id": first,
+        "position": None,
+        "velocity": _velocity(scene, body, rows, n if with_particles else 0),
+        "pressure": None,
+        "fbar": {"form": "none", "time": 0.0, "ratio": 0.0},
+    }
+    if not with_particles:
+        return result
+    result |= {"position": rows, "volume": placed.volume}
+    if body.hydrostatic is not None:
+        result["pressure"] = still_water(scene, body.hydrostatic, density, rows)
+    if isinstance(body.stress, Field):
+        result["stress"] = body.stress.at(placed.position, f"body '{body.name}': stress")
+    elif body.stress is not None:
+        result["stress"] = np.tile(np.asarray(body.stress, dtype=np.float64), (n, 1))
+    tractions = []
+    for traction in body.tractions:
+        which, length = placing.traction_rows(scene, body, traction)
+        value = traction.value
+        table = value if isinstance(value, TimeTable) else constant(value)
+        tractions.append({"particles": which.tolist(), "length": length, "value": _table(table)})
+    return result | {"tractions": tractions}
+
+
+def _fbar(scene: Scene, body: Body) -> dict[str, Any]:
+    choice = body.fbar
+    if choice == "default":
+        given = body.material.table.stores_volume and body.smoothing is None
+        choice = FBar() if given else None
+    if choice is None:
+        return {"form": "none", "time": 0.0, "ratio": 0.0}
+    time, ratio = choice.time or 0.0, choice.ratio or 0.0
+    if choice.length is not None:
+        # ψ = 4ℓ²/(Δx² + 4ℓ²): Bonus (2023) 5.59 as a filter of length ℓ.
+        square = 4.0 * choice.length**2
+        ratio = square / (scene.cell_size**2 + square)
+    elif not time and not ratio:
+        speed = wave_speed(body.material)
+        assert speed is not None  # the scene's checks refuse it
+        time = CROSSINGS * scene.cell_size / speed
+    return {"form": choice.form, "time": time, "ratio": ratio}
+
+
+def _boundary(scene: Scene, boundary: Boundary) -> dict[str, Any]:
+    faces = {}
+    given = boundary.response
+    # An outline or a surface has no faces: its one response stands under the first name.
+    for face in faces_present(scene, boundary) or ("x-",):
+        response = given if isinstance(given, Response) else given[face]
+        static, dynamic = response.friction
+        faces[face] = {
+            "kind": response.kind,
+            "static_friction": static,
+            "dynamic_friction": dynamic,
+        }
+        if isinstance(response, Prescribed):
+            faces[face]["axes"] = response.axes(scene.dimension)
+    start, end = boundary.window
+    result: dict[str, Any] = {"name": boundary.name, "kind": "domain"}
+    if isinstance(boundary.shape, Outline):
+        corner = np.asarray(scene.lower, dtype=np.float64)
+        result["segments"] = boundary.shape.segments() - np.concatenate([corner, corner])
+    if boundary.is_surface:
+        result |= lower_surface(scene, boundary)
+    elif isinstance(boundary.shape, Box):
+        low, high = snap(scene, boundary.shape)
+        if isinstance(given, Prescribed):
+            # A region that ends with the domain has its rim too, where particles reach nodes.
+            low = tuple(-_BEYOND if i <= 0 else i for i in low)
+            high = tuple(
+                n + _BEYOND if i >= n else i for i, n in zip(high, scene.cells, strict=True)
+            )
+        result |= {
+            "kind": "box",
+            "lower": [max(i, -_BEYOND) for i in low],
+            "upper": [min(i, n + _BEYOND) for i, n in zip(high, scene.cells, strict=True)],
+        }
+    if boundary.within is not None:
+        corners = (boundary.within.lower, boundary.within.upper)
+        result["within"] = np.concatenate([relative(scene, corner) for corner in corners])
+    if boundary.bodies:
+        names = [b.name for b in scene.bodies]
+        result["bodies"] = [names.index(name) for name in boundary.bodies]
+    motion = boundary.motion
+    return result | {
+        "faces": faces,
+        "start": start,
+        "end": end,
+        "velocity": _table(motion) if isinstance(motion, TimeTable) else None,
+    }
+
+
+def _sensor(scene: Scene, placed: PlacedSensor, bodies: list[dict[str, Any]]) -> dict[str, Any]:
+    sensor = placed.sensor
+    result: dict[str, Any] = {
+        "name": placed.name,
+        "kind": sensor.kind,
+        "interval": sensor.interval,
+    }
+    if isinstance(sensor, LoadCell):
+        index = [b.name for b in scene.boundaries].index(sensor.boundary)
+        boundary = scene.boundaries[index]
+        present = faces_present(scene, boundary)
+        point = sensor.reference
+        if point is None:
+            reference = np.mean([relative(scene, x) for x in extent_of(scene, boundary)], axis=0)
+        else:
+            reference = relative(scene, point)
+        chosen = (present or ("x-",)) if sensor.faces == "all" else sensor.faces
+        return result | {"boundary": index, "faces": list(chosen), "reference": reference}
+    if isinstance(sensor, VelocityProbe):
+        return result | {"position": relative(scene, sensor.position)}
+    names = [b["name"] for b in bodies]
+    body = getattr(sensor, "body", None)
+    result["body"] = -1 if body is None else names.index(body)
+    if isinstance(sensor, WaveGauge):
+        axis = vertical_axis(scene)
+        place = np.array(scene.lower, dtype=np.float64)
+        place[[a for a in range(scene.dimension) if a != axis]] = sensor.position
+        result |= {"position": relative(scene, place.tolist()), "axis": axis}
+    elif isinstance(sensor, ParticleTracker):
+        of = bodies[result["body"]]
+        first, n = of["first_id"], of.get("id_count", of["count"])
+        every = sensor.ids == "all"
+        ids = range(first, first + n) if every else sensor.ids
+        result["ids"] = np.array(ids, dtype=np.uint64)
+    return result

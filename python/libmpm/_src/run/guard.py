@@ -1,0 +1,103 @@
+"""`Guard`: what a run watches about itself: energy, volumes, speeds, number of particles.
+
+`watch.py` does the watching, `design/guards.md` derives the bounds.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.base.values import Checker, Value, value
+from libmpm._src.boundaries.responses import Prescribed
+
+if TYPE_CHECKING:
+    from libmpm._src.scene.scene import Scene
+
+__all__ = ["Guard", "as_guard", "opened_by"]
+
+
+@value
+class Guard(Value):
+    """What a run watches about itself, and how much of it ends the run; None switches one off.
+
+    =========  ====  =======  ==============================================================
+    parameter  unit  range    meaning
+    =========  ====  =======  ==============================================================
+    every      1     ≥ 1      steps between two looks; None = 1000
+    energy     1     > 0      growth of the mechanical energy, in parts of what has been
+                              released, of scenes on which nothing from outside does work
+    volume     1     > 0      change of a body's mean volume ratio beyond what pressure does
+    packing    1     > 0      excess of the density at the nodes, in scenes of water alone, over
+                              that of the particles' own volumes
+    level      1     > 0      part of its height above the floor by which the middle of water may
+                              lie lower than its volume can in the domain, beside a tenth of a cell;
+                              more is a `ModelWarning`, once
+    mach       1     > 0      speed within a body, in parts of its sound speed
+    smoothing  1     > 0      energy that smoothing over cells takes from a body while a wave
+                              crosses 100 cells, in parts of the most that the body held and of
+                              what has been released; more is a `ModelWarning`, once a body
+    particles  -     -        whether particles are counted
+    =========  ====  =======  ==============================================================
+
+    A look never changes a bit of the run. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "Guard"
+
+    every: int | None = None
+    energy: float | None = 0.2
+    volume: float | None = 0.05
+    packing: float | None = 0.5
+    level: float | None = 0.05
+    mach: float | None = 1.0
+    smoothing: float | None = 0.2
+    particles: bool = True
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        remedy = "use None to leave it unwatched"
+        found: dict[str, Any] = {}
+        if self.every is not None:
+            found["every"] = check.integer("every", self.every, lower=1)
+        for name in ("energy", "volume", "packing", "level", "mach", "smoothing"):
+            bound = getattr(self, name)
+            if bound is not None:
+                found[name] = check.number(name, bound, lower=0, lower_open=True, remedy=remedy)
+        check.instance("particles", self.particles, (bool,), "True or False")
+        return found
+
+
+def as_guard(given: Any) -> Guard | None:
+    """Return the guard that an argument stands for: a Guard, True for the usual one, None, False.
+
+    Raises `SceneError`.
+    """
+    if given is None or given is False:
+        return None
+    if given is True:
+        return Guard()
+    check = Checker("Simulation")
+    check.instance("guard", given, (Guard,), "Guard(...), True, or None for none")
+    check.finish()
+    assert isinstance(given, Guard)
+    return given
+
+
+def opened_by(scene: Scene) -> list[str]:
+    """Return what may do work on a scene from outside, in words; nothing: its energy can only fall.
+
+    A boundary that does not move takes or turns momentum and does no work, also one that comes or
+    goes.
+    """
+    found = []
+    for boundary in scene.boundaries:
+        if any(x is not None for x in (boundary.motion, boundary.rotation)):
+            found.append(f"boundary '{boundary.name}' moves")
+        elif any(isinstance(r, Prescribed) for r in boundary.responses):
+            found.append(f"boundary '{boundary.name}' prescribes velocities")
+    found += [f"flow '{placed.name}'" for placed in scene.flows]
+    if isinstance(scene.gravity, TimeTable):
+        found.append("gravity changes with time")
+    found += [f"body '{body.name}' has tractions" for body in scene.bodies if body.tractions]
+    found += [f"body '{body.name}' has a force" for body in scene.bodies if body.force]
+    return found

@@ -1,0 +1,98 @@
+"""`Simulation.initial`: states given particle by particle, by arrays of any library.
+
+They are taken before the first step only. Afterwards the state is particles and nodal sums that
+already hold the particles' momentum and stress: a column changed on its own would contradict them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src.base.arrays import real_array
+from libmpm._src.base.values import nearest
+from libmpm._src.errors import SceneError
+from libmpm._src.output.atomic_files import replacing
+
+if TYPE_CHECKING:
+    from libmpm._src.run.simulation import Simulation
+
+__all__ = ["Initial"]
+
+#: What may be given, with its unit and what it is for.
+_TAKEN = {"velocity": "m/s", "pressure": "Pa"}
+
+
+class Initial:
+    """The arrays given for the bodies of one simulation."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._given: dict[str, dict[str, NDArray[np.float64]]] = {}
+
+    def __bool__(self) -> bool:
+        """Tell whether anything was given."""
+        return bool(self._given)
+
+    def take(self, simulation: Simulation, body: str, name: str, array: Any) -> None:
+        """Keep a copy of an array for one body; raises `SceneError`."""
+        label = f"particles of body '{body}'"
+        names = [b.name for b in simulation.scene.bodies]
+        if body not in names:
+            raise SceneError(f"{label}: there is no such body; {nearest(body, names)}")
+        if name not in _TAKEN:
+            why = "; positions and the material's state follow from shapes and materials"
+            why = why if name in simulation.particles[body].names else ""
+            raise SceneError(f"{label}: '{name}' cannot be set; {nearest(name, _TAKEN)}{why}")
+        scene = simulation.scene
+        index = [b.name for b in scene.bodies].index(body)
+        if simulation.steps > 0 or scene.start is not None:
+            raise SceneError(
+                f"{label}: {name} is set at step {simulation.steps} of a scene "
+                f"{'that goes on from a checkpoint' if scene.start is not None else 'that has run'}"
+                "; expected a simulation before its first step: afterwards the grid holds the "
+                "particles' momentum and stress already; make a new Simulation"
+            )
+        material = scene.bodies[index].material
+        if name == "pressure" and not material.table.stores_volume:
+            raise SceneError(
+                f"{label}: pressure is set, but {type(material).__name__} stores no volume ratio "
+                "to set it by; expected a fluid"
+            )
+        try:
+            values = np.array(real_array(array, f"{label}: {name}"), order="C")
+        except (OverflowError, TypeError, ValueError) as error:
+            raise SceneError(
+                f"{label}: {name} is no array of numbers: {error}; expected real numbers in "
+                f"{_TAKEN[name]}"
+            ) from error
+        count = simulation.particle_count(index)
+        shape = (count, scene.dimension) if name == "velocity" else (count,)
+        if values.shape != shape:
+            raise SceneError(
+                f"{label}: {name} has the shape {values.shape}; expected {shape}, a row a particle "
+                f"in the order of sim.particles['{body}']['id'], in {_TAKEN[name]}"
+            )
+        finite = np.isfinite(values)
+        if not finite.all():
+            row = int(np.argwhere(~finite)[0][0])
+            raise SceneError(f"{label}: {name}[{row}] is {values[row]}; expected finite numbers")
+        self._given.setdefault(body, {})[name] = values
+
+    def into(self, specification: dict[str, Any]) -> None:
+        """Put what was given into an engine's specification."""
+        for body in specification["bodies"]:
+            for name, values in self._given.get(body["name"], {}).items():
+                if name == "velocity":
+                    body[name] = values
+                else:
+                    body[name] = lambda first, last, values=values: values[first:last]
+
+    def save(self, path: Path) -> None:
+        """Write everything given to a NumPy archive, ``<body>/<name>``; the scene file lacks it."""
+        arrays: Any = {f"{b}/{n}": a for b, given in self._given.items() for n, a in given.items()}
+        with replacing(path) as part, part.open("wb") as file:
+            np.savez(file, **arrays)

@@ -1,0 +1,130 @@
+"""What a simulation shows: device arrays, pictures, tables. Looking never changes a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src.output.html import simulation_html
+from libmpm._src.run.device_arrays import DeviceArrays
+
+if TYPE_CHECKING:
+    from libmpm._src.run.simulation import Simulation
+
+__all__ = ["Looking"]
+
+
+class Looking:
+    """The part of a `Simulation` that shows it."""
+
+    def _simulation(self) -> Simulation:
+        return cast("Simulation", self)
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Hold the simulation at the boundary of a step, in a ``with`` block.
+
+        For several reads of one moment while another thread runs it:
+        ``with sim.paused(): t, x = sim.time, sim.particles["water"]["position"]``. Each read alone
+        needs none. The run waits, so the block must not wait for the run; no bit is changed.
+        """
+        with self._simulation()._turns:
+            yield
+
+    def device_arrays(self, body: str, *fields: str) -> DeviceArrays:
+        """Return the particles of a body as arrays on the device, for use in a ``with`` block.
+
+        ``with sim.device_arrays("water") as a: x = cupy.from_dlpack(a.position)``.
+        `fields` are gathered at once, others when asked for. See `DeviceArrays`; raises `KeyError`
+        for unknown names, and `Error` where an array is used after the simulation has moved on.
+        """
+        return DeviceArrays(self._simulation(), body, fields)
+
+    def gather(self, body: str, *names: str) -> dict[str, NDArray[Any]] | None:
+        """Return attributes of all particles of a body on rank 0, in the order of ids.
+
+        Ranks that are processes call this together; the others get None. "id" comes along. On one
+        process it is ``sim.particles[body].read([...])``, sorted.
+        """
+        run = self._simulation()
+        with run._turns, run._together():
+            read = dict(run.particles[body].read(["id", *names]))
+            found = read if run._link is None else run._link.gather(read)
+        if found is None:
+            return None
+        order = np.argsort(found["id"])
+        return {name: np.asarray(array)[order] for name, array in found.items()}
+
+    def plot(
+        self,
+        color: str | None = "speed",
+        *,
+        bodies: Sequence[str] | str | None = None,
+        planes: Sequence[str] | str | None = None,
+        cut: Sequence[float] | None = None,
+        limits: tuple[float, float] | None = None,
+        most: int = 200_000,
+        axes: Any = None,
+    ) -> Any:
+        """Return a figure of the particles as they are now, coloured by an attribute.
+
+        =========  ====  ===========  =========================================================
+        parameter  unit  range        meaning
+        =========  ====  ===========  =========================================================
+        color      -     a name       attribute such as "pressure", component such as
+                                      "velocity_x" or "stress_xy", the length of a vector; None =
+                                      the colours of the bodies, which those without the
+                                      attribute have too. Beside a fluid the speed of solids is
+                                      shown where `bodies` names them
+        bodies     -     names        None = all
+        planes     -     names        such as "xz", or "3d": lit, from above a corner; None = the
+                                      elevation and, in 3D, the plan
+        cut        m     (3,)         in 3D: what lies within a cell of this point along the axis
+                                      that a plane does not show; None = seen from outside
+        limits     its   low < high   range of the colours; None = all but the outermost half
+                                      percent at either end
+        most       1     ≥ 1          particles drawn, always the same ones; the title says it
+                                      where that is not all
+        axes       -     matplotlib   to draw the first plane into; None = a figure of its own
+        =========  ====  ===========  =========================================================
+
+        Coordinates are those of the world. Raises `Error`.
+        """
+        from libmpm._src.pictures.plot import plot
+
+        with self.paused():
+            return plot(
+                self._simulation(), color=color, bodies=bodies, planes=planes, cut=cut,
+                limits=limits, most=most, axes=axes,
+            )  # fmt: skip
+
+    def view(
+        self,
+        color: str | None = "speed",
+        *,
+        bodies: Sequence[str] | str | None = None,
+        limits: tuple[float, float] | None = None,
+        most: int = 200_000,
+        off_screen: bool | None = None,
+    ) -> Any:
+        """Return a pyvista plotter of a 3D simulation as it is now; ``.show()`` opens it.
+
+        In a notebook ``.show(jupyter_backend="html")`` gives a view that can be turned, "static"
+        a picture. Parameters as of `plot`; `off_screen` for pictures by ``.screenshot(file)``.
+        `libmpm[viz]` brings pyvista. Raises `Error`.
+        """
+        from libmpm._src.pictures.view_3d import view
+
+        with self.paused():
+            return view(
+                self._simulation(), color=color, bodies=bodies, limits=limits, most=most,
+                off_screen=off_screen,
+            )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        """Return where it stands as a table for Jupyter, without asking the device."""
+        return simulation_html(self._simulation())

@@ -1,0 +1,368 @@
+"""Rules of a scene as a whole: names, places and times of its parts.
+
+A problem makes the scene unusable; a doubt lets it run with an error that is stated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from libmpm._src.base.values import Checker, nearest
+from libmpm._src.boundaries.checks import (
+    check_edges,
+    check_motion,
+    check_reaction,
+    check_surface,
+)
+from libmpm._src.boundaries.responses import Prescribed
+from libmpm._src.grids import checks as grid_checks
+from libmpm._src.grids import placing
+from libmpm._src.grids.shapes import Outline
+from libmpm._src.scene.checks_bodies import (
+    check_body,
+    check_cfl,
+    check_overlaps,
+    initial_gravity,
+    outside,
+    reaches_into,
+    wrong_dimension,
+)
+from libmpm._src.scene.checks_sizes import check_range
+from libmpm._src.sensors.engine_sensors import (
+    Energy,
+    LoadCell,
+    ParticleTracker,
+    VelocityProbe,
+    WaveGauge,
+)
+from libmpm._src.sensors.python_sensors import Sampled
+from libmpm._src.shapes.boxes import Box, DomainWalls, Solid, faces_of
+from libmpm._src.shapes.filling import fill, place_of, relative
+
+if TYPE_CHECKING:
+    from libmpm._src.scene.parts import Body, Boundary, PlacedSensor
+    from libmpm._src.scene.scene import Scene
+
+__all__ = ["Plane", "body_counts", "check_scene", "faces_present", "new_bodies", "place_of"]
+__all__ += ["extent_of", "initial_gravity", "planes", "relative", "snap", "vertical_axis"]
+
+#: Parts of a cell: rounding of coordinates; a shift of a face that matters.
+_ROUNDING = 1e-6
+_SHIFT = 0.01
+
+
+@dataclass(frozen=True)
+class Plane:
+    """An impermeable plane: where the scene states it and where the grid has it, in m.
+
+    Coordinates are those of the scene. `shift` is effective - stated, in cells.
+    """
+
+    boundary: str
+    face: str
+    stated: float
+    effective: float
+    shift: float
+
+
+def vertical_axis(scene: Scene) -> int:
+    """Return the axis closest to gravity at time 0; the last one without gravity."""
+    gravity = np.abs(initial_gravity(scene))
+    return int(np.argmax(gravity)) if np.any(gravity > 0) else scene.dimension - 1
+
+
+def snap(scene: Scene, box: Box) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the cells that a box boundary blocks, lower ≤ i < upper: the nearest cell faces."""
+    ends = []
+    for corner in (box.lower, box.upper):
+        # The allowance decides a face in the middle of a cell alike for every rounding.
+        cells = relative(scene, corner) / scene.cell_size + 0.5 + _ROUNDING
+        ends.append(tuple(math.floor(x) for x in cells.tolist()))
+    return ends[0], ends[1]
+
+
+def faces_present(scene: Scene, boundary: Boundary) -> tuple[str, ...]:
+    """Return the faces that a boundary has in this scene."""
+    everything = faces_of(scene.dimension)
+    shape = boundary.shape
+    if isinstance(shape, Outline) or boundary.is_surface:
+        return ()
+    if isinstance(shape, DomainWalls) and shape.faces != "all":
+        return tuple(f for f in everything if f in shape.faces)
+    return everything
+
+
+def extent_of(scene: Scene, boundary: Boundary) -> tuple[list[float], list[float]]:
+    """Return the corners of what a boundary's shape has inside the domain, m of the scene."""
+    if not isinstance(boundary.shape, Solid):
+        return list(scene.lower), list(scene.upper)
+    low, high = boundary.shape.bounds()
+    ends = (max, low, scene.lower), (min, high, scene.upper)
+    if not boundary.is_surface:
+        return list(low), list(high)
+    first, last = ([pick(*x) for x in zip(a, b, strict=True)] for pick, a, b in ends)
+    return first, last
+
+
+def planes(scene: Scene) -> list[Plane]:
+    """Return stated and effective plane of every wall and box face."""
+    found: list[Plane] = []
+    if scene.grid is not None:
+        return found  # boundaries lie on edges of the grid, exactly
+    for boundary in scene.boundaries:
+        if boundary.is_surface:
+            continue  # exact wherever it is
+        if isinstance(boundary.shape, Box):
+            stated = (boundary.shape.lower, boundary.shape.upper)
+            cells = snap(scene, boundary.shape)
+        else:
+            stated = (scene.lower, scene.upper)
+            cells = ((0,) * scene.dimension, scene.cells)
+        for face in faces_present(scene, boundary):
+            axis, end = "xyz".index(face[0]), int(face[1] == "+")
+            effective = scene.lower[axis] + cells[end][axis] * scene.cell_size
+            shift = (effective - stated[end][axis]) / scene.cell_size
+            found.append(Plane(boundary.name, face, stated[end][axis], effective, shift))
+    return found
+
+
+def new_bodies(scene: Scene) -> list[Body]:
+    """Return the bodies that the run which the scene goes on from did not have."""
+    return [b for b in scene.bodies if scene.start is None or not scene.start.restored(b.name)]
+
+
+def body_counts(scene: Scene) -> list[int]:
+    """Return the number of particles of every body; of a restored one no fewer than it has."""
+    if scene.grid is not None:
+        return [placing.place(scene, b).count for b in scene.bodies]
+    counts = []
+    for b in scene.bodies:
+        before = None if scene.start is None else scene.start.restored(b.name)
+        counts.append(fill(scene, b).points.count if before is None else before.ids)
+    return counts
+
+
+def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
+    """Return (problems, doubts) of a scene."""
+    problems: list[str] = []
+    doubts: list[str] = []
+    if not scene.bodies:
+        problems.append("Scene: there is no body; expected at least one; use add_body")
+    if scene.grid is not None:
+        grid_checks.check_grid(scene, problems, doubts)
+    elif not (
+        grid_checks.check_square_cells(scene, problems) and check_range(scene, problems, doubts)
+    ):
+        return problems, doubts
+    # Restored bodies are no longer where their shapes say; `snapshot` compares their particles.
+    to_place = scene.bodies if scene.start is None else new_bodies(scene)
+    fitting = [b for b in to_place if check_body(scene, b, problems, doubts)]
+    check_cfl(scene, doubts)
+    check_overlaps(scene, fitting, problems)
+    if scene.grid is not None and len(fitting) == len(to_place) and not problems:
+        grid_checks.check_overlaps(scene, fitting, problems)
+    solid = [b for b in scene.boundaries if _check_boundary(scene, b, problems, doubts)]
+    _check_walls(scene, solid, problems)
+    _check_blocked(scene, fitting, solid, problems)
+    counts: Mapping[str, int] = {}
+    if len(fitting) == len(to_place):
+        counts = dict(zip([b.name for b in scene.bodies], body_counts(scene), strict=True))
+        for name, n in counts.items():
+            if n == 0:
+                problems.append(
+                    f"body '{name}': no particle is left after the subtractions; expected some; "
+                    "remove the body, or correct subtract_from of the others"
+                )
+    if scene.flows:
+        from libmpm._src.boundaries.flow_layers import check_flows, ids_kept
+
+        check_flows(scene, problems, doubts)
+        counts = ids_kept(scene, counts)
+    for sensor in scene.sensors:
+        _check_sensor(scene, sensor, counts, problems)
+        check_reaction(scene, sensor, doubts)
+    return problems, doubts
+
+
+def _check_boundary(
+    scene: Scene, boundary: Boundary, problems: list[str], doubts: list[str]
+) -> bool:
+    """Check one boundary; returns whether its shape can be compared with others."""
+    check = Checker(f"boundary '{boundary.name}'")
+    d = scene.dimension
+    shape = boundary.shape
+    everything = faces_of(d)
+    fits = True
+    check_motion(check, scene, boundary)
+    if scene.grid is not None:
+        grid_checks.check_boundary(scene, boundary, check.problems)
+        fits = not isinstance(shape, Solid)
+    elif boundary.is_surface:
+        fits = check_surface(check, scene, boundary, doubts)
+        if fits:
+            check_edges(scene, boundary, doubts)
+    elif isinstance(shape, Box):
+        fits = not wrong_dimension(check, "shape", shape.dimension, d)
+        if fits:
+            doubts += _check_box(check, scene, boundary.name, shape)
+    if isinstance(shape, DomainWalls) and shape.faces != "all":
+        for face in shape.faces:
+            if face not in everything:
+                check.fail(f"faces has '{face}' in {d}D; expected some of {', '.join(everything)}")
+    if isinstance(boundary.response, Mapping) and faces_present(scene, boundary):
+        present = faces_present(scene, boundary)
+        for face in boundary.response:
+            if face not in present:
+                check.fail(f"response has face '{face}'; the boundary has {', '.join(present)}")
+        missing = [f for f in present if f not in boundary.response]
+        if missing:
+            check.fail(
+                f"response has no entry for {', '.join(missing)}; expected one for every face "
+                "of the boundary; add them, or name fewer walls with DomainWalls(faces=...)"
+            )
+    problems += check.problems
+    return fits
+
+
+def _check_box(check: Checker, scene: Scene, name: str, box: Box) -> list[str]:
+    low, high = snap(scene, box)
+    doubts = []
+    for a in range(scene.dimension):
+        width = high[a] - low[a]
+        stated = box.size[a]
+        if width < 1:
+            check.fail(
+                f"{stated:g} m wide on axis {a}, less than a cell face apart after moving to the "
+                f"grid; expected one cell or more; widen it or use cell_size ≤ {stated:g} m"
+            )
+        if high[a] <= 0 or low[a] >= scene.cells[a]:
+            check.fail(
+                f"the box spans {box.lower[a]:g} to {box.upper[a]:g} m on axis {a}, outside the "
+                f"domain; expected to reach into {scene.lower[a]:g} to {scene.upper[a]:g} m"
+            )
+        for end, cells, x in (("lower", low[a], box.lower[a]), ("upper", high[a], box.upper[a])):
+            effective = scene.lower[a] + cells * scene.cell_size
+            shift = (effective - x) / scene.cell_size
+            if abs(shift) > _SHIFT:
+                doubts.append(
+                    f"boundary '{name}': {end}[{a}] is {x:g} m, its effective plane {effective:g} "
+                    f"m, {shift:+.2f} cells away; expected within {_SHIFT:g} cell; put the face "
+                    "on a cell face"
+                )
+    return doubts
+
+
+def _check_walls(scene: Scene, boundaries: list[Boundary], problems: list[str]) -> None:
+    walls = [b for b in boundaries if isinstance(b.shape, DomainWalls)]
+    for i, one in enumerate(walls):
+        for two in walls[i + 1 :]:
+            second = faces_present(scene, two)
+            shared = [f for f in faces_present(scene, one) if f in second]
+            together = max(one.window[0], two.window[0]) < min(one.window[1], two.window[1])
+            if shared and together:
+                problems.append(
+                    f"boundary '{two.name}': {', '.join(shared)} is also a wall of boundary "
+                    f"'{one.name}' at the same time; expected one response per wall; use "
+                    "DomainWalls(faces=...) or time windows that do not meet"
+                )
+
+
+def _check_blocked(
+    scene: Scene, bodies: list[Body], boundaries: list[Boundary], problems: list[str]
+) -> None:
+    base = np.asarray(scene.lower)
+    now = 0.0 if scene.start is None else scene.start.time
+    for boundary in boundaries:
+        first, last = boundary.window
+        if not isinstance(boundary.shape, Box) or not first <= now < last:
+            continue
+        if boundary.is_surface or isinstance(boundary.response, Prescribed):
+            continue
+        corners = snap(scene, boundary.shape)
+        low, high = ((base + np.array(c) * scene.cell_size).tolist() for c in corners)
+        for body in bodies:
+            if boundary.bodies and body.name not in boundary.bodies:
+                continue  # it does not meet this boundary
+            deep, size = reaches_into(scene, body, (low, high))
+            if deep > _SHIFT * scene.cell_size:
+                planes = ", ".join(f"{x:g} to {y:g}" for x, y in zip(low, high, strict=True))
+                problems.append(
+                    f"body '{body.name}': reaches {size} m into boundary '{boundary.name}', which "
+                    f"blocks {planes} m; expected to end at its faces; shorten or split the body"
+                )
+
+
+def _check_sensor(
+    scene: Scene, placed: PlacedSensor, counts: Mapping[str, int], problems: list[str]
+) -> None:
+    check = Checker(f"sensor '{placed.name}'")
+    sensor = placed.sensor
+    d = scene.dimension
+    if isinstance(sensor, WaveGauge | ParticleTracker | Energy) and sensor.body is not None:
+        names = [b.name for b in scene.bodies]
+        if sensor.body not in names:
+            check.fail(f"body '{sensor.body}' is unknown; {nearest(sensor.body, names)}")
+    if isinstance(sensor, Sampled):
+        from libmpm._src.sensors.checks import check_sampled
+
+        check_sampled(check, scene, sensor, counts)
+    elif isinstance(sensor, LoadCell):
+        _check_load_cell(check, scene, sensor)
+    elif isinstance(sensor, VelocityProbe):
+        if not wrong_dimension(check, "position", len(sensor.position), d):
+            outside(check, scene, "the probe", sensor.position, sensor.position)
+    elif isinstance(sensor, WaveGauge):
+        axes = [a for a in range(d) if a != vertical_axis(scene)]
+        if len(sensor.position) != d - 1:
+            check.fail(
+                f"position has {len(sensor.position)} numbers; expected {d - 1}, the horizontal "
+                f"place on axes {', '.join(map(str, axes))}; leave out the vertical"
+            )
+        else:
+            place = list(scene.lower)
+            for a, x in zip(axes, sensor.position, strict=True):
+                place[a] = x
+            outside(check, scene, "the gauge", place, place)
+    elif isinstance(sensor, ParticleTracker) and sensor.body in counts and sensor.ids != "all":
+        first = 0
+        for name, n in counts.items():
+            if name == sensor.body:
+                break
+            first += n
+        last = first + counts[sensor.body] - 1
+        wrong = [i for i in sensor.ids if not first <= i <= last]
+        if wrong:
+            check.fail(
+                f"ids has {', '.join(map(str, wrong[:5]))}; expected ids of body "
+                f"'{sensor.body}', {first} to {last}"
+            )
+    problems += check.problems
+
+
+def _check_load_cell(check: Checker, scene: Scene, cell: LoadCell) -> None:
+    if cell.reference is not None:
+        wrong_dimension(check, "reference", len(cell.reference), scene.dimension)
+    names = [b.name for b in scene.boundaries]
+    if cell.boundary not in names:
+        check.fail(f"boundary '{cell.boundary}' is unknown; {nearest(cell.boundary, names)}")
+        return
+    if cell.faces == "all":
+        return
+    boundary = scene.boundaries[names.index(cell.boundary)]
+    if isinstance(boundary.shape, Outline) or boundary.is_surface:
+        shape = type(boundary.shape).__name__
+        kind = "an Outline" if shape == "Outline" else f"a surface ({shape})"
+        check.fail(
+            f"faces is {cell.faces!r}; boundary '{cell.boundary}' is {kind}, which has none; leave "
+            "faces out"
+        )
+        return
+    present = faces_present(scene, boundary)
+    for face in cell.faces:
+        if face not in present:
+            check.fail(f"faces has '{face}'; boundary '{cell.boundary}' has {', '.join(present)}")

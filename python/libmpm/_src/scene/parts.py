@@ -1,0 +1,228 @@
+"""`Body`, `Boundary` and `PlacedSensor`: what a scene is made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+from libmpm._src.base.formulas import Field
+from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
+from libmpm._src.boundaries.responses import DecayLayer, Displacement, Response, Rotation, Travel
+from libmpm._src.grids.shapes import Cells, Outline, Points, Traction
+from libmpm._src.materials.material import Material
+from libmpm._src.methods.method import FBar
+from libmpm._src.methods.smoothing import AssumedFields, Smoothing
+from libmpm._src.methods.transfer import Transfer
+from libmpm._src.scene.placed_force import PlacedForce
+from libmpm._src.sensors.engine_sensors import Sensor
+from libmpm._src.shapes.boxes import FACES, Box, DomainWalls, OrientedBox, Solid
+from libmpm._src.shapes.particle_placement import Sampling
+from libmpm._src.shapes.point_file import PointFile
+
+__all__ = ["Body", "Boundary", "PlacedSensor"]
+
+
+@value
+class Body(Value):
+    """A body of the scene; see `Scene.add_body` for the fields."""
+
+    name: str
+    shape: Solid | PointFile | Cells | Points
+    material: Material
+    particles_per_cell: int
+    velocity: Sequence[float] | Field
+    fbar: FBar | Literal["default"] | None = "default"
+    hydrostatic: float | None = None
+    subtract_from: Sequence[str] = ()
+    lattice: Sequence[int] | None = None
+    stress: Sequence[float] | Field | None = None
+    tractions: Sequence[Traction] = ()
+    transfer: Transfer | None = None
+    sampling: Sampling | None = None
+    smoothing: Smoothing | None = None
+    assumed: AssumedFields | None = None
+    damping: float = 0.0
+    force: PlacedForce | None = None
+
+    def _label(self) -> str:
+        return f"body '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        kinds = (Solid, PointFile, Cells, Points)
+        check.instance("shape", self.shape, kinds, "shapes.Box(lower=..., upper=...)")
+        check.instance("material", self.material, (Material,), "a value of libmpm.materials")
+        named = isinstance(self.fbar, str) and self.fbar == "default"
+        if not (named or isinstance(self.fbar, FBar | None)):
+            check.fail(f'fbar is {shown(self.fbar)}; expected "default", None or FBar(...)')
+        if self.transfer is not None:
+            check.instance("transfer", self.transfer, (Transfer,), "Transfer(...) or None")
+        if self.sampling is not None:
+            example = "shapes.Columns(), shapes.Jitter(share=, seed=), PoissonDisk(seed=) or None"
+            check.instance("sampling", self.sampling, (Sampling,), example)
+        parts = {"smoothing": Smoothing, "assumed": AssumedFields, "force": PlacedForce}
+        for part, kind in parts.items():
+            if getattr(self, part) is not None:
+                check.instance(part, getattr(self, part), (kind,), f"{kind.__name__}(...) or None")
+        level = self.hydrostatic
+        if level is not None:
+            level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")
+        others = self.subtract_from
+        if isinstance(others, str):
+            others = (others,)
+        if not isinstance(others, list | tuple):
+            check.fail(f"subtract_from is {others!r}; expected names of bodies")
+            others = ()
+        remedy = "use 4 in 2D and 8 in 3D where nothing speaks for another number"
+        velocity, stress = self.velocity, self.stress
+        if not isinstance(velocity, Field):
+            velocity = check.vector("velocity", velocity, unit="m/s")
+        if stress is not None and not isinstance(stress, Field):
+            stress = check.vector("stress", stress, lengths=(3, 4, 6), unit="Pa")
+        given = (self.tractions,) if isinstance(self.tractions, Traction) else self.tractions
+        tractions = None if isinstance(given, str) else sequence(given)
+        if tractions is None:
+            check.fail(f"tractions is {given!r}; expected a tuple of Traction(face=, value=)")
+            tractions = []
+        for i, traction in enumerate(tractions):
+            check.instance(f"tractions[{i}]", traction, (Traction,), "Traction(face=, value=)")
+        return {
+            "name": check.text("name", self.name),
+            "particles_per_cell": check.integer(
+                "particles_per_cell", self.particles_per_cell, lower=1, remedy=remedy
+            ),
+            "velocity": velocity,
+            "damping": check.number("damping", self.damping, lower=0),
+            "hydrostatic": level,
+            "subtract_from": tuple(check.text("subtract_from", name) for name in others),
+            "lattice": self._lattice(check),
+            "stress": stress,
+            "tractions": tuple(tractions),
+        }
+
+    def _lattice(self, check: Checker) -> tuple[int, ...] | None:
+        if self.lattice is None:
+            return None
+        counts = sequence(self.lattice)
+        if not counts or not isinstance(self.shape, Box | OrientedBox):
+            check.fail(
+                f"lattice is {self.lattice!r}; expected the number of particles on each axis of "
+                "a shapes.Box or an OrientedBox"
+            )
+            return None
+        return tuple(check.integer(f"lattice[{a}]", n, lower=1) for a, n in enumerate(counts))
+
+
+@value
+class Boundary(Value):
+    """A boundary of the scene; see `Scene.add_boundary` for the fields."""
+
+    name: str
+    shape: Solid | DomainWalls | Outline
+    response: Response | Mapping[str, Response]
+    motion: TimeTable | Displacement | Travel | None = None
+    time: tuple[float, float] | None = None
+    layer: DecayLayer | None = None
+    rotation: Rotation | None = None
+    within: Box | None = None
+    spacing: float | None = None
+    bodies: Sequence[str] = ()
+
+    def _label(self) -> str:
+        return f"boundary '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        kinds = (Solid, DomainWalls, Outline)
+        check.instance("shape", self.shape, kinds, "shapes.DomainWalls() or a Solid")
+        response = self.response
+        example = "a value of libmpm.boundaries"
+        if isinstance(response, Mapping):
+            for face, one in response.items():
+                if face not in FACES:
+                    check.fail(f"response has face {face!r}; expected some of {', '.join(FACES)}")
+                check.instance(f"response['{face}']", one, (Response,), example)
+            response = dict(response)
+        else:
+            check.instance("response", response, (Response,), f"{example}, or one for each face")
+        if self.motion is not None:
+            moving = (TimeTable, Displacement, Travel)
+            check.instance("motion", self.motion, moving, "a TimeTable of velocities in m/s")
+        for name, kind in (("layer", DecayLayer), ("rotation", Rotation), ("within", Box)):
+            if getattr(self, name) is not None:
+                check.instance(name, getattr(self, name), (kind,), f"{kind.__name__}(...)")
+        spacing = self.spacing
+        if spacing is not None:
+            spacing = check.number("spacing", spacing, lower=0, lower_open=True, unit="m")
+        if not self.is_surface:
+            for name in ("layer", "rotation", "spacing"):
+                if getattr(self, name) is not None:
+                    check.fail(
+                        f"{name} is given with {type(self.shape).__name__}; expected a Solid of "
+                        f"shapes; leave {name} out"
+                    )
+        elif isinstance(self.response, Mapping):
+            check.fail(
+                "response has faces, which a surface of any shape has not; expected one response"
+            )
+        bodies = (self.bodies,) if isinstance(self.bodies, str) else sequence(self.bodies)
+        if bodies is None:
+            check.fail(f"bodies is {self.bodies!r}; expected names of bodies; give ('block',)")
+        return {
+            "spacing": spacing,
+            "bodies": tuple(check.text("bodies", name) for name in bodies or ()),
+            "name": check.text("name", self.name),
+            "response": response,
+            "time": self._window(check),
+        }
+
+    def _window(self, check: Checker) -> tuple[float, float] | None:
+        if self.time is None:
+            return None
+        if not isinstance(self.time, list | tuple) or len(self.time) != 2:
+            check.fail(f"time is {self.time!r}; expected (start, end) in s, or None for always")
+            return None
+        start, end = self.time
+        start = check.number("time[0]", start, lower=0, unit="s")
+        # None is how a file writes an open end.
+        end = math.inf if end is None else check.number("time[1]", end, unit="s", infinite=True)
+        if end <= start:
+            check.fail(f"time is ({start:g}, {end:g}); expected end > start, in s")
+        return start, end
+
+    @property
+    def is_surface(self) -> bool:
+        """Whether its shape is taken by its signed distance, not by the cells of the grid.
+
+        A `Box` lies on cell faces, unless it moves, turns or has a decay layer.
+        """
+        if isinstance(self.shape, Box):
+            moves = isinstance(self.motion, Displacement | Travel)
+            return moves or any(x is not None for x in (self.layer, self.rotation, self.spacing))
+        return isinstance(self.shape, Solid)
+
+    @property
+    def responses(self) -> tuple[Response, ...]:
+        """Its response, or those of its faces."""
+        given = self.response
+        return tuple(given.values()) if isinstance(given, Mapping) else (given,)
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Start and end of the time in which the boundary acts, in s; (0, inf) is always."""
+        return (0.0, math.inf) if self.time is None else self.time
+
+
+@value
+class PlacedSensor(Value):
+    """A sensor with its name in the scene."""
+
+    name: str
+    sensor: Sensor
+
+    def _label(self) -> str:
+        return f"sensor '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        check.instance("sensor", self.sensor, (Sensor,), "a value of libmpm.sensors")
+        return {"name": check.text("name", self.name)}

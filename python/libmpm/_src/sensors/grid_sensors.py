@@ -1,0 +1,131 @@
+"""What evaluates `GridSensor`: the nodes of the grid, and what boundaries do to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.scene.scene import Scene
+from libmpm._src.sensors.particle_sensors import unit_after
+from libmpm._src.sensors.python_sensors import GRID, GridSensor
+from libmpm._src.sensors.reductions import Array, along, reduce
+from libmpm._src.sensors.sampler import Sampler, axes_of, in_region
+from libmpm._src.sensors.step_readings import Moment
+
+__all__ = ["OfGrid", "boundary_forces", "gravity_at"]
+
+#: Times the rounding of the grid's numbers below which momentum counts as untouched.
+_ROUNDING = 8.0
+
+
+def gravity_at(scene: Scene, time: float) -> Array:
+    """Return gravity at a time, (d,), m/s²."""
+    gravity = scene.gravity
+    return gravity.at(time) if isinstance(gravity, TimeTable) else np.asarray(gravity, np.float64)
+
+
+def boundary_forces(moment: Moment) -> Array:
+    """Return what boundaries take from each node in the coming step, per time of it, (n, d), N.
+
+    f = (p + m g Δt - m v)/Δt; what is only rounding is zero.
+    """
+    nodes, dt = moment.nodes, moment.dt
+    after = nodes.mass[:, None] * nodes.velocity
+    pull = nodes.mass[:, None] * gravity_at(moment.scene, moment.time) * dt
+    taken = nodes.momentum + pull - after
+    single = moment.simulation.precision != "double"
+    unit = float(np.finfo(np.float32 if single else np.float64).eps)
+    size = np.abs(nodes.momentum).max(axis=1) + np.abs(pull).max(axis=1)
+    size = size + np.abs(after).max(axis=1)
+    return np.where(np.abs(taken) > _ROUNDING * unit * size[:, None], taken, 0.0) / dt
+
+
+class OfGrid(Sampler):
+    """Reduces a quantity over nodes."""
+
+    def __init__(self, scene: Scene, sensor: GridSensor) -> None:
+        """Take a sensor that has been checked."""
+        self._sensor, self._scene = sensor, scene
+        unit, self._vector = GRID[sensor.attribute]
+        if scene.dimension == 2:
+            per = {"N": "N/m", "kg·m/s": "kg/s", "kg": "kg/m", "m³": "m²"}
+            unit = per.get(unit, unit)
+        names: list[str] = [sensor.attribute]
+        if self._vector:
+            axes = sensor.direction[0] if sensor.direction else axes_of(scene)
+            names = [f"{sensor.attribute}_{a}" for a in axes]
+        self.columns = tuple(f"{n}_{sensor.operation}" for n in names)
+        self.units = (unit_after(unit, sensor.operation),) * len(names)
+        d = scene.dimension
+        self._before: tuple[NDArray[np.int64], Array, float] = (
+            np.empty((0, d), np.int64), np.empty((0, d)), np.nan,
+        )  # fmt: skip
+
+    def announce(self, moment: Moment) -> None:
+        """Ask for the particles of volumes."""
+        if self._sensor.attribute in ("volume", "jbar"):
+            for i in range(len(self._scene.bodies)):
+                moment.want(i, ("position", "volume", "volume_ratio"))
+
+    def row(self, moment: Moment) -> list[float]:
+        """Return one number, or one an axis."""
+        nodes = moment.nodes
+        inside = in_region(self._sensor.region, nodes.position, self._scene.cell_size)
+        values = self._values(moment, inside)
+        operation = self._sensor.operation
+        if not self._vector:
+            return [reduce(values, operation)]
+        chosen = [self._sensor.direction] if self._sensor.direction else axes_of(self._scene)
+        return [reduce(along(values, direction), operation) for direction in chosen]
+
+    def _values(self, moment: Moment, inside: NDArray[np.bool_]) -> Array:
+        nodes = moment.nodes
+        attribute = self._sensor.attribute
+        if attribute == "mass":
+            return nodes.mass[inside]
+        if attribute == "velocity":
+            return nodes.velocity[inside]
+        if attribute == "momentum":
+            return nodes.mass[inside, None] * nodes.velocity[inside]
+        if attribute == "force":
+            return boundary_forces(moment)[inside]
+        if attribute == "acceleration":
+            return self._acceleration(moment, inside)
+        volume, first = np.zeros(len(nodes.mass)), np.zeros(len(nodes.mass))
+        for i in range(len(self._scene.bodies)):
+            arrays = moment.arrays(i)
+            now = arrays["volume"]
+            parts = nodes.spread(
+                moment.relative(arrays["position"]), [now, now / arrays["volume_ratio"]]
+            )
+            volume, first = volume + parts[0], first + parts[1]
+        if attribute == "volume":
+            return volume[inside]
+        held = inside & (first > 0)
+        return volume[held] / first[held]
+
+    def _acceleration(self, moment: Moment, inside: NDArray[np.bool_]) -> Array:
+        nodes, now = moment.nodes, moment.velocity_time
+        cell, velocity, then = self._before
+        row = nodes.find(cell)
+        both = row >= 0
+        row = row[both]
+        change = (nodes.velocity[row] - velocity[both]) / (now - then)
+        self._before = (nodes.cell[inside], nodes.velocity[inside], now)
+        return change
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return nodes and velocities of the last sample, where accelerations need them."""
+        if self._sensor.attribute != "acceleration":
+            return {}
+        cell, velocity, then = self._before
+        return {"cell": cell, "velocity": velocity, "then": np.array(then)}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take up the last sample."""
+        if state:
+            self._before = (state["cell"], state["velocity"], float(state["then"]))

@@ -1,0 +1,205 @@
+"""What evaluates sensors of particles: reductions, trackers, pressure probes, elevation gauges."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from libmpm._src.scene.checks import vertical_axis
+from libmpm._src.scene.scene import Scene
+from libmpm._src.sensors import attributes
+from libmpm._src.sensors.python_sensors import (
+    AttributeTracker,
+    ElevationGauge,
+    ParticleSensor,
+    PressureProbe,
+)
+from libmpm._src.sensors.reductions import Array, along, reduce
+from libmpm._src.sensors.sampler import Sampler, axes_of, bodies_of, in_region, unit_in
+from libmpm._src.sensors.step_readings import Moment
+
+__all__ = ["OfAttributes", "OfElevation", "OfParticles", "OfPressure", "quadratic_spline"]
+
+
+def unit_after(unit: str, operation: str) -> str:
+    """Return the unit of a reduction of values in `unit`."""
+    if operation == "count":
+        return "1"
+    if operation == "variance" and unit != "1":
+        return f"({unit})²" if len(unit) > 2 or "/" in unit else f"{unit}²"
+    return unit
+
+
+class OfParticles(Sampler):
+    """Reduces an attribute over particles."""
+
+    def __init__(self, scene: Scene, sensor: ParticleSensor) -> None:
+        """Take a sensor that has been checked."""
+        self._sensor, self._scene = sensor, scene
+        self._bodies = bodies_of(scene, sensor.body)
+        self._vector = sensor.attribute in attributes.VECTORS
+        name, operation = sensor.attribute, sensor.operation
+        names = [name]
+        if self._vector:
+            names = [f"{name}_{a}" for a in sensor.direction or axes_of(scene) if a in "xyz"]
+        self.columns = tuple(f"{n}_{operation}" for n in names)
+        self.units = (unit_after(unit_in(scene, name), operation),) * len(names)
+
+    def announce(self, moment: Moment) -> None:
+        """Ask for the attribute, and for positions where there is a region."""
+        for i in self._bodies:
+            moment.want(i, (self._sensor.attribute,))
+            if self._sensor.region is not None:
+                moment.want(i, ("position",))
+
+    def row(self, moment: Moment) -> list[float]:
+        """Return one number, or one an axis."""
+        sensor, parts = self._sensor, []
+        for i in self._bodies:
+            found = np.asarray(moment.attribute(i, sensor.attribute), dtype=np.float64)
+            if sensor.region is not None:
+                place = moment.in_scene(moment.attribute(i, "position"))
+                found = found[in_region(sensor.region, place, self._scene.cell_size)]
+            parts.append(found)
+        values = np.concatenate(parts)
+        if not self._vector:
+            return [reduce(values, sensor.operation)]
+        chosen = [sensor.direction] if sensor.direction else list(axes_of(self._scene))
+        return [reduce(along(values, direction), sensor.operation) for direction in chosen]
+
+
+class OfAttributes(Sampler):
+    """Follows attributes of particles by id."""
+
+    def __init__(self, scene: Scene, sensor: AttributeTracker) -> None:
+        """Take a sensor that has been checked."""
+        self._sensor = sensor
+        (self._body,) = bodies_of(scene, sensor.body)
+        columns, units = [], []
+        for i in sensor.ids:
+            for name in sensor.attributes:
+                vector = name in attributes.VECTORS
+                parts = [f"{name}_{a}" for a in axes_of(scene)] if vector else [name]
+                columns += [f"{part}:{i}" for part in parts]
+                units += [unit_in(scene, name)] * len(parts)
+        self.columns, self.units = tuple(columns), tuple(units)
+
+    def announce(self, moment: Moment) -> None:
+        """Ask for the attributes."""
+        moment.want(self._body, self._sensor.attributes)
+
+    def row(self, moment: Moment) -> Array:
+        """Return the attributes of the first particle, then those of the next."""
+        ids = moment.attribute(self._body, "ID").astype(np.int64)
+        wanted = np.asarray(self._sensor.ids, dtype=np.int64)
+        at = np.searchsorted(ids, wanted)
+        there = at < len(ids)
+        there[there] = ids[at[there]] == wanted[there]
+        parts = []
+        for name in self._sensor.attributes:
+            values = np.asarray(moment.attribute(self._body, name), dtype=np.float64)
+            values = values.reshape(len(ids), math.prod(values.shape[1:]))
+            part = np.full((len(wanted), values.shape[1]), np.nan)
+            part[there] = values[at[there]]
+            parts.append(part)
+        return np.concatenate(parts, axis=1).ravel()
+
+
+def quadratic_spline(distance: Array) -> Array:
+    """Return the quadratic B-spline of distances in spacings; its support is 1.5 on each side."""
+    u = np.abs(distance)
+    return np.where(u < 0.5, 0.75 - u**2, np.where(u < 1.5, 0.5 * (1.5 - u) ** 2, 0.0))
+
+
+class OfPressure(Sampler):
+    """Weighs pressures around a point."""
+
+    columns = ("pressure",)
+    units = ("Pa",)
+
+    def __init__(self, scene: Scene, sensor: PressureProbe) -> None:
+        """Take a sensor that has been checked."""
+        self._order = sensor.order
+        self._bodies = bodies_of(scene, sensor.body)
+        self._place = np.asarray(sensor.position, dtype=np.float64)
+        radius = 1.5 * scene.cell_size if sensor.radius is None else sensor.radius
+        self._spacing = radius / 1.5
+
+    def announce(self, moment: Moment) -> None:
+        """Ask for positions, volumes and pressures."""
+        for i in self._bodies:
+            moment.want(i, ("position", "volume", "pressure"))
+
+    def row(self, moment: Moment) -> list[float]:
+        """Return the pressure at the point."""
+        away, weights, pressures = [], [], []
+        for i in self._bodies:
+            arrays = moment.arrays(i)
+            xi = (moment.in_scene(arrays["position"]) - self._place) / self._spacing
+            near = np.all(np.abs(xi) < 1.5, axis=1)
+            away.append(xi[near])
+            weights.append(np.prod(quadratic_spline(xi[near]), axis=1) * arrays["volume"][near])
+            pressures.append(arrays["pressure"][near])
+        x, w, p = np.concatenate(away), np.concatenate(weights), np.concatenate(pressures)
+        total = w.sum()
+        if not total > 0:
+            return [float("nan")]
+        mean = float(w @ p / total)
+        middle = w @ x / total
+        if self._order == 0 or len(p) < 2 * (x.shape[1] + 1):
+            return [mean]
+        # Least squares of p = a + b (x - middle): a is the mean, and b follows from moments.
+        from_middle = x - middle
+        moment_matrix = (from_middle.T * w) @ from_middle / total
+        # Points nearly on a plane leave the slope across it to noise.
+        if np.linalg.eigvalsh(moment_matrix)[0] < 1e-3:
+            return [mean]
+        slope = np.linalg.solve(moment_matrix, (from_middle.T * w) @ (p - mean) / total)
+        return [mean - float(slope @ middle)]
+
+
+class OfElevation(Sampler):
+    """Finds the highest material in a column."""
+
+    columns = ("level",)
+    units = ("m",)
+
+    def __init__(self, scene: Scene, sensor: ElevationGauge) -> None:
+        """Take a sensor that has been checked."""
+        self._sensor = sensor
+        self._bodies = bodies_of(scene, sensor.body)
+        self._vertical = vertical_axis(scene)
+        up = attributes.upward(scene)[self._vertical]
+        self._up = 1.0 if up >= 0 else -1.0
+        self._level_axes = [a for a in range(scene.dimension) if a != self._vertical]
+        self._radius = scene.cell_size if sensor.radius is None else sensor.radius
+
+    def announce(self, moment: Moment) -> None:
+        """Ask for positions, volumes and masses."""
+        for i in self._bodies:
+            moment.want(i, ("position", "volume", "mass"))
+
+    def row(self, moment: Moment) -> list[float]:
+        """Return the height, m of the world."""
+        heights, masses, halves = [], [], []
+        place = np.asarray(self._sensor.position)
+        for i in self._bodies:
+            arrays = moment.arrays(i)
+            position = arrays["position"]
+            flat = moment.in_scene(position)[:, self._level_axes] - place
+            near = np.sum(flat**2, axis=1) < self._radius**2
+            heights.append(self._up * position[near, self._vertical])
+            masses.append(arrays["mass"][near])
+            halves.append(0.5 * arrays["volume"][near] ** (1 / position.shape[1]))
+        height, mass = np.concatenate(heights), np.concatenate(masses)
+        if len(height) == 0:
+            return [float("nan")]
+        order = np.argsort(height, kind="stable")
+        at = len(order) - 1
+        if self._sensor.percentile is not None:
+            below = np.cumsum(mass[order])
+            share = self._sensor.percentile / 100 * below[-1]
+            at = min(at, int(np.searchsorted(below, share * (1 - 1e-12))))
+        top = order[at]
+        return [self._up * float(height[top] + np.concatenate(halves)[top])]

@@ -1,0 +1,67 @@
+"""`Sampler`, the base of what evaluates a sensor: columns, what it reads, a row, its memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src.scene.scene import Scene
+from libmpm._src.sensors import attributes
+from libmpm._src.sensors.reductions import Array
+from libmpm._src.sensors.step_readings import Moment
+from libmpm._src.shapes.solid import Solid
+
+__all__ = ["Sampler", "axes_of", "bodies_of", "in_region", "unit_in"]
+
+#: Part of a cell by which a point may miss a region and still count: rounding of coordinates.
+_ROUNDING = 1e-6
+
+
+class Sampler:
+    """Evaluates one sensor. `columns` and `units` name what `row` returns."""
+
+    columns: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    #: Time, s, of a sample that the step boundary after it completes; None: none is open.
+    again_after: float | None = None
+
+    def announce(self, moment: Moment) -> None:
+        """Tell the moment what `row` will read of particles."""
+
+    def row(self, moment: Moment) -> Sequence[float] | Array | None:
+        """Return one sample; None where it goes on to the next step (`again_after`)."""
+        raise NotImplementedError
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return what a resumed run needs beside the series."""
+        return {}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take up what `state` returned."""
+
+
+def bodies_of(scene: Scene, body: str | None) -> list[int]:
+    """Return the numbers of the bodies that a sensor asks for; None is all."""
+    return [i for i, b in enumerate(scene.bodies) if body is None or b.name == body]
+
+
+def in_region(region: Solid | None, points: Array, cell_size: float) -> NDArray[np.bool_]:
+    """Return which points (n, d) of the scene are in a region or on its surface."""
+    if region is None or len(points) == 0:
+        return np.ones(len(points), dtype=np.bool_)
+    return region.distance(points) <= _ROUNDING * cell_size
+
+
+def axes_of(scene: Scene) -> str:
+    """Return the names of the axes."""
+    return "xyz"[: scene.dimension]
+
+
+def unit_in(scene: Scene, name: str) -> str:
+    """Return the unit of an attribute; in 2D what is summed is per metre of thickness."""
+    found = attributes.find(name)
+    unit = attributes.ENGINE[name] if found is None else found.unit
+    return {"kg": "kg/m", "m³": "m²", "J": "J/m"}.get(unit, unit) if scene.dimension == 2 else unit

@@ -1,0 +1,55 @@
+"""`basin`: water above a bed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from libmpm._src.errors import SceneError
+from libmpm._src.shapes.boxes import Box
+from libmpm._src.shapes.oriented_boxes import AXES
+from libmpm._src.shapes.solid import Solid
+
+__all__ = ["basin"]
+
+
+def basin(
+    *, level: float, bed: Solid | Sequence[Solid], within: Box, axis: str | None = None
+) -> Solid:
+    """Return what fills a basin to a level above a bed of any shape: a box without the bed.
+
+    =========  ====  ============  =============================================================
+    parameter  unit  range         meaning
+    =========  ====  ============  =============================================================
+    level      m     in `within`   of the still surface, along `axis`
+    bed        -     solids        what the water lies on or stands around, one or several
+    within     m     a Box         horizontal ends of the water, and a bottom below all of it
+    axis       -     a name        the vertical one, "x", "y" or "z"; None = the last one
+    =========  ====  ============  =============================================================
+
+    Everything below the level in the box and outside the bed is filled, closed hollows as well.
+    Raises `SceneError`.
+    """
+    problems = []
+    beds = [bed] if isinstance(bed, Solid) else list(bed)
+    if not beds or not all(isinstance(one, Solid) for one in beds):
+        problems.append(f"bed is {bed!r:.80}; expected a solid or several")
+    if not isinstance(within, Box):
+        raise SceneError(f"shapes.basin: within is {within!r:.80}; expected a shapes.Box")
+    names = AXES[: within.dimension]
+    if axis is not None and axis not in names:
+        problems.append(f"axis is {axis!r}; expected one of {', '.join(names)}")
+    up = within.dimension - 1 if axis not in names else names.index(str(axis))
+    low, high = within.lower[up], within.upper[up]
+    if not low < level <= high:
+        problems.append(
+            f"level is {level:g} m; expected above {low:g} and at most {high:g} m, the bottom "
+            "and the top of within"
+        )
+    if problems:
+        raise SceneError([f"shapes.basin: {problem}" for problem in problems])
+    upper = list(within.upper)
+    upper[up] = float(level)
+    water: Solid = Box(lower=within.lower, upper=upper)
+    for one in beds:
+        water = water - one
+    return water

@@ -1,0 +1,98 @@
+"""`Columns`, `Jitter`, `PoissonDisk`: how particles are placed where not on the plain lattice."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from libmpm._src.base.values import Checker, Value, value
+from libmpm._src.shapes.oriented_boxes import AXES
+
+__all__ = ["Columns", "Jitter", "PoissonDisk", "Sampling"]
+
+
+class Sampling(Value):
+    """Base of the ways to place particles."""
+
+
+@value
+class Columns(Sampling):
+    """Columns of points, each divided evenly between the surfaces that its line crosses.
+
+    =========  ====  ======  ==================================================================
+    parameter  unit  range   meaning
+    =========  ====  ======  ==================================================================
+    axis       -     a name  along which the columns stand, "x", "y" or "z"; None = that of gravity
+    =========  ====  ======  ==================================================================
+
+    Lines stand as far apart as the points of the lattice. A length l of one inside the solid takes
+    n = round(l / spacing) points at (k + 1/2) l / n from its lower end, and none where it is
+    shorter than half a spacing. Water above a bed that is not level then begins and ends as bed
+    and level do; a lattice ends in stairs there, whose unequal weights set it going
+    (`design/walls.md` section 6). Gaps thinner than a quarter of the spacing may be filled.
+    Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "shapes.Columns"
+
+    axis: str | None = None
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        if self.axis is not None:
+            check.choice("axis", self.axis, AXES)
+        return {}
+
+
+@value
+class Jitter(Sampling):
+    """A lattice whose points are moved at random, each within its own slice.
+
+    =========  ====  ===========  =========================================================
+    parameter  unit  range        meaning
+    =========  ====  ===========  =========================================================
+    share      1     0 < s ≤ 1    of the spacing: a point moves by up to half of it either way
+                                  on every axis, evenly distributed
+    seed       1     0 .. 2^63-1  of the random numbers
+    =========  ====  ===========  =========================================================
+
+    The move follows from the seed and the number of the lattice point alone. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "shapes.Jitter"
+
+    share: float
+    seed: int
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        share = check.number("share", self.share, lower=0, lower_open=True, upper=1)
+        return {"share": share, "seed": _seed(check, self.seed)}
+
+
+@value
+class PoissonDisk(Sampling):
+    """Points at random, none too close to another: Poisson-disk sampling (Bridson 2007).
+
+    =========  ====  ===========  =========================================================
+    parameter  unit  range        meaning
+    =========  ====  ===========  =========================================================
+    seed       1     0 .. 2^63-1  of the random numbers
+    =========  ====  ===========  =========================================================
+
+    On average `particles_per_cell`, no two closer than about 0.8 of the spacing of the lattice with
+    as many. One periodic tile of about a thousand points, made by SciPy, is repeated.
+    Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "shapes.PoissonDisk"
+
+    seed: int
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        return {"seed": _seed(check, self.seed)}
+
+
+def _seed(check: Checker, given: Any) -> int:
+    seed = check.integer("seed", given)
+    if seed >= 2**63:
+        check.fail(f"seed is {seed}; expected below 2^63")
+        return 0
+    return seed

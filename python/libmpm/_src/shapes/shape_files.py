@@ -1,0 +1,50 @@
+"""Files that shapes refer to: by path and SHA-256."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import stat
+from pathlib import Path
+from typing import Any
+
+from libmpm._src.base.values import Checker, shown
+
+__all__ = ["check_file", "file_state"]
+
+
+def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]:
+    """Return path and SHA-256 of a file; report one that is missing or not as it was."""
+    if not isinstance(file, str | Path) or not str(file):
+        check.fail(f"file is {file!r}; expected the path of a file")
+        return "", None
+    try:
+        found = _digest(*file_state(file))
+    except (OSError, ValueError) as error:  # a path may hold what no path can
+        reason = getattr(error, "strerror", None) or error
+        check.fail(f"file '{file}' cannot be read: {reason}; give a path that can be, from here")
+        return str(file), None
+    if sha256 is not None and not isinstance(sha256, str):
+        check.fail(f"sha256 is {shown(sha256)}; expected a text, or None")
+    elif sha256 is not None and sha256 != found:
+        check.fail(
+            f"file '{file}' has SHA-256 {found[:12]}..., the scene was made with "
+            f"{str(sha256)[:12]}...; expected the same file; put it back, or leave sha256 out to "
+            "take it as it is now"
+        )
+    # Absolute, so that what was begun in one folder can be resumed or read from another.
+    return str(Path(file).absolute()), found
+
+
+def file_state(file: str | Path) -> tuple[str, int, int]:
+    """Return path, size and time of change of a file: what to know its content again by."""
+    found = Path(file).stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(f"{file} is no regular file")
+    return str(file), found.st_size, found.st_mtime_ns
+
+
+@functools.lru_cache(maxsize=64)
+def _digest(path: str, size: int, changed: int) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,1 @@
+"""Demand of debris fields on structures: laws, expected loads, curves of exceedance."""

@@ -1,1 +1,0 @@
-"""Descriptions of the grids of triangles and of splines."""

@@ -1,0 +1,100 @@
+"""Modules of version 0.1 by their old names: pickles and private imports still load, and warn."""
+
+import base64
+import importlib
+import pickle
+import subprocess
+import sys
+import zlib
+
+import pytest
+
+import libmpm
+from libmpm import boundaries, materials, sensors, shapes
+from libmpm._src import moved
+
+#: `pickle.dumps` of the scene below, made with version 0.1; compressed, in base 85.
+OLD = (
+    "c-nncy^q{P6hFANckebAg%D8$q!cu{6kE~X2MG&Wvbu05r69tL?eWg!#vU^td$&QLAO%FEkti61f)EAJ&`?w6Pe6"
+    "2Zp{5C43JTt{cfH;u!p(Z$n|U9<_xnBH?R@jNyH-8!CBfso%m<NH$v`Kxpxy<C)$iAS`!oNEzw9=nl;^b2To!)xq"
+    "6?yl;;A2lJ)uHGn%|**xbtuxF^q&fp~?@}=1=qTg$JiCOLXoooI8&jXE&0HPk8bCt360drrgY0?uW1c@Y{{QKfhF"
+    "6&Z%KC_3nJTrG+uPUcWR=ttXj)s{ed|&v$OaK#P$!w1mdGf<mTZ;$24@Swe23NTD+*++Ao#Uz&SIi`OPYs1rtWz_"
+    "YV=@Xnj?lL?N|H#Fm!iE?tf?4&WayLX$lQCR^|!k8CC&AdCCC~kN{M5Kt}(l-#g;Do1!f#KerzlOhF_}B$yJ&Fa|"
+    "E{G{i$Gde*<bsJMD)nEwK&lkZ;c)4cLXy!7Hg@4LRRtBEz3ReI{n|9wDG0W<@sTAdmXQDiFrSpu!a$F`SlS}Ra__"
+    "rdE>oUyn!<ZOms6TXg-ogT_ic<>0Cl49QV`Wa*N`VjE$v6=M!jmdF~oo?m^wHi1|eUeZV4eYV7xEWSyLr@gYCIMG"
+    "g8v0Xi?eV{QAB;T{ac`4|9V#aTj0@cOET#&_plCnm7^OU0R{v+^nMsND6=g6x_xU;pQ!2d5ezS6a|Ll-u<ecmOB$"
+    "$aU217R#@$adymp9s4>^0r==_q=i%;a3;IsEPGlWm=ODiR$3MUP3uT>0Sa>3+j-dDoQ$Oms-V|7ntV*fXYA1^c;0"
+    "q;X#0ukGpUqMwVN5vZvD?x%2IeOw%9PCgHt2;Ia8dAu+9;|u(!4qXJ45?zb`dC{NnQ$66-pqN(y;nZmuPKsiW{Yy"
+    "!WpzKH4tP{VPxp06BDSPU2TSYn+;dto=^#bSF=H>cn%_&;*7(?l2O&#XCbUNs1lHR^2{t<h$Ke5cYd#JHfA^2dv5"
+    "DpUQnX038E2&hGI9D13Nnd(ob}2WP^KmYfmY;)&NB#*=6weM;&(Sd2?VNu!wy)W@MYiW0s6ria0VlX4#lc#*8&*8"
+    "3%Z*>qm3d)k;C3poZAK>+LV(*pkMlY{=er{i`x3ytr8%oqGXvl2r0Qz%|etW(u6sAfs2>c(?Mo&LOV1DuN4hiIaz"
+    "kc5ttvwgs7ie1HZ@B9AI(c*2ncICx!>q^3hSm-@DiH7tD%x{#_?eux^H%&?;~2Leh=4=ZoGt8amVwb8x2qWF0n7h"
+    "bD_ELT~KI|C}?1&DP@#PVZSEvNvAeC*kSCdbe0dw22a;86VlE?dN+k89`%ueCl1>_>LnZNkDV3{Vq}U3R^Si4qn8"
+    "yXE@u^@G1PIPM%NCRPv?HCl!CPYuc*H!6IOjm^E=N+euCDONHup8d2^y@gep!CFHAZ9Mo7reWmD"
+)
+
+
+def scene():
+    made = libmpm.Scene(
+        dimension=2, lower=(0, 0), upper=(2, 1), cell_size=0.125, gravity=(0, -9.81)
+    )
+    made.add_body(
+        name="water",
+        shape=shapes.Box(lower=(0, 0), upper=(1, 0.5)),
+        material=materials.TaitFluid(),
+    )
+    made.add_body(
+        name="ball",
+        shape=shapes.Sphere(centre=(1.5, 0.5), radius=0.25),
+        material=materials.LinearElastic(density=1000.0, youngs_modulus=1e6, poissons_ratio=0.25),
+    )
+    made.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    made.add_sensor(name="energy", sensor=sensors.Energy(interval=0.125))
+    made.add_sensor(name="track", sensor=sensors.BodyTracker(body="ball", interval=0.125))
+    return made
+
+
+def test_a_pickle_of_the_version_before_is_the_same_scene():
+    with pytest.warns(DeprecationWarning, match=r"is libmpm\._src\.scene\.scene\.Scene since"):
+        old = pickle.loads(zlib.decompress(base64.b85decode(OLD)))
+    assert old == scene()
+    assert type(old.bodies[1].shape) is shapes.Sphere
+
+
+def test_every_old_module_is_a_module():
+    for old, new in moved.MOVED.items():
+        new_module = importlib.import_module(f"libmpm._src.{new}")
+        sys.modules.pop(f"libmpm._src.{old}", None)
+        with pytest.warns(DeprecationWarning, match=f"libmpm._src.{new} since"):
+            assert importlib.import_module(f"libmpm._src.{old}") is new_module
+
+
+def test_modules_in_moved_folders_exist_once():
+    with pytest.warns(DeprecationWarning):
+        old = importlib.import_module("libmpm._src.triangular.mesh")
+    assert old.Mesh is libmpm.grids.Mesh
+
+
+@pytest.mark.parametrize("folder", moved.FOLDERS)
+def test_names_of_modules_that_are_folders_now(folder):
+    module, names = moved.FOLDERS[folder]
+    package = importlib.import_module(f"libmpm._src.{folder}")
+    for name in names.split():
+        with pytest.warns(DeprecationWarning, match=name):
+            found = getattr(package, name)
+        assert found is getattr(importlib.import_module(f"libmpm._src.{module}"), name)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        package.nothing  # noqa: B018
+
+
+def test_nothing_of_libmpm_uses_old_names():
+    """Importing every module, as a program that treats warnings as errors would."""
+    program = (
+        "import importlib, pkgutil, libmpm\n"
+        "for module in pkgutil.walk_packages(libmpm.__path__, 'libmpm.'):\n"
+        "    if not module.name.endswith(('__main__', '_cuda')):\n"
+        "        importlib.import_module(module.name)\n"
+    )
+    command = [sys.executable, "-W", "error::DeprecationWarning:libmpm", "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "since libmpm 0.2" not in done.stderr, done.stderr
