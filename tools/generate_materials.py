@@ -50,9 +50,9 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from libmpm._src.base.values import value
 from libmpm._src.materials.friction import Cone, FrictionalMaterial
 from libmpm._src.materials.material import Column, Entry, Material, Parameter
-from libmpm._src.base.values import value
 
 '''
 

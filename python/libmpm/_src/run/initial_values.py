@@ -1,4 +1,4 @@
-"""`Simulation.initial`: states given particle by particle, by arrays of any library.
+"""`sim.particles[...] = array` before the first step: states given particle by particle.
 
 They are taken before the first step only. Afterwards the state is particles and nodal sums that
 already hold the particles' momentum and stress: a column changed on its own would contradict them.
