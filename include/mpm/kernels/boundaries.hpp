@@ -14,6 +14,7 @@ struct BoundaryView {
     const SurfaceRecord<D>* surfaces;
     double cell_size;
     int reach;  // nodes beyond a face of the domain that particles inside can reach
+    bool lines;  // any face is linear
 };
 
 /// Centre of a cell, which is its node, m.
@@ -59,7 +60,10 @@ MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int
         // The wall of face x- lies at the lower side of cell 0: nodes 0 and beyond it are held.
         for (int face = 0; face < 2 * D; ++face) {
             const int a = face / 2;
-            const bool held = face % 2 == 0 ? cell[a] <= r.lower[a] : cell[a] >= r.upper[a] - 1;
+            std::int64_t first = 0;
+            if constexpr (special) first = r.law[face].linear ? 2 : 0;  // the others: wall_lines.hpp
+            const bool held = face % 2 == 0 ? cell[a] <= r.lower[a] - first
+                                            : cell[a] >= r.upper[a] - 1 + first;
             if (!r.present[face] || !held) continue;
             if constexpr (special) {
                 if (mirrors(r.law[face].response)) continue;
@@ -88,6 +92,9 @@ MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int
     // diagonals.
     for (int f = 0; f < 2 * D; ++f) {
         if (depth[f] != least) continue;
+        if constexpr (special) {
+            if (r.law[f].linear && least < 1) continue;  // wall_lines.hpp
+        }
         const Vec<T, D> before = v;
         v = respond(r.law[f], f / 2, f % 2 == 0 ? T(-1) : T(1), before, wall);
         seen(b, f, before, v);

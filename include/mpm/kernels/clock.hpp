@@ -110,6 +110,9 @@ struct BoundaryRecord {
     std::uint64_t share;   // bit mask of the sums of mass that it acts on; 0: on all
     int limited;           // acts between these corners alone, m
     double within_lower[D], within_upper[D];
+    // Of a box with linear faces: the cells that these cover, inside the domain; the rows of nodes
+    // that end in them, on where the box ends with the domain.
+    int face_lower[D], face_upper[D], rows_lower[D], rows_upper[D];
     // Evaluated each step:
     int active;
     double velocity[D];

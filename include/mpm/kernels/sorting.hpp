@@ -133,6 +133,11 @@ struct LinkBlocks {
     }
 };
 
+/// 1 where a wall acts on the second node before it too.
+MPM_INLINE int sees_next(const SurfaceLaw& law) {
+    return mirrors(law.response) || law.linear ? 1 : 0;
+}
+
 template <int D>
 struct TouchBoundaries {
     BlockTableView<D> table;
@@ -152,9 +157,8 @@ struct TouchBoundaries {
             for (int a = 0; a < D; ++a) {
                 const std::int64_t low = b[a] * Block<D>::edge,
                                    high = low + Block<D>::edge;  // cells [low, high)
-                apart = apart || high <= r.lower[a] - 1 || low > r.upper[a];
-                const int further = mirrors(r.law[2 * a].response) ? 1 : 0;
-                const int beyond = mirrors(r.law[2 * a + 1].response) ? 1 : 0;
+                const int further = sees_next(r.law[2 * a]), beyond = sees_next(r.law[2 * a + 1]);
+                apart = apart || high < r.lower[a] - further || low > r.upper[a] + beyond;
                 rim = rim || (r.present[2 * a] && low <= r.lower[a] + further) ||
                       (r.present[2 * a + 1] && high >= r.upper[a] - beyond);
             }

@@ -107,6 +107,7 @@ private:
 
     // domain_setup.hpp
     void set_boundaries();
+    void set_pressures();
     SurfaceRecord<D> surface(const SurfaceSpec& spec);
     MotionView upload_motion(const MotionSpec& motion, int components);
     void set_sensors();
@@ -350,9 +351,11 @@ private:
         return {grid_view(parity),
                 clock_buffer_.data(),
                 {boundary_records_.data(), int(spec_.boundaries.size()), surfaces_.data(),
-                 spec_.cell_size, wide_kernel() ? 2 : 1},
+                 spec_.cell_size, wide_kernel() ? 2 : 1, linear_walls_},
                 touched_.data(),
-                least_mass_};
+                least_mass_,
+                pressures_.data(),
+                int(pressures_.size())};
     }
     template <bool keeps, bool special>
     UpdateGrid<Grid, Sum, D, keeps, special> grid_update(int parity) {
@@ -389,6 +392,8 @@ private:
     Buffer<X, BoundaryRecord<D>> boundary_records_{exec_};
     Buffer<X, SurfaceRecord<D>> surfaces_{exec_};
     bool special_boundaries_ = false;  // kernels/boundaries.hpp
+    bool linear_walls_ = false;        // kernels/wall_lines.hpp
+    Buffer<X, GroupPressure> pressures_{exec_};
     std::vector<Buffer<X, std::uint64_t>> surface_keys_;
     std::vector<Buffer<X, std::int32_t>> surface_places_;
     std::vector<Buffer<X, float>> surface_values_;

@@ -25,6 +25,14 @@ void Domain<X, T, D>::list_mirrors() {
             const MirrorPlane sides{f / 2, block(plane - 1), block(plane)};
             if (sides.low != sides.high) share_->mirrors.push_back(sides);
         }
+        // The nodes of a line read one another's sums too.
+        for (int f = 0; f < 2 * D && r.surface == 0; ++f) {
+            if (!r.present[f] || !r.law[f].linear) continue;
+            const WallPlane<D> wall(r, f);
+            const MirrorPlane sides{f / 2, block(wall.plane - (wall.sign > 0 ? 1 : 2)),
+                                    block(wall.plane + (wall.sign > 0 ? 1 : 0))};
+            if (sides.low != sides.high) share_->mirrors.push_back(sides);
+        }
     }
 }
 

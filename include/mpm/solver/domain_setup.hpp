@@ -217,6 +217,14 @@ void Domain<X, T, D>::set_boundaries() {
         for (int f = 0; f < 2 * D; ++f) {
             r.present[f] = s.present[f];
             r.law[f] = s.law[f];
+            r.law[f].linear = s.law[f].linear && s.present[f];
+        }
+        for (int a = 0; a < D; ++a) {
+            const int cells = int(spec_.cells[std::size_t(a)]);
+            r.face_lower[a] = std::max(r.lower[a], 0);
+            r.face_upper[a] = std::min(r.upper[a], cells);
+            r.rows_lower[a] = r.lower[a] <= 0 ? -4 : r.lower[a];
+            r.rows_upper[a] = r.upper[a] >= cells ? cells + 4 : r.upper[a];
         }
         r.start = s.start;
         r.end = s.end;
@@ -225,12 +233,42 @@ void Domain<X, T, D>::set_boundaries() {
     }
     boundary_records_.assign(records);
     surfaces_.assign(surfaces);
+    set_pressures();
     for (const auto& s : spec_.sensors) {
         if (s.kind != SensorKind::load_cell) continue;
         BoundaryRecord<D>& r = measured.emplace_back(records.at(std::size_t(s.boundary)));
         for (int f = 0; f < 2 * D; ++f) r.present[f] = r.present[f] && (s.faces >> f & 1);
     }
     measured_boundaries_.assign(measured);
+}
+
+/// What edges of boxes with linear faces ask for: how much each averaged group of bodies presses.
+template <class X, class T, int D>
+void Domain<X, T, D>::set_pressures() {
+    bool boxes = false;
+    for (const BoundarySpec& s : spec_.boundaries)
+        for (const SurfaceLaw& law : s.law) {
+            linear_walls_ = linear_walls_ || law.linear;
+            boxes = boxes || (law.linear && s.is_box);
+        }
+    std::vector<GroupPressure> found;
+    for (std::size_t b = 0; b < spec_.bodies.size() && boxes; ++b) {
+        const GroupChannels& g = plan_.bodies[b].group;
+        const MaterialInfo& m = material(spec_.bodies[b].material);
+        const auto& values = spec_.bodies[b].parameters;
+        double stiffness = 0, exponent = 0;
+        for (std::size_t k = 0; k < values.size(); ++k) {
+            if (std::string_view(m.parameters[k].name) == "bulk_modulus") stiffness = values[k];
+            if (std::string_view(m.parameters[k].name) == "exponent") exponent = values[k];
+        }
+        const bool known = std::any_of(found.begin(), found.end(),
+                                       [&](const GroupPressure& f) { return f.sum == g.sum; });
+        if (g.average < 0 || known || !(stiffness > 0 && exponent > 0)) continue;
+        const double size = std::pow(spec_.cell_size, D);
+        found.push_back({g.sum, std::max(g.weight, 0), stiffness / exponent, exponent,
+                         m.density(values.data()) * size});
+    }
+    pressures_.assign(found);
 }
 
 template <class X, class T, int D>

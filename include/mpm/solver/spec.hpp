@@ -200,7 +200,7 @@ struct OutletSpec {
 inline bool special(const BoundarySpec& b) {
     return !b.surface.keys.empty() || !b.within.empty() || b.restricted >= 0 ||
            std::any_of(b.law.begin(), b.law.end(), [](const SurfaceLaw& law) {
-               return mirrors(law.response) || law.response == Response::prescribed;
+               return mirrors(law.response) || law.response == Response::prescribed || law.linear;
            });
 }
 

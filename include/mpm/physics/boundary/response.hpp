@@ -36,6 +36,9 @@ struct SurfaceLaw {
     double static_friction = 0;
     double dynamic_friction = 0;
     int axes = 0;  // prescribed: bit mask of the components that are
+    // Slip and separable faces of boxes and of the domain: the cells beside them strain linearly
+    // (kernels/wall_lines.hpp), in place of nodes that are held one by one.
+    bool linear = false;
 };
 
 /// Share of the tangential speed that Coulomb friction leaves where so much normal speed is

@@ -70,6 +70,8 @@ def check_responses(check: Checker, scene: Scene, boundary: Boundary) -> None:
     given = boundary.response
     if any(isinstance(r, Mirror) for r in boundary.responses):
         _check_mirror(check, scene, boundary)
+    if any(r.is_linear for r in boundary.responses):
+        _check_linear(check, scene, boundary)
     if any(isinstance(r, Prescribed) for r in boundary.responses):
         if scene.grid is not None or not isinstance(boundary.shape, Solid):
             check.fail(
@@ -122,6 +124,36 @@ def _check_mirror(check: Checker, scene: Scene, boundary: Boundary) -> None:
             "response is Mirror beside a PlacedForce with transfer "
             f"'{method.transfer_choice.scheme}': what particles keep counts the force at mirrored "
             "nodes again, and speeds grow without bound; expected 'APIC' or 'PIC', or Slip"
+        )
+
+
+def _check_linear(check: Checker, scene: Scene, boundary: Boundary) -> None:
+    held = 'expected cell="held" here'
+    if scene.grid is not None:
+        check.fail(f'cell is "linear" on a grid of functions; {held}')
+        return
+    if boundary.is_surface or not isinstance(boundary.shape, Box | DomainWalls):
+        check.fail(
+            f'cell is "linear" with {type(boundary.shape).__name__} as a surface; {held}: lines '
+            "of nodes end on walls of the domain and on faces of boxes at rest along the grid"
+        )
+    if boundary.within is not None or boundary.bodies:
+        check.fail(f'cell is "linear" within a region or for some bodies; {held}')
+    method = scene.method
+    if method.kernel_choice.name != "quadratic" or method.kernel_choice.boundary:
+        check.fail(
+            f'cell is "linear" with kernel "{method.kernel_choice.name}"; {held}, or the '
+            'kernel "quadratic", whose functions the lines are made for'
+        )
+    if method.transfer_choice.scheme in _FILTERS:
+        check.fail(
+            f"cell is \"linear\" with transfer '{method.transfer_choice.scheme}', whose filter "
+            f"does not know the lines; {held}, or another transfer"
+        )
+    if any(isinstance(r, Mirror) for b in scene.boundaries for r in b.responses):
+        check.fail(
+            f'cell is "linear" in a scene with Mirror walls; {held}, or Slip(cell="linear") '
+            "in place of the mirrors"
         )
 
 

@@ -30,6 +30,15 @@ class Response(Value):
         """Static and dynamic coefficient of Coulomb friction."""
         return (0.0, 0.0)
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether the cells beside it strain linearly."""
+        return getattr(self, "cell", "held") == "linear"
+
+
+def _check_cell(check: Checker, cell: Any) -> None:
+    check.choice("cell", cell, ("held", "linear"))
+
 
 @value
 class Sticky(Response):
@@ -44,10 +53,29 @@ class Slip(Response):
     """No relative motion along the normal, free along the face: v·n = 0.
 
     Material cannot come off such a face; use `Separable` where it may, or with friction.
+
+    =========  ====  ===================  ========================================================
+    parameter  unit  range                meaning
+    =========  ====  ===================  ========================================================
+    cell       -     "held" or "linear"   "held": the wall holds nodes, one by one, and the cells
+                                          beside it strain by half: their pressure in a flow is
+                                          wrong. "linear": the velocity towards the wall is linear
+                                          in its cell and meets the wall's in the plane of the wall
+                                          (`design/walls.md`, 7). For walls of the domain and faces
+                                          of boxes at rest, with quadratic functions.
+    =========  ====  ===================  ========================================================
+
+    Raises `SceneError`.
     """
 
     label: ClassVar[str] = "boundaries.Slip"
     kind: ClassVar[str] = "slip"
+
+    cell: Literal["held", "linear"] = "held"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        _check_cell(check, self.cell)
+        return {}
 
 
 @value
@@ -59,9 +87,12 @@ class Separable(Response):
     =================  ====  =====  ===================================================
     static_friction    1     ≥ 0    sticks while tangential ≤ static · normal impulse
     dynamic_friction   1     ≥ 0    tangential = dynamic · normal impulse while sliding
+    cell               -            "held" or "linear", as of `Slip`
     =================  ====  =====  ===================================================
 
-    The static coefficient may not be below the dynamic one. Raises `SceneError`.
+    With `cell` "linear" the reaction of a whole line of nodes decides whether material leaves, and
+    friction is judged by that reaction. The static coefficient may not be below the dynamic one.
+    Raises `SceneError`.
     """
 
     label: ClassVar[str] = "boundaries.Separable"
@@ -69,8 +100,10 @@ class Separable(Response):
 
     static_friction: float = 0.0
     dynamic_friction: float = 0.0
+    cell: Literal["held", "linear"] = "held"
 
     def _check(self, check: Checker) -> dict[str, Any]:
+        _check_cell(check, self.cell)
         remedy = "friction opposes sliding; use 0 for a smooth face"
         found = {
             name: check.number(name, getattr(self, name), lower=0, remedy=remedy)

@@ -126,8 +126,8 @@ UNITS: dict[str, dict[str, str]] = {
     "Outline": {"points": "m"},
     # boundaries
     "Sticky": {},
-    "Slip": {},
-    "Separable": {"static_friction": "1", "dynamic_friction": "1"},
+    "Slip": {"cell": TEXT},
+    "Separable": {"static_friction": "1", "dynamic_friction": "1", "cell": TEXT},
     "Mirror": {"slip": TEXT},
     "Prescribed": {"components": TEXT},
     "DecayLayer": {"function": TEXT, "thickness": "cells"},
