@@ -13,7 +13,7 @@ struct BoundaryView {
     int count;
     const SurfaceRecord<D>* surfaces;
     double cell_size;
-    int reach;  // nodes beyond a face of the domain that particles inside can reach
+    int reach;   // nodes beyond a face of the domain that particles inside can reach
     bool lines;  // any face is linear
 };
 
@@ -61,9 +61,10 @@ MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int
         for (int face = 0; face < 2 * D; ++face) {
             const int a = face / 2;
             std::int64_t first = 0;
-            if constexpr (special) first = r.law[face].linear ? 2 : 0;  // the others: wall_lines.hpp
-            const bool held = face % 2 == 0 ? cell[a] <= r.lower[a] - first
-                                            : cell[a] >= r.upper[a] - 1 + first;
+            if constexpr (special)
+                first = r.law[face].linear ? 2 : 0;  // the others: wall_lines.hpp
+            const bool held =
+                face % 2 == 0 ? cell[a] <= r.lower[a] - first : cell[a] >= r.upper[a] - 1 + first;
             if (!r.present[face] || !held) continue;
             if constexpr (special) {
                 if (mirrors(r.law[face].response)) continue;

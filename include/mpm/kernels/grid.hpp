@@ -20,8 +20,8 @@ struct NodeUpdate {
     GridView<T, Sum, D> grid;
     const Clock* clock;
     BoundaryView<D> boundaries;
-    const std::uint32_t* touched;  // per slot: may a boundary hold nodes of it
-    double least_mass;             // of a particle, kg
+    const std::uint32_t* touched;              // per slot: may a boundary hold nodes of it
+    double least_mass;                         // of a particle, kg
     const GroupPressure* pressures = nullptr;  // where boxes have linear faces
     int pressure_count = 0;
 
@@ -46,14 +46,6 @@ struct NodeUpdate {
         Vec<Sum, D> p;
         for (int a = 0; a < D; ++a) p[a] = s[(1 + a) * block_cells];
         return p;
-    }
-    /// What particles brought to a node, without stress (`KeptChannels::plain`).
-    MPM_INLINE Vec<T, D> carried(std::int32_t slot, int node, int channel, T m) const {
-        const Sum* s = sums(slot, node) + channel * block_cells;
-        Vec<T, D> v;
-        for (int a = 0; a < D; ++a)
-            v[a] = from_sum<T>(s[a * block_cells], clock->unit_read[momentum_sum]) / m;
-        return v;
     }
     /// Of the bodies whose volume the grid averages, where they press, times the part of the node
     /// that they fill, Pa.
@@ -81,28 +73,21 @@ struct NodeUpdate {
         }
         return v;
     }
-    /// Of a node that shares with no other. With `special`, what kernels/boundaries.hpp says of it;
-    /// `lines` is left with those that hold the node.
+    /// Of a node that shares with no other. With `special`, what kernels/boundaries.hpp says of it.
     template <bool special, class Seen>
     MPM_INLINE Vec<T, D> lone_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
-                                       WallLine (&lines)[D], const Seen& seen) const {
+                                       const Seen& seen) const {
         Vec<T, D> v = free_velocity(m, p);
         if (touched[slot]) {
             std::int64_t c[D];
             cell(slot, node, c);
             if constexpr (special) {
                 if (boundaries.lines)
-                    FollowLines<NodeUpdate, T, D>{*this}(slot, node, c, m, v, lines, seen);
+                    FollowLines<NodeUpdate, T, D>{*this}(slot, node, c, m, v, seen);
             }
             apply_boundaries<special>(boundaries, c, v, seen, share(slot, node));
         }
         return v;
-    }
-    template <bool special, class Seen>
-    MPM_INLINE Vec<T, D> lone_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
-                                       const Seen& seen) const {
-        WallLine lines[D];
-        return lone_velocity<special>(slot, node, m, p, lines, seen);
     }
     /// Of any node, whatever boundaries a scene has.
     template <class Seen>
@@ -274,12 +259,10 @@ struct UpdateGrid {
             }
         }
         Vec<T, D> v{};
-        WallLine lines[D];
         if (m > T(0)) {
             if constexpr (keeps) {
                 bool changed = false;
-                v = node.template lone_velocity<special>(slot, n, m, p, lines,
-                                                         Changed<T, D>{&changed});
+                v = node.template lone_velocity<special>(slot, n, m, p, Changed<T, D>{&changed});
                 if (kept.guard >= 0) out[kept.guard] = T(changed ? 1 : 0);
             } else {
                 v = node.template lone_velocity<special>(slot, n, m, p, NothingSeen{});
@@ -293,18 +276,11 @@ struct UpdateGrid {
             if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
         }
         if constexpr (keeps) {
-            if (kept.before >= 0) {
-                Vec<T, D> before{};
-                if (m > T(0)) before = node.carried(slot, n, kept.plain, m);
-                if constexpr (special) {
-                    if (m > T(0) && node.touched[slot] && node.boundaries.lines) {
-                        std::int64_t c[D];
-                        node.cell(slot, n, c);
-                        FollowLines<NodeUpdate<T, Sum, D>, T, D>{node}.project(lines, kept.plain, c,
-                                                                               m, before);
-                    }
-                }
-                for (int a = 0; a < D; ++a) out[kept.before + a] = before[a];
+            for (int a = 0; a < D && kept.before >= 0; ++a) {
+                out[kept.before + a] = m > T(0) ? from_sum<T>(s[(kept.plain + a) * block_cells],
+                                                              node.clock->unit_read[momentum_sum]) /
+                                                      m
+                                                : T(0);
             }
             if (!(m > T(0)) && kept.guard >= 0) out[kept.guard] = T(0);
         }

@@ -13,7 +13,8 @@
 //   u = sum T_i m_i (v*_i . n - w) / sum T_i^2 m_i,    I = sum m_i (v_i - v*_i) . n,
 //
 // with I the impulse of the wall on the line. In gaps of two and three cells, where two such lines
-// would overlap, node 0 leads node -1 alone, T = 1, -1; in a gap or a box of one cell nodes are held.
+// would overlap, node 0 leads node -1 alone, T = 1, -1; in a gap or a box of one cell nodes are
+// held.
 #pragma once
 
 #include "mpm/kernels/boundaries.hpp"
@@ -89,8 +90,7 @@ MPM_INLINE int room_before(const BoundaryView<D>& all, const WallPlane<D>& wall,
 
 /// The line on which a node is across an axis. Where two claim it, the first that is defined does.
 template <int D>
-MPM_INLINE WallLine find_line(const BoundaryView<D>& all, int axis,
-                              const std::int64_t (&cell)[D]) {
+MPM_INLINE WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
     WallLine line;
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
@@ -153,9 +153,7 @@ struct GroupPressure {
     double stiffness, exponent;
     double full;  // mass of a full node, kg
 
-    MPM_INLINE double at(double j) const {
-        return stiffness * (exp(-exponent * log1p(-j)) - 1);
-    }
+    MPM_INLINE double at(double j) const { return stiffness * (exp(-exponent * log1p(-j)) - 1); }
 };
 
 /// What the lines leave of one node's velocity. `Node` is a `NodeUpdate`.
@@ -169,8 +167,8 @@ struct FollowLines {
     };
     /// Sums over the nodes of a line, velocities relative to the wall.
     struct Sums {
-        T leader = 0;          // mass
-        T mass = 0, led = 0;   // sum of m, of T m
+        T leader = 0;           // mass
+        T mass = 0, led = 0;    // sum of m, of T m
         T push = 0, inert = 0;  // sum of T m v, of T^2 m
         Vec<T, D> momentum{};
         MPM_INLINE T lead() const { return push / inert; }
@@ -208,10 +206,8 @@ struct FollowLines {
         });
     }
     /// In the same order from wherever on the line, so that all its nodes find the same numbers.
-    /// `read(slot, number, cell)` gives the seats of the others.
-    template <class Read>
     MPM_INLINE Sums sum(const WallLine& line, int axis, const std::int64_t (&cell)[D],
-                        const Seat& own, const Vec<T, D>& moving, const Read& read) const {
+                        const Seat& own, const Vec<T, D>& moving) const {
         Sums out;
         for (int at = line.first(); at >= -1; --at) {
             Seat s = own;
@@ -221,7 +217,7 @@ struct FollowLines {
                     there[a] = cell[a] + (a == axis ? (at - line.place) * line.sign : 0);
                 int number = 0;
                 const std::int32_t slot = find_node<D>(node.grid.table, there, number);
-                s = slot < 0 ? Seat{} : read(slot, number, there);
+                s = slot < 0 ? Seat{} : seat(slot, number, there);
             }
             if (at == line.first()) out.leader = s.mass;
             const T t = line.template share<T>(at);
@@ -233,12 +229,13 @@ struct FollowLines {
         }
         return out;
     }
-    /// `v` is the node's velocity by itself; `lines` is left with those that hold it.
+    /// `v` is the node's velocity by itself.
     template <class Seen>
     MPM_INLINE void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
-                               Vec<T, D>& v, WallLine (&lines)[D], const Seen& seen) const {
+                               Vec<T, D>& v, const Seen& seen) const {
         push_at_edges(slot, number, cell, mass, v, seen);
         const Seat own{mass, v};
+        WallLine lines[D];
         Vec<T, D> slid[D];  // of the line's mass along the wall
         T pressed[D];       // speed that the wall takes from the line's mass by pressing
         for (int a = 0; a < D; ++a) {
@@ -253,10 +250,7 @@ struct FollowLines {
                 line.form = WallLine::none;
                 continue;
             }
-            const Sums s = sum(line, a, cell, own, by.velocity,
-                               [&](std::int32_t k, int n, const std::int64_t(&at)[D]) {
-                                   return seat(k, n, at);
-                               });
+            const Sums s = sum(line, a, cell, own, by.velocity);
             const T impulse = T(line.sign) * (s.lead() * s.led - s.momentum[a]);
             // Without a leader there is no field; and no wall pulls where material may leave it.
             if (!(s.leader > T(0)) ||
@@ -285,26 +279,6 @@ struct FollowLines {
         for (int a = 0; a < D; ++a)
             if (lines[a].form == WallLine::none) v[a] -= lost * slid[a];
         seen(lines[axis].boundary, lines[axis].face, before, v);
-    }
-    /// The velocity that particles brought, for schemes that store the change: on the lines that
-    /// hold the node it is taken into their space too, or the change would hold the wall's impulse
-    /// twice. `channel`: of the momentum without stress.
-    MPM_INLINE void project(const WallLine (&lines)[D], int channel,
-                            const std::int64_t (&cell)[D], T mass, Vec<T, D>& v) const {
-        const Seat own{mass, v};
-        for (int a = 0; a < D; ++a) {
-            if (lines[a].form == WallLine::none) continue;
-            const Wall by = wall(lines[a]);
-            const Sums s = sum(lines[a], a, cell, own, by.velocity,
-                               [&](std::int32_t k, int n, const std::int64_t(&)[D]) {
-                                   Seat there;
-                                   there.mass = node.mass(k, n);
-                                   if (there.mass > T(0))
-                                       there.velocity = node.carried(k, n, channel, there.mass);
-                                   return there;
-                               });
-            v[a] = by.velocity[a] + lines[a].template share<T>(lines[a].place) * s.lead();
-        }
     }
 };
 
