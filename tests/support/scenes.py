@@ -247,6 +247,50 @@ def crowded(dimension, *, fbar="default", moving=False):
     return scene
 
 
+def narrow(dimension, *, separable=False, gap=3, thin=False):
+    """Water stirred between linear walls, a box on the floor and one above: edges and gaps.
+
+    `gap` cells between the box on the floor and the wall beside it; a `thin` one is one cell thick.
+    """
+    dx, n = 0.1, 12 if dimension == 2 else 9
+    floor, width = (0.0,) * dimension, 1 if thin else 2
+    rub = {"static_friction": 0.4, "dynamic_friction": 0.3}
+    response = (
+        boundaries.Separable(cell="linear", **rub) if separable else boundaries.Slip(cell="linear")
+    )
+    scene = libmpm.Scene(
+        dimension=dimension, cell_size=dx, lower=floor, upper=(n * dx,) * dimension,
+        method=libmpm.Method(cfl=0.3), gravity=(0.0, -GRAVITY, 0.0)[:dimension],
+    )  # fmt: skip
+    left = n - gap - width
+    scene.add_body(
+        name="water",
+        shape=shapes.Box(lower=floor, upper=(left * dx, 0.5, 0.4)[:dimension]),
+        material=materials.TaitFluid(bulk_modulus=2e5, viscosity=0.5),
+        velocity=(0.9, -0.4, 0.5)[:dimension],
+        hydrostatic=0.5,
+    )
+    scene.add_body(
+        name="gap",
+        shape=shapes.Box(
+            lower=((n - gap) * dx, 0.0, 0.0)[:dimension],
+            upper=(n * dx, 0.3, 0.3)[:dimension],
+        ),
+        material=materials.TaitFluid(bulk_modulus=2e5, viscosity=0.5),
+        velocity=(-0.3, 0.6, 0.2)[:dimension],
+    )
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(faces="all"), response=response)
+    for name, low, high in (
+        ("post", (left * dx, 0.0, 0.2), ((n - gap) * dx, 0.5, n * dx)),
+        ("deck", (0.2, 0.5, 0.1), (0.5, 0.7, 0.3)),
+    ):
+        shape = shapes.Box(lower=low[:dimension], upper=high[:dimension])
+        scene.add_boundary(name=name, shape=shape, response=response)
+    for name in ("walls", "post", "deck"):
+        scene.add_sensor(name=name, sensor=sensors.LoadCell(boundary=name))
+    return scene
+
+
 # ---- running ------------------------------------------------------------------------------------
 
 

@@ -93,7 +93,7 @@ struct NodeUpdate {
     template <class Seen>
     MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
                                   const Seen& seen) const {
-        if (touched[slot]) {
+        if (boundaries.mirrors && touched[slot]) {
             std::int64_t c[D];
             cell(slot, node, c);
             const Images<D> images(boundaries, c);
@@ -251,7 +251,7 @@ struct UpdateGrid {
         for (int c = 0; c < g.sum_channels; ++c) clear[c * block_cells] = 0;
         const T m = node.mass(mass);
         if constexpr (special) {
-            if (node.touched[slot]) {
+            if (node.boundaries.mirrors && node.touched[slot]) {
                 std::int64_t c[D];
                 node.cell(slot, n, c);
                 const Images<D> images(node.boundaries, c);

@@ -68,6 +68,14 @@ MPM_INLINE bool on_rows(const BoundaryRecord<D>& r, int axis, const std::int64_t
     return true;
 }
 
+/// Is a node too far from a box for its faces and edges?
+template <int D>
+MPM_INLINE bool far_from(const BoundaryRecord<D>& r, const std::int64_t (&cell)[D]) {
+    bool far = false;
+    for (int a = 0; a < D; ++a) far = far || cell[a] < r.lower[a] - 2 || cell[a] > r.upper[a] + 1;
+    return r.is_box && far;
+}
+
 /// Cells of room before a plane on the row of a node, up to 4.
 template <int D>
 MPM_INLINE int room_before(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
@@ -94,7 +102,7 @@ MPM_INLINE WallLine find_line(const BoundaryView<D>& all, int axis, const std::i
     WallLine line;
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || r.surface > 0) continue;
+        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
         for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
             if (!r.present[f] || !r.law[f].linear) continue;
             const WallPlane<D> wall(r, f);
@@ -124,7 +132,7 @@ template <int D, class F>
 MPM_INLINE void each_edge(const BoundaryView<D>& all, const std::int64_t (&cell)[D], const F& f) {
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || !r.is_box || r.surface > 0) continue;
+        if (!r.active || !r.is_box || r.surface > 0 || far_from(r, cell)) continue;
         for (int face = 0; face < 2 * D; ++face) {
             const int axis = face / 2;
             if (!r.present[face] || !r.law[face].linear || on_rows(r, axis, cell)) continue;

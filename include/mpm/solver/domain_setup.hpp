@@ -242,13 +242,15 @@ void Domain<X, T, D>::set_boundaries() {
     measured_boundaries_.assign(measured);
 }
 
-/// What edges of boxes with linear faces ask for: how much each averaged group of bodies presses.
+/// Which boundaries there are at all, and what edges of boxes with linear faces ask for: how much
+/// each averaged group of bodies presses.
 template <class X, class T, int D>
 void Domain<X, T, D>::set_pressures() {
     bool boxes = false;
     for (const BoundarySpec& s : spec_.boundaries)
         for (const SurfaceLaw& law : s.law) {
             linear_walls_ = linear_walls_ || law.linear;
+            mirrored_walls_ = mirrored_walls_ || mirrors(law.response);
             boxes = boxes || (law.linear && s.is_box);
         }
     std::vector<GroupPressure> found;
