@@ -13,7 +13,7 @@ struct BoundaryView {
     int count;
     const SurfaceRecord<D>* surfaces;
     double cell_size;
-    int reach;     // nodes beyond a face of the domain that particles inside can reach
+    int reach;             // nodes beyond a face of the domain that particles inside can reach
     bool lines = false;    // any face is linear
     bool mirrors = false;  // any face is a mirror
 };
