@@ -4,47 +4,9 @@
 #pragma once
 
 #include "mpm/kernels/grid.hpp"
-#include "mpm/physics/shape/quadratic.hpp"
+#include "mpm/kernels/reading.hpp"
 
 namespace mpm {
-
-/// Velocity at a point given by cell and offset, from the nodes around it that carry mass; false
-/// where none does. `weight` returns the share of the kernel that lies on such nodes.
-template <class T, class Sum, int D>
-MPM_INLINE bool velocity_at(const NodeUpdate<T, Sum, D>& node, const std::int64_t (&cell)[D],
-                            const double (&xi)[D], double (&v)[D]) {
-    const auto& grid = node.grid;
-    Vec<double, D> local;
-    for (int a = 0; a < D; ++a) {
-        local[a] = xi[a];
-        v[a] = 0;
-    }
-    const Weights<double, D> w = quadratic_weights<double, D>(local);
-    double total = 0;
-    for (int n = 0; n < stencil_nodes<D>; ++n) {
-        int rest = n, k[D];
-        for (int a = D - 1; a >= 0; --a) {
-            k[a] = rest % 3;
-            rest /= 3;
-        }
-        std::int64_t c[D];
-        double weight = 1;
-        for (int a = 0; a < D; ++a) {
-            c[a] = cell[a] + k[a] - 1;
-            weight *= w.value[a][k[a]];
-        }
-        int number = 0;
-        const std::int32_t slot = find_node<D>(grid.table, c, number);
-        if (slot < 0) continue;
-        if (!(node.mass(slot, number) > T(0))) continue;
-        const T* u = grid.velocity + grid.velocity_place(slot, number);
-        for (int a = 0; a < D; ++a) v[a] += weight * double(u[a]);
-        total += weight;
-    }
-    if (!(total > 1e-6)) return false;
-    for (int a = 0; a < D; ++a) v[a] /= total;
-    return true;
-}
 
 /// The next row of a sensor's ring.
 MPM_INLINE double* open_row(SensorRecord& r, double time) {
@@ -202,6 +164,8 @@ struct SamplePoints {
     const PointRecord<D>* points;
     double cell_size;
     std::int64_t cells[D];
+    KernelChoice kernel;  // what a probe sees of the scene's functions (`functions_of_point`)
+    bool wide;            // they reach five nodes along an axis
 
     MPM_INLINE void operator()(std::int64_t k) const {
         SensorRecord& r = sensors[points[k].sensor];
@@ -212,14 +176,16 @@ struct SamplePoints {
             SampleGauge<T, Sum, D>{node, point, cell_size, cells}(row);
             return;
         }
-        std::int64_t cell[D];
-        double xi[D], v[D];
-        for (int a = 0; a < D; ++a) {
-            const double s = point.position[a] / cell_size;
-            cell[a] = std::int64_t(floor(s));
-            xi[a] = s - double(cell[a]) - 0.5;
-        }
-        const bool wet = velocity_at<T, Sum, D>(node, cell, xi, v);
+        double at[D], v[D];
+        for (int a = 0; a < D; ++a) at[a] = point.position[a] / cell_size;
+        const auto moving = [&](std::int64_t(&c)[D]) -> const T* {
+            int number = 0;
+            const std::int32_t slot = find_node<D>(node.grid.table, c, number);
+            if (slot < 0 || !(node.mass(slot, number) > T(0))) return nullptr;
+            return node.grid.velocity + node.grid.velocity_place(slot, number);
+        };
+        const bool wet = wide ? point_velocity<5>(kernel, at, moving, v)
+                              : point_velocity<3>(kernel, at, moving, v);
         for (int a = 0; a < D; ++a) row[a] = wet ? v[a] : nan("");
     }
 };
@@ -236,9 +202,14 @@ struct OpenTrack {
     }
 };
 
-template <class G, class Sum, class T, int D>
+/// Positions and velocities of chosen particles, the latter as every reader has them.
+template <class G, class T, int D, bool device>
 struct TrackParticles {
-    NodeUpdate<G, Sum, D> node;
+    BlockTableView<D> table;
+    const G* nodes;
+    int channels;
+    PhaseNumbers n;
+    bool wide;  // the kernel reaches five nodes
     SensorRecord* sensor;
     BodyView<T, D> body;
     const std::uint32_t* ids;  // ascending
@@ -251,8 +222,8 @@ struct TrackParticles {
         if (!r.due) return;
         double* row = r.values + std::int64_t(r.count - 1) * r.columns;
         const std::int32_t slot = body.home[h];
-        std::int64_t block[D];
-        node.grid.table.keys_of.block(node.grid.table.keys[slot], block);
+        const std::int32_t* corner = table.corners + std::int64_t(slot) * D;
+        const std::int32_t* around = table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
         const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
         HomeCells homes{start, body.cell};
         for (std::uint32_t q = start[0]; q < start[block_cells]; ++q) {
@@ -265,21 +236,21 @@ struct TrackParticles {
                     high = middle;
             }
             if (low == count || ids[low] != body.id[q]) continue;
-            int at[D];
-            Block<D>::coordinates(homes.of(q), at);
-            std::int64_t cell[D];
-            double xi[D], v[D];
+            int home[D];
+            Block<D>::coordinates(homes.of(q), home);
+            double v[D];
             double* out = row + column[low] * 2 * D;
+            Vec<double, D> offset;
             for (int a = 0; a < D; ++a) {
-                const double x = double(body.offset[a][q]);
-                cell[a] = block[a] * Block<D>::edge + at[a];
-                out[a] = (double(cell[a]) + 0.5 + x) * cell_size;
-                const int shift = cell_shift(x);
-                cell[a] += shift;
-                xi[a] = x - shift;
+                offset[a] = double(body.offset[a][q]);
+                out[a] = (double(corner[a] + home[a]) + 0.5 + offset[a]) * cell_size;
             }
-            const bool wet = velocity_at<G, Sum, D>(node, cell, xi, v);
-            for (int a = 0; a < D; ++a) out[D + a] = wet ? v[a] : nan("");
+            Standing<double, D> at;
+            at.find(corner, home, offset);
+            particle_velocity<device, D>(
+                n, wide, at, [&](int c) { return double(body.state[c][q]); },
+                NodesAround<G>{nodes, channels, around}, v);
+            for (int a = 0; a < D; ++a) out[D + a] = v[a];
         }
     }
 };

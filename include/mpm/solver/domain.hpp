@@ -134,7 +134,6 @@ private:
     // domain_step.hpp
     void one_step();
     void update_grid();
-    SamplePoints<Grid, Sum, D> sample_points();
     void run_sensors();
     void sample_energy(Sensor& sensor, SensorRecord* record);
     void reserve_two_pass(Body& body);
@@ -183,12 +182,8 @@ private:
         const Sum* masses;  // where gradients ask for them
         const std::int32_t* neighbours;
     };
-    template <class S>
-    void see_nodes(S& stencil, const SeenGrid& grid, const int (&base)[D], bool shapes,
-                   double (&v)[D], double (&rate)[D][D]) const;
-    void see_grid(const PhaseNumbers& n, const SeenGrid& grid, const int (&base)[D],
-                  const Vec<double, D>& xi, const std::int64_t (&block)[D], const double* state,
-                  double (&v)[D], double (&rate)[D][D]) const;
+    void see_rate(const PhaseNumbers& n, const SeenGrid& grid, const Standing<double, D>& at,
+                  const double* state, double (&rate)[D][D]) const;
     void collect_samples();
 
     // domain_supply.hpp
@@ -238,6 +233,8 @@ private:
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
     // domain_points.hpp
     std::vector<std::uint64_t> blocks_of_points(const std::vector<PointRecord<D>>& points) const;
+    KernelChoice point_functions() const;
+    SamplePoints<Grid, Sum, D> sample_points();
     void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void open_points();
     void link_points();

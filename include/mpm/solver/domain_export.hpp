@@ -3,7 +3,7 @@
 // particle in the order of ids. Looking never changes a run: the columns are copies.
 #pragma once
 
-#include "mpm/kernels/transfers.hpp"
+#include "mpm/kernels/reading.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
@@ -52,43 +52,6 @@ struct GatherColumns {
     std::uint64_t* id;
     double *position, *velocity, *speed, *kinetic_energy, *volume_ratio, *mass;
 
-    template <class S>
-    MPM_INLINE void look(const S& stencil, std::int32_t slot, const Standing<double, D>& at,
-                         double (&v)[D]) const {
-        for_each_node(
-            stencil, places_in_grid<S::width>(at.cell), [&](const auto&, int place, double w) {
-                const std::int32_t to =
-                    table.neighbours[std::int64_t(slot) * Block<D>::neighbours + (place >> 8)];
-                if (to < 0) return;
-                const Grid* u = nodes + (std::int64_t(to) * block_cells + (place & 255)) * channels;
-                for (int a = 0; a < D; ++a) v[a] += w * double(u[a]);
-            });
-    }
-    MPM_INLINE void look(std::int32_t slot, std::uint32_t q, const std::int32_t* corner,
-                         const int (&home)[D], double (&v)[D]) const {
-        Vec<double, D> offset, half;
-        for (int a = 0; a < D; ++a) {
-            offset[a] = double(body.offset[a][q]);
-            half[a] = n.kernel.half_edge *
-                      (n.extent >= 0 ? 1 + double(body.state[n.extent + a][q]) : 1.0);
-        }
-        Standing<double, D> at;
-        at.find(corner, home, offset);
-        if constexpr (!device) {
-            if (n.edges >= 0) {
-                CornerStencil<double, D> stencil;
-                stencil.find(at.xi,
-                             half_edges_at<D>(n, [&](int r) { return double(body.state[r][q]); }));
-                look(stencil, slot, at, v);
-                return;
-            }
-        }
-        if (wide)
-            look(stencil_of<5>(n.kernel, at.xi, half, at.in_domain), slot, at, v);
-        else
-            look(stencil_of<3>(n.kernel, at.xi, half, at.in_domain), slot, at, v);
-    }
-
     MPM_INLINE void operator()(std::int64_t i) const {
         const std::int32_t slot = body.home[i / lanes];
         const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
@@ -109,12 +72,16 @@ struct GatherColumns {
                 position[to * D + a] = (centre + double(body.offset[a][q])) * cell_size + origin[a];
             }
             if (!nodes) continue;
-            double v[D] = {}, square = 0;
-            if (n.velocity >= 0) {
-                for (int a = 0; a < D; ++a) v[a] = double(body.state[n.velocity + a][q]);
-            } else {
-                look(slot, q, corner, home, v);
-            }
+            double v[D], square = 0;
+            Vec<double, D> offset;
+            for (int a = 0; a < D; ++a) offset[a] = double(body.offset[a][q]);
+            Standing<double, D> at;
+            at.find(corner, home, offset);
+            const std::int32_t* around =
+                table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
+            particle_velocity<device, D>(
+                n, wide, at, [&](int r) { return double(body.state[r][q]); },
+                NodesAround<Grid>{nodes, channels, around}, v);
             for (int a = 0; a < D; ++a) {
                 if (velocity) velocity[to * D + a] = v[a];
                 square += v[a] * v[a];

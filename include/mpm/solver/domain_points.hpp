@@ -1,4 +1,4 @@
-// Domain: gauges and probes where several ranks share the scene. They stand still, so the blocks
+// Domain: gauges and probes. Where several ranks share the scene: they stand still, so the blocks
 // that they can read are known; these are told to all ranks, and everyone takes the same sample.
 #pragma once
 
@@ -13,11 +13,36 @@
 
 namespace mpm {
 
+/// The functions that a probe sees.
+template <class X, class T, int D>
+KernelChoice Domain<X, T, D>::point_functions() const {
+    KernelChoice k;
+    k.kernel = spec_.kernel.kernel;
+    k.clamped = spec_.kernel.clamped;
+    for (int a = 0; a < D; ++a) k.cells[a] = int(spec_.cells[std::size_t(a)]);
+    return functions_of_point(k);
+}
+
+template <class X, class T, int D>
+SamplePoints<typename Domain<X, T, D>::Grid, typename Domain<X, T, D>::Sum, D>
+Domain<X, T, D>::sample_points() {
+    SamplePoints<Grid, Sum, D> points{node_update(parity()),
+                                      sensor_records_.data(),
+                                      points_.data(),
+                                      spec_.cell_size,
+                                      {},
+                                      point_functions(),
+                                      kernel_width(point_functions().kernel) != 3};
+    for (int a = 0; a < D; ++a) points.cells[a] = spec_.cells[a];
+    return points;
+}
+
 /// The blocks that gauges and probes can read, ascending: of all, or of those that are due.
 template <class X, class T, int D>
 std::vector<std::uint64_t> Domain<X, T, D>::blocks_of_points(
     const std::vector<PointRecord<D>>& points) const {
     std::vector<std::uint64_t> wanted;
+    const std::int64_t reach = kernel_width(point_functions().kernel) / 2;
     for (const PointRecord<D>& point : points) {
         std::int64_t low[D], high[D], at[D];  // blocks
         for (int a = 0; a < D; ++a) {
@@ -26,8 +51,8 @@ std::vector<std::uint64_t> Domain<X, T, D>::blocks_of_points(
                                    std::int64_t(std::floor(point.position[a] / spec_.cell_size)), 0,
                                    last);
             const std::int64_t rim = BlockKeys<D>::rim, edge = Block<D>::edge;
-            low[a] = at[a] = ((a == point.axis ? 0 : cell - 1) + rim * edge) / edge - rim;
-            high[a] = (a == point.axis ? last : cell + 1) / edge;
+            low[a] = at[a] = ((a == point.axis ? 0 : cell - reach) + rim * edge) / edge - rim;
+            high[a] = (a == point.axis ? last : cell + reach) / edge;
         }
         for (bool more = true; more;) {
             wanted.push_back(table_.keys_of.key(at));

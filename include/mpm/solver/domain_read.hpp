@@ -2,7 +2,7 @@
 // so looking never changes a run.
 #pragma once
 
-#include "mpm/kernels/transfers.hpp"
+#include "mpm/kernels/reading.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
@@ -66,73 +66,36 @@ std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
     return names;
 }
 
+/// Velocity gradient (1/s) at a particle, as its material sees it.
 template <class X, class T, int D>
-template <class S>
-void Domain<X, T, D>::see_nodes(S& stencil, const SeenGrid& grid, const int (&base)[D], bool shapes,
-                                double (&v)[D], double (&rate)[D][D]) const {
-    const Places<D, S::width> places = places_in_grid<S::width>(base);
-    if constexpr (std::is_same_v<S, DualStencil<double, D>>) {
-        stencil.find_gradients([&](const DualNode<D>& node) {
-            int place = 0;
-            for (int a = 0; a < D; ++a) place += places.part[a][node[a]];
-            const std::int32_t to = grid.neighbours[place >> 8];
-            return to >= 0 &&
-                   grid.masses[(std::size_t(to) * std::size_t(plan_.sum_channels)) * block_cells +
-                               std::size_t(place & 255)] > Sum(0);
+void Domain<X, T, D>::see_rate(const PhaseNumbers& n, const SeenGrid& grid,
+                               const Standing<double, D>& at, const double* state,
+                               double (&rate)[D][D]) const {
+    const bool shapes = n.kernel.gradient == GradientForm::shapes,
+               wide = kernel_width(n.kernel.kernel) != 3;
+    const NodesAround<Grid> node{grid.velocity, plan_.velocity_channels, grid.neighbours};
+    const auto stored = [&](int r) { return state[r]; };
+    with_functions<X::is_device, D>(n, wide, at, stored, [&](auto& s) {
+        using S = std::remove_reference_t<decltype(s)>;
+        const Places<D, S::width> places = places_in_grid<S::width>(at.cell);
+        if constexpr (std::is_same_v<S, DualStencil<double, D>>) {
+            s.find_gradients([&](const DualNode<D>& node) {
+                int place = 0;
+                for (int a = 0; a < D; ++a) place += places.part[a][node[a]];
+                const std::int32_t to = grid.neighbours[place >> 8];
+                return to >= 0 && grid.masses[(std::size_t(to) * std::size_t(plan_.sum_channels)) *
+                                                  block_cells +
+                                              std::size_t(place & 255)] > Sum(0);
+            });
+        }
+        for_each_node(s, places, [&](const auto& k, int place, double w) {
+            const Grid* u = node(place);
+            if (u == nullptr) return;
+            for (int a = 0; a < D; ++a)
+                for (int b = 0; b < D; ++b)
+                    rate[a][b] += node_along(s, k, w, b, shapes) / spec_.cell_size * double(u[a]);
         });
-    }
-    for_each_node(stencil, places, [&](const auto& k, int place, double w) {
-        const std::int32_t to = grid.neighbours[place >> 8];
-        if (to < 0) return;
-        const Grid* u = grid.velocity + (std::size_t(to) * block_cells + std::size_t(place & 255)) *
-                                            std::size_t(plan_.velocity_channels);
-        for (int a = 0; a < D; ++a) {
-            v[a] += w * double(u[a]);
-            for (int b = 0; b < D; ++b) {
-                const double along = node_along(stencil, k, w, b, shapes);
-                rate[a][b] += along / spec_.cell_size * double(u[a]);
-            }
-        }
     });
-}
-
-/// Velocity and its gradient (1/s) at a particle whose stencil is around cell `base` of its home
-/// block.
-template <class X, class T, int D>
-void Domain<X, T, D>::see_grid(const PhaseNumbers& n, const SeenGrid& grid, const int (&base)[D],
-                               const Vec<double, D>& xi, const std::int64_t (&block)[D],
-                               const double* state, double (&v)[D], double (&rate)[D][D]) const {
-    const bool shapes = n.kernel.gradient == GradientForm::shapes;
-    if constexpr (!X::is_device) {
-        if (n.edges >= 0) {
-            CornerStencil<double, D> stencil;
-            stencil.find(xi, half_edges_at<D>(n, [&](int r) { return state[r]; }));
-            see_nodes(stencil, grid, base, shapes, v, rate);
-            return;
-        }
-    }
-    std::int64_t cell[D];
-    Vec<double, D> half;
-    for (int a = 0; a < D; ++a) {
-        cell[a] = block[a] * Block<D>::edge + base[a];
-        half[a] = n.kernel.half_edge * (n.extent >= 0 ? 1 + state[n.extent + a] : 1.0);
-    }
-    if constexpr (!X::is_device) {
-        if (n.kernel.kernel == Kernel::ddmp) {
-            DualStencil<double, D> stencil;
-            static_cast<Stencil<double, D, 5>&>(stencil) = stencil_of<5>(n.kernel, xi, half, cell);
-            stencil.find(xi);
-            see_nodes(stencil, grid, base, shapes, v, rate);
-            return;
-        }
-    }
-    if (kernel_width(n.kernel.kernel) == 3) {
-        auto stencil = stencil_of<3>(n.kernel, xi, half, cell);
-        see_nodes(stencil, grid, base, shapes, v, rate);
-    } else {
-        auto stencil = stencil_of<5>(n.kernel, xi, half, cell);
-        see_nodes(stencil, grid, base, shapes, v, rate);
-    }
 }
 
 template <class X, class T, int D>
@@ -256,23 +219,27 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
             int at[D];
             Block<D>::coordinates(homes.of(q), at);
             double x[D], v[D] = {}, rate[D][D] = {}, s[max_state_columns];
-            Vec<double, D> xi;
-            int base[D];
+            Vec<double, D> own;
+            std::int32_t corner[D];
             for (int a = 0; a < D; ++a) {
-                const double o = double(offset[a][q]);
-                x[a] = (double(block[a] * Block<D>::edge + at[a]) + 0.5 + o) * dx;
-                const int shift = cell_shift(o);
-                base[a] = at[a] + shift;
-                xi[a] = o - shift;
+                own[a] = double(offset[a][q]);
+                corner[a] = std::int32_t(block[a] * Block<D>::edge);
+                x[a] = (double(corner[a] + at[a]) + 0.5 + own[a]) * dx;
             }
             for (std::size_t r = 0; r < state.size(); ++r) s[r] = double(state[r][q]);
             if (moving) {
-                const SeenGrid seen{grid.data(), masses.data(),
-                                    neighbours.data() + std::size_t(slot) * Block<D>::neighbours};
-                see_grid(body.plan.phase, seen, base, xi, block, s, v, rate);
+                const std::int32_t* around =
+                    neighbours.data() + std::size_t(slot) * Block<D>::neighbours;
+                Standing<double, D> stands;
+                stands.find(corner, at, own);
+                particle_velocity<X::is_device, D>(
+                    body.plan.phase, kernel_width(spec_.kernel.kernel) != 3, stands,
+                    [&](int r) { return s[r]; },
+                    NodesAround<Grid>{grid.data(), plan_.velocity_channels, around}, v);
+                if (constitutive)
+                    see_rate(body.plan.phase, {grid.data(), masses.data(), around}, stands, s,
+                             rate);
             }
-            for (int a = 0; a < D && body.plan.phase.velocity >= 0; ++a)
-                v[a] = s[body.plan.phase.velocity + a];
             fill(q, x, v, rate, s);
         }
     });

@@ -74,15 +74,6 @@ void Domain<X, T, D>::update_grid() {
 }
 
 template <class X, class T, int D>
-SamplePoints<typename Domain<X, T, D>::Grid, typename Domain<X, T, D>::Sum, D>
-Domain<X, T, D>::sample_points() {
-    SamplePoints<Grid, Sum, D> points{
-        node_update(parity()), sensor_records_.data(), points_.data(), spec_.cell_size, {}};
-    for (int a = 0; a < D; ++a) points.cells[a] = spec_.cells[a];
-    return points;
-}
-
-template <class X, class T, int D>
 void Domain<X, T, D>::run_sensors() {
     if (sensors_.empty()) return;
     const auto node = node_update(parity());
@@ -113,10 +104,12 @@ void Domain<X, T, D>::run_sensors() {
         if (s.spec.kind == SensorKind::tracker) {
             Body& body = bodies_[s.spec.body];
             exec_.single(OpenTrack{clock, record});
-            exec_.for_each_large(body.homes,
-                                 TrackParticles<Grid, Sum, T, D>{
-                                     node, record, body.view(), s.ids.data(), s.columns.data(),
-                                     int(s.spec.ids.size()), spec_.cell_size});
+            exec_.for_each_large(
+                body.homes,
+                TrackParticles<Grid, T, D, X::is_device>{
+                    table_, velocity_.data(), plan_.velocity_channels, body.plan.phase,
+                    kernel_width(spec_.kernel.kernel) != 3, record, body.view(), s.ids.data(),
+                    s.columns.data(), int(s.spec.ids.size()), spec_.cell_size});
         }
         if (s.spec.kind == SensorKind::energy) sample_energy(s, record);
     }

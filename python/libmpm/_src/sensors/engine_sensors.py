@@ -119,7 +119,9 @@ class VelocityProbe(Sensor):
     interval   s     ≥ 0         time between samples; 0 = every step
     =========  ====  ==========  ===========================================================
 
-    Raises `SceneError`.
+    The mean of the velocities of the nodes around the point that carry mass, by the scene's
+    functions there; of functions that average over a particle (GIMP, CPDI) by the linear ones, for
+    a point has no extent. Not-a-number where there is no mass. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "sensors.VelocityProbe"
@@ -148,7 +150,8 @@ class ParticleTracker(Sensor):
     interval   s     ≥ 0         time between samples; 0 = every step
     =========  ====  ==========  ===========================================================
 
-    Raises `SceneError`.
+    The velocity is that of ``sim.particles[body]["velocity"]``: the one that the particle stores
+    where its transfer makes it store one, else what the grid gives it. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "sensors.ParticleTracker"

@@ -1,0 +1,121 @@
+// The velocity of a particle and of a point, as every reader sees it: attributes, columns for other
+// libraries, trackers, probes. In double, and never part of a step.
+#pragma once
+
+#include "mpm/kernels/transfers.hpp"
+
+namespace mpm {
+
+/// Calls f(functions) with those of a particle; `state(r)` is number r of what it stores, `wide`
+/// says that the kernel reaches five nodes along an axis. Devices have no particles that are
+/// parallelepipeds and no dual domains.
+template <bool device, int D, class State, class F>
+MPM_INLINE void with_functions(const PhaseNumbers& n, bool wide, const Standing<double, D>& at,
+                               const State& state, const F& f) {
+    if constexpr (!device) {
+        if (n.edges >= 0) {
+            CornerStencil<double, D> s;
+            s.find(at.xi, half_edges_at<D>(n, state));
+            f(s);
+            return;
+        }
+    }
+    Vec<double, D> half;
+    MPM_UNROLL for (int a = 0; a < D; ++a) half[a] =
+        n.kernel.half_edge * (n.extent >= 0 ? 1 + state(n.extent + a) : 1.0);
+    if constexpr (!device) {
+        if (n.kernel.kernel == Kernel::ddmp) {
+            DualStencil<double, D> s;
+            static_cast<Stencil<double, D, 5>&>(s) =
+                stencil_of<5>(n.kernel, at.xi, half, at.in_domain);
+            s.find(at.xi);
+            f(s);
+            return;
+        }
+    }
+    if (wide) {
+        auto s = stencil_of<5>(n.kernel, at.xi, half, at.in_domain);
+        f(s);
+    } else {
+        auto s = stencil_of<3>(n.kernel, at.xi, half, at.in_domain);
+        f(s);
+    }
+}
+
+/// Nodal velocities by places around a home block.
+template <class Grid>
+struct NodesAround {
+    const Grid* velocity;
+    int channels;
+    const std::int32_t* neighbours;  // of the home block, by number among the 3^D
+    MPM_INLINE const Grid* operator()(int place) const {
+        const std::int32_t slot = neighbours[place >> 8];
+        if (slot < 0) return nullptr;
+        return velocity + (std::int64_t(slot) * block_cells + (place & 255)) * channels;
+    }
+};
+
+/// A particle's velocity, m/s: the one that it stores where its transfer makes it store one, else
+/// what the grid gives it. `node(place)` points at the velocity of a node around its home block
+/// (`places_in_grid`), or at nothing.
+template <bool device, int D, class State, class Node>
+MPM_INLINE void particle_velocity(const PhaseNumbers& n, bool wide, const Standing<double, D>& at,
+                                  const State& state, const Node& node, double (&v)[D]) {
+    if (n.velocity >= 0) {
+        for (int a = 0; a < D; ++a) v[a] = state(n.velocity + a);
+        return;
+    }
+    for (int a = 0; a < D; ++a) v[a] = 0;
+    with_functions<device, D>(n, wide, at, state, [&](auto& s) {
+        constexpr int W = std::remove_reference_t<decltype(s)>::width;
+        for_each_node(s, places_in_grid<W>(at.cell), [&](const auto&, int place, double w) {
+            const auto* u = node(place);
+            if (u == nullptr) return;
+            for (int a = 0; a < D; ++a) v[a] += w * double(u[a]);
+        });
+    });
+}
+
+/// What a point sees of a scene's functions: its splines, and of functions that average over a
+/// particle's domain those that they average, for a point has no domain.
+inline KernelChoice functions_of_point(const KernelChoice& kernel) {
+    KernelChoice out = kernel;
+    out.modified = false;
+    if (out.kernel != Kernel::quadratic && out.kernel != Kernel::cubic) out.kernel = Kernel::linear;
+    return out;
+}
+
+/// Velocity at a point from the nodes around it that carry mass, by their share of its functions;
+/// false where none does. `node(c)` points at the velocity of the node of cell c, or at nothing.
+template <int W, int D, class Node>
+MPM_INLINE bool point_velocity(const KernelChoice& kernel, const double (&cells)[D],
+                               const Node& node, double (&v)[D]) {
+    std::int64_t cell[D];
+    Vec<double, D> xi, half{};
+    for (int a = 0; a < D; ++a) {
+        cell[a] = std::int64_t(floor(cells[a]));
+        xi[a] = cells[a] - double(cell[a]) - 0.5;
+        v[a] = 0;
+    }
+    const Stencil<double, D, W> s = stencil_of<W>(kernel, xi, half, cell);
+    constexpr int nodes = D == 2 ? W * W : W * W * W;
+    double total = 0;
+    for (int n = 0; n < nodes; ++n) {
+        std::int64_t c[D];
+        double weight = 1;
+        for (int a = D - 1, rest = n; a >= 0; --a, rest /= W) {
+            c[a] = cell[a] + rest % W - W / 2;
+            weight *= s.weight[a][rest % W];
+        }
+        if (weight == 0) continue;
+        const auto* u = node(c);
+        if (u == nullptr) continue;
+        for (int a = 0; a < D; ++a) v[a] += weight * double(u[a]);
+        total += weight;
+    }
+    if (!(total > 1e-6)) return false;
+    for (int a = 0; a < D; ++a) v[a] /= total;
+    return true;
+}
+
+}  // namespace mpm
