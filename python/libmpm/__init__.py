@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from libmpm._src.advice.tradeoff.result import TradeOff
     from libmpm._src.advice.tradeoff.run import tradeoff
     from libmpm._src.output.results import Results, load
-    from libmpm._src.output.writer import Output
+    from libmpm._src.output.settings import Output
     from libmpm._src.run.simulation import Simulation
     from libmpm._src.studies.study.plan import Trunk
     from libmpm._src.studies.study.study import Study
@@ -113,7 +113,7 @@ if "OMP_WAIT_POLICY" not in os.environ:
 #: Names that need the compiled core, or packages that descriptions do not: loaded on first use.
 _LAZY = {
     "Advice": "libmpm._src.advice.result",
-    "Output": "libmpm._src.output.writer",
+    "Output": "libmpm._src.output.settings",
     "Results": "libmpm._src.output.results",
     "Simulation": "libmpm._src.run.simulation",
     "Study": "libmpm._src.studies.study.study",

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import libmpm
+from libmpm._src.base.schedule import due_index, due_time
 from libmpm._src.output import frames
 from libmpm._src.output.atomic_files import TEMPORARY, file_name
-from libmpm._src.output.writer import due_index, due_time
 from python import fake_engine
 
 

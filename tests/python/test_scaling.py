@@ -21,7 +21,7 @@ from libmpm._src.base.values import registry
 from libmpm._src.cli.commands import main
 from libmpm._src.materials.material import Material
 from libmpm._src.scene import scaling
-from libmpm._src.scene.run_file import RunFile, RunSettings
+from libmpm._src.scene.run_file import RunFile, RunSettings, scale_run_file
 from libmpm._src.scene.scaling import HALF_POWERS, OUTSIDE, OWNER, TEXT, UNITS, VOLUME, Scaling
 from libmpm._src.scene.scene import HEAD
 from libmpm._src.scene.schema import documented
@@ -446,7 +446,7 @@ def test_the_plan_of_a_scaled_scene_is_shown(tmp_path, capsys):
 def test_the_settings_of_a_file_scale_too():
     source = RunFile(sloshing(), RunSettings(until=2.0, frame_interval=0.1, filter=0.02,
                                              debris=["block"]))  # fmt: skip
-    made = scaling.scale_run_file(source, Scaling(4.0))
+    made = scale_run_file(source, Scaling(4.0))
     assert made.settings == RunSettings(until=4.0, frame_interval=0.2, filter=0.04,
                                         debris=["block"])  # fmt: skip
     assert made.scene == source.scene.scaled(4)

@@ -20,7 +20,7 @@ import numpy as np
 import libmpm
 from libmpm import boundaries, shapes
 from libmpm._src.cli.commands import ExitCode, main
-from libmpm._src.scene.checks import body_counts
+from libmpm._src.scene.places import body_counts
 from libmpm.compat import claymore
 from support import fuzz_scenes, fuzzing
 from support.fuzz_scenes import SOLID, WATER

@@ -114,7 +114,7 @@ MOVED = {
     "simulation": "run.simulation",
     "smoothing": "methods.smoothing",
     "snapshot": "run.checkpoint_state",
-    "start": "scene.from_checkpoint",
+    "start": "scene.start",
     "still_water": "run.hydrostatic",
     "study": "studies.study",
     "study.files": "studies.study.shared_files",

@@ -17,8 +17,7 @@ from libmpm._src.boundaries.flows import Inflow, Outflow
 from libmpm._src.boundaries.responses import DecayLayer, Mirror, Response, Slip, Sticky
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
-from libmpm._src.scene.checks import extent_of
-from libmpm._src.scene.checks_bodies import initial_gravity
+from libmpm._src.scene.places import extent_of, initial_gravity
 from libmpm._src.shapes.boxes import DomainWalls
 from libmpm._src.shapes.filling import BOXES
 from libmpm._src.shapes.particle_placement import Columns
@@ -26,8 +25,8 @@ from libmpm._src.shapes.point_file import PointFile
 from libmpm._src.shapes.solid import Solid
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body, Boundary
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["LOCKS", "Facts", "own_fbar"]
 
@@ -43,7 +42,7 @@ _LOOKED_AT = 9
 class Facts:
     """The facts of one scene; `laws` are the solids that the atlas has."""
 
-    scene: Scene
+    scene: SceneData
     laws: frozenset[str]
 
     # ---- bodies -----------------------------------------------------------------------------

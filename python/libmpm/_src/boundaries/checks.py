@@ -20,8 +20,8 @@ from libmpm._src.shapes.combined import Difference, Intersection
 from libmpm._src.shapes.solid import Array, Solid
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary, PlacedSensor
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["check_edges", "check_motion", "check_reaction", "check_responses", "check_surface"]
 
@@ -36,7 +36,7 @@ _STEPS = 50
 _FILTERS = ("XPIC", "FMPM")
 
 
-def check_motion(check: Checker, scene: Scene, boundary: Boundary) -> None:
+def check_motion(check: Checker, scene: SceneData, boundary: Boundary) -> None:
     """Check the motion of a boundary and where it acts."""
     d = scene.dimension
     motion = boundary.motion
@@ -65,7 +65,7 @@ def check_motion(check: Checker, scene: Scene, boundary: Boundary) -> None:
     check_responses(check, scene, boundary)
 
 
-def check_responses(check: Checker, scene: Scene, boundary: Boundary) -> None:
+def check_responses(check: Checker, scene: SceneData, boundary: Boundary) -> None:
     """Refuse responses where they mean nothing."""
     given = boundary.response
     if any(isinstance(r, Mirror) for r in boundary.responses):
@@ -87,7 +87,7 @@ def check_responses(check: Checker, scene: Scene, boundary: Boundary) -> None:
             )
 
 
-def _check_mirror(check: Checker, scene: Scene, boundary: Boundary) -> None:
+def _check_mirror(check: Checker, scene: SceneData, boundary: Boundary) -> None:
     if scene.grid is not None:
         check.fail("response is Mirror on a grid of functions; expected Slip or Sticky")
         return
@@ -127,7 +127,7 @@ def _check_mirror(check: Checker, scene: Scene, boundary: Boundary) -> None:
         )
 
 
-def _check_linear(check: Checker, scene: Scene, boundary: Boundary) -> None:
+def _check_linear(check: Checker, scene: SceneData, boundary: Boundary) -> None:
     held = 'expected cell="held" here'
     if scene.grid is not None:
         check.fail(f'cell is "linear" on a grid of functions; {held}')
@@ -157,7 +157,7 @@ def _check_linear(check: Checker, scene: Scene, boundary: Boundary) -> None:
         )
 
 
-def check_surface(check: Checker, scene: Scene, boundary: Boundary, doubts: list[str]) -> bool:
+def check_surface(check: Checker, scene: SceneData, boundary: Boundary, doubts: list[str]) -> bool:
     """Check a boundary of any shape; returns whether it can be looked at further."""
     shape = boundary.shape
     assert isinstance(shape, Solid)
@@ -194,7 +194,7 @@ def check_surface(check: Checker, scene: Scene, boundary: Boundary, doubts: list
     return True
 
 
-def check_edges(scene: Scene, boundary: Boundary, doubts: list[str]) -> None:
+def check_edges(scene: SceneData, boundary: Boundary, doubts: list[str]) -> None:
     """Say where a boundary holds nodes far ahead of a sharp edge.
 
     Of intersections and differences the distance is a lower bound of the true one: ahead of an edge
@@ -235,7 +235,7 @@ def _is_cut(item: Any) -> bool:
     return isinstance(item, tuple) and any(_is_cut(x) for x in item if isinstance(x, Solid | tuple))
 
 
-def _layer(scene: Scene, boundary: Boundary, reach: float) -> tuple[Array, Array]:
+def _layer(scene: SceneData, boundary: Boundary, reach: float) -> tuple[Array, Array]:
     """Return points of the lattice in front of a surface that it holds, and their distances, m."""
     field = distance_field(scene, boundary)
     d = scene.dimension
@@ -262,7 +262,7 @@ def _direction(shape: Solid, p: Array, scale: float) -> Array:
     return np.asarray(slope / np.where(size > 0, size, 1.0)[:, None])
 
 
-def check_reaction(scene: Scene, placed: PlacedSensor, doubts: list[str]) -> None:
+def check_reaction(scene: SceneData, placed: PlacedSensor, doubts: list[str]) -> None:
     """Say where a load cell counts more or less momentum than the particles lose."""
     cell = placed.sensor
     if not isinstance(cell, LoadCell):

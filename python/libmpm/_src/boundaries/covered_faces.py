@@ -24,8 +24,8 @@ from libmpm._src.shapes.primitives import HalfSpace
 from libmpm._src.shapes.solid import Solid, box_distance
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["Covers", "covers_of", "motion_of", "moves", "uncovered_by_motion"]
 
@@ -145,7 +145,7 @@ def _slope(distance: Callable[[Array], Array], points: Array, step: float) -> Ar
     return out
 
 
-def places_of(scene: Scene, boundary: Boundary) -> Array:
+def places_of(scene: SceneData, boundary: Boundary) -> Array:
     """Return places (n, d) that a moving shape takes, m from where it is stated: its extremes on
     each axis and rows between; far ones for what never stops."""
     table, of_places = motion_of(boundary)
@@ -177,7 +177,7 @@ def _box(low: tuple[float, ...], high: tuple[float, ...]) -> Callable[[Array], A
     return lambda p: box_distance(p, low, high)
 
 
-def _faces(scene: Scene, walls: Boundary) -> list[tuple[int, float, float]]:
+def _faces(scene: SceneData, walls: Boundary) -> list[tuple[int, float, float]]:
     """Return axis, direction into the domain and plane of the walls of a boundary."""
     assert isinstance(walls.shape, DomainWalls)
     known = [f for f in FACES if "xyz".index(f[0]) < scene.dimension]
@@ -199,7 +199,7 @@ def _always(boundary: Boundary, cover: Boundary) -> bool:
     return cover.window[0] <= boundary.window[0] and cover.window[1] >= boundary.window[1]
 
 
-def covers_of(scene: Scene, boundary: Boundary) -> Covers:
+def covers_of(scene: SceneData, boundary: Boundary) -> Covers:
     """Return the walls, boxes and planes at rest that may cover faces of a surface."""
     found: list[Callable[[Array], Array]] = []
     keys: list[object] = []
@@ -215,7 +215,7 @@ def covers_of(scene: Scene, boundary: Boundary) -> Covers:
         elif isinstance(shape, Solid) and shape.dimension != scene.dimension:
             continue
         elif isinstance(shape, Box) and not cover.is_surface:
-            from libmpm._src.scene.checks import snap
+            from libmpm._src.scene.places import snap
 
             ends = snap(scene, shape)
             low, high = (
@@ -232,7 +232,7 @@ def covers_of(scene: Scene, boundary: Boundary) -> Covers:
     return Covers(key, tuple(found), places, CLOSE * scene.cell_size)
 
 
-def uncovered_by_motion(scene: Scene, boundary: Boundary) -> list[str]:
+def uncovered_by_motion(scene: SceneData, boundary: Boundary) -> list[str]:
     """Return the domain walls on which a face of a surface stands that its motion takes off them.
 
     Its distances cannot count that face as covered, and until it has left the wall material passes

@@ -24,8 +24,8 @@ from libmpm._src.errors import SceneError
 from libmpm._src.shapes.solid import Solid
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["FIELD_EDGE", "DistanceField", "distance_field", "layer_of", "motion_of", "reach_of"]
 
@@ -80,7 +80,7 @@ def layer_of(boundary: Boundary) -> DecayLayer:
     return boundary.layer or DecayLayer()
 
 
-def distance_field(scene: Scene, boundary: Boundary) -> DistanceField:
+def distance_field(scene: SceneData, boundary: Boundary) -> DistanceField:
     """Return the distances of a boundary; raises `SceneError` where nothing of it is near."""
     assert isinstance(boundary.shape, Solid)
     spacing = boundary.spacing or scene.cell_size
@@ -100,7 +100,7 @@ def distance_field(scene: Scene, boundary: Boundary) -> DistanceField:
     return found
 
 
-def _region(scene: Scene, boundary: Boundary, band: float) -> tuple[tuple[float, ...], ...]:
+def _region(scene: SceneData, boundary: Boundary, band: float) -> tuple[tuple[float, ...], ...]:
     """Return the corners between which distances can matter, m of the scene."""
     assert isinstance(boundary.shape, Solid)
     low, high = (list(map(float, x)) for x in boundary.shape.bounds())
@@ -204,7 +204,9 @@ def _sampled(
     return DistanceField(named[order].astype(np.int64), place[order], table, np.zeros(d), spacing)
 
 
-def reach_of(scene: Scene, boundary: Boundary, field: DistanceField) -> tuple[list[int], list[int]]:
+def reach_of(
+    scene: SceneData, boundary: Boundary, field: DistanceField
+) -> tuple[list[int], list[int]]:
     """Return the cells lower ≤ i < upper whose nodes a surface may ever act on."""
     if moves(boundary):
         return [-_RIM] * scene.dimension, [n + _RIM for n in scene.cells]
@@ -216,7 +218,7 @@ def reach_of(scene: Scene, boundary: Boundary, field: DistanceField) -> tuple[li
     )  # fmt: skip
 
 
-def lower_surface(scene: Scene, boundary: Boundary) -> dict[str, Any]:
+def lower_surface(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
     """Return the engine's entries for a boundary of any shape."""
     field = distance_field(scene, boundary)
     low, high = reach_of(scene, boundary, field)

@@ -13,15 +13,15 @@ from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, nearest
 from libmpm._src.boundaries.flows import MOST_PARTICLES, Flow, Inflow, Outflow
 from libmpm._src.output.series import Series
-from libmpm._src.scene.checks_bodies import initial_gravity
+from libmpm._src.scene.places import initial_gravity, vertical_axis
 from libmpm._src.sensors.engine_sensors import ParticleTracker, Sensor
 from libmpm._src.shapes.boxes import Box, DomainWalls, Solid, faces_of
 from libmpm._src.shapes.filling import body_lattice
 from libmpm._src.shapes.lattices import lattice
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["OUTFLOW", "Layer", "Traffic", "check_flows", "flow_entries", "flow_rows", "keep_room"]
 __all__ += ["ids_kept", "layer", "zones"]
@@ -62,18 +62,13 @@ def _side(face: str) -> tuple[int, bool]:
     return "xyz".index(face[0]), face[1] == "+"
 
 
-def _vertical(scene: Scene) -> int:
-    gravity = np.abs(initial_gravity(scene))
-    return int(np.argmax(gravity)) if np.any(gravity > 0) else scene.dimension - 1
-
-
-def _body(scene: Scene, flow: Inflow) -> tuple[int, Body]:
+def _body(scene: SceneData, flow: Inflow) -> tuple[int, Body]:
     names = [b.name for b in scene.bodies]
     number = names.index(flow.body)
     return number, scene.bodies[number]
 
 
-def layer(scene: Scene, flow: Inflow, mass: float) -> Layer:
+def layer(scene: SceneData, flow: Inflow, mass: float) -> Layer:
     """Return the layer of an inlet into a body whose particles have this mass, kg."""
     _, body = _body(scene, flow)
     axis, upper = _side(flow.face)
@@ -81,7 +76,7 @@ def layer(scene: Scene, flow: Inflow, mass: float) -> Layer:
     low = [0.0] * d
     high = [n * dx for n in scene.cells]
     if flow.level is not None:
-        v = _vertical(scene)
+        v = vertical_axis(scene)
         surface = flow.level - scene.lower[v]
         ends = low if initial_gravity(scene)[v] > 0 else high
         ends[v] = surface
@@ -103,12 +98,14 @@ def layer(scene: Scene, flow: Inflow, mass: float) -> Layer:
     return Layer(points, area, spacing)
 
 
-def _grid(scene: Scene, body: Body) -> tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...]]:
+def _grid(
+    scene: SceneData, body: Body
+) -> tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...]]:
     found = body_lattice(scene, body)
     return found.lower, found.upper, found.shape
 
 
-def ids_kept(scene: Scene, counts: Mapping[str, int]) -> dict[str, int]:
+def ids_kept(scene: SceneData, counts: Mapping[str, int]) -> dict[str, int]:
     """Return the number of ids of every body, from that of its particles at the start."""
     kept = dict(counts)
     for name in {f.body for _, f in _of_kind(scene, Inflow)}.intersection(counts):
@@ -118,14 +115,14 @@ def ids_kept(scene: Scene, counts: Mapping[str, int]) -> dict[str, int]:
     return kept
 
 
-def keep_room(scene: Scene, body: Body, described: Mapping[str, Any]) -> dict[str, Any]:
+def keep_room(scene: SceneData, body: Body, described: Mapping[str, Any]) -> dict[str, Any]:
     """Return the "id_count" of a body that inlets add to, and nothing for others."""
     if not any(f.body == body.name for _, f in _of_kind(scene, Inflow)):
         return {}
     return {"id_count": ids_kept(scene, {body.name: described["count"]})[body.name]}
 
 
-def _of_kind(scene: Scene, kind: type[Any]) -> Iterator[tuple[str, Any]]:
+def _of_kind(scene: SceneData, kind: type[Any]) -> Iterator[tuple[str, Any]]:
     return ((p.name, p.flow) for p in scene.flows if isinstance(p.flow, kind))
 
 
@@ -138,7 +135,7 @@ def _table(table: TimeTable) -> dict[str, Any]:
     return {"time": time, "value": value, "end": table.end}
 
 
-def flow_entries(scene: Scene, bodies: list[dict[str, Any]]) -> dict[str, Any]:
+def flow_entries(scene: SceneData, bodies: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the engine's "inlets" and "outlets", those that there are."""
     found: dict[str, list[dict[str, Any]]] = {"inlets": [], "outlets": []}
     for name, flow in _of_kind(scene, Inflow):
@@ -159,7 +156,7 @@ def flow_entries(scene: Scene, bodies: list[dict[str, Any]]) -> dict[str, Any]:
     return {kind: entries for kind, entries in found.items() if entries}
 
 
-def _pressure(scene: Scene, flow: Inflow, body: Body, points: Array) -> Array | None:
+def _pressure(scene: SceneData, flow: Inflow, body: Body, points: Array) -> Array | None:
     """Return ρ g depth of points (n, d) below the level of an inlet, Pa."""
     level = body.hydrostatic if flow.level is None else flow.level
     gravity = initial_gravity(scene)
@@ -168,13 +165,13 @@ def _pressure(scene: Scene, flow: Inflow, body: Body, points: Array) -> Array | 
         return None
     up = -gravity / strength
     # That of an inlet is a coordinate, that of a body a height against gravity.
-    top = level if flow.level is None else level * up[_vertical(scene)]
+    top = level if flow.level is None else level * up[vertical_axis(scene)]
     height = sum(x * u for x, u in zip((points + np.asarray(scene.lower)).T, up, strict=True))
     density = body.material.parameters()["density"]
     return np.asarray(density * strength * np.maximum(top - height, 0.0))
 
 
-def zones(scene: Scene) -> list[dict[str, Any]]:
+def zones(scene: SceneData) -> list[dict[str, Any]]:
     """Return the engine's boundaries that lead the zones of inlets and outlets.
 
     A sticky box holds its inside and one layer of nodes around it, so it is a cell thinner.
@@ -212,7 +209,7 @@ def zones(scene: Scene) -> list[dict[str, Any]]:
 # Rules ----------------------------------------------------------------------------------------
 
 
-def check_flows(scene: Scene, problems: list[str], doubts: list[str]) -> None:
+def check_flows(scene: SceneData, problems: list[str], doubts: list[str]) -> None:
     """Report what is wrong with the inlets and outlets of a scene."""
     if not scene.flows:
         return
@@ -251,7 +248,7 @@ def check_flows(scene: Scene, problems: list[str], doubts: list[str]) -> None:
         )
 
 
-def _check_place(check: Checker, scene: Scene, flow: Flow) -> None:
+def _check_place(check: Checker, scene: SceneData, flow: Flow) -> None:
     axis, _ = _side(flow.face)
     if flow.zone >= scene.cells[axis]:
         check.fail(
@@ -269,13 +266,15 @@ def _check_place(check: Checker, scene: Scene, flow: Flow) -> None:
             )
 
 
-def _check_inflow(check: Checker, scene: Scene, name: str, flow: Inflow, doubts: list[str]) -> None:
+def _check_inflow(
+    check: Checker, scene: SceneData, name: str, flow: Inflow, doubts: list[str]
+) -> None:
     names = [b.name for b in scene.bodies]
     if flow.body not in names:
         check.fail(f"body '{flow.body}' is unknown; {nearest(flow.body, names)}")
         return
     axis, upper = _side(flow.face)
-    v, d = _vertical(scene), scene.dimension
+    v, d = vertical_axis(scene), scene.dimension
     if flow.bed is not None and flow.bed.dimension != d:
         check.fail(f"bed is a shape in {flow.bed.dimension}D; expected one in {d}D")
         return
@@ -349,7 +348,7 @@ def _check_inflow(check: Checker, scene: Scene, name: str, flow: Inflow, doubts:
                 return
 
 
-def _check_tracker(scene: Scene, name: str, sensor: Sensor, problems: list[str]) -> None:
+def _check_tracker(scene: SceneData, name: str, sensor: Sensor, problems: list[str]) -> None:
     """Refuse to follow all particles of a body whose number grows."""
     if not isinstance(sensor, ParticleTracker) or sensor.ids != "all":
         return
@@ -363,7 +362,7 @@ def _check_tracker(scene: Scene, name: str, sensor: Sensor, problems: list[str])
 # What the plan and the simulation show ----------------------------------------------------------
 
 
-def flow_rows(scene: Scene, spacings: Mapping[str, float]) -> list[tuple[str, ...]]:
+def flow_rows(scene: SceneData, spacings: Mapping[str, float]) -> list[tuple[str, ...]]:
     """Return a row for each inlet and outlet: name, face, what it does.
 
     `spacings` are those of the bodies' particles, m: (mass / density)^(1/d).
@@ -394,7 +393,7 @@ class Traffic:
 
     columns = ("particles", "mass", "volume")
 
-    def __init__(self, scene: Scene, state: Mapping[str, Any] | None) -> None:
+    def __init__(self, scene: SceneData, state: Mapping[str, Any] | None) -> None:
         """Make them, with what a saved state has of them."""
         self.inflow: dict[str, Series] = {}
         self.outflow: dict[str, Series] = {}

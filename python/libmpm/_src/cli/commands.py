@@ -295,8 +295,7 @@ def _scaling(arguments: argparse.Namespace) -> Any:
 
 def _source(arguments: argparse.Namespace) -> Any:
     """Return the scene file, scaled if that was asked for."""
-    from libmpm._src.scene.run_file import read_run_file
-    from libmpm._src.scene.scaling import scale_run_file
+    from libmpm._src.scene.run_file import read_run_file, scale_run_file
 
     source, scaling = read_run_file(arguments.file), _scaling(arguments)
     return source if scaling is None else scale_run_file(source, scaling)
@@ -410,7 +409,7 @@ def _go_on(
     path: Path, output: Path | None, until: float | None, arguments: argparse.Namespace
 ) -> int:
     """Continue from a checkpoint, or the newest of a folder."""
-    from libmpm._src.output.writer import Output
+    from libmpm._src.output.settings import Output
     from libmpm._src.run.simulation import Simulation
 
     named = arguments.device

@@ -18,8 +18,8 @@ from libmpm._src.sensors.engine_sensors import VelocityProbe, WaveGauge
 from libmpm._src.shapes.boxes import Box
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body, Boundary
-    from libmpm._src.scene.scene import Scene
 
 #: Particles of a body, whose positions and volumes are kept in memory as a whole.
 MOST_PARTICLES = 2**27
@@ -27,7 +27,7 @@ MOST_PARTICLES = 2**27
 __all__ = ["check_body", "check_boundary", "check_grid", "check_overlaps", "check_square_cells"]
 
 
-def check_grid(scene: Scene, problems: list[str], doubts: list[str]) -> None:
+def check_grid(scene: SceneData, problems: list[str], doubts: list[str]) -> None:
     """Check what concerns the scene as a whole."""
     assert scene.grid is not None
     if scene.method.leaving == "freeze":
@@ -56,7 +56,7 @@ def check_grid(scene: Scene, problems: list[str], doubts: list[str]) -> None:
     doubts += scene.grid.doubts()
 
 
-def _expected(scene: Scene, body: Body) -> float:
+def _expected(scene: SceneData, body: Body) -> float:
     """Return how many particles a body will have at most, without placing them."""
     if isinstance(body.shape, Cells) and isinstance(scene.grid, TriangularGrid):
         return float(len(scene.grid.mesh.triangles)) * body.particles_per_cell
@@ -68,7 +68,7 @@ def _expected(scene: Scene, body: Body) -> float:
     return math.prod(1.0 + size * across for size in body.shape.size)
 
 
-def check_overlaps(scene: Scene, bodies: Sequence[Body], problems: list[str]) -> None:
+def check_overlaps(scene: SceneData, bodies: Sequence[Body], problems: list[str]) -> None:
     """Refuse triangles that two bodies fill, and more material than the mesh has room for."""
     if not isinstance(scene.grid, TriangularGrid):
         return
@@ -91,7 +91,7 @@ def check_overlaps(scene: Scene, bodies: Sequence[Body], problems: list[str]) ->
         )
 
 
-def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
+def check_body(scene: SceneData, body: Body, problems: list[str]) -> bool:
     """Check one body; returns whether it can be filled with particles."""
     check = Checker(f"body '{body.name}'")
     fits = True
@@ -162,7 +162,7 @@ def check_body(scene: Scene, body: Body, problems: list[str]) -> bool:
     return fits
 
 
-def _check_inside(check: Checker, scene: Scene, body: Body) -> bool:
+def _check_inside(check: Checker, scene: SceneData, body: Body) -> bool:
     assert isinstance(scene.grid, TriangularGrid)
     if isinstance(body.shape, Box) and body.shape.dimension != 2:
         return False
@@ -180,7 +180,7 @@ def _check_inside(check: Checker, scene: Scene, body: Body) -> bool:
     return not len(outside)
 
 
-def check_boundary(scene: Scene, boundary: Boundary, problems: list[str]) -> None:
+def check_boundary(scene: SceneData, boundary: Boundary, problems: list[str]) -> None:
     """Check one boundary."""
     check = Checker(f"boundary '{boundary.name}'")
     if isinstance(boundary.shape, Box):
@@ -207,7 +207,7 @@ def check_boundary(scene: Scene, boundary: Boundary, problems: list[str]) -> Non
     problems += check.problems
 
 
-def check_square_cells(scene: Scene, problems: list[str]) -> bool:
+def check_square_cells(scene: SceneData, problems: list[str]) -> bool:
     """Refuse what only grids of functions have; returns whether the rest can be checked."""
     fine = True
     remedy = "expected a grid of libmpm.grids for it: Scene(grid=...)"

@@ -14,6 +14,7 @@ from libmpm._src.errors import SceneError
 from libmpm._src.grids import plots
 from libmpm._src.grids.grid import SplineGrid, TriangularGrid
 from libmpm._src.grids.mesh import listed
+from libmpm._src.run import backends
 
 if TYPE_CHECKING:
     from libmpm._core import Basis
@@ -74,9 +75,7 @@ class Functions:
 
     @cached_property
     def _basis(self) -> Basis:
-        from libmpm import _core
-
-        return _core.Basis(self._grid.specification())
+        return backends.core().Basis(self._grid.specification())
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is compiled; it is made again when first asked for."""

@@ -18,8 +18,8 @@ from libmpm._src.shapes import lattices
 from libmpm._src.shapes.boxes import Box
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["Placed", "chosen_triangles", "place", "traction_rows"]
 
@@ -43,7 +43,7 @@ class Placed:
         return len(self.position)
 
 
-def box_lattice(scene: Scene, body: Body) -> lattices.Lattice:
+def box_lattice(scene: SceneData, body: Body) -> lattices.Lattice:
     """Return the lattice of a body in a box, m in the scene."""
     assert isinstance(body.shape, Box)
     low, high = body.shape.lower, body.shape.upper
@@ -60,7 +60,7 @@ def chosen_triangles(mesh: Mesh, within: Any) -> npt.NDArray[np.intp]:
     return np.flatnonzero(Path(np.asarray(within)).contains_points(corners.mean(axis=1)))
 
 
-def place(scene: Scene, body: Body) -> Placed:
+def place(scene: SceneData, body: Body) -> Placed:
     """Return the particles of a body, in the order of their ids."""
     if isinstance(body.shape, Box):
         grid = box_lattice(scene, body)
@@ -88,7 +88,9 @@ def _fill(mesh: Mesh, shape: Cells | Points, particles_per_cell: int) -> Placed:
     return Placed(position, voronoi_areas(position, mesh))
 
 
-def traction_rows(scene: Scene, body: Body, traction: Traction) -> tuple[npt.NDArray[Any], float]:
+def traction_rows(
+    scene: SceneData, body: Body, traction: Traction
+) -> tuple[npt.NDArray[Any], float]:
     """Return the particles along a face of a body's box, and the length that each stands for."""
     grid = box_lattice(scene, body)
     numbers = np.arange(grid.count).reshape(grid.shape)

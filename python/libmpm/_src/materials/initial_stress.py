@@ -13,8 +13,8 @@ from libmpm._src.base.values import Checker
 from libmpm._src.errors import SceneError
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["check_stress", "stored_stress"]
 
@@ -30,7 +30,7 @@ _GIVEN: dict[str, dict[int, tuple[str, ...]]] = {
 _LEAST, _MOST = -0.95, 19.0
 
 
-def check_stress(scene: Scene, body: Body, check: Checker) -> None:
+def check_stress(scene: SceneData, body: Body, check: Checker) -> None:
     """Refuse a stress of a body whose material has no state for it."""
     stress, table = body.stress, body.material.table
     if stress is None:
@@ -68,7 +68,7 @@ def check_stress(scene: Scene, body: Body, check: Checker) -> None:
 
 
 def stored_stress(
-    scene: Scene, body: Body, rows: Callable[[int, int], Floats], count: int
+    scene: SceneData, body: Body, rows: Callable[[int, int], Floats], count: int
 ) -> dict[str, Any]:
     """Return the entries of an engine's body that make it start with its stress.
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.schedule import due_time
 from libmpm._src.base.values import nearest
 from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output import frames
@@ -21,7 +22,6 @@ from libmpm._src.output.reading_files import is_cut
 from libmpm._src.output.results import BodyFrames, Frame, Results
 from libmpm._src.output.sensor_file import append_csv
 from libmpm._src.output.series import Series
-from libmpm._src.output.writer import due_time
 
 __all__ = ["FORMATS", "Picture", "export", "whole_series"]
 

@@ -17,8 +17,8 @@ from libmpm._src.base.time_tables import TimeTable
 
 if TYPE_CHECKING:
     from libmpm._src.output.series import Series
-    from libmpm._src.run.simulation import Simulation
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.run.running import Running
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["scene_html", "series_html", "series_list_html", "simulation_html", "table"]
 
@@ -58,7 +58,7 @@ def _responses(response: Any) -> str:
     return type(response).__name__
 
 
-def scene_html(scene: Scene) -> str:
+def scene_html(scene: SceneData) -> str:
     """Return the parts of a scene as tables."""
     cells = " × ".join(map(str, scene.cells))
     head = [
@@ -94,7 +94,7 @@ def scene_html(scene: Scene) -> str:
     return "".join(parts)
 
 
-def simulation_html(simulation: Simulation) -> str:
+def simulation_html(simulation: Running) -> str:
     """Return where a simulation stands."""
     scene = simulation.scene
     rows = [

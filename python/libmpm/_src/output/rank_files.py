@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output import frames
 from libmpm._src.output.atomic_files import writing
-from libmpm._src.output.writer import Output, Writer
+from libmpm._src.output.settings import Output
+from libmpm._src.output.writer import Writer
 
 if TYPE_CHECKING:
     from libmpm._src.run.rank_messages import Link
-    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.running import Running
 
 __all__ = ["open_together"]
 
 
-def open_together(link: Link, output: Output, simulation: Simulation, *, resumed: bool) -> Writer:
+def open_together(link: Link, output: Output, simulation: Running, *, resumed: bool) -> Writer:
     """Return the writer of this process; all ranks together."""
     writer: _First | _Other
     if link.first:
@@ -64,9 +65,7 @@ class _OfRanks(Writer):
 class _First(_OfRanks):
     """Of rank 0: as of one process."""
 
-    def __init__(
-        self, link: Link, output: Output, simulation: Simulation, *, resumed: bool
-    ) -> None:
+    def __init__(self, link: Link, output: Output, simulation: Running, *, resumed: bool) -> None:
         super().__init__(output, simulation, resumed=resumed)
         self._link = link
         if output.frame_interval:
@@ -77,7 +76,7 @@ class _First(_OfRanks):
 class _Other(_OfRanks):
     """Of any other rank: nothing but its parts of frames."""
 
-    def __init__(self, link: Link, output: Output, simulation: Simulation) -> None:
+    def __init__(self, link: Link, output: Output, simulation: Running) -> None:
         self._link = link
         self.output = output
         self._simulation = simulation

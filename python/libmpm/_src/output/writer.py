@@ -1,23 +1,21 @@
-"""`Output`: what is written to the folder of a run, when, and how a resumed run continues it."""
+"""`Writer`: what is written to the folder of a run, when, and how a resumed run continues it."""
 
 from __future__ import annotations
 
 import csv
 import datetime
 import math
-import numbers
 import time as clock
 import uuid
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import shown
+from libmpm._src.base.schedule import due_index, due_time
 from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output import frames
@@ -32,158 +30,16 @@ from libmpm._src.output.earlier_run import (
 )
 from libmpm._src.output.folder_lock import Hold
 from libmpm._src.output.sensor_file import SensorFile, append_csv
-from libmpm._src.sensors.engine_sensors import LEAST_INTERVAL
+from libmpm._src.output.settings import Output
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.running import Running
 
-__all__ = ["Output", "Writer", "due_index", "due_time"]
-
-#: Attributes of a frame where none are chosen.
-DEFAULT_ATTRIBUTES = ("velocity", "pressure")
+__all__ = ["Writer"]
 
 #: Seconds of wall time between flushes of the sensor file at most; a run returns to Python after
 #: 0.2 s, so a second is never exceeded unless one step takes longer.
 FLUSH_INTERVAL = 0.5
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Settings:
-    path: str
-    frame_interval: float | None
-    attributes: dict[str, list[str]] | list[str] | None
-    checkpoint_interval: float | None
-    overwrite: bool
-
-
-class Output:
-    """Where and how often a simulation writes.
-
-    Parameters
-    ----------
-    path
-        Folder; made if absent. It receives ``scene.json``, ``plan.txt``, ``log.json``,
-        ``sensors.h5``, ``csv/<sensor>.csv``, ``frames/<body>_<index>.vtkhdf``, ``removed.csv``
-        and ``checkpoints/`` (two generations).
-    frame_interval
-        Simulated seconds between frames; frame k is taken at the first step boundary with
-        time >= k * frame_interval. None: no frames.
-    attributes
-        Names to store in frames beside the position: one list for all bodies or
-        {body: list}. A body that the mapping leaves out has no frames. Default: velocity and
-        pressure.
-    checkpoint_interval
-        Simulated seconds between checkpoints. None: none.
-    overwrite
-        Replace the results of an earlier run in the same folder instead of refusing.
-    """
-
-    def __init__(
-        self,
-        path: str | Path,
-        *,
-        frame_interval: float | None = None,
-        attributes: Mapping[str, Sequence[str]] | Sequence[str] | None = None,
-        checkpoint_interval: float | None = None,
-        overwrite: bool = False,
-    ) -> None:
-        """Check and keep the settings; nothing is written before the run starts."""
-        problems = []
-        intervals = {"frame_interval": frame_interval, "checkpoint_interval": checkpoint_interval}
-        for name, value in intervals.items():
-            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-            if value is not None and not (number and LEAST_INTERVAL <= value < math.inf):
-                problems.append(
-                    f"Output: {name} is {shown(value)}; expected seconds above 0 "
-                    f"(≥ {LEAST_INTERVAL:g}), or None"
-                )
-        if isinstance(attributes, str):
-            problems.append(f"Output: attributes is the text '{attributes}'; expected a list")
-        if problems:
-            raise SceneError(problems)
-        chosen: dict[str, list[str]] | list[str] | None = None
-        if isinstance(attributes, Mapping):
-            chosen = {body: list(names) for body, names in attributes.items()}
-        elif attributes is not None:
-            chosen = list(attributes)
-        self._settings = _Settings(
-            path=str(path),
-            frame_interval=frame_interval,
-            attributes=chosen,
-            checkpoint_interval=checkpoint_interval,
-            overwrite=overwrite,
-        )
-
-    @property
-    def path(self) -> Path:
-        """The folder."""
-        return Path(self._settings.path)
-
-    @property
-    def frame_interval(self) -> float | None:
-        """Simulated seconds between frames, or None."""
-        return self._settings.frame_interval
-
-    @property
-    def checkpoint_interval(self) -> float | None:
-        """Simulated seconds between checkpoints, or None."""
-        return self._settings.checkpoint_interval
-
-    @property
-    def overwrite(self) -> bool:
-        """Whether earlier results in the folder are replaced."""
-        return self._settings.overwrite
-
-    def attributes_of(self, body: str) -> list[str] | None:
-        """Return the names stored in frames of `body`; None for no frames of it."""
-        chosen = self._settings.attributes
-        if chosen is None:
-            return list(DEFAULT_ATTRIBUTES)
-        if isinstance(chosen, dict):
-            return chosen.get(body)
-        return chosen
-
-    @property
-    def bodies(self) -> list[str]:
-        """Bodies that the attributes name; empty where one list serves all."""
-        chosen = self._settings.attributes
-        return list(chosen) if isinstance(chosen, dict) else []
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the arguments of the constructor."""
-        return asdict(self._settings)
-
-    def __eq__(self, other: object) -> bool:
-        """Compare the settings."""
-        return isinstance(other, Output) and self._settings == other._settings
-
-    def __hash__(self) -> int:
-        """Hash the folder."""
-        return hash(self._settings.path)
-
-    def __repr__(self) -> str:
-        """Return an expression that makes an equal value."""
-        arguments = {k: v for k, v in self.to_dict().items() if k != "path" and v not in (None, 0)}
-        listed = "".join(f", {k}={v!r}" for k, v in arguments.items())
-        return f"Output({self._settings.path!r}{listed})"
-
-
-def due_time(index: int, interval: float) -> float:
-    """Return when number `index` falls due, s: a rounding error early.
-
-    3 * 0.1 is above 0.3 in binary, and a run until 0.3 s shall have its frame there.
-    """
-    return index * interval * (1 - 1e-12)
-
-
-def due_index(time: float, interval: float) -> int:
-    """Return the largest index that is due at `time`."""
-    k = max(0, int(time / (interval * (1 - 1e-12))))
-    while due_time(k + 1, interval) <= time:
-        k += 1
-    while k > 0 and due_time(k, interval) > time:
-        k -= 1
-    return k
 
 
 class Writer:
@@ -195,7 +51,7 @@ class Writer:
 
     _hold: Hold | None = None
 
-    def __init__(self, output: Output, simulation: Simulation, *, resumed: bool) -> None:
+    def __init__(self, output: Output, simulation: Running, *, resumed: bool) -> None:
         """Prepare the folder: empty for a fresh run, cut to the present time for a resumed one."""
         self.output = output
         self._simulation = simulation

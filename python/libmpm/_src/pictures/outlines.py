@@ -17,7 +17,7 @@ from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox, faces_of
 
 if TYPE_CHECKING:
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
 __all__ = [
     "Plane",
@@ -57,7 +57,7 @@ class Plane:
     in the world: `origin` (d,) m is added to whatever is drawn.
     """
 
-    def __init__(self, scene: Scene, name: str, cut: Sequence[float] | None) -> None:
+    def __init__(self, scene: SceneData, name: str, cut: Sequence[float] | None) -> None:
         """Take a name such as "xz"."""
         self.name = name
         self.axes = (AXES.index(name[0]), AXES.index(name[1]))
@@ -189,7 +189,7 @@ def moves(boundary: Any) -> bool:
 
 
 def draw_boundaries(
-    axes: Any, plane: Plane, scene: Scene, later: bool = False, fill: bool = True
+    axes: Any, plane: Plane, scene: SceneData, later: bool = False, fill: bool = True
 ) -> dict[str, str]:
     """Draw all boundaries; return label -> colour for a legend.
 
@@ -212,7 +212,7 @@ def draw_boundaries(
     return legend
 
 
-def _draw_walls(axes: Any, plane: Plane, scene: Scene, boundary: Any) -> dict[str, str]:
+def _draw_walls(axes: Any, plane: Plane, scene: SceneData, boundary: Any) -> dict[str, str]:
     faces = faces_of(scene.dimension)
     if boundary.shape.faces != "all":
         faces = tuple(f for f in faces if f in boundary.shape.faces)
@@ -234,7 +234,7 @@ def _draw_walls(axes: Any, plane: Plane, scene: Scene, boundary: Any) -> dict[st
     return legend
 
 
-def draw_flows(axes: Any, plane: Plane, scene: Scene) -> dict[str, str]:
+def draw_flows(axes: Any, plane: Plane, scene: SceneData) -> dict[str, str]:
     """Draw the zones in which water comes in or goes out; return label -> colour."""
     legend = {}
     (low, high) = plane.flat([plane.lower, plane.upper])
@@ -256,7 +256,7 @@ def draw_flows(axes: Any, plane: Plane, scene: Scene) -> dict[str, str]:
     return legend
 
 
-def _draw_load_cell(axes: Any, plane: Plane, scene: Scene, name: str, cell: LoadCell) -> int:
+def _draw_load_cell(axes: Any, plane: Plane, scene: SceneData, name: str, cell: LoadCell) -> int:
     """Draw the faces that a load cell measures as thick lines; return 1 where any is seen."""
     boundary = next((b for b in scene.boundaries if b.name == cell.boundary), None)
     if boundary is None:
@@ -292,7 +292,7 @@ def _draw_load_cell(axes: Any, plane: Plane, scene: Scene, name: str, cell: Load
     return 1
 
 
-def draw_sensors(axes: Any, plane: Plane, scene: Scene, vertical: int) -> int:
+def draw_sensors(axes: Any, plane: Plane, scene: SceneData, vertical: int) -> int:
     """Mark the sensors that have a place; return how many."""
     drawn = 0
     (low, high) = plane.flat([plane.lower, plane.upper])

@@ -25,7 +25,7 @@ from libmpm._src.pictures.particle_discs import Layer, Splats, Surface
 from libmpm._src.shapes.boxes import Box, DomainWalls
 
 if TYPE_CHECKING:
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["COLOUR_MAP", "Dots", "Panel", "body_colours", "height_of", "legend_of", "radius_of"]
 
@@ -59,7 +59,7 @@ class Dots:
         return len(self.position)
 
 
-def radius_of(scene: Scene, body: str, share: float = 1.0) -> float:
+def radius_of(scene: SceneData, body: str, share: float = 1.0) -> float:
     """Return the radius at which particles of a body overlap their neighbours, m."""
     found = next(b for b in scene.bodies if b.name == body)
     per_cell = max(1, found.particles_per_cell or 1)
@@ -68,12 +68,12 @@ def radius_of(scene: Scene, body: str, share: float = 1.0) -> float:
     return overlap * scene.cell_size / (per_cell * max(share, 1e-9)) ** (1.0 / d)
 
 
-def is_fluid(scene: Scene, body: str) -> bool:
+def is_fluid(scene: SceneData, body: str) -> bool:
     """Tell whether a body is of a fluid."""
     return next(b for b in scene.bodies if b.name == body).material.table.stores_volume
 
 
-def body_colours(scene: Scene) -> dict[str, str]:
+def body_colours(scene: SceneData) -> dict[str, str]:
     """Return the colour of every body where no attribute colours it: blue where it is a fluid.
 
     Bodies whose names differ in a number alone, as pieces of debris do, share one.
@@ -115,7 +115,7 @@ class Panel:
     def __init__(
         self,
         axes: Any,
-        scene: Scene,
+        scene: SceneData,
         name: str,
         vertical: int,
         *,
@@ -187,7 +187,7 @@ class Panel:
         }
 
 
-def height_of(scene: Scene, name: str, width: float) -> float:
+def height_of(scene: SceneData, name: str, width: float) -> float:
     """Return the height of a panel with its labels, inches, that leaves no room empty."""
     if name == OBLIQUE:
         share = 0.55
@@ -197,7 +197,7 @@ def height_of(scene: Scene, name: str, width: float) -> float:
     return float(np.clip(0.8 * width * share, 1.0, 1.6 * width)) + 0.8
 
 
-def _structures(scene: Scene, later: bool) -> list[Surface]:
+def _structures(scene: SceneData, later: bool) -> list[Surface]:
     """Return the boundaries in space that have a shape, in the world, where they stand still."""
     from libmpm._src.pictures.outlines import moves
 
@@ -238,7 +238,7 @@ def _surface_points(solid: Any, lower: Array, upper: Array) -> tuple[Array, floa
     return np.clip(mesh[inside], lower, upper), spacing
 
 
-def _oblique_axes(axes: Any, scene: Scene, view: View, vertical: int) -> None:
+def _oblique_axes(axes: Any, scene: SceneData, view: View, vertical: int) -> None:
     """Draw the edges of the domain with their lengths, and set the limits."""
     low = np.asarray(scene.lower, np.float64) + np.asarray(scene.origin)
     high = np.asarray(scene.upper, np.float64) + np.asarray(scene.origin)

@@ -16,9 +16,8 @@ from libmpm._src.pictures.panel import Dots, Panel, height_of, is_fluid, legend_
 from libmpm._src.pictures.preview import vertical_of
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
-    from libmpm._src.run.views import BodyView
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.run.running import Particles, Running
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["bodies_of", "chosen_color", "extend_of", "plot", "sampled_particles"]
 
@@ -28,7 +27,7 @@ Array = NDArray[np.float64]
 _WIDTH = 8.0
 
 
-def bodies_of(scene: Scene, bodies: Sequence[str] | str | None) -> list[str]:
+def bodies_of(scene: SceneData, bodies: Sequence[str] | str | None) -> list[str]:
     """Return the names of the bodies to draw; raises `Error` for unknown ones."""
     known = [b.name for b in scene.bodies]
     if bodies is None:
@@ -40,7 +39,7 @@ def bodies_of(scene: Scene, bodies: Sequence[str] | str | None) -> list[str]:
     return wanted
 
 
-def _source(view: BodyView, color: str | None) -> str | None:
+def _source(view: Particles, color: str | None) -> str | None:
     """Return the attribute of a body that holds a colour: that of the name, or of its component."""
     if color is None:
         return None
@@ -49,7 +48,7 @@ def _source(view: BodyView, color: str | None) -> str | None:
 
 
 def sampled_particles(
-    simulation: Simulation, color: str | None, bodies: Sequence[str] | str | None, most: int
+    simulation: Running, color: str | None, bodies: Sequence[str] | str | None, most: int
 ) -> tuple[dict[str, Dots], int]:
     """Return the dots of each body and the number of particles that they stand for."""
     names = bodies_of(simulation.scene, bodies)
@@ -79,7 +78,7 @@ def sampled_particles(
 
 
 def chosen_color(
-    scene: Scene, names: Sequence[str], color: str | None, bodies: Sequence[str] | str | None
+    scene: SceneData, names: Sequence[str], color: str | None, bodies: Sequence[str] | str | None
 ) -> set[str]:
     """Return the bodies that an attribute colours.
 
@@ -101,7 +100,7 @@ def extend_of(values: Sequence[Array], low: float, high: float) -> str:
 
 
 def plot(
-    simulation: Simulation,
+    simulation: Running,
     *,
     color: str | None = "speed",
     bodies: Sequence[str] | str | None = None,

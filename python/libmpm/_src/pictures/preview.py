@@ -16,7 +16,7 @@ from libmpm._src.pictures.outlines import draw_flows, draw_shape
 from libmpm._src.pictures.panel import Dots, Panel, body_colours
 
 if TYPE_CHECKING:
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["preview", "sampled_bodies", "vertical_of"]
 
@@ -24,15 +24,15 @@ __all__ = ["preview", "sampled_bodies", "vertical_of"]
 _CHUNK = 1 << 20
 
 
-def vertical_of(scene: Scene) -> int:
+def vertical_of(scene: SceneData) -> int:
     """Return the axis along which gravity pulls most at the start; the last without gravity."""
-    from libmpm._src.scene.checks import initial_gravity
+    from libmpm._src.scene.places import initial_gravity
 
     strength = np.abs(initial_gravity(scene))
     return int(np.argmax(strength)) if strength.any() else scene.dimension - 1
 
 
-def sampled_bodies(scene: Scene, most: int) -> tuple[dict[str, Dots], int, str]:
+def sampled_bodies(scene: SceneData, most: int) -> tuple[dict[str, Dots], int, str]:
     """Return the particles to draw of each body, in the world, and how many there are.
 
     The third is what forbids the scene to run, in which case there are none; empty otherwise.
@@ -66,7 +66,7 @@ def sampled_bodies(scene: Scene, most: int) -> tuple[dict[str, Dots], int, str]:
 
 
 def preview(
-    scene: Scene,
+    scene: SceneData,
     *,
     backend: str = "matplotlib",
     planes: Sequence[str] | str | None = None,

@@ -17,8 +17,8 @@ from libmpm._src.pictures.preview import sampled_bodies, vertical_of
 from libmpm._src.shapes.boxes import Box, DomainWalls
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.run.running import Running
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["preview_in_space", "view"]
 
@@ -26,7 +26,7 @@ __all__ = ["preview_in_space", "view"]
 _PLACES = 72
 
 
-def _plotter(scene: Scene, what: str, off_screen: bool | None) -> tuple[Any, Any]:
+def _plotter(scene: SceneData, what: str, off_screen: bool | None) -> tuple[Any, Any]:
     if scene.dimension != 3:
         raise Error(f"{what}: the scene has {scene.dimension} dimensions; expected 3; use the "
                     "matplotlib picture, Scene.preview() or Simulation.plot()")  # fmt: skip
@@ -34,7 +34,7 @@ def _plotter(scene: Scene, what: str, off_screen: bool | None) -> tuple[Any, Any
     return pyvista, pyvista.Plotter(off_screen=off_screen)
 
 
-def surface_of(pyvista: Any, scene: Scene, shape: Any) -> Any:
+def surface_of(pyvista: Any, scene: SceneData, shape: Any) -> Any:
     """Return a shape of the scene as a surface in the world; None of what has none."""
     origin = np.asarray(scene.origin, np.float64)
     lower, upper = np.asarray(scene.lower, np.float64), np.asarray(scene.upper, np.float64)
@@ -54,7 +54,7 @@ def surface_of(pyvista: Any, scene: Scene, shape: Any) -> Any:
     return grid.contour([0.0], scalars="distance")
 
 
-def _surroundings(pyvista: Any, plotter: Any, scene: Scene, later: bool) -> None:
+def _surroundings(pyvista: Any, plotter: Any, scene: SceneData, later: bool) -> None:
     origin = np.asarray(scene.origin, np.float64)
     low, high = np.asarray(scene.lower) + origin, np.asarray(scene.upper) + origin
     domain = pyvista.Box(np.stack([low, high], axis=1).ravel())
@@ -84,7 +84,7 @@ def _add_balls(plotter: Any, points: Any, radius: float, **style: Any) -> None:
     actor.mapper.scale_factor = radius
 
 
-def preview_in_space(scene: Scene, *, most: int, off_screen: bool | None = None) -> Any:
+def preview_in_space(scene: SceneData, *, most: int, off_screen: bool | None = None) -> Any:
     """Return a plotter with the particles, boundaries and sensors of a scene."""
     pyvista, plotter = _plotter(scene, "Scene.preview(backend='pyvista')", off_screen)
     particles, count, problem = sampled_bodies(scene, most)
@@ -123,7 +123,7 @@ def preview_in_space(scene: Scene, *, most: int, off_screen: bool | None = None)
 
 
 def view(
-    simulation: Simulation,
+    simulation: Running,
     *,
     color: str | None = "speed",
     bodies: Sequence[str] | str | None = None,

@@ -17,12 +17,13 @@ from libmpm._src.materials.friction import with_cones
 from libmpm._src.output.checkpoint import Checkpoint, load_checkpoint
 from libmpm._src.run import backends
 from libmpm._src.run.engine_spec import lower
-from libmpm._src.scene.checks import new_bodies, place_of, snap
-from libmpm._src.scene.from_checkpoint import Start
+from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.parts import Body
-from libmpm._src.scene.scene import Scene
+from libmpm._src.scene.places import new_bodies, snap
+from libmpm._src.scene.scene_file import SceneReader
+from libmpm._src.scene.start import Start
 from libmpm._src.shapes.boxes import Box
-from libmpm._src.shapes.filling import BOXES, caught_in
+from libmpm._src.shapes.filling import BOXES, caught_in, place_of
 from libmpm._src.shapes.oriented_boxes import Extent, TurnedBox
 
 __all__ = ["Snapshot", "check_new_boundaries", "displaced", "id_ranges", "inside"]
@@ -97,13 +98,13 @@ class Snapshot:
         )  # fmt: skip
 
 
-def id_ranges(scene: Scene) -> Iterator[tuple[str, int, int, float]]:
+def id_ranges(scene: SceneData) -> Iterator[tuple[str, int, int, float]]:
     """Yield name, first id, number of ids and particle mass (kg) of every body of a scene."""
     for body in _shell(scene, None)["bodies"]:
         yield body["name"], body["first_id"], body["id_count"], body["particle_mass"]
 
 
-def _shell(scene: Scene, time_step: float | None) -> dict[str, Any]:
+def _shell(scene: SceneData, time_step: float | None) -> dict[str, Any]:
     """Return the specification of an engine that is made to load a state."""
     precision = "double" if scene.grid is None else "auto"
     with warned_already():
@@ -115,7 +116,7 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
 
     An engine in double precision on the CPU loads it: no bit of a narrower number is lost.
     """
-    scene = Scene.from_dict(with_cones(checkpoint.header["scene"]))
+    scene = SceneReader(SceneData, with_cones(checkpoint.header["scene"])).read()
     specification = _shell(scene, checkpoint.header["time_step"]) | checkpoint.stored_as()
     engine = backends.core().Engine(specification)
     try:
@@ -160,7 +161,7 @@ def _version_of(path: str) -> tuple[int, int] | None:
     return status.st_mtime_ns, status.st_size
 
 
-def snapshot(scene: Scene) -> Snapshot:
+def snapshot(scene: SceneData) -> Snapshot:
     """Return the state that a scene goes on from, tiled where it is; the last one is kept."""
     start = scene.start
     assert start is not None
@@ -168,7 +169,7 @@ def snapshot(scene: Scene) -> Snapshot:
     return _read(start, cells, scene.cell_size, _version_of(start.checkpoint))
 
 
-def displaced(scene: Scene, body: Body) -> npt.NDArray[np.bool_]:
+def displaced(scene: SceneData, body: Body) -> npt.NDArray[np.bool_]:
     """Return which particles of a restored body, in order of ids, new bodies take the place of.
 
     Raises `SceneError` where a new body lies in particles that it does not displace.
@@ -183,7 +184,7 @@ def displaced(scene: Scene, body: Body) -> npt.NDArray[np.bool_]:
 
 
 def _displaced(
-    scene: Scene, state: Snapshot, body: Body, added: list[Body]
+    scene: SceneData, state: Snapshot, body: Body, added: list[Body]
 ) -> npt.NDArray[np.bool_]:
     position = state.bodies[body.name][1]
     if len(position) == 0:
@@ -231,7 +232,7 @@ def _displaced(
     return gone
 
 
-def remaining(scene: Scene, body: Body) -> tuple[npt.NDArray[np.int64], Array, Array]:
+def remaining(scene: SceneData, body: Body) -> tuple[npt.NDArray[np.int64], Array, Array]:
     """Return ids above the body's first, positions and state of what is not displaced."""
     ids, position, state = snapshot(scene).bodies[body.name]
     if scene.start is not None and len(scene.bodies) > len(scene.start.bodies):
@@ -240,7 +241,7 @@ def remaining(scene: Scene, body: Body) -> tuple[npt.NDArray[np.int64], Array, A
     return ids, position, state
 
 
-def check_new_boundaries(scene: Scene) -> None:
+def check_new_boundaries(scene: SceneData) -> None:
     """Refuse boxes added to a scene that goes on where its particles are; raises `SceneError`."""
     start = scene.start
     assert start is not None

@@ -19,7 +19,7 @@ from libmpm._src.errors import Error
 from libmpm._src.output.frames import UNITS
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.running import Running
 
 __all__ = ["DeviceArrays", "ParticleArray"]
 
@@ -178,7 +178,7 @@ class DeviceArrays(Mapping[str, ParticleArray]):
     sent there. See `ParticleArray`.
     """
 
-    def __init__(self, simulation: Simulation, body: str, fields: Sequence[str] = ()) -> None:
+    def __init__(self, simulation: Running, body: str, fields: Sequence[str] = ()) -> None:
         """Name the body, and attributes to gather in one pass at the start of the block."""
         self._simulation = simulation
         self._index = list(simulation.particles).index(simulation.particles[body].name)

@@ -24,25 +24,19 @@ from libmpm._src.materials.initial_stress import stored_stress
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import CROSSINGS, FBar
 from libmpm._src.run.hydrostatic import at_hand, still_water
-from libmpm._src.scene.checks import (
-    extent_of,
-    faces_present,
-    initial_gravity,
-    relative,
-    snap,
-    vertical_axis,
-)
+from libmpm._src.scene.checks import validate
 from libmpm._src.scene.checks_sizes import check_numbers
 from libmpm._src.scene.checks_time_steps import check_intervals, check_step, too_slow
+from libmpm._src.scene.places import extent_of, faces_present, initial_gravity, snap, vertical_axis
 from libmpm._src.sensors.engine_sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
 from libmpm._src.sensors.python_sensors import Sampled
 from libmpm._src.shapes.boxes import Box
-from libmpm._src.shapes.filling import bounds_of, fill
+from libmpm._src.shapes.filling import bounds_of, fill, relative
 
 if TYPE_CHECKING:
-    from libmpm._src.scene.from_checkpoint import RestoredBody
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body, Boundary, PlacedSensor
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.start import RestoredBody
 
 __all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "choose_device"]
 __all__ += ["choose_precision", "lower", "world_offset"]
@@ -60,7 +54,7 @@ Rows = Callable[[int, int], npt.NDArray[np.float64]]
 _BEYOND = 64
 
 
-def world_offset(scene: Scene) -> npt.NDArray[np.float64]:
+def world_offset(scene: SceneData) -> npt.NDArray[np.float64]:
     """Return origin + lower, float64 (d,), m: add it to relative positions for world positions."""
     origin = np.asarray(scene.origin, dtype=np.float64)
     return origin + np.asarray(scene.lower, dtype=np.float64)
@@ -85,7 +79,7 @@ def check_options(
     return problems
 
 
-def choose_precision(scene: Scene, precision: str) -> str:
+def choose_precision(scene: SceneData, precision: str) -> str:
     """Return the precision that "auto" stands for: double on grids of functions, else single."""
     if scene.grid is None:
         return "single" if precision == "auto" else precision
@@ -97,7 +91,7 @@ def choose_precision(scene: Scene, precision: str) -> str:
     return "double"
 
 
-def choose_device(scene: Scene, device: str | Sequence[str]) -> str | Sequence[str]:
+def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
     """Return the device of a scene: the CPU for grids of functions, else as asked for."""
     if scene.grid is None or device == "cpu":
         return device
@@ -119,7 +113,7 @@ def check_backend(kind: str, precision: str) -> None:
 
 
 def lower(
-    scene: Scene,
+    scene: SceneData,
     *,
     precision: str = "auto",
     pipeline: str = "auto",
@@ -144,7 +138,7 @@ def lower(
         problems.append(f"pipeline is {pipeline!r} on a grid of functions; expected 'auto'")
     if problems:
         raise SceneError(problems)
-    scene.validate()
+    validate(scene)
     fixed = scene.method.time_step if time_step is None else float(time_step)
     if fixed is not None or scene.grid is None:
         check_step(scene, fixed, precision)
@@ -194,12 +188,16 @@ def lower(
     )
 
 
-def _added(scene: Scene, time_step: float | None, with_particles: bool) -> dict[str, Any]:
+def _added(scene: SceneData, time_step: float | None, with_particles: bool) -> dict[str, Any]:
     """Return what only some scenes have: a grid of functions, or another run to go on from."""
     if scene.grid is not None:
         return {"grid": scene.grid.specification()}
     start = scene.start
-    if start is None or start.as_it_was(scene, time_step) or not with_particles:
+    if (
+        start is None
+        or start.as_it_was(len(scene.bodies), scene.sensors, time_step)
+        or not with_particles
+    ):
         return {}
     from libmpm._src.run.checkpoint_state import snapshot
 
@@ -223,7 +221,7 @@ def _hollow(specification: dict[str, Any]) -> None:
     specification |= {"count": 1, "position": middle}
 
 
-def _restored(scene: Scene, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:
+def _restored(scene: SceneData, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:
     """Return a body that goes on from another run, without those that new bodies displace."""
     result: dict[str, Any] = {
         "name": body.name,
@@ -260,7 +258,7 @@ def _table(table: TimeTable) -> dict[str, Any]:
     return {"time": time, "value": value, "end": table.end}
 
 
-def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[str, Any]:
+def _body(scene: SceneData, body: Body, first: int, with_particles: bool) -> dict[str, Any]:
     if scene.grid is not None:
         return _body_on_functions(scene, body, first, with_particles)
     before = None if scene.start is None else scene.start.restored(body.name)
@@ -297,7 +295,7 @@ def _body(scene: Scene, body: Body, first: int, with_particles: bool) -> dict[st
     )
 
 
-def _over_cells(scene: Scene, body: Body) -> dict[str, Any]:
+def _over_cells(scene: SceneData, body: Body) -> dict[str, Any]:
     """Return what is done between the parts of a body's step, where there is any."""
     told: dict[str, Any] = {}
     if body.smoothing is not None:
@@ -311,7 +309,7 @@ def _over_cells(scene: Scene, body: Body) -> dict[str, Any]:
     return told
 
 
-def _velocity(scene: Scene, body: Body, position: Rows, count: int) -> npt.NDArray[np.float64]:
+def _velocity(scene: SceneData, body: Body, position: Rows, count: int) -> npt.NDArray[np.float64]:
     """Return the velocity of a body (d,), or of each of so many particles (count, d), m/s."""
     if not isinstance(body.velocity, Field):
         return np.array(body.velocity, dtype=np.float64)
@@ -322,7 +320,7 @@ def _velocity(scene: Scene, body: Body, position: Rows, count: int) -> npt.NDArr
 
 
 def _body_on_functions(
-    scene: Scene, body: Body, first: int, with_particles: bool
+    scene: SceneData, body: Body, first: int, with_particles: bool
 ) -> dict[str, Any]:
     placed = placing.place(scene, body)
     low = np.asarray(scene.lower, dtype=np.float64)
@@ -365,7 +363,7 @@ def _body_on_functions(
     return result | {"tractions": tractions}
 
 
-def _fbar(scene: Scene, body: Body) -> dict[str, Any]:
+def _fbar(scene: SceneData, body: Body) -> dict[str, Any]:
     choice = body.fbar
     if choice == "default":
         given = body.material.table.stores_volume and body.smoothing is None
@@ -384,7 +382,7 @@ def _fbar(scene: Scene, body: Body) -> dict[str, Any]:
     return {"form": choice.form, "time": time, "ratio": ratio}
 
 
-def _boundary(scene: Scene, boundary: Boundary) -> dict[str, Any]:
+def _boundary(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
     faces = {}
     given = boundary.response
     # An outline or a surface has no faces: its one response stands under the first name.
@@ -434,7 +432,7 @@ def _boundary(scene: Scene, boundary: Boundary) -> dict[str, Any]:
     }
 
 
-def _sensor(scene: Scene, placed: PlacedSensor, bodies: list[dict[str, Any]]) -> dict[str, Any]:
+def _sensor(scene: SceneData, placed: PlacedSensor, bodies: list[dict[str, Any]]) -> dict[str, Any]:
     sensor = placed.sensor
     result: dict[str, Any] = {
         "name": placed.name,

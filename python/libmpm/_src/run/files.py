@@ -14,7 +14,8 @@ from libmpm._src.errors import Error, ModelWarning
 from libmpm._src.materials.friction import with_cones
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.rank_files import open_together
-from libmpm._src.output.writer import Output, Writer
+from libmpm._src.output.settings import Output
+from libmpm._src.output.writer import Writer
 from libmpm._src.run import backends
 from libmpm._src.run import checkpoint_state as snapshots
 from libmpm._src.run.guard import Guard
@@ -25,7 +26,7 @@ from libmpm._src.sensors.custom_functions import storable
 
 if TYPE_CHECKING:
     from libmpm._src.run.simulation import Simulation
-    from libmpm._src.scene.from_checkpoint import Start
+    from libmpm._src.scene.start import Start
 
 __all__ = ["Persistent"]
 
@@ -80,7 +81,9 @@ class Persistent(Looking):
         if len(run._scene.boundaries) > start.boundaries:
             snapshots.check_new_boundaries(run._scene)
         source = checkpoints.load_checkpoint(Path(start.checkpoint))
-        run._loads_state = start.as_it_was(run._scene, run._requested["time_step"])
+        run._loads_state = start.as_it_was(
+            len(run._scene.bodies), run._scene.sensors, run._requested["time_step"]
+        )
         if start.tiles > 1:
             source.sensors.clear()
         run._restored = source

@@ -12,7 +12,7 @@ from libmpm._src.base.values import Checker, Value, value
 from libmpm._src.boundaries.responses import Prescribed
 
 if TYPE_CHECKING:
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["Guard", "as_guard", "opened_by"]
 
@@ -83,7 +83,7 @@ def as_guard(given: Any) -> Guard | None:
     return given
 
 
-def opened_by(scene: Scene) -> list[str]:
+def opened_by(scene: SceneData) -> list[str]:
     """Return what may do work on a scene from outside, in words; nothing: its energy can only fall.
 
     A boundary that does not move takes or turns momentum and does no work, also one that comes or

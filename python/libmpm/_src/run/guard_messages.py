@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.running import Running
     from libmpm._src.scene.parts import Body
 
 __all__ = ["OFF", "Offender", "energy_remedy", "fastest", "fastest_within", "in_words", "missing"]
@@ -35,7 +35,7 @@ class Offender:
         return f"body '{self.body}', particle {self.id} at ({place}) m"
 
 
-def _of_all(simulation: Simulation, mine: Offender | None, around: float = 0) -> Offender | None:
+def _of_all(simulation: Running, mine: Offender | None, around: float = 0) -> Offender | None:
     """Return that of all ranks that is furthest from `around`; all of them call this together."""
     link = simulation._link
     found = [mine]
@@ -46,7 +46,7 @@ def _of_all(simulation: Simulation, mine: Offender | None, around: float = 0) ->
     return max(left, key=lambda x: abs(x.value - around), default=None)
 
 
-def _largest(simulation: Simulation, body: str, name: str, around: float = 0) -> Offender | None:
+def _largest(simulation: Running, body: str, name: str, around: float = 0) -> Offender | None:
     view, mine = simulation.particles[body], None
     if len(view):
         read = view.read(["id", "position", name])
@@ -56,14 +56,14 @@ def _largest(simulation: Simulation, body: str, name: str, around: float = 0) ->
     return _of_all(simulation, mine, around)
 
 
-def fastest(simulation: Simulation, body: str | None = None) -> Offender | None:
+def fastest(simulation: Running, body: str | None = None) -> Offender | None:
     """Return the fastest particle of a body, or of all; ranks together, as all of these."""
     names = list(simulation.particles) if body is None else [body]
     found = [x for x in (_largest(simulation, n, "speed") for n in names) if x is not None]
     return max(found, key=lambda x: x.value, default=None)
 
 
-def fastest_within(simulation: Simulation, body: str) -> Offender | None:
+def fastest_within(simulation: Running, body: str) -> Offender | None:
     """Return the particle that is fastest relative to its body's mean velocity."""
     view, link, mine = simulation.particles[body], simulation._link, None
     read = view.read(["id", "position", "velocity"]) if len(view) else None
@@ -81,7 +81,7 @@ def fastest_within(simulation: Simulation, body: str) -> Offender | None:
     return _of_all(simulation, mine)
 
 
-def most_strained(simulation: Simulation, body: str) -> Offender | None:
+def most_strained(simulation: Running, body: str) -> Offender | None:
     """Return the particle of a body whose volume ratio is furthest from 1."""
     return _largest(simulation, body, "volume_ratio", 1.0)
 
@@ -93,7 +93,7 @@ def in_words(offender: Offender | None, unit: str = "") -> str:
     return f"{offender} with {offender.value:.4g} {unit}".rstrip()
 
 
-def missing(simulation: Simulation, index: int) -> str:
+def missing(simulation: Running, index: int) -> str:
     """Return the ids of a body that no particle has, of those up to the highest one left."""
     name = list(simulation.particles)[index]
     ids = simulation.particles[name]["id"].astype(np.int64)
@@ -115,12 +115,12 @@ def missing(simulation: Simulation, index: int) -> str:
     return "; ".join(parts) or f"ids {ids[0]} to {ids[-1]} are whole"
 
 
-def moment(simulation: Simulation) -> str:
+def moment(simulation: Running) -> str:
     """Return step, time and time step."""
     return f"at step {simulation.steps}, {simulation.time:.6g} s (time step {simulation.dt:.4g} s)"
 
 
-def energy_remedy(simulation: Simulation) -> str:
+def energy_remedy(simulation: Running) -> str:
     """Return what makes energy grow in a scene of this method, as a remedy."""
     method, ways = simulation.scene.method, []
     if simulation.scene.grid is not None:

@@ -33,10 +33,10 @@ from libmpm._src.run.guard_messages import (
     smoothing_remedy,
 )
 from libmpm._src.run.guard_water_level import basin_of
-from libmpm._src.scene.checks import initial_gravity
+from libmpm._src.scene.places import initial_gravity
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.running import Running
     from libmpm._src.scene.parts import Body
 
 __all__ = ["Watch"]
@@ -75,7 +75,7 @@ class Watch:
     """A guard at work on one simulation."""
 
     def __init__(
-        self, simulation: Simulation, guard: Guard, memory: Mapping[str, Any] | None = None
+        self, simulation: Running, guard: Guard, memory: Mapping[str, Any] | None = None
     ) -> None:
         """Take up the watch, with what a saved run remembers."""
         self._simulation = simulation

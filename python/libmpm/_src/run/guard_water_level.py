@@ -15,12 +15,12 @@ import numpy.typing as npt
 
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.boundaries.responses import Prescribed
-from libmpm._src.scene.checks import faces_present, initial_gravity, snap
+from libmpm._src.scene.places import faces_present, initial_gravity, snap
 from libmpm._src.shapes.boxes import Box, DomainWalls
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["Basin", "basin_of"]
 
@@ -53,7 +53,7 @@ class Basin:
         return float(middle), float(self.bounds[:-1][used][0])
 
 
-def basin_of(scene: Scene) -> Basin | None:
+def basin_of(scene: SceneData) -> Basin | None:
     """Return what boundaries leave free of a domain; None where the level says nothing.
 
     That is where gravity changes or is not along an axis, and where the face that it points at is
@@ -104,7 +104,7 @@ def _stands(boundary: Boundary) -> bool:
     return isinstance(boundary.shape, Box) and not boundary.is_surface and _keeps(boundary)
 
 
-def _floored(scene: Scene, face: str) -> bool:
+def _floored(scene: SceneData, face: str) -> bool:
     """Whether a face of the domain is a wall that nothing leaves by."""
     walls = (b for b in scene.boundaries if isinstance(b.shape, DomainWalls) and _keeps(b))
     walled = any(face in faces_present(scene, b) for b in walls)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.scene.checks import initial_gravity
+from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.lattices import Points, Rows, Runs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
     #: From (first, last) to what is given for the particles first ≤ i < last of a body.
     Asked = Callable[[int, int], npt.NDArray[np.float64]]
@@ -54,7 +54,7 @@ class StillWater:
         return np.asarray(self.strength * np.maximum(self.top - height, 0.0))
 
 
-def still_water(scene: Scene, level: float, density: float, position: Asked) -> StillWater:
+def still_water(scene: SceneData, level: float, density: float, position: Asked) -> StillWater:
     """Return rows of p = ρ g depth below the level, m of the scene, and zero above it."""
     gravity = initial_gravity(scene)
     strength = float(np.linalg.norm(gravity))

@@ -18,7 +18,7 @@ from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic_files import replacing
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.running import Running
 
 __all__ = ["Initial"]
 
@@ -37,7 +37,7 @@ class Initial:
         """Tell whether anything was given."""
         return bool(self._given)
 
-    def take(self, simulation: Simulation, body: str, name: str, array: Any) -> None:
+    def take(self, simulation: Running, body: str, name: str, array: Any) -> None:
         """Keep a copy of an array for one body; raises `SceneError`."""
         label = f"particles of body '{body}'"
         names = [b.name for b in simulation.scene.bodies]

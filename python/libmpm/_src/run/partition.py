@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from libmpm._src.run.backends import Backend
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["Partition", "as_partition", "recorded_partition", "told_ranks"]
 
@@ -138,7 +138,7 @@ class Partition(Value):
             )
         return tuple(tuple(group or ()) for group in groups)
 
-    def fit(self, scene: Scene, ranks: int) -> None:
+    def fit(self, scene: SceneData, ranks: int) -> None:
         """Refuse what a scene or the number of its ranks does not have; raises `SceneError`."""
         check = Checker("Partition")
         dimension = scene.dimension
@@ -155,7 +155,7 @@ class Partition(Value):
             self._groups(scene, ranks, check)
         check.finish()
 
-    def _planes(self, scene: Scene, ranks: int, check: Checker) -> list[int]:
+    def _planes(self, scene: SceneData, ranks: int, check: Checker) -> list[int]:
         """Return the number of the first block behind each plane, along the axis."""
         places = tuple(self.at or ())
         axis = _AXES.index(str(self.cuts))
@@ -197,7 +197,7 @@ class Partition(Value):
             found.append(first)
         return found
 
-    def _groups(self, scene: Scene, ranks: int, check: Checker) -> list[int]:
+    def _groups(self, scene: SceneData, ranks: int, check: Checker) -> list[int]:
         """Return the group of each body."""
         names = [body.name for body in scene.bodies]
         groups: list[list[str]] = []
@@ -228,7 +228,7 @@ class Partition(Value):
             )
         return [next((k for k, group in enumerate(groups) if name in group), 0) for name in names]
 
-    def specification(self, scene: Scene, ranks: int) -> dict[str, Any]:
+    def specification(self, scene: SceneData, ranks: int) -> dict[str, Any]:
         """Return what the engine is told of a scene that it fits."""
         limit = math.inf if self.rebalance_above is None else self.rebalance_above
         told: dict[str, Any] = {"rebalance_above": limit}
@@ -243,7 +243,7 @@ class Partition(Value):
         return told | {"measured": self.weights == "measured"}
 
 
-def as_partition(given: Any, backend: Backend, scene: Scene) -> Partition | None:
+def as_partition(given: Any, backend: Backend, scene: SceneData) -> Partition | None:
     """Return the partition that an argument of a simulation is; raises `SceneError`.
 
     One process of ranks as processes may be alone, by the number that its launcher was given; one
@@ -279,7 +279,7 @@ def recorded_partition(header: dict[str, Any], backend: Backend) -> Partition | 
     return partition
 
 
-def told_ranks(backend: Backend, partition: Partition | None, scene: Scene) -> dict[str, Any]:
+def told_ranks(backend: Backend, partition: Partition | None, scene: SceneData) -> dict[str, Any]:
     """Return what the engine is told about its ranks: nothing where there is one."""
     if backend.ranks == 1:
         return {}

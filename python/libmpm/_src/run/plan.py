@@ -13,7 +13,7 @@ from libmpm._src.boundaries.flow_layers import flow_rows
 from libmpm._src.errors import SceneError
 from libmpm._src.run import backends
 from libmpm._src.run.engine_spec import check_backend, choose_device, choose_precision, lower
-from libmpm._src.scene import checks
+from libmpm._src.scene import checks, places
 from libmpm._src.scene.checks_sizes import check_sweeps
 from libmpm._src.scene.checks_time_steps import (
     duration,
@@ -23,7 +23,7 @@ from libmpm._src.scene.checks_time_steps import (
 )
 
 if TYPE_CHECKING:
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["RATES", "Plan", "build_plan"]
 
@@ -44,7 +44,7 @@ RATE_ON_FUNCTIONS = 5e5
 
 
 def build_plan(
-    scene: Scene,
+    scene: SceneData,
     *,
     device: str | Sequence[str] = "auto",
     precision: str = "auto",
@@ -101,7 +101,7 @@ class Plan:
         self,
         result: Mapping[str, Any],
         *,
-        scene: Scene,
+        scene: SceneData,
         device: str = "cpu",
         precision: str = "single",
         until: float | None = None,
@@ -120,7 +120,7 @@ class Plan:
             moved = _migration(self._result["bodies"])
             self._result["memory"] = {**self._result["memory"], "migration": moved}
             self._result["memory_total"] = self._result["memory_total"] + moved
-        self._planes = checks.planes(scene)
+        self._planes = places.planes(scene)
         self._warnings = [
             *checks.check_scene(scene)[1],
             *faster_than_water(scene),
@@ -244,7 +244,7 @@ class Plan:
     # What follows from it ------------------------------------------------------------------
 
     @property
-    def boundaries(self) -> list[checks.Plane]:
+    def boundaries(self) -> list[places.Plane]:
         """Stated and effective plane of every wall and box face."""
         return list(self._planes)
 

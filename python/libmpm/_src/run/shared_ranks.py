@@ -11,7 +11,7 @@ from libmpm._src.errors import Error, NumericalError, SceneError
 from libmpm._src.run import backends
 from libmpm._src.run.engine_spec import choose_device
 from libmpm._src.run.rank_messages import Link
-from libmpm._src.scene.scene import Scene
+from libmpm._src.scene.data import SceneData
 from libmpm._src.sensors.python_sensors import Sampled
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class Sharing:
         return cast("Simulation", self)
 
     def _select(
-        self, scene: Scene, device: str | Sequence[str], threads: int, ranks: str | None
+        self, scene: SceneData, device: str | Sequence[str], threads: int, ranks: str | None
     ) -> tuple[backends.Backend, int]:
         """Return the backend, and the threads of this process."""
         if ranks is None:

@@ -27,7 +27,8 @@ from libmpm._src.errors import (
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.series import Series
-from libmpm._src.output.writer import Output, Writer
+from libmpm._src.output.settings import Output
+from libmpm._src.output.writer import Writer
 from libmpm._src.run import backends
 from libmpm._src.run.engine_spec import (
     check_backend,

@@ -13,7 +13,7 @@ from libmpm._src.output.series import Series
 from libmpm._src.sensors import attributes
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.running import Running
 
 __all__ = ["BodyView", "GridView", "ParticlesView", "SensorsView", "world_shift"]
 
@@ -27,7 +27,7 @@ class BodyView(Mapping[str, NDArray[Any]]):
     units; ``id`` is uint64 and ``position`` is in world coordinates, m.
     """
 
-    def __init__(self, simulation: Simulation, index: int, name: str) -> None:
+    def __init__(self, simulation: Running, index: int, name: str) -> None:
         """Make the view of body number `index`."""
         self._simulation = simulation
         self._index = index
@@ -101,7 +101,7 @@ class BodyView(Mapping[str, NDArray[Any]]):
 class ParticlesView(Mapping[str, BodyView]):
     """Body name -> particles."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Running) -> None:
         """Make a view of every body of the scene."""
         names = [body.name for body in simulation.scene.bodies]
         self._views = {name: BodyView(simulation, i, name) for i, name in enumerate(names)}
@@ -129,7 +129,7 @@ class GridView(Mapping[str, NDArray[np.float64]]):
 
     names = ("position", "velocity", "mass")
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Running) -> None:
         """Make the view."""
         self._simulation = simulation
 
@@ -152,7 +152,7 @@ class GridView(Mapping[str, NDArray[np.float64]]):
 class SensorsView(Mapping[str, Series]):
     """Sensor name -> series with `time`, `values`, `components` and `units`."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Running) -> None:
         """Make the view; the series themselves appear with the engine."""
         self._simulation = simulation
         self._names = [placed.name for placed in simulation.scene.sensors]

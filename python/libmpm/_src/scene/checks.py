@@ -5,14 +5,12 @@ A problem makes the scene unusable; a doubt lets it run with an error that is st
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from libmpm._src.base.values import Checker, nearest
+from libmpm._src.base.values import Checker, nearest, warn
 from libmpm._src.boundaries.checks import (
     check_edges,
     check_motion,
@@ -20,19 +18,25 @@ from libmpm._src.boundaries.checks import (
     check_surface,
 )
 from libmpm._src.boundaries.responses import Prescribed
+from libmpm._src.errors import SceneError
 from libmpm._src.grids import checks as grid_checks
-from libmpm._src.grids import placing
 from libmpm._src.grids.shapes import Outline
 from libmpm._src.scene.checks_bodies import (
     check_body,
     check_cfl,
     check_overlaps,
-    initial_gravity,
     outside,
     reaches_into,
     wrong_dimension,
 )
 from libmpm._src.scene.checks_sizes import check_range
+from libmpm._src.scene.places import (
+    body_counts,
+    faces_present,
+    new_bodies,
+    snap,
+    vertical_axis,
+)
 from libmpm._src.sensors.engine_sensors import (
     Energy,
     LoadCell,
@@ -42,112 +46,29 @@ from libmpm._src.sensors.engine_sensors import (
 )
 from libmpm._src.sensors.python_sensors import Sampled
 from libmpm._src.shapes.boxes import Box, DomainWalls, Solid, faces_of
-from libmpm._src.shapes.filling import fill, place_of, relative
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body, Boundary, PlacedSensor
-    from libmpm._src.scene.scene import Scene
 
-__all__ = ["Plane", "body_counts", "check_scene", "faces_present", "new_bodies", "place_of"]
-__all__ += ["extent_of", "initial_gravity", "planes", "relative", "snap", "vertical_axis"]
+__all__ = ["check_scene", "validate"]
 
-#: Parts of a cell: rounding of coordinates; a shift of a face that matters.
-_ROUNDING = 1e-6
+
+#: Part of a cell by which a shift of a face matters.
 _SHIFT = 0.01
 
 
-@dataclass(frozen=True)
-class Plane:
-    """An impermeable plane: where the scene states it and where the grid has it, in m.
-
-    Coordinates are those of the scene. `shift` is effective - stated, in cells.
-    """
-
-    boundary: str
-    face: str
-    stated: float
-    effective: float
-    shift: float
+def validate(scene: SceneData, *, strict: bool = False, stacklevel: int = 3) -> None:
+    """Check a scene; see `Scene.validate`. Raises `SceneError`, warns of doubts."""
+    problems, doubts = check_scene(scene)
+    if strict:
+        problems, doubts = problems + doubts, []
+    if problems:
+        raise SceneError(problems)
+    warn(doubts, stacklevel=stacklevel)
 
 
-def vertical_axis(scene: Scene) -> int:
-    """Return the axis closest to gravity at time 0; the last one without gravity."""
-    gravity = np.abs(initial_gravity(scene))
-    return int(np.argmax(gravity)) if np.any(gravity > 0) else scene.dimension - 1
-
-
-def snap(scene: Scene, box: Box) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the cells that a box boundary blocks, lower ≤ i < upper: the nearest cell faces."""
-    ends = []
-    for corner in (box.lower, box.upper):
-        # The allowance decides a face in the middle of a cell alike for every rounding.
-        cells = relative(scene, corner) / scene.cell_size + 0.5 + _ROUNDING
-        ends.append(tuple(math.floor(x) for x in cells.tolist()))
-    return ends[0], ends[1]
-
-
-def faces_present(scene: Scene, boundary: Boundary) -> tuple[str, ...]:
-    """Return the faces that a boundary has in this scene."""
-    everything = faces_of(scene.dimension)
-    shape = boundary.shape
-    if isinstance(shape, Outline) or boundary.is_surface:
-        return ()
-    if isinstance(shape, DomainWalls) and shape.faces != "all":
-        return tuple(f for f in everything if f in shape.faces)
-    return everything
-
-
-def extent_of(scene: Scene, boundary: Boundary) -> tuple[list[float], list[float]]:
-    """Return the corners of what a boundary's shape has inside the domain, m of the scene."""
-    if not isinstance(boundary.shape, Solid):
-        return list(scene.lower), list(scene.upper)
-    low, high = boundary.shape.bounds()
-    ends = (max, low, scene.lower), (min, high, scene.upper)
-    if not boundary.is_surface:
-        return list(low), list(high)
-    first, last = ([pick(*x) for x in zip(a, b, strict=True)] for pick, a, b in ends)
-    return first, last
-
-
-def planes(scene: Scene) -> list[Plane]:
-    """Return stated and effective plane of every wall and box face."""
-    found: list[Plane] = []
-    if scene.grid is not None:
-        return found  # boundaries lie on edges of the grid, exactly
-    for boundary in scene.boundaries:
-        if boundary.is_surface:
-            continue  # exact wherever it is
-        if isinstance(boundary.shape, Box):
-            stated = (boundary.shape.lower, boundary.shape.upper)
-            cells = snap(scene, boundary.shape)
-        else:
-            stated = (scene.lower, scene.upper)
-            cells = ((0,) * scene.dimension, scene.cells)
-        for face in faces_present(scene, boundary):
-            axis, end = "xyz".index(face[0]), int(face[1] == "+")
-            effective = scene.lower[axis] + cells[end][axis] * scene.cell_size
-            shift = (effective - stated[end][axis]) / scene.cell_size
-            found.append(Plane(boundary.name, face, stated[end][axis], effective, shift))
-    return found
-
-
-def new_bodies(scene: Scene) -> list[Body]:
-    """Return the bodies that the run which the scene goes on from did not have."""
-    return [b for b in scene.bodies if scene.start is None or not scene.start.restored(b.name)]
-
-
-def body_counts(scene: Scene) -> list[int]:
-    """Return the number of particles of every body; of a restored one no fewer than it has."""
-    if scene.grid is not None:
-        return [placing.place(scene, b).count for b in scene.bodies]
-    counts = []
-    for b in scene.bodies:
-        before = None if scene.start is None else scene.start.restored(b.name)
-        counts.append(fill(scene, b).points.count if before is None else before.ids)
-    return counts
-
-
-def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
+def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
     """Return (problems, doubts) of a scene."""
     problems: list[str] = []
     doubts: list[str] = []
@@ -190,7 +111,7 @@ def check_scene(scene: Scene) -> tuple[list[str], list[str]]:
 
 
 def _check_boundary(
-    scene: Scene, boundary: Boundary, problems: list[str], doubts: list[str]
+    scene: SceneData, boundary: Boundary, problems: list[str], doubts: list[str]
 ) -> bool:
     """Check one boundary; returns whether its shape can be compared with others."""
     check = Checker(f"boundary '{boundary.name}'")
@@ -229,7 +150,7 @@ def _check_boundary(
     return fits
 
 
-def _check_box(check: Checker, scene: Scene, name: str, box: Box) -> list[str]:
+def _check_box(check: Checker, scene: SceneData, name: str, box: Box) -> list[str]:
     low, high = snap(scene, box)
     doubts = []
     for a in range(scene.dimension):
@@ -257,7 +178,7 @@ def _check_box(check: Checker, scene: Scene, name: str, box: Box) -> list[str]:
     return doubts
 
 
-def _check_walls(scene: Scene, boundaries: list[Boundary], problems: list[str]) -> None:
+def _check_walls(scene: SceneData, boundaries: list[Boundary], problems: list[str]) -> None:
     walls = [b for b in boundaries if isinstance(b.shape, DomainWalls)]
     for i, one in enumerate(walls):
         for two in walls[i + 1 :]:
@@ -273,7 +194,7 @@ def _check_walls(scene: Scene, boundaries: list[Boundary], problems: list[str]) 
 
 
 def _check_blocked(
-    scene: Scene, bodies: list[Body], boundaries: list[Boundary], problems: list[str]
+    scene: SceneData, bodies: list[Body], boundaries: list[Boundary], problems: list[str]
 ) -> None:
     base = np.asarray(scene.lower)
     now = 0.0 if scene.start is None else scene.start.time
@@ -298,7 +219,7 @@ def _check_blocked(
 
 
 def _check_sensor(
-    scene: Scene, placed: PlacedSensor, counts: Mapping[str, int], problems: list[str]
+    scene: SceneData, placed: PlacedSensor, counts: Mapping[str, int], problems: list[str]
 ) -> None:
     check = Checker(f"sensor '{placed.name}'")
     sensor = placed.sensor
@@ -344,7 +265,7 @@ def _check_sensor(
     problems += check.problems
 
 
-def _check_load_cell(check: Checker, scene: Scene, cell: LoadCell) -> None:
+def _check_load_cell(check: Checker, scene: SceneData, cell: LoadCell) -> None:
     if cell.reference is not None:
         wrong_dimension(check, "reference", len(cell.reference), scene.dimension)
     names = [b.name for b in scene.boundaries]

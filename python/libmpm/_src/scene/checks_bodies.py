@@ -7,10 +7,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from libmpm._src.base.formulas import Field
-from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, nearest
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import checks as grid_checks
@@ -19,6 +17,7 @@ from libmpm._src.materials.initial_stress import check_stress
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
 from libmpm._src.methods.transfer import SHIFTS
+from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.boxes import Box, OrientedBox
 from libmpm._src.shapes.filling import BOXES, fill, geometry_of
 from libmpm._src.shapes.oriented_boxes import AXES, close_pairs, reach
@@ -28,14 +27,13 @@ from libmpm._src.shapes.solid import Bounds, Solid
 from libmpm._src.shapes.volume import overlap_depth, shared_bounds
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
-    from libmpm._src.scene.scene import Scene
 
 __all__ = [
     "check_body",
     "check_cfl",
     "check_overlaps",
-    "initial_gravity",
     "outside",
     "reaches_into",
 ]
@@ -51,22 +49,9 @@ _MOST_POINTS = 2**33
 #: Particles looked at together.
 _PIECE = 1 << 18
 
-#: Components of gravity below this part of the largest are rounding.
-_RESIDUE = 1e-12
-
 #: Share of their own velocity that particles keep, and with which they move where they are pressed,
 #: above which discs that collide tear (docs/choosing-a-method.md).
 _KEPT, _SHIFTED = 0.9, 0.05
-
-
-def initial_gravity(scene: Scene) -> npt.NDArray[np.float64]:
-    """Return gravity at time 0, (d,), m/s²."""
-    if isinstance(scene.gravity, TimeTable):
-        return scene.gravity.at(0.0)
-    gravity = np.array(scene.gravity, dtype=np.float64)
-    # What g cos 90° leaves is no direction of its own.
-    gravity[np.abs(gravity) < _RESIDUE * np.abs(gravity).max()] = 0.0
-    return gravity
 
 
 def wrong_dimension(check: Checker, name: str, have: int, want: int) -> bool:
@@ -77,7 +62,7 @@ def wrong_dimension(check: Checker, name: str, have: int, want: int) -> bool:
 
 def outside(
     check: Checker,
-    scene: Scene,
+    scene: SceneData,
     what: str,
     low: Iterable[float],
     high: Iterable[float],
@@ -93,7 +78,7 @@ def outside(
             )
 
 
-def check_cfl(scene: Scene, doubts: list[str]) -> None:
+def check_cfl(scene: SceneData, doubts: list[str]) -> None:
     """Doubt a Courant number at which fluid that comes apart into particles is unstable.
 
     A particle of fluid alone in its cells breathes with ω² = 4 d K / (ρ Δx²), and an explicit step
@@ -108,7 +93,7 @@ def check_cfl(scene: Scene, doubts: list[str]) -> None:
         )
 
 
-def check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str]) -> bool:
+def check_body(scene: SceneData, body: Body, problems: list[str], doubts: list[str]) -> bool:
     """Check one body; returns whether its box can be compared with others."""
     check = Checker(f"body '{body.name}'")
     d = scene.dimension
@@ -162,7 +147,7 @@ def check_body(scene: Scene, body: Body, problems: list[str], doubts: list[str])
     return fits
 
 
-def _check_field(scene: Scene, body: Body) -> list[str]:
+def _check_field(scene: SceneData, body: Body) -> list[str]:
     """Evaluate a body's fields where it can be done before the particles are placed."""
     assert isinstance(body.velocity, Field)
     where = f"body '{body.name}': velocity"
@@ -189,7 +174,7 @@ def _at_the_middle(body: Body, field: Field, name: str) -> list[str]:
     return []
 
 
-def _check_material(check: Checker, scene: Scene, body: Body) -> None:
+def _check_material(check: Checker, scene: SceneData, body: Body) -> None:
     table = body.material.table
     speed = wave_speed(body.material)
     if speed is not None and not 0 < speed < math.inf:
@@ -230,7 +215,7 @@ def _check_material(check: Checker, scene: Scene, body: Body) -> None:
         )
 
 
-def _check_smoothing(scene: Scene, body: Body, check: Checker) -> None:
+def _check_smoothing(scene: SceneData, body: Body, check: Checker) -> None:
     """Refuse smoothing over cells of what a material does not store, and beside F-bar."""
     smoothing, table = body.smoothing, body.material.table
     force, dimension = body.force, scene.dimension
@@ -256,7 +241,7 @@ def _check_smoothing(scene: Scene, body: Body, check: Checker) -> None:
         )
 
 
-def _check_transfer(scene: Scene, body: Body, check: Checker) -> None:
+def _check_transfer(scene: SceneData, body: Body, check: Checker) -> None:
     """Refuse a scheme of a body's own: the scheme is the scene's, its numbers are not."""
     of_scene, own = scene.method.transfer_choice, body.transfer
     if own is not None and (own.scheme, own.order, own.every) != (
@@ -270,7 +255,7 @@ def _check_transfer(scene: Scene, body: Body, check: Checker) -> None:
         )
 
 
-def _check_shift(scene: Scene, body: Body, doubts: list[str]) -> None:
+def _check_shift(scene: SceneData, body: Body, doubts: list[str]) -> None:
     """Say where particles of a solid move by what the grid cannot see though they are pressed."""
     transfer = body.transfer or scene.method.transfer_choice
     kept = 1.0 if transfer.flip is None else transfer.flip
@@ -296,7 +281,7 @@ def _size(body: Body) -> tuple[float, ...]:
     return tuple(b - a for a, b in zip(*body.shape.bounds(), strict=True))
 
 
-def _check_holes(check: Checker, scene: Scene, body: Body) -> None:
+def _check_holes(check: Checker, scene: SceneData, body: Body) -> None:
     """Refuse what has no inside, or no lattice, where one is needed."""
     if body.subtract_from and isinstance(body.shape, PointFile):
         check.fail(
@@ -321,7 +306,7 @@ def _check_holes(check: Checker, scene: Scene, body: Body) -> None:
         )
 
 
-def _check_lattice(check: Checker, scene: Scene, body: Body) -> bool:
+def _check_lattice(check: Checker, scene: SceneData, body: Body) -> bool:
     """Refuse solids whose lattice has more points than can be looked at one by one."""
     shape = body.shape
     if isinstance(shape, BOXES) or not isinstance(shape, Solid):
@@ -341,7 +326,7 @@ def _check_lattice(check: Checker, scene: Scene, body: Body) -> bool:
     return True
 
 
-def _check_place(check: Checker, scene: Scene, body: Body) -> bool:
+def _check_place(check: Checker, scene: SceneData, body: Body) -> bool:
     """Check that a body is inside the domain; returns whether it can be filled."""
     shape = body.shape
     if isinstance(shape, BOXES):
@@ -378,14 +363,14 @@ def _check_place(check: Checker, scene: Scene, body: Body) -> bool:
     return True
 
 
-def reaches_into(scene: Scene, body: Body, box: Bounds) -> tuple[float, str]:
+def reaches_into(scene: SceneData, body: Body, box: Bounds) -> tuple[float, str]:
     """Return how far a body reaches into a straight box, m, ≤ 0 if apart, and that in words."""
     if isinstance(body.shape, BOXES):
         return reach(geometry_of(body.shape), box)
     return _depth(scene, body, Box(lower=box[0], upper=box[1]), body.particles_per_cell)
 
 
-def _depth(scene: Scene, body: Body, other: Solid, per_cell: int) -> tuple[float, str]:
+def _depth(scene: SceneData, body: Body, other: Solid, per_cell: int) -> tuple[float, str]:
     """Return how deep a lattice, or given particles, of a body lie in a solid, m, and in words."""
     shape = body.shape
     if isinstance(shape, PointFile):
@@ -400,7 +385,7 @@ def _depth(scene: Scene, body: Body, other: Solid, per_cell: int) -> tuple[float
     return deep, f"{deep:.3g}, or more,"
 
 
-def check_overlaps(scene: Scene, bodies: list[Body], problems: list[str]) -> None:
+def check_overlaps(scene: SceneData, bodies: list[Body], problems: list[str]) -> None:
     slack = _ROUNDING * scene.cell_size
     boxes = [(b, b.shape) for b in bodies if isinstance(b.shape, Solid | PointFile)]
     earlier: dict[str, Body] = {}

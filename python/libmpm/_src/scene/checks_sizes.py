@@ -17,8 +17,8 @@ from libmpm._src.shapes.boxes import DomainWalls, Solid
 from libmpm._src.shapes.filling import BOXES, body_lattice
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["block_edge", "check_numbers", "check_range", "check_sweeps"]
 
@@ -41,7 +41,7 @@ _RESOLVED = 1e-3
 _HELD = {"single": (1e-24, 1e30), "mixed": (1e-24, 1e30), "double": (1e-250, 1e250)}
 
 
-def check_range(scene: Scene, problems: list[str], doubts: list[str]) -> bool:
+def check_range(scene: SceneData, problems: list[str], doubts: list[str]) -> bool:
     """Refuse domains and bodies beyond what can be numbered; returns whether all can be."""
     if scene.grid is not None:
         return True
@@ -68,7 +68,7 @@ def block_edge(dimension: int) -> int:
     return _EDGE[dimension]
 
 
-def _check_cells(scene: Scene, problems: list[str]) -> None:
+def _check_cells(scene: SceneData, problems: list[str]) -> None:
     for a, n in enumerate(scene.cells):
         if n > _MOST_CELLS:
             problems.append(
@@ -85,7 +85,7 @@ def _check_cells(scene: Scene, problems: list[str]) -> None:
         )
 
 
-def _check_coordinates(scene: Scene, problems: list[str]) -> None:
+def _check_coordinates(scene: SceneData, problems: list[str]) -> None:
     """Refuse coordinates so large that their last digit is a noticeable part of a cell."""
     for a, (low, high, zero) in enumerate(zip(scene.lower, scene.upper, scene.origin, strict=True)):
         own = max(abs(low), abs(high))
@@ -103,7 +103,7 @@ def _check_coordinates(scene: Scene, problems: list[str]) -> None:
                 break
 
 
-def _check_narrow(scene: Scene, doubts: list[str]) -> None:
+def _check_narrow(scene: SceneData, doubts: list[str]) -> None:
     """Say where every node of an axis lies beside a wall, and something would move along it."""
     gravity = scene.gravity
     pulls = gravity.arrays()[1] if isinstance(gravity, TimeTable) else np.array([gravity])
@@ -131,7 +131,7 @@ def _check_narrow(scene: Scene, doubts: list[str]) -> None:
             )
 
 
-def _held_faces(scene: Scene, boundary: Boundary) -> list[str]:
+def _held_faces(scene: SceneData, boundary: Boundary) -> list[str]:
     """Return the faces of domain walls that hold the nodes beside them at rest."""
     shape = boundary.shape
     assert isinstance(shape, DomainWalls)
@@ -147,7 +147,9 @@ def _held_faces(scene: Scene, boundary: Boundary) -> list[str]:
     ]
 
 
-def check_numbers(scene: Scene, precision: str, bodies: Sequence[Mapping[str, Any]]) -> list[str]:
+def check_numbers(
+    scene: SceneData, precision: str, bodies: Sequence[Mapping[str, Any]]
+) -> list[str]:
     """Return what of the lowered `bodies` the number types of a precision cannot hold."""
     if scene.grid is not None:
         return []
@@ -184,7 +186,7 @@ def _number(
         )
 
 
-def check_sweeps(scene: Scene, time_step: float) -> list[str]:
+def check_sweeps(scene: SceneData, time_step: float) -> list[str]:
     """Return which moving shapes would pass a cell in one step, and material with it, unseen."""
     problems = []
     for boundary in scene.boundaries:

@@ -12,12 +12,12 @@ from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import wave_speed
-from libmpm._src.scene.checks_bodies import initial_gravity
+from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.solid import Solid
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["check_intervals", "check_step", "duration", "faster_than_flow", "faster_than_water"]
 __all__ += ["many_steps", "too_slow"]
@@ -47,13 +47,13 @@ def _viscosity(body: Body) -> float:
     return float(max(told.get("viscosity", 0), told.get("largest_viscosity", 0)) / told["density"])
 
 
-def _viscous_step(scene: Scene, nu: float) -> float:
+def _viscous_step(scene: SceneData, nu: float) -> float:
     """Return the time step that a kinematic viscosity allows, s."""
     part = min(0.5, max(1 - scene.dimension * scene.method.cfl**2, 0.1))  # step_limit of src/solver
     return float(part * scene.cell_size**2 / (4 * nu)) if nu > 0 else np.inf
 
 
-def _step(scene: Scene, fixed: float | None) -> float:
+def _step(scene: SceneData, fixed: float | None) -> float:
     """Return the time step that waves and viscosity allow, s; 0 if it is not known here."""
     fastest = max((wave_speed(b.material) or 0.0 for b in scene.bodies), default=0.0)
     if fixed or not fastest > 0:
@@ -62,7 +62,7 @@ def _step(scene: Scene, fixed: float | None) -> float:
     return min(scene.method.cfl * scene.cell_size / fastest, viscous)
 
 
-def check_intervals(scene: Scene, fixed: float | None) -> None:
+def check_intervals(scene: SceneData, fixed: float | None) -> None:
     """Refuse sensors of which too many samples would fall due in one step."""
     step = _step(scene, fixed)
     problems = [
@@ -75,7 +75,7 @@ def check_intervals(scene: Scene, fixed: float | None) -> None:
         raise SceneError(problems)
 
 
-def too_slow(scene: Scene, fixed: float | None, precision: str) -> list[str]:
+def too_slow(scene: SceneData, fixed: float | None, precision: str) -> list[str]:
     """Return which bodies begin so slowly that rounding changes their speed, where nothing else
     moves them."""
     if isinstance(scene.gravity, TimeTable) or np.any(initial_gravity(scene) != 0):
@@ -95,7 +95,7 @@ def too_slow(scene: Scene, fixed: float | None, precision: str) -> list[str]:
     return doubts
 
 
-def faster_than_water(scene: Scene) -> list[str]:
+def faster_than_water(scene: SceneData) -> list[str]:
     """Return which solids have waves faster than every fluid of the scene, and what that costs.
 
     The fastest wave sets the time step of all; a body's stiffness beyond the water's is seldom what
@@ -113,7 +113,7 @@ def faster_than_water(scene: Scene) -> list[str]:
     ]
 
 
-def faster_than_flow(scene: Scene) -> list[str]:
+def faster_than_flow(scene: SceneData) -> list[str]:
     """Return which water is much stiffer than its flow needs, and what that costs.
 
     Ten times the fastest flow keeps the volume within a percent (M² / 2 at M = 0.1). The flow is
@@ -170,7 +170,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 86400:.2g} days" if seconds < 6.3e7 else f"{seconds / 3.156e7:.2g} years"
 
 
-def check_step(scene: Scene, fixed: float | None, precision: str) -> None:
+def check_step(scene: SceneData, fixed: float | None, precision: str) -> None:
     """Refuse a step, given or chosen, in which slow material would not move as it should.
 
     The speed that must survive is a hundredth of the wave speed, the usual flow; beside a step that
@@ -214,7 +214,7 @@ def _first_speed(body: Body) -> float:
         return 0.0
 
 
-def _chosen_by(scene: Scene) -> str:
+def _chosen_by(scene: SceneData) -> str:
     """Return what limits the step that the plan chooses, in words."""
     waves = {b.name: wave_speed(b.material) or 0.0 for b in scene.bodies}
     fastest = max(waves, key=lambda name: waves[name])

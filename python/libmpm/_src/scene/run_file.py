@@ -10,11 +10,12 @@ from typing import Any
 
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
-from libmpm._src.output.writer import Output
+from libmpm._src.output.settings import Output
+from libmpm._src.scene.scaling import TEXT, UNITS, Scaling
 from libmpm._src.scene.scene import Scene
 from libmpm._src.scene.scene_file import read_json
 
-__all__ = ["RunFile", "RunSettings", "read_run_file", "without_debris"]
+__all__ = ["RunFile", "RunSettings", "read_run_file", "scale_run_file", "without_debris"]
 
 
 #: Largest floating-point number, s.
@@ -130,3 +131,14 @@ def without_debris(source: RunFile) -> RunFile:
         attributes = {b: names for b, names in attributes.items() if b not in gone}
     settings = replace(settings, debris=[], attributes=attributes)
     return RunFile(Scene.from_dict(data), settings)
+
+
+def scale_run_file(source: RunFile, scaling: Scaling) -> RunFile:
+    """Return scene and "run" settings in similitude."""
+    settings = {
+        name: item
+        if (unit := UNITS["RunSettings"][name]) == TEXT
+        else scaling.item(item, unit, f"run.{name}")
+        for name, item in vars(source.settings).items()
+    }
+    return RunFile(scaling.scene(source.scene), RunSettings(**settings))

@@ -11,18 +11,18 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.values import Checker, Value
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import Material
+from libmpm._src.scene.data import HEAD, SceneData
+from libmpm._src.scene.scene_file import SceneReader
 
-if TYPE_CHECKING:
-    from libmpm._src.scene.run_file import RunFile
-    from libmpm._src.scene.scene import Scene
+__all__ = ["OUTSIDE", "OWNER", "TEXT", "UNITS", "Scaling", "scale_scene"]
 
-__all__ = ["OUTSIDE", "OWNER", "TEXT", "UNITS", "Scaling", "scale_run_file", "scale_scene"]
+S = TypeVar("S", bound=SceneData)
 
 #: Unit of what is no quantity: names, choices, flags, whole numbers, and values with fields of
 #: their own.
@@ -322,10 +322,8 @@ class Scaling:
 
     # Scenes ----------------------------------------------------------------------------------
 
-    def scene(self, scene: Scene) -> Scene:
+    def scene(self, scene: S) -> S:
         """Return the scene with everything scaled; raises `SceneError`."""
-        from libmpm._src.scene.scene import HEAD, Scene
-
         if scene.start is not None:
             raise SceneError(
                 f"Scene.scaled: the scene goes on from {scene.start.checkpoint}, whose particles "
@@ -342,27 +340,14 @@ class Scaling:
         for kind, parts in scene._parts().items():
             made = [self.value(part).to_dict() for part in parts]
             data[kind] = [{k: v for k, v in part.items() if k != "type"} for part in made]
-        return Scene.from_dict(data)
+        return SceneReader(type(scene), data).read()
 
 
 def scale_scene(
-    scene: Scene, length_ratio: float, *, cauchy: bool = False, reynolds: bool = False
-) -> Scene:
+    scene: S, length_ratio: float, *, cauchy: bool = False, reynolds: bool = False
+) -> S:
     """Return the scene in similitude; see `Scene.scaled`."""
     return Scaling(length_ratio, cauchy, reynolds).scene(scene)
-
-
-def scale_run_file(source: RunFile, scaling: Scaling) -> RunFile:
-    """Return scene and "run" settings in similitude."""
-    from libmpm._src.scene.run_file import RunFile, RunSettings
-
-    settings = {
-        name: item
-        if (unit := UNITS["RunSettings"][name]) == TEXT
-        else scaling.item(item, unit, f"run.{name}")
-        for name, item in vars(source.settings).items()
-    }
-    return RunFile(scaling.scene(source.scene), RunSettings(**settings))
 
 
 # Formulas of coordinates -------------------------------------------------------------------------

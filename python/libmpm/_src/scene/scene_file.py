@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from libmpm._src.base.values import from_plain, nearest, shown, warn
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.friction import cone_warning
 from libmpm._src.scene.checks import check_scene
-from libmpm._src.scene.scene import HEAD, SCHEMA, Scene
+from libmpm._src.scene.data import HEAD, SCHEMA, SceneData
 
 __all__ = ["SceneReader", "read_json"]
+
+S = TypeVar("S", bound=SceneData)
 
 
 def read_json(path: Path) -> Any:
@@ -47,16 +49,17 @@ def read_json(path: Path) -> Any:
         raise SceneError(f"{path}: not JSON: {error}; write it with Scene.save") from error
 
 
-class SceneReader:
+class SceneReader(Generic[S]):
     """Reads a dictionary into a scene and collects every problem on the way."""
 
-    def __init__(self, data: Mapping[str, Any]) -> None:
-        """Take what a scene file holds."""
+    def __init__(self, kind: type[S], data: Mapping[str, Any]) -> None:
+        """Take what a scene file holds, to be read as a scene of class `kind`."""
+        self.kind = kind
         self.data = data
         self.problems: list[str] = []
         self.broken = False
 
-    def read(self) -> Scene:
+    def read(self) -> S:
         """Return the scene; raises `SceneError` with all problems."""
         data = self.data
         if not isinstance(data, Mapping) or "libmpm" not in data:
@@ -75,7 +78,7 @@ class SceneReader:
             if key not in known:
                 self.problems.append(f"scene file: unknown key '{key}'; {nearest(key, known)}")
         scene = self._head({k: v for k, v in data.items() if k in HEAD})
-        target = scene or _stand_in(data)
+        target: SceneData = scene or _stand_in(data)
         for kind, singular in zip(kinds, ("body", "boundary", "sensor", "flow"), strict=True):
             entries = data.get(kind, [])
             if not isinstance(entries, list | tuple):
@@ -91,9 +94,9 @@ class SceneReader:
         warn(text for text in found if text is not None)
         return scene
 
-    def _head(self, head: Mapping[str, Any]) -> Scene | None:
+    def _head(self, head: Mapping[str, Any]) -> S | None:
         try:
-            return Scene(**from_plain(head))
+            return self.kind(**from_plain(head))
         except SceneError as error:
             self.problems += error.problems
             return None
@@ -121,8 +124,8 @@ class SceneReader:
                 self.problems.append(problem if own else f"{prefix}: {problem}")
 
 
-def _stand_in(data: Mapping[str, Any]) -> Scene:
+def _stand_in(data: Mapping[str, Any]) -> SceneData:
     """Return an empty scene in which the parts of a broken one can still be checked."""
     stated = data.get("dimension")
     d = 2 if "grid" in data or (isinstance(stated, int) and stated == 2) else 3
-    return Scene(dimension=d, cell_size=1.0, lower=(0.0,) * d, upper=(1.0,) * d)
+    return SceneData(dimension=d, cell_size=1.0, lower=(0.0,) * d, upper=(1.0,) * d)

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.values import nearest
-from libmpm._src.scene.checks import initial_gravity
+from libmpm._src.scene.places import initial_gravity
 from libmpm._src.sensors import tensors
 
 if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.run.running import Running
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["ENGINE", "Attribute", "attribute", "compute", "find", "is_known", "names"]
 __all__ += ["reads", "refusal", "upward"]
@@ -204,7 +204,7 @@ def is_known(name: object) -> bool:
     return name in _ATTRIBUTES or name in ENGINE
 
 
-def upward(scene: Scene) -> Array:
+def upward(scene: SceneData) -> Array:
     """Return the unit vector against gravity at time 0, (d,); the last axis without gravity."""
     gravity = initial_gravity(scene)
     strength = float(np.linalg.norm(gravity))
@@ -234,7 +234,7 @@ def compute(name: str, source: Source) -> NDArray[Any]:
     return source.arrays[name] if found is None else found.make(source)
 
 
-def _has(body: Body, needs: str, scene: Scene) -> bool:
+def _has(body: Body, needs: str, scene: SceneData) -> bool:
     table = body.material.table
     columns = [c.name for c in table.columns]
     if needs == "F":
@@ -258,7 +258,7 @@ _MEANING = {
 }
 
 
-def refusal(name: str, body: Body, scene: Scene) -> str | None:
+def refusal(name: str, body: Body, scene: SceneData) -> str | None:
     """Return why a body of a scene has no such attribute, with the remedy; None if it has."""
     found = _ATTRIBUTES.get(name)
     if found is None:
@@ -278,7 +278,7 @@ def refusal(name: str, body: Body, scene: Scene) -> str | None:
     )
 
 
-def _refused_by_engine(name: str, body: Body, scene: Scene) -> str | None:
+def _refused_by_engine(name: str, body: Body, scene: SceneData) -> str | None:
     columns = [c.name for c in body.material.table.columns]
     form = body.fbar.form if body.fbar not in ("default", None) else ""  # type: ignore[union-attr]
     missing = {
@@ -293,7 +293,7 @@ def _refused_by_engine(name: str, body: Body, scene: Scene) -> str | None:
     )
 
 
-def attribute(simulation: Simulation, body: str, name: str) -> NDArray[Any]:
+def attribute(simulation: Running, body: str, name: str) -> NDArray[Any]:
     """Return an attribute of a body's particles, (n,) in SI units, rows sorted by id.
 
     `name` is one of `names`, or an attribute of the engine. Positions are in the world, m. Raises

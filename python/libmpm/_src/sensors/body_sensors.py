@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.time_tables import TimeTable
-from libmpm._src.scene.scene import Scene
+from libmpm._src.scene.data import SceneData
 from libmpm._src.sensors.grid_sensors import boundary_forces, gravity_at
 from libmpm._src.sensors.python_sensors import BodyTracker
 from libmpm._src.sensors.reductions import Array
@@ -60,7 +60,7 @@ def angular_velocity(away: Array, velocity: Array, mass: Array) -> Array:
     return np.linalg.solve(tensor, spin)
 
 
-def gravity_impulse(scene: Scene, first: float, last: float) -> Array:
+def gravity_impulse(scene: SceneData, first: float, last: float) -> Array:
     """Return ∫ g dt, (d,), m/s."""
     if not isinstance(scene.gravity, TimeTable):
         return gravity_at(scene, first) * (last - first)
@@ -74,7 +74,7 @@ def gravity_impulse(scene: Scene, first: float, last: float) -> Array:
 class OfBody(Sampler):
     """Tracks one body."""
 
-    def __init__(self, scene: Scene, sensor: BodyTracker) -> None:
+    def __init__(self, scene: SceneData, sensor: BodyTracker) -> None:
         """Take a sensor that has been checked."""
         self._scene, self._chosen = scene, tuple(sensor.quantities)
         (self._body,) = bodies_of(scene, sensor.body)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from libmpm._src.base.values import Checker, nearest
-from libmpm._src.scene.checks import initial_gravity, vertical_axis
+from libmpm._src.scene.places import initial_gravity, vertical_axis
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.column_gauge import ColumnGauge
 from libmpm._src.sensors.python_sensors import (
@@ -23,12 +23,14 @@ from libmpm._src.sensors.sampler import bodies_of
 from libmpm._src.sensors.step_readings import SPREADS
 
 if TYPE_CHECKING:
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["check_sampled"]
 
 
-def check_sampled(check: Checker, scene: Scene, sensor: Sampled, counts: Mapping[str, int]) -> None:
+def check_sampled(
+    check: Checker, scene: SceneData, sensor: Sampled, counts: Mapping[str, int]
+) -> None:
     """Report what is wrong with a sensor to `check`; `counts` are particles by body, if known."""
     d = scene.dimension
     body = getattr(sensor, "body", None)
@@ -78,7 +80,7 @@ def check_sampled(check: Checker, scene: Scene, sensor: Sampled, counts: Mapping
             )
 
 
-def _check_contact(check: Checker, scene: Scene, sensor: ContactForce) -> None:
+def _check_contact(check: Checker, scene: SceneData, sensor: ContactForce) -> None:
     names = [b.name for b in scene.bodies]
     if sensor.by not in names:
         check.fail(f"by is unknown body '{sensor.by}'; {nearest(sensor.by, names)}")
@@ -103,7 +105,7 @@ def _check_direction(check: Checker, sensor: ParticleSensor) -> None:
         )
 
 
-def _check_attribute(check: Checker, scene: Scene, name: str, body: str | None) -> None:
+def _check_attribute(check: Checker, scene: SceneData, name: str, body: str | None) -> None:
     for i in bodies_of(scene, body):
         problem = attributes.refusal(name, scene.bodies[i], scene)
         if problem is not None:
@@ -128,7 +130,7 @@ def _check_ids(check: Checker, sensor: AttributeTracker, counts: Mapping[str, in
         )
 
 
-def _check_loads(check: Checker, scene: Scene, what: str) -> None:
+def _check_loads(check: Checker, scene: SceneData, what: str) -> None:
     """Refuse forces of boundaries where the grid does not tell them."""
     if scene.grid is not None:
         check.fail(f"{what} on a grid of functions; expected square cells; use a LoadCell")
@@ -141,7 +143,7 @@ def _check_loads(check: Checker, scene: Scene, what: str) -> None:
         )
 
 
-def _check_grid(check: Checker, scene: Scene, sensor: GridSensor) -> None:
+def _check_grid(check: Checker, scene: SceneData, sensor: GridSensor) -> None:
     if scene.grid is not None:
         check.fail(
             "a grid of functions has no nodes that carry mass of their own; expected square or "
@@ -151,7 +153,9 @@ def _check_grid(check: Checker, scene: Scene, sensor: GridSensor) -> None:
         _check_loads(check, scene, "attribute is 'force'")
 
 
-def _check_place(check: Checker, scene: Scene, place: object, axes: list[int], what: str) -> None:
+def _check_place(
+    check: Checker, scene: SceneData, place: object, axes: list[int], what: str
+) -> None:
     point = [float(x) for x in place]  # type: ignore[attr-defined]
     if len(point) != len(axes):
         check.fail(

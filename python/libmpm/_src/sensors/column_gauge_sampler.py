@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from libmpm._src.scene.checks import vertical_axis
-from libmpm._src.scene.scene import Scene
+from libmpm._src.scene.data import SceneData
+from libmpm._src.scene.places import vertical_axis
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.column_gauge import ColumnGauge
 from libmpm._src.sensors.reductions import Array
@@ -31,7 +31,7 @@ def mean_column(height: Array, velocity: Array, weight: Array) -> Array:
 class OfColumn(Sampler):
     """Weighs the particles over a place."""
 
-    def __init__(self, scene: Scene, sensor: ColumnGauge) -> None:
+    def __init__(self, scene: SceneData, sensor: ColumnGauge) -> None:
         """Take a sensor that has been checked."""
         self._bodies = bodies_of(scene, sensor.body)
         self._vertical = axis = vertical_axis(scene)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.scene.scene import Scene
+from libmpm._src.scene.data import SceneData
 from libmpm._src.sensors.python_sensors import ContactForce
 from libmpm._src.sensors.reductions import Array
 from libmpm._src.sensors.sampler import Sampler, axes_of, bodies_of
@@ -57,7 +57,7 @@ def _gathered(nodes: Nodes, ids: NDArray[np.int64], place: Array, cell_size: flo
 class OfContact(Sampler):
     """Gives the force of one body on another in the step after a sample is due."""
 
-    def __init__(self, scene: Scene, sensor: ContactForce) -> None:
+    def __init__(self, scene: SceneData, sensor: ContactForce) -> None:
         """Take a sensor that has been checked."""
         self._pair = tuple(bodies_of(scene, name)[0] for name in (sensor.body, sensor.by))
         self._every = sensor.interval == 0

@@ -10,7 +10,7 @@ from libmpm._src.errors import SceneError
 from libmpm._src.sensors.python_sensors import Custom
 
 if TYPE_CHECKING:
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["check_functions", "check_storable", "storable", "with_functions"]
 
@@ -20,7 +20,7 @@ def _customs(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [p for p in parts if p["sensor"].get("type") == Custom.__name__]
 
 
-def storable(scene: Scene) -> dict[str, Any]:
+def storable(scene: SceneData) -> dict[str, Any]:
     """Return the scene in terms of JSON, with the names of functions in their place."""
     document = scene.to_dict()
     named = {p.name: p.sensor for p in scene.sensors if isinstance(p.sensor, Custom)}
@@ -48,7 +48,7 @@ def with_functions(
     return document
 
 
-def check_storable(scene: Scene) -> None:
+def check_storable(scene: SceneData) -> None:
     """Raise `SceneError` for every sensor that a scene file cannot hold."""
     problems = [
         f"sensor '{p.name}': its function {p.sensor.function_name} cannot be written to a file; "
@@ -60,7 +60,7 @@ def check_storable(scene: Scene) -> None:
         raise SceneError(problems)
 
 
-def check_functions(scene: Scene) -> None:
+def check_functions(scene: SceneData) -> None:
     """Raise `SceneError` for every `Custom` sensor of which there is only a name."""
     problems = [
         f"sensor '{p.name}': its function '{p.sensor.function}' is only a name, which a file kept; "

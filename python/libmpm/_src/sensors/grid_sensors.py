@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.time_tables import TimeTable
-from libmpm._src.scene.scene import Scene
+from libmpm._src.scene.data import SceneData
 from libmpm._src.sensors.particle_sensors import unit_after
 from libmpm._src.sensors.python_sensors import GRID, GridSensor
 from libmpm._src.sensors.reductions import Array, along, reduce
@@ -22,7 +22,7 @@ __all__ = ["OfGrid", "boundary_forces", "gravity_at"]
 _ROUNDING = 8.0
 
 
-def gravity_at(scene: Scene, time: float) -> Array:
+def gravity_at(scene: SceneData, time: float) -> Array:
     """Return gravity at a time, (d,), m/s²."""
     gravity = scene.gravity
     return gravity.at(time) if isinstance(gravity, TimeTable) else np.asarray(gravity, np.float64)
@@ -47,7 +47,7 @@ def boundary_forces(moment: Moment) -> Array:
 class OfGrid(Sampler):
     """Reduces a quantity over nodes."""
 
-    def __init__(self, scene: Scene, sensor: GridSensor) -> None:
+    def __init__(self, scene: SceneData, sensor: GridSensor) -> None:
         """Take a sensor that has been checked."""
         self._sensor, self._scene = sensor, scene
         unit, self._vector = GRID[sensor.attribute]

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from libmpm._src.scene.checks import vertical_axis
-from libmpm._src.scene.scene import Scene
+from libmpm._src.scene.data import SceneData
+from libmpm._src.scene.places import vertical_axis
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.python_sensors import (
     AttributeTracker,
@@ -34,7 +34,7 @@ def unit_after(unit: str, operation: str) -> str:
 class OfParticles(Sampler):
     """Reduces an attribute over particles."""
 
-    def __init__(self, scene: Scene, sensor: ParticleSensor) -> None:
+    def __init__(self, scene: SceneData, sensor: ParticleSensor) -> None:
         """Take a sensor that has been checked."""
         self._sensor, self._scene = sensor, scene
         self._bodies = bodies_of(scene, sensor.body)
@@ -72,7 +72,7 @@ class OfParticles(Sampler):
 class OfAttributes(Sampler):
     """Follows attributes of particles by id."""
 
-    def __init__(self, scene: Scene, sensor: AttributeTracker) -> None:
+    def __init__(self, scene: SceneData, sensor: AttributeTracker) -> None:
         """Take a sensor that has been checked."""
         self._sensor = sensor
         (self._body,) = bodies_of(scene, sensor.body)
@@ -118,7 +118,7 @@ class OfPressure(Sampler):
     columns = ("pressure",)
     units = ("Pa",)
 
-    def __init__(self, scene: Scene, sensor: PressureProbe) -> None:
+    def __init__(self, scene: SceneData, sensor: PressureProbe) -> None:
         """Take a sensor that has been checked."""
         self._order = sensor.order
         self._bodies = bodies_of(scene, sensor.body)
@@ -165,7 +165,7 @@ class OfElevation(Sampler):
     columns = ("level",)
     units = ("m",)
 
-    def __init__(self, scene: Scene, sensor: ElevationGauge) -> None:
+    def __init__(self, scene: SceneData, sensor: ElevationGauge) -> None:
         """Take a sensor that has been checked."""
         self._sensor = sensor
         self._bodies = bodies_of(scene, sensor.body)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.scene.scene import Scene
+from libmpm._src.scene.data import SceneData
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.reductions import Array
 from libmpm._src.sensors.step_readings import Moment
@@ -43,7 +43,7 @@ class Sampler:
         """Take up what `state` returned."""
 
 
-def bodies_of(scene: Scene, body: str | None) -> list[int]:
+def bodies_of(scene: SceneData, body: str | None) -> list[int]:
     """Return the numbers of the bodies that a sensor asks for; None is all."""
     return [i for i, b in enumerate(scene.bodies) if body is None or b.name == body]
 
@@ -55,12 +55,12 @@ def in_region(region: Solid | None, points: Array, cell_size: float) -> NDArray[
     return region.distance(points) <= _ROUNDING * cell_size
 
 
-def axes_of(scene: Scene) -> str:
+def axes_of(scene: SceneData) -> str:
     """Return the names of the axes."""
     return "xyz"[: scene.dimension]
 
 
-def unit_in(scene: Scene, name: str) -> str:
+def unit_in(scene: SceneData, name: str) -> str:
     """Return the unit of an attribute; in 2D what is summed is per metre of thickness."""
     found = attributes.find(name)
     unit = attributes.ENGINE[name] if found is None else found.unit

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.schedule import due_index, due_time
 from libmpm._src.errors import SceneError
 from libmpm._src.output.series import Series
-from libmpm._src.output.writer import due_index, due_time
 from libmpm._src.run.views import world_shift
 from libmpm._src.sensors.body_sensors import OfBody
 from libmpm._src.sensors.column_gauge import ColumnGauge
@@ -37,8 +37,8 @@ from libmpm._src.sensors.step_readings import Moment
 
 if TYPE_CHECKING:
     from libmpm._src.output.checkpoint import Checkpoint
-    from libmpm._src.run.simulation import Simulation
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.run.running import Running
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["Measurements", "sampler"]
 
@@ -46,7 +46,7 @@ __all__ = ["Measurements", "sampler"]
 class OfFunction(Sampler):
     """Calls a function of the user's."""
 
-    def __init__(self, _scene: Scene, sensor: Custom) -> None:
+    def __init__(self, _scene: SceneData, sensor: Custom) -> None:
         """Take a sensor that has been checked."""
         self._sensor = sensor
         self.columns = tuple(sensor.columns)
@@ -72,7 +72,7 @@ _SAMPLERS: dict[type[Sampled], Any] = {
 }  # fmt: skip
 
 
-def sampler(scene: Scene, sensor: Sampled) -> Sampler:
+def sampler(scene: SceneData, sensor: Sampled) -> Sampler:
     """Return what evaluates a sensor of a scene."""
     made: Sampler = _SAMPLERS[type(sensor)](scene, sensor)
     return made
@@ -81,7 +81,7 @@ def sampler(scene: Scene, sensor: Sampled) -> Sampler:
 class _Python:
     """A sensor that is evaluated here: its series, and when it is due next."""
 
-    def __init__(self, name: str, scene: Scene, sensor: Sampled) -> None:
+    def __init__(self, name: str, scene: SceneData, sensor: Sampled) -> None:
         self.interval = sensor.interval
         self.sampler = sampler(scene, sensor)
         attributes = {"kind": sensor.kind, "interval": sensor.interval}
@@ -105,7 +105,7 @@ class Measurements:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: Running,
         engine: Any,
         specification: Mapping[str, Any],
         restored: Checkpoint | None,

@@ -15,8 +15,8 @@ from libmpm._src.sensors.reductions import Array
 
 if TYPE_CHECKING:
     from libmpm._src.methods.transfer import Kernel
-    from libmpm._src.run.simulation import Simulation
-    from libmpm._src.scene.scene import Scene
+    from libmpm._src.run.running import Running
+    from libmpm._src.scene.data import SceneData
 
 __all__ = ["SPREADS", "Moment", "Nodes", "stores_velocity"]
 
@@ -27,7 +27,7 @@ SPREADS = ("linear", "ddmp", "quadratic", "cubic")
 _LARGEST_TABLE = 1 << 25
 
 
-def stores_velocity(scene: Scene) -> bool:
+def stores_velocity(scene: SceneData) -> bool:
     """Return whether particles keep a velocity of their own, which then is that of the last step.
 
     Otherwise velocities are read from the grid, with gravity and boundaries of the coming step.
@@ -46,7 +46,7 @@ class Nodes:
     boundaries; `position` (n, d) m is that of the scene.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Running) -> None:
         """Read the grid of a simulation."""
         scene, engine = simulation.scene, simulation.engine
         d = scene.dimension
@@ -167,7 +167,7 @@ def _weights(kernel: Kernel, xi: Array) -> list[Array]:
 class Moment:
     """A simulation at a step boundary; arrays are read when first asked for and kept."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Running) -> None:
         """Look at a simulation; nothing is read yet."""
         self.simulation = simulation
         self.scene = simulation.scene

@@ -27,8 +27,8 @@ from libmpm._src.shapes.solid import Array, Bounds, Solid
 from libmpm._src.shapes.volume import counted_volume, shared_bounds, volume_of
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
-    from libmpm._src.scene.scene import Scene
 
 __all__ = ["BOXES", "Filling", "body_lattice", "bounds_of", "caught_in", "fill", "geometry_of"]
 __all__ += ["holes_of", "is_plain", "place_of", "relative"]
@@ -70,7 +70,7 @@ class _Given:
         return self._position[first:last]
 
 
-def relative(scene: Scene, point: Sequence[float]) -> npt.NDArray[np.float64]:
+def relative(scene: SceneData, point: Sequence[float]) -> npt.NDArray[np.float64]:
     """Return a point of the scene relative to its lower corner, float64 (d,), m."""
     return np.asarray(point, dtype=np.float64) - np.asarray(scene.lower, dtype=np.float64)
 
@@ -80,7 +80,7 @@ def geometry_of(shape: Box | OrientedBox) -> Extent:
     return shape.turned_box() if isinstance(shape, OrientedBox) else (shape.lower, shape.upper)
 
 
-def place_of(scene: Scene, body: Body) -> Extent:
+def place_of(scene: SceneData, body: Body) -> Extent:
     """Return where the box of a body is, relative to the scene's lower corner."""
     assert isinstance(body.shape, BOXES)
     place = geometry_of(body.shape)
@@ -90,7 +90,7 @@ def place_of(scene: Scene, body: Body) -> Extent:
     return low, high
 
 
-def body_lattice(scene: Scene, body: Body) -> lattices.Lattice:
+def body_lattice(scene: SceneData, body: Body) -> lattices.Lattice:
     """Return the lattice that fills a box, relative to the scene's lower corner."""
     place = place_of(scene, body)
     if isinstance(place, TurnedBox):
@@ -100,19 +100,19 @@ def body_lattice(scene: Scene, body: Body) -> lattices.Lattice:
     return lattices.lattice(*place, scene.cell_size, body.particles_per_cell, body.lattice)
 
 
-def holes_of(scene: Scene, body: Body) -> list[Body]:
+def holes_of(scene: SceneData, body: Body) -> list[Body]:
     """Return the bodies that are subtracted from this one."""
     return [b for b in scene.bodies if body.name in b.subtract_from and b is not body]
 
 
-def is_plain(scene: Scene, body: Body) -> bool:
+def is_plain(scene: SceneData, body: Body) -> bool:
     """Return whether a body is a box filled by its plain lattice, with boxes alone for holes."""
     holes = holes_of(scene, body)
     plain = isinstance(body.shape, BOXES) and body.sampling is None
     return plain and all(isinstance(b.shape, BOXES) for b in holes)
 
 
-def bounds_of(scene: Scene, body: Body) -> Array:
+def bounds_of(scene: SceneData, body: Body) -> Array:
     """Return the corners (2, d) of a box around a body, relative to the scene's lower corner, m."""
     if isinstance(body.shape, BOXES):
         return body_lattice(scene, body).bounds
@@ -120,7 +120,7 @@ def bounds_of(scene: Scene, body: Body) -> Array:
     return np.array([relative(scene, corner) for corner in body.shape.bounds()])
 
 
-def fill(scene: Scene, body: Body) -> Filling:
+def fill(scene: SceneData, body: Body) -> Filling:
     """Return the particles of a body; its shape has an end, and its holes are solids."""
     holes = holes_of(scene, body)
     if is_plain(scene, body):
@@ -152,7 +152,9 @@ def fill(scene: Scene, body: Body) -> Filling:
     return _solid(scene.lower, around, shape, solids, how, spacing)
 
 
-def caught_in(scene: Scene, body: Body, position: Array, allowance: float) -> npt.NDArray[np.int64]:
+def caught_in(
+    scene: SceneData, body: Body, position: Array, allowance: float
+) -> npt.NDArray[np.int64]:
     """Return which positions (n, d), m relative, lie in a body's solid; none in a PointFile."""
     if not isinstance(body.shape, Solid):
         return np.zeros(0, dtype=np.int64)
@@ -232,7 +234,7 @@ def _columns(
     return Filling(points, bounds, _net_volume(shape, holes), max(1, points.count))
 
 
-def _upright(scene: Scene) -> int:
+def _upright(scene: SceneData) -> int:
     """Return the axis of gravity, where it is strongest; the last one without any."""
     table = scene.gravity
     rows = table.arrays()[1] if isinstance(table, TimeTable) else np.array([table])

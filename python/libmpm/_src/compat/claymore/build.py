@@ -335,7 +335,7 @@ class _Builder:
                 "now; add sensors.BodyTracker or AttributeTracker where wanted"
             )
             return
-        from libmpm._src.scene.checks import body_counts
+        from libmpm._src.scene.places import body_counts
 
         try:
             counts = dict(zip([b.name for b in scene.bodies], body_counts(scene), strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.base.values import Checker
-from libmpm._src.scene.checks import vertical_axis
+from libmpm._src.scene.places import vertical_axis
 from libmpm._src.shapes.boxes import OrientedBox
 
 if TYPE_CHECKING:

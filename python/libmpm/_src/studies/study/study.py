@@ -14,7 +14,7 @@ from libmpm._src.base.values import Checker, keywords_only, nearest
 from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output.atomic_files import writing
 from libmpm._src.output.locks import locked
-from libmpm._src.output.writer import Output
+from libmpm._src.output.settings import Output
 from libmpm._src.scene.scene import Scene
 from libmpm._src.studies.study import pool
 from libmpm._src.studies.study.case import (

@@ -1,0 +1,140 @@
+"""`Output`: where a run writes, which frames and checkpoints, how often."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from libmpm._src.base.values import shown
+from libmpm._src.errors import SceneError
+from libmpm._src.sensors.engine_sensors import LEAST_INTERVAL
+
+__all__ = ["Output"]
+
+#: Attributes of a frame where none are chosen.
+DEFAULT_ATTRIBUTES = ("velocity", "pressure")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Settings:
+    path: str
+    frame_interval: float | None
+    attributes: dict[str, list[str]] | list[str] | None
+    checkpoint_interval: float | None
+    overwrite: bool
+
+
+class Output:
+    """Where and how often a simulation writes.
+
+    Parameters
+    ----------
+    path
+        Folder; made if absent. It receives ``scene.json``, ``plan.txt``, ``log.json``,
+        ``sensors.h5``, ``csv/<sensor>.csv``, ``frames/<body>_<index>.vtkhdf``, ``removed.csv``
+        and ``checkpoints/`` (two generations).
+    frame_interval
+        Simulated seconds between frames; frame k is taken at the first step boundary with
+        time >= k * frame_interval. None: no frames.
+    attributes
+        Names to store in frames beside the position: one list for all bodies or
+        {body: list}. A body that the mapping leaves out has no frames. Default: velocity and
+        pressure.
+    checkpoint_interval
+        Simulated seconds between checkpoints. None: none.
+    overwrite
+        Replace the results of an earlier run in the same folder instead of refusing.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        frame_interval: float | None = None,
+        attributes: Mapping[str, Sequence[str]] | Sequence[str] | None = None,
+        checkpoint_interval: float | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        """Check and keep the settings; nothing is written before the run starts."""
+        problems = []
+        intervals = {"frame_interval": frame_interval, "checkpoint_interval": checkpoint_interval}
+        for name, value in intervals.items():
+            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if value is not None and not (number and LEAST_INTERVAL <= value < math.inf):
+                problems.append(
+                    f"Output: {name} is {shown(value)}; expected seconds above 0 "
+                    f"(≥ {LEAST_INTERVAL:g}), or None"
+                )
+        if isinstance(attributes, str):
+            problems.append(f"Output: attributes is the text '{attributes}'; expected a list")
+        if problems:
+            raise SceneError(problems)
+        chosen: dict[str, list[str]] | list[str] | None = None
+        if isinstance(attributes, Mapping):
+            chosen = {body: list(names) for body, names in attributes.items()}
+        elif attributes is not None:
+            chosen = list(attributes)
+        self._settings = _Settings(
+            path=str(path),
+            frame_interval=frame_interval,
+            attributes=chosen,
+            checkpoint_interval=checkpoint_interval,
+            overwrite=overwrite,
+        )
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return Path(self._settings.path)
+
+    @property
+    def frame_interval(self) -> float | None:
+        """Simulated seconds between frames, or None."""
+        return self._settings.frame_interval
+
+    @property
+    def checkpoint_interval(self) -> float | None:
+        """Simulated seconds between checkpoints, or None."""
+        return self._settings.checkpoint_interval
+
+    @property
+    def overwrite(self) -> bool:
+        """Whether earlier results in the folder are replaced."""
+        return self._settings.overwrite
+
+    def attributes_of(self, body: str) -> list[str] | None:
+        """Return the names stored in frames of `body`; None for no frames of it."""
+        chosen = self._settings.attributes
+        if chosen is None:
+            return list(DEFAULT_ATTRIBUTES)
+        if isinstance(chosen, dict):
+            return chosen.get(body)
+        return chosen
+
+    @property
+    def bodies(self) -> list[str]:
+        """Bodies that the attributes name; empty where one list serves all."""
+        chosen = self._settings.attributes
+        return list(chosen) if isinstance(chosen, dict) else []
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the arguments of the constructor."""
+        return asdict(self._settings)
+
+    def __eq__(self, other: object) -> bool:
+        """Compare the settings."""
+        return isinstance(other, Output) and self._settings == other._settings
+
+    def __hash__(self) -> int:
+        """Hash the folder."""
+        return hash(self._settings.path)
+
+    def __repr__(self) -> str:
+        """Return an expression that makes an equal value."""
+        arguments = {k: v for k, v in self.to_dict().items() if k != "path" and v not in (None, 0)}
+        listed = "".join(f", {k}={v!r}" for k, v in arguments.items())
+        return f"Output({self._settings.path!r}{listed})"

@@ -1,0 +1,427 @@
+"""`SceneData`: bodies, boundaries, sensors, flows and method of a scene, as a pure value."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypeVar
+
+from libmpm._src.base.formulas import Field
+from libmpm._src.base.time_tables import TimeTable, check_vector_table
+from libmpm._src.base.values import Checker, Value, keywords_only, plain, shown
+from libmpm._src.boundaries.flows import Flow, PlacedFlow
+from libmpm._src.boundaries.responses import DecayLayer, Displacement, Response, Rotation, Travel
+from libmpm._src.errors import SceneError
+from libmpm._src.grids.grid import SplineGrid, TriangularGrid
+from libmpm._src.grids.shapes import Cells, Outline, Points, Traction
+from libmpm._src.materials.material import Material
+from libmpm._src.methods.method import FBar, Method
+from libmpm._src.methods.smoothing import AssumedFields, Smoothing
+from libmpm._src.methods.transfer import Transfer
+from libmpm._src.scene.parts import Body, Boundary, PlacedSensor
+from libmpm._src.scene.placed_force import PlacedForce
+from libmpm._src.scene.start import Start
+from libmpm._src.sensors.engine_sensors import Sensor
+from libmpm._src.shapes.boxes import Box, DomainWalls, Solid
+from libmpm._src.shapes.particle_placement import Sampling
+from libmpm._src.shapes.point_file import PointFile
+
+__all__ = ["HEAD", "SCHEMA", "Body", "Boundary", "PlacedSensor", "SceneData"]
+
+#: Version of the scene files.
+SCHEMA = 1
+
+#: Part of a cell by which the domain's width may differ from a whole number of cells.
+_WHOLE = 1e-6
+
+T = TypeVar("T", bound=Value)
+
+
+class SceneData:
+    """A scene as a pure value: what every part of libmpm annotates, validates, lowers and draws.
+
+    `Scene` adds what users do with one; its docstring has the table of arguments. Scenes compare
+    equal when all their values do, can be pickled, and have `to_dict`.
+    """
+
+    @keywords_only("Scene", instead={"grid": ("cell_size", "lower", "upper")})
+    def __init__(
+        self,
+        *,
+        dimension: int | None = None,
+        cell_size: float | None = None,
+        lower: Sequence[float] | None = None,
+        upper: Sequence[float] | None = None,
+        grid: TriangularGrid | SplineGrid | None = None,
+        origin: Sequence[float] | None = None,
+        gravity: Sequence[float] | TimeTable | None = None,
+        method: Method | None = None,
+        name: str = "",
+        start: Start | None = None,
+    ) -> None:
+        """See the class."""
+        check = Checker(f"Scene '{name}'" if isinstance(name, str) and name else "Scene")
+        if dimension is None:
+            dimension = 3 if grid is None else 2
+        whole = isinstance(dimension, numbers.Real) and not isinstance(dimension, bool)
+        if not whole or dimension not in (2, 3):
+            check.fail(f"dimension is {shown(dimension)}; expected 2 or 3")
+            check.finish()
+        d = int(dimension)
+        self._dimension = d
+        self._grid = grid
+        given = {"cell_size": cell_size, "lower": lower, "upper": upper}
+        if grid is None:
+            self._cell_size = check.number(
+                "cell_size", cell_size, lower=0, lower_open=True, unit="m"
+            )
+            self._lower = check.vector("lower", lower, lengths=(d,), unit="m")
+            self._upper = check.vector("upper", upper, lengths=(d,), unit="m")
+        else:
+            self._take_grid(check, grid, given)
+        zero = (0.0,) * d
+        self._origin = (
+            zero if origin is None else check.vector("origin", origin, lengths=(d,), unit="m")
+        )
+        self._gravity: tuple[float, ...] | TimeTable
+        if isinstance(gravity, TimeTable):
+            check_vector_table(check, "gravity", gravity, d, "m/s²")
+            self._gravity = gravity
+        elif gravity is None:
+            self._gravity = zero
+        else:
+            self._gravity = check.vector("gravity", gravity, lengths=(d,), unit="m/s²")
+        self._method = Method() if method is None else method
+        check.instance("method", self._method, (Method,), "Method(...)")
+        self._start = start
+        if start is not None:
+            check.instance("start", start, (Start,), "what Scene.from_checkpoint gives")
+        self._name = check.text("name", name, empty=True)
+        self._cells = (grid.cells,) if grid is not None else self._count_cells(check)
+        self._bodies: dict[str, Body] = {}
+        self._boundaries: dict[str, Boundary] = {}
+        self._sensors: dict[str, PlacedSensor] = {}
+        self._flows: dict[str, PlacedFlow] = {}
+        check.finish()
+
+    def _take_grid(
+        self, check: Checker, grid: TriangularGrid | SplineGrid, given: Mapping[str, Any]
+    ) -> None:
+        """Take the corners of the domain from a grid of functions."""
+        kinds = (TriangularGrid, SplineGrid)
+        check.instance("grid", grid, kinds, "a grid of libmpm.grids")
+        check.finish()
+        for key, item in given.items():
+            if item is not None:
+                check.fail(f"{key} is {shown(item)} with a grid, which has its own; leave it out")
+        if self._dimension != 2:
+            check.fail(f"dimension is {self._dimension} with {grid!r}; expected 2; leave it out")
+            check.finish()
+        self._cell_size = grid.spacing
+        self._lower, self._upper = tuple(grid.lower), tuple(grid.upper)
+
+    def _count_cells(self, check: Checker) -> tuple[int, ...]:
+        if not (self._lower and self._upper and self._cell_size > 0):
+            return ()
+        cells = []
+        for a, (low, high) in enumerate(zip(self._lower, self._upper, strict=True)):
+            if high <= low:
+                check.fail(
+                    f"upper[{a}] is {high:g} with lower[{a}] {low:g}; expected upper > lower"
+                )
+                continue
+            width = (high - low) / self._cell_size
+            if math.isinf(width):
+                check.fail(
+                    f"the domain is {high - low:g} m wide on axis {a} with cells of "
+                    f"{self._cell_size:g} m; expected fewer than 1.8e308 of them"
+                )
+                continue
+            n = max(1, round(width))
+            if abs(width - n) > _WHOLE:
+                check.fail(
+                    f"the domain is {width:.6g} cells wide on axis {a}; expected a whole number; "
+                    f"use upper[{a}] = {low + n * self._cell_size:.9g}"
+                )
+            cells.append(n)
+        return tuple(cells)
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes, 2 or 3."""
+        return self._dimension
+
+    @property
+    def grid(self) -> TriangularGrid | SplineGrid | None:
+        """The grid of triangles or splines; None where the cells are squares or cubes."""
+        return self._grid
+
+    @property
+    def cell_size(self) -> float:
+        """Edge of a cell, m; the shortest of a `grid`."""
+        return self._cell_size
+
+    @property
+    def lower(self) -> tuple[float, ...]:
+        """Lower corner of the domain relative to `origin`, m."""
+        return self._lower
+
+    @property
+    def upper(self) -> tuple[float, ...]:
+        """Upper corner of the domain relative to `origin`, m."""
+        return self._upper
+
+    @property
+    def origin(self) -> tuple[float, ...]:
+        """World position of coordinate zero, m."""
+        return self._origin
+
+    @property
+    def gravity(self) -> tuple[float, ...] | TimeTable:
+        """Acceleration of gravity, m/s²."""
+        return self._gravity
+
+    @property
+    def method(self) -> Method:
+        """Numerical choices."""
+        return self._method
+
+    @property
+    def name(self) -> str:
+        """Name for titles and files."""
+        return self._name
+
+    @property
+    def start(self) -> Start | None:
+        """The checkpoint that the scene goes on from; None of a scene of its own."""
+        return self._start
+
+    @property
+    def cells(self) -> tuple[int, ...]:
+        """Number of cells on each axis; of a `grid` its one number of cells."""
+        return self._cells
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The bodies in the order in which they were added."""
+        return tuple(self._bodies.values())
+
+    @property
+    def boundaries(self) -> tuple[Boundary, ...]:
+        """The boundaries in the order in which they were added."""
+        return tuple(self._boundaries.values())
+
+    @property
+    def sensors(self) -> tuple[PlacedSensor, ...]:
+        """The sensors (`name`, `sensor`) in the order in which they were added."""
+        return tuple(self._sensors.values())
+
+    @property
+    def flows(self) -> tuple[PlacedFlow, ...]:
+        """Inflows and outflows (`name`, `flow`) in the order in which they were added."""
+        return tuple(self._flows.values())
+
+    @keywords_only("Scene.add_body")
+    def add_body(
+        self,
+        *,
+        name: str,
+        shape: Solid | PointFile | Cells | Points,
+        material: Material,
+        particles_per_cell: int | None = None,
+        velocity: Sequence[float] | Field | None = None,
+        fbar: FBar | Literal["default"] | None = "default",
+        hydrostatic: float | None = None,
+        subtract_from: Sequence[str] = (),
+        lattice: Sequence[int] | None = None,
+        stress: Sequence[float] | Field | None = None,
+        tractions: Sequence[Traction] = (),
+        transfer: Transfer | None = None,
+        sampling: Sampling | None = None,
+        smoothing: Smoothing | None = None,
+        assumed: AssumedFields | None = None,
+        damping: float = 0.0,
+        force: PlacedForce | None = None,
+    ) -> str:
+        """Add a body and return its name.
+
+        ==================  ====  ========  ==================================================
+        parameter           unit  range     meaning
+        ==================  ====  ========  ==================================================
+        name                -     unique    name among the bodies
+        shape               -     a shape   any solid of `libmpm.shapes`, exact total mass: boxes
+                                            by a lattice of their own, others by that of the cells;
+                                            a PointFile; on a `grid` Box, Cells or Points
+        material            -     material  a value of `libmpm.materials`
+        particles_per_cell  1     ≥ 1       None = 2 per axis
+        velocity            m/s   (d,)      at the start, or a `Field`; None = at rest
+        fbar                -     `FBar`    "default" is on for fluids, off for solids
+        hydrostatic         m     level     surface level against gravity, for instance z of the
+                                            surface: the body starts with ρ g depth below it
+        subtract_from       -     names     bodies that lose their particles inside this one
+        lattice             1     (d,)      particles of a box on each of its axes, in place of
+                                            particles_per_cell
+        stress              Pa    (k,)      Cauchy stress at the start, or a `Field`: xx, yy, xy, zz
+                                            of Hypoelastic in 2D; xx, yy, xy of LinearElastic in
+                                            2D, whose zz follows; xx, yy, zz, yz, xz, xy in 3D
+        tractions           -     -         `Traction` values on faces of a Box, on a `grid`
+        transfer            -     Transfer  of the scene's scheme, with a flip and shifts of its
+                                            own; None = that of the scene's `Method`
+        sampling            -     -         `shapes.Columns`, `Jitter` or `PoissonDisk` in place of
+                                            the plain lattice
+        smoothing           -     -         `Smoothing` of its state over cells, in place of F-bar
+        assumed             -     -         `AssumedFields`: means of its rate and stress
+        damping             1     ≥ 0       ratio ξ of numerical damping, of elastic solids:
+                                            σ_ij += 2 Δx ξ √(M ρ) d_ij, M the modulus of the
+                                            pressure wave (i = j) or the shear modulus (Yang 2016,
+                                            A.6); 1 is critical in one dimension
+        force               -     -         `PlacedForce`: a force by mass that changes with the
+                                            place, beside gravity
+        ==================  ====  ========  ==================================================
+
+        Raises `SceneError`; `validate` checks what concerns several objects.
+        """
+        if particles_per_cell is None:
+            particles_per_cell = 2**self._dimension
+        body = Body(
+            name=name,
+            shape=shape,
+            material=material,
+            particles_per_cell=particles_per_cell,
+            velocity=(0.0,) * self._dimension if velocity is None else velocity,
+            fbar=fbar,
+            hydrostatic=hydrostatic,
+            subtract_from=subtract_from,
+            lattice=lattice,
+            stress=stress,
+            tractions=tractions,
+            transfer=transfer,
+            sampling=sampling,
+            smoothing=smoothing,
+            assumed=assumed,
+            damping=damping,
+            force=force,
+        )
+        return _insert(self._bodies, "body", body.name, body)
+
+    @keywords_only("Scene.add_boundary")
+    def add_boundary(
+        self,
+        *,
+        name: str,
+        shape: Solid | DomainWalls | Outline,
+        response: Response | Mapping[str, Response],
+        motion: TimeTable | Displacement | Travel | None = None,
+        time: tuple[float, float] | None = None,
+        layer: DecayLayer | None = None,
+        rotation: Rotation | None = None,
+        within: Box | None = None,
+        spacing: float | None = None,
+        bodies: Sequence[str] = (),
+    ) -> str:
+        """Add a boundary and return its name.
+
+        =========  =====  ============  ===================================================
+        parameter  unit   range         meaning
+        =========  =====  ============  ===================================================
+        name       -      unique        name among the boundaries
+        shape      -      a shape       `DomainWalls`, a rigid `Box` on cell faces or any other
+                                        Solid, which is a surface; on a `grid` also `Outline`
+        response   -      a response    one for all faces, or a dictionary by face
+        motion     -      a motion      `TimeTable` (m/s): a velocity that its face has;
+                                        `Displacement` or `Travel`: the shape moves; None = at rest
+        time       s      0 ≤ a < b     (start, end) of its action; None = always
+        layer      -      `DecayLayer`  of a surface; None = constrained, one cell
+        rotation   -      `Rotation`    of a surface; None = none
+        within     m      `Box`         acts on nodes inside it alone; None = everywhere
+        spacing    m      > 0           of the lattice of a surface's distances; None = cell_size
+        bodies     -      names         acts on the share of a node's mass that is theirs; () = all
+        =========  =====  ============  ===================================================
+
+        A `Box` with a layer, a rotation, a spacing or a motion of its shape is a surface too.
+
+        Raises `SceneError`; `validate` checks what concerns several objects.
+        """
+        boundary = Boundary(
+            name=name, shape=shape, response=response, motion=motion, time=time, layer=layer,
+            rotation=rotation, within=within, spacing=spacing, bodies=bodies,
+        )  # fmt: skip
+        return _insert(self._boundaries, "boundary", boundary.name, boundary)
+
+    @keywords_only("Scene.add_sensor")
+    def add_sensor(self, *, name: str, sensor: Sensor) -> str:
+        """Add a value of `libmpm.sensors` under a name unique among sensors; return the name.
+
+        Raises `SceneError`; `validate` checks what concerns several objects.
+        """
+        return _insert(self._sensors, "sensor", name, PlacedSensor(name=name, sensor=sensor))
+
+    @keywords_only("Scene.add_flow")
+    def add_flow(self, *, name: str, flow: Flow) -> str:
+        """Add a `boundaries.Inflow` or `Outflow` under a name unique among both; return the name.
+
+        Raises `SceneError`; `validate` checks what concerns several objects.
+        """
+        return _insert(self._flows, "flow", name, PlacedFlow(name=name, flow=flow))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scene in terms of JSON; "libmpm" is the version of the schema."""
+        head = {"libmpm": SCHEMA} | {key: plain(getattr(self, key)) for key in self._head()}
+        parts = {
+            kind: [{k: v for k, v in p.to_dict().items() if k != "type"} for p in placed]
+            for kind, placed in self._parts().items()
+        }
+        return head | parts
+
+    def _head(self) -> tuple[str, ...]:
+        """Return the arguments that make this scene."""
+        left_out = {"grid"} if self._grid is None else {"cell_size", "lower", "upper"}
+        if self._start is None:
+            left_out.add("start")
+        return tuple(key for key in HEAD if key not in left_out)
+
+    def _parts(self) -> dict[str, Sequence[Value]]:
+        parts: dict[str, Sequence[Value]] = {
+            "bodies": self.bodies,
+            "boundaries": self.boundaries,
+            "sensors": self.sensors,
+        }
+        # Files of scenes without any stay as they were.
+        return parts | ({"flows": self.flows} if self._flows else {})
+
+    def _identity(self) -> tuple[Any, ...]:
+        return (*(getattr(self, key) for key in HEAD), *self._parts().values())
+
+    def __eq__(self, other: object) -> bool:
+        """Compare all values."""
+        if not isinstance(other, SceneData):
+            return NotImplemented
+        return self._identity() == other._identity()
+
+    __hash__ = None  # type: ignore[assignment]  # a scene grows with add_body and the like
+
+    def __repr__(self) -> str:
+        """Return a line with the scene's size."""
+        return (
+            f"<Scene {self.name!r}: {self.dimension}D, {' × '.join(map(str, self.cells))} cells of "
+            f"{self.cell_size:g} m, {len(self._bodies)} bodies, {len(self._boundaries)} "
+            f"boundaries, {len(self._sensors)} sensors>"
+        )
+
+
+#: Arguments of `Scene`, in the order of its files.
+HEAD: tuple[str, ...] = (
+    "name", "dimension", "cell_size", "lower", "upper", "grid", "origin", "gravity", "method",
+    "start",
+)  # fmt: skip
+
+
+def _insert(placed: dict[str, T], kind: str, name: str, item: T) -> str:
+    if name in placed:
+        raise SceneError(
+            f"{kind} '{name}': the name is taken; names are unique; choose another, "
+            f"for instance '{name}-2'"
+        )
+    placed[name] = item
+    return name

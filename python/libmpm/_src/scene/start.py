@@ -1,0 +1,157 @@
+"""`Start`: where a scene goes on from, a checkpoint of another run."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
+from libmpm._src.errors import CheckpointError
+from libmpm._src.sensors.engine_sensors import Energy, WaveGauge
+
+if TYPE_CHECKING:
+    from libmpm._src.scene.parts import PlacedSensor
+
+__all__ = ["RestoredBody", "Start", "digest_of"]
+
+
+@value
+class RestoredBody(Value):
+    """A body of the run before: its ids are first_id ≤ id < first_id + ids.
+
+    Bodies of one number `stored_as` are stored as one in the checkpoint.
+    """
+
+    name: str
+    first_id: int
+    ids: int
+    particle_mass: float
+    stored_as: int
+
+    def _label(self) -> str:
+        return "Start: a body" if not isinstance(self.name, str) else f"Start: body '{self.name}'"
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        return {
+            "name": check.text("name", self.name),
+            "first_id": check.integer("first_id", self.first_id),
+            "ids": check.integer("ids", self.ids),
+            "particle_mass": check.number(
+                "particle_mass", self.particle_mass, lower=0, lower_open=True, unit="kg"
+            ),
+            "stored_as": check.integer("stored_as", self.stored_as),
+        }
+
+
+@value
+class Start(Value):
+    """Where a scene goes on from; made by `Scene.from_checkpoint`.
+
+    `checkpoint` is the file and `digest` the SHA-256 of its content, `time` (s) and `step` the
+    moment it was written. Of the scene's bodies, boundaries and sensors the first ones are the
+    run's own: `bodies` in order, so many `boundaries` and so many `sensors`. `time_step` (s) is
+    what that run was asked for, None the stable one. With `tiles` > 1 that many copies of its
+    domain lie side by side along `axis`.
+    """
+
+    label: ClassVar[str] = "Start"
+
+    checkpoint: str
+    digest: str
+    time: float
+    step: int
+    bodies: Sequence[RestoredBody]
+    boundaries: int
+    sensors: int
+    time_step: float | None = None
+    tiles: int = 1
+    axis: str | None = None
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        tiles = check.integer("tiles", self.tiles, lower=1)
+        if tiles > 1 or self.axis is not None:
+            check.choice("axis", self.axis, ("x", "y", "z"))
+        for name in ("checkpoint", "digest"):
+            check.instance(name, getattr(self, name), (str,), "a text")
+        bodies = sequence(self.bodies)
+        if bodies is None or not all(isinstance(body, RestoredBody) for body in bodies):
+            check.fail(f"bodies is {shown(self.bodies)}; expected what Scene.from_checkpoint gives")
+            bodies = []
+        step = self.time_step
+        if step is not None:
+            step = check.number("time_step", step, lower=0, lower_open=True, unit="s")
+        return {
+            "tiles": tiles,
+            "bodies": tuple(bodies),
+            "time": check.number("time", self.time, lower=0, unit="s"),
+            "step": check.integer("step", self.step),
+            "boundaries": check.integer("boundaries", self.boundaries),
+            "sensors": check.integer("sensors", self.sensors),
+            "time_step": step,
+        }
+
+    def restored(self, name: str) -> RestoredBody | None:
+        """Return what the run before knew of a body; None of a new one."""
+        return next((b for b in self.bodies if b.name == name), None)
+
+    def check_file(self) -> None:
+        """Raise `CheckpointError` unless the file is still the one that the scene was made from."""
+        found = digest_of(Path(self.checkpoint))
+        if found != self.digest:
+            raise CheckpointError(
+                f"{self.checkpoint} is not the checkpoint that the scene goes on from: its SHA-256 "
+                f"begins with {found[:12]}, that of the scene with {self.digest[:12]}; make the "
+                "scene again with Scene.from_checkpoint"
+            )
+
+    def as_it_was(
+        self, bodies: int, sensors: Sequence[PlacedSensor], time_step: float | None
+    ) -> bool:
+        """Return whether a run can load the checkpoint's state as it is.
+
+        It has so many bodies, these sensors, and was asked for this time step, s.
+        """
+        return (
+            self.tiles == 1
+            and time_step == self.time_step
+            and bodies == len(self.bodies)
+            and not self._kept_apart(sensors)
+        )
+
+    def _kept_apart(self, sensors: Sequence[PlacedSensor]) -> bool:
+        """Return whether a new sensor asks for one of several bodies that were stored as one.
+
+        Alike neighbours are stepped and saved together until a sensor wants one of them alone;
+        the run then takes up its particles body by body.
+        """
+        asked = {
+            s.sensor.body
+            for s in sensors[self.sensors :]
+            if isinstance(s.sensor, Energy | WaveGauge)
+        }
+        return any(
+            one.stored_as == two.stored_as and {one.name, two.name} & asked
+            for one, two in itertools.pairwise(self.bodies)
+        )
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file; raises `CheckpointError` if it cannot be read."""
+    try:
+        found = path.stat()
+        return _digest(str(path), found.st_size, found.st_mtime_ns)
+    except OSError as error:
+        raise CheckpointError(
+            f"{path} cannot be read: {error.strerror}; give a checkpoint that a run has written"
+        ) from error
+
+
+@functools.lru_cache(maxsize=64)
+def _digest(path: str, size: int, changed: int) -> str:
+    """Read the file once for each size and time of change: a study asks for every row."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
