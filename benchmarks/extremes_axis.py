@@ -222,7 +222,7 @@ def probe(axis: Axis, value: float, **options: Any) -> Outcome:
             simulation = libmpm.Simulation(trial.scene, **{**trial.options, **options})
             outcome = _run(trial, simulation)
         except libmpm.Error as error:
-            begun = simulation is not None and simulation._engine is not None
+            begun = simulation is not None and simulation._assembly.made is not None
             begun = begun and (simulation.steps > 0 or isinstance(error, libmpm.NumericalError))
             outcome = Outcome("named" if begun else "refused", str(error))
             # The offender can be looked at; what was recorded before it was found must be whole.
@@ -233,7 +233,7 @@ def probe(axis: Axis, value: float, **options: Any) -> Outcome:
     told = [text for text in outcome.warnings if axis.warns and axis.warns in text]
     if outcome.outcome == "wrong" and told:
         outcome.outcome, outcome.message = "warned", f"{told[0]}. Then {outcome.message}"
-    if simulation is not None and simulation._engine is not None:
+    if simulation is not None and simulation._assembly.made is not None:
         outcome.steps = int(simulation.steps)
     outcome.wall_s = time.process_time() - start
     return outcome

@@ -161,7 +161,7 @@ class Runner:
             partition=partition,
             **where,
         )
-        names = simulation._backend.devices
+        names = simulation._assembly.backend.devices
         try:
             _ = simulation.engine
             constructed = time.perf_counter()
@@ -173,7 +173,7 @@ class Runner:
             whole = bits or partition is not None
             while marks[-1][0] < steps:
                 over = not whole and marks[-1][1] >= self.arguments.seconds
-                if simulation._agreed("over" if over else ""):
+                if simulation._shared.agreed("over" if over else ""):
                     break
                 simulation.step(min(CHUNK, steps - marks[-1][0]))
                 marks.append((simulation.steps - WARM, time.perf_counter() - started))

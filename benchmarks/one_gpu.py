@@ -108,16 +108,16 @@ def place(simulation: libmpm.Simulation, places: NDArray[np.float64]) -> None:
     No lattice is as sparse, so this goes through the seam that design/engine-contract.md describes.
     The body's box bounds the particles and gives their mass.
     """
-    backend, scene = simulation._backend, simulation.scene
-    options = simulation._requested | {"device_index": backend.index}
+    backend, scene = simulation._assembly.backend, simulation.scene
+    options = simulation._assembly.requested | {"device_index": backend.index}
     spec = lower(scene, with_particles=False, **options)
     spec["bodies"][0] |= {"count": len(places), "position": places}
-    simulation._plan = Plan(
+    plan = Plan(
         backends.core().plan(spec, backend.kind), scene=scene, device=simulation.device,
         precision=simulation.precision,
     )  # fmt: skip
     engine = backend.module.Engine(spec)
-    simulation._take(engine, spec)
+    simulation._assembly.use(engine, spec, plan)
 
 
 def used(device: str) -> int | None:

@@ -180,7 +180,7 @@ def test_a_run_that_was_taken_over_writes_no_more(out, monkeypatch):
             seen["frames"] = sorted((out / "frames").iterdir())
             time.sleep(0.05)
 
-    sim._backend.module.Engine.delay = 1e-3
+    sim._assembly.backend.module.Engine.delay = 1e-3
     with pytest.raises(libmpm.OutputError, match="of node17 has taken it over; nothing more is"):
         sim.run(until=0.6, progress=take_over)
     assert (out / "log.json").read_text() == seen["log"]

@@ -175,7 +175,7 @@ def test_a_checkpoint_of_the_start_without_a_frame_gets_it(tmp_path, runs):
     """As versions before left it, or a handler of the caller's own that raises at once."""
     sim = simulate(output=output(tmp_path / "out"))
     sim.step(0)
-    sim._writer.checkpoint()
+    sim._files.writer.checkpoint()
     sim.close()
     for path in (tmp_path / "out" / "frames").iterdir():
         path.unlink()

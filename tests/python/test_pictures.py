@@ -422,18 +422,18 @@ def test_tables_escape_and_compute_nothing(tank, monkeypatch):
     assert {"water", "TaitFluid", "block", "FixedCorotated", "walls", "Slip"} <= set(cells_of(text))
     simulation = libmpm.Simulation(scene, device="cpu")
     text = simulation._repr_html_()
-    assert simulation._engine is None, "a table must not make an engine"
+    assert simulation._assembly.made is None, "a table must not make an engine"
     assert "<script" not in text and "0 s, step 0" in cells_of(text)
     simulation.step(3)
     asked = []
-    engine = simulation._engine
+    engine = simulation._assembly.made
 
     class Watched:
         def __getattr__(self, name):
             asked.append(name)
             return getattr(engine, name)
 
-    simulation._engine = Watched()
+    simulation._assembly.made = Watched()
     assert "step 3" in simulation._repr_html_()
     assert set(asked) <= {"time", "step"}, "these are numbers that the host has"
     assert set(cells_of(scene.plan(device="cpu")._repr_html_())) >= {"water", "block"}
@@ -457,7 +457,7 @@ def test_sensors_are_listed_without_samples(scene):
     simulation = libmpm.Simulation(scene, device="cpu")
     cells = cells_of(simulation.sensors._repr_html_())
     assert {"gauge", "WaveGauge", "load", "LoadCell"} <= set(cells)
-    assert simulation._engine is None
+    assert simulation._assembly.made is None
 
 
 def test_progress_tells_pace_and_remaining_time(monkeypatch):

@@ -194,12 +194,12 @@ def test_one_that_fails_ends_all(tmp_path):
     code = """
         sim = make()
         if sim.rank == 1:
-            real = sim._agreed
+            real = sim._shared.agreed
             def broken(word):
                 if sim.steps > 20:
                     raise RuntimeError("no such luck")
                 return real(word)
-            sim._agreed = broken
+            sim._shared.agreed = broken
         sim.run(until=100.0)
     """
     told = run(2, code, tmp_path)
@@ -228,7 +228,7 @@ def test_what_all_refuse_ends_nothing(tmp_path):
         if small.rank == 1:
             def broken():
                 raise libmpm.CapacityError("no room")
-            small._require_memory = broken
+            small._assembly._require_memory = broken
         print(refused(libmpm.CapacityError, small))
         again = make()
         again.run(until=0.02)
@@ -277,7 +277,7 @@ def test_interrupt_reaches_who_waits(tmp_path):
     code = """
         import time
         sim = make()
-        link = sim._backend.link
+        link = sim._shared.link
         print("ready", flush=True)
         if sim.rank == 1:
             time.sleep(2.0)

@@ -146,12 +146,12 @@ def test_one_that_fails_ends_all(tmp_path):
         sim = make(scenes.slosh())
         sim.step(50)
         if sim.rank == 1:
-            real = sim._agreed
+            real = sim._shared.agreed
             def broken(word):
                 if sim.steps > 200:
                     raise RuntimeError("no such luck")
                 return real(word)
-            sim._agreed = broken
+            sim._shared.agreed = broken
         sim.run(until=100.0, progress=False)
     """
     told = run(code, tmp_path)

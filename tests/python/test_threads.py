@@ -55,7 +55,7 @@ def in_thread(work, **arguments):
 
 
 def test_reading_from_another_thread_changes_no_bit(new_scene, tmp_path, monkeypatch):
-    monkeypatch.setattr("libmpm._src.run.simulation.SLICE", 0.005)  # so that there are many moments
+    monkeypatch.setattr("libmpm._src.run.loop.SLICE", 0.005)  # so that there are many moments
     alone, read = simulation(new_scene), simulation(new_scene, output=tmp_path / "out")
     alone.run(until=END, progress=False)
     thread, join = in_thread(read.run, until=END, progress=False)

@@ -37,7 +37,7 @@ class Offender:
 
 def _of_all(simulation: Running, mine: Offender | None, around: float = 0) -> Offender | None:
     """Return that of all ranks that is furthest from `around`; all of them call this together."""
-    link = simulation._link
+    link = simulation._shared.link
     found = [mine]
     if link is not None:
         told = link.tell(None if mine is None else [mine.body, mine.id, mine.position, mine.value])
@@ -65,7 +65,7 @@ def fastest(simulation: Running, body: str | None = None) -> Offender | None:
 
 def fastest_within(simulation: Running, body: str) -> Offender | None:
     """Return the particle that is fastest relative to its body's mean velocity."""
-    view, link, mine = simulation.particles[body], simulation._link, None
+    view, link, mine = simulation.particles[body], simulation._shared.link, None
     read = view.read(["id", "position", "velocity"]) if len(view) else None
     if link is None:
         mean = None if read is None else read["velocity"].mean(axis=0)
@@ -97,8 +97,8 @@ def missing(simulation: Running, index: int) -> str:
     """Return the ids of a body that no particle has, of those up to the highest one left."""
     name = list(simulation.particles)[index]
     ids = simulation.particles[name]["id"].astype(np.int64)
-    if simulation._link is not None:
-        everyone = simulation._link.gather({"id": ids})
+    if simulation._shared.link is not None:
+        everyone = simulation._shared.link.gather({"id": ids})
         if everyone is None:
             return "rank 0 knows their ids"
         ids = np.sort(everyone["id"])

@@ -221,7 +221,7 @@ class Watch:
         if not found and guard.energy is not None and watched:
             found = self._gained(now, guard.energy)
         # The verdict of all ranks at once, in the words of one.
-        found = self._simulation._agreed(found)
+        found = self._simulation._shared.agreed(found)
         if found:
             self.broken = found
             raise NumericalError(found)

@@ -2,65 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.output.html import simulation_html
 from libmpm._src.run.device_arrays import DeviceArrays
+from libmpm._src.run.running import Running
 
-if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
-
-__all__ = ["Looking"]
+__all__ = ["Shown"]
 
 
-class Looking:
-    """The part of a `Simulation` that shows it."""
+class Shown:
+    """Pictures, tables and arrays of whatever is `Running`, by what anyone may see of it."""
 
-    def _simulation(self) -> Simulation:
-        return cast("Simulation", self)
-
-    @contextmanager
-    def paused(self) -> Iterator[None]:
-        """Hold the simulation at the boundary of a step, in a ``with`` block.
-
-        For several reads of one moment while another thread runs it:
-        ``with sim.paused(): t, x = sim.time, sim.particles["water"]["position"]``. Each read alone
-        needs none. The run waits, so the block must not wait for the run; no bit is changed.
-        """
-        with self._simulation()._turns:
-            yield
-
-    def device_arrays(self, body: str, *fields: str) -> DeviceArrays:
+    def device_arrays(self: Running, body: str, *fields: str) -> DeviceArrays:
         """Return the particles of a body as arrays on the device, for use in a ``with`` block.
 
         ``with sim.device_arrays("water") as a: x = cupy.from_dlpack(a.position)``.
         `fields` are gathered at once, others when asked for. See `DeviceArrays`; raises `KeyError`
         for unknown names, and `Error` where an array is used after the simulation has moved on.
         """
-        return DeviceArrays(self._simulation(), body, fields)
+        return DeviceArrays(self, body, fields)
 
-    def gather(self, body: str, *names: str) -> dict[str, NDArray[Any]] | None:
+    def gather(self: Running, body: str, *names: str) -> dict[str, NDArray[Any]] | None:
         """Return attributes of all particles of a body on rank 0, in the order of ids.
 
         Ranks that are processes call this together; the others get None. "id" comes along. On one
         process it is ``sim.particles[body].read([...])``, sorted.
         """
-        run = self._simulation()
-        with run._turns, run._together():
-            read = dict(run.particles[body].read(["id", *names]))
-            found = read if run._link is None else run._link.gather(read)
+        shared = self._shared
+        with self.paused(), shared.together():
+            read = dict(self.particles[body].read(["id", *names]))
+            found = read if shared.link is None else shared.link.gather(read)
         if found is None:
             return None
         order = np.argsort(found["id"])
         return {name: np.asarray(array)[order] for name, array in found.items()}
 
     def plot(
-        self,
+        self: Running,
         color: str | None = "speed",
         *,
         bodies: Sequence[str] | str | None = None,
@@ -98,12 +81,12 @@ class Looking:
 
         with self.paused():
             return plot(
-                self._simulation(), color=color, bodies=bodies, planes=planes, cut=cut,
+                self, color=color, bodies=bodies, planes=planes, cut=cut,
                 limits=limits, most=most, axes=axes,
             )  # fmt: skip
 
     def view(
-        self,
+        self: Running,
         color: str | None = "speed",
         *,
         bodies: Sequence[str] | str | None = None,
@@ -121,10 +104,10 @@ class Looking:
 
         with self.paused():
             return view(
-                self._simulation(), color=color, bodies=bodies, limits=limits, most=most,
+                self, color=color, bodies=bodies, limits=limits, most=most,
                 off_screen=off_screen,
             )  # fmt: skip
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self: Running) -> str:
         """Return where it stands as a table for Jupyter, without asking the device."""
-        return simulation_html(self._simulation())
+        return simulation_html(self)

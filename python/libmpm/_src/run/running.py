@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.output.series import Series
 from libmpm._src.output.settings import Output
-from libmpm._src.run.rank_messages import Link
+from libmpm._src.run.shared_ranks import SharedRanks
 from libmpm._src.scene.data import SceneData
 
 __all__ = ["Particles", "Running", "SensorSeries"]
@@ -147,17 +147,13 @@ class Running(Protocol):
         ...
 
     @property
-    def _link(self) -> Link | None:
-        """The link to other processes that share the scene; None where there are none."""
+    def _shared(self) -> SharedRanks:
+        """The ranks that share the scene."""
         ...
 
     @property
     def inflow(self) -> Mapping[str, Series]:
         """Name of an `Inflow` -> what it has supplied."""
-        ...
-
-    def _agreed(self, word: str) -> str:
-        """Return why to stop, the same on all ranks."""
         ...
 
     def paused(self) -> AbstractContextManager[None]:

@@ -1,81 +1,49 @@
-"""A simulation that several processes share: which part is here, what all must agree upon."""
+"""`SharedRanks`: what processes that share a simulation agree upon; alone it agrees with itself."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from libmpm._src import errors
-from libmpm._src.errors import Error, NumericalError, SceneError
-from libmpm._src.run import backends
-from libmpm._src.run.engine_spec import choose_device
-from libmpm._src.run.rank_messages import Link
-from libmpm._src.scene.data import SceneData
-from libmpm._src.sensors.python_sensors import Sampled
+from libmpm._src.errors import Error, NumericalError
+from libmpm._src.run.backends import Backend
 
-if TYPE_CHECKING:
-    from libmpm._src.run.simulation import Simulation
-
-__all__ = ["Sharing"]
+__all__ = ["SharedRanks"]
 
 
-class Sharing:
-    """The part of a `Simulation` that knows of other processes."""
+class SharedRanks:
+    """The ranks of one simulation, seen from this process."""
 
-    _totals: Sequence[int] = ()
+    def __init__(self, backend: Backend, bodies: int) -> None:
+        """Take the ranks of a backend, for a scene of so many `bodies`."""
+        #: How many ranks share the scene.
+        self.ranks = backend.ranks
+        #: Which of them this process is; 0 where they are not processes.
+        self.rank = 0 if backend.link is None else backend.link.rank
+        #: The link to the other processes; None where there are none.
+        self.link = backend.link if backend.ranks > 1 else None
+        self._bodies = range(bodies)
+        self._totals: Sequence[int] = ()
 
-    def _simulation(self) -> Simulation:
-        return cast("Simulation", self)
+    def totals(self, count: Callable[[int], int]) -> list[int]:
+        """Return the particles of each body on all ranks, at the last halt; `count` is this one's.
 
-    def _select(
-        self, scene: SceneData, device: str | Sequence[str], threads: int, ranks: str | None
-    ) -> tuple[backends.Backend, int]:
-        """Return the backend, and the threads of this process."""
-        if ranks is None:
-            return backends.select(choose_device(scene, device)), threads
-        if ranks != "processes":
-            raise SceneError(f"ranks is {ranks!r}; expected 'processes' or None")
-        backend = backends.select_process(choose_device(scene, device))
-        assert backend.link is not None
-        for placed in scene.sensors:
-            if backend.ranks > 1 and isinstance(placed.sensor, Sampled):
-                raise SceneError(
-                    f"sensor '{placed.name}' is evaluated in Python, which is not built for ranks "
-                    "as processes; take ranks of one process, device=['cpu', 'cpu'], or a sensor "
-                    "of the engine"
-                )
-        return backend, backend.link.threads(threads)
+        It takes the number of a body.
+        """
+        return [count(i) for i in self._bodies] if self.link is None else list(self._totals)
 
-    @property
-    def rank(self) -> int:
-        """Which of the ranks this process is, from 0; 0 where they are not processes."""
-        link = self._simulation()._backend.link
-        return 0 if link is None else link.rank
-
-    @property
-    def _link(self) -> Link | None:
-        """The link to the other processes; None where there are none."""
-        run = self._simulation()
-        return run._backend.link if run.ranks > 1 else None
-
-    def totals(self) -> list[int]:
-        """Return the number of particles of each body, on all ranks, at the last halt."""
-        if self._link is not None:
-            return list(self._totals)
-        run = self._simulation()
-        return [run.particle_count(i) for i in range(len(run.particles))]
-
-    def _count_together(self, engine: Any) -> None:
-        if self._link is not None:
-            bodies = range(len(self._simulation()._scene.bodies))
-            self._totals = self._link.add([int(engine.particle_count(i)) for i in bodies])
+    def count(self, engine: Any) -> None:
+        """Add up the particles of all ranks; all of them call this together."""
+        if self.link is not None:
+            self._totals = self.link.add([int(engine.particle_count(i)) for i in self._bodies])
 
     @contextmanager
-    def _together(self) -> Iterator[None]:
+    def together(self) -> Iterator[None]:
         """What fails on one rank ends all; what all have agreed upon leaves them at work.
 
-        That is an interrupt, what `_alike` raises, and a `NumericalError`: the engine's faults and
+        That is an interrupt, what `alike` raises, and a `NumericalError`: the engine's faults and
         what the guard finds are joined before anyone raises them.
         """
         try:
@@ -83,23 +51,23 @@ class Sharing:
         except (KeyboardInterrupt, NumericalError):
             raise
         except BaseException as error:
-            if self._link is not None and not vars(error).get("alike", False):
-                self._link.stop(error)
+            if self.link is not None and not vars(error).get("alike", False):
+                self.link.stop(error)
             raise
 
     @contextmanager
-    def _alike(self) -> Iterator[None]:
+    def alike(self) -> Iterator[None]:
         """What one rank refuses all refuse, each by an `Error` of that class: work may go on."""
         own: Error | None = None
         try:
             yield
         except Error as error:
-            if self._link is None:
+            if self.link is None:
                 raise
             own = error
-        if self._link is None:
+        if self.link is None:
             return
-        told = self._link.tell(None if own is None else [type(own).__name__, str(own)])
+        told = self.link.tell(None if own is None else [type(own).__name__, str(own)])
         if own is None:
             refused = [(r, *word) for r, word in enumerate(told) if word is not None]
             if not refused:
@@ -112,6 +80,6 @@ class Sharing:
         vars(own)["alike"] = True
         raise own
 
-    def _agreed(self, word: str) -> str:
+    def agreed(self, word: str) -> str:
         """Return why to stop, the same on all ranks."""
-        return word if self._link is None else self._link.first_word(word)
+        return word if self.link is None else self.link.first_word(word)

@@ -1,65 +1,40 @@
-"""`Simulation`: a scene in motion; the run loop between engine, sensors and output folder."""
+"""`Simulation`: a scene in motion; its parts are what makes the engine, the loop and the files."""
 
 from __future__ import annotations
 
 import math
-import os
-import time as clock
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.interrupts import asked_to_stop, deferred_interrupt
-from libmpm._src.base.values import warn, warned_already
-from libmpm._src.boundaries.flow_layers import OUTFLOW, Traffic
-from libmpm._src.errors import (
-    CapacityError,
-    CheckpointError,
-    Error,
-    ModelWarning,
-    NumericalError,
-    SceneError,
-)
+from libmpm._src.errors import Error
 from libmpm._src.methods.smoothing import history
-from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.series import Series
 from libmpm._src.output.settings import Output
-from libmpm._src.output.writer import Writer
 from libmpm._src.run import backends
-from libmpm._src.run.engine_spec import (
-    check_backend,
-    choose_precision,
-    lower,
-    world_offset,
-)
-from libmpm._src.run.fault_messages import describe_fault, describe_removed, removed_rows
-from libmpm._src.run.files import Persistent
-from libmpm._src.run.forked_processes import check_fork, forked
+from libmpm._src.run.assembly import Assembly, select
+from libmpm._src.run.engine_spec import check_backend, choose_precision, lower, world_offset
+from libmpm._src.run.files import Files, recorded
 from libmpm._src.run.guard import Guard, as_guard
-from libmpm._src.run.guard_watch import Watch
-from libmpm._src.run.initial_values import Initial
-from libmpm._src.run.partition import Partition, as_partition, told_ranks
-from libmpm._src.run.plan import Plan, build_plan
-from libmpm._src.run.progress import Progress, State, reporter
-from libmpm._src.run.shared_ranks import Sharing
+from libmpm._src.run.loop import Loop
+from libmpm._src.run.partition import Partition, as_partition
+from libmpm._src.run.plan import Plan
+from libmpm._src.run.plotting import Shown
+from libmpm._src.run.progress import State
+from libmpm._src.run.shared_ranks import SharedRanks
 from libmpm._src.run.thread_turns import Turns
 from libmpm._src.run.views import GridView, ParticlesView, SensorsView
-from libmpm._src.scene.checks_time_steps import many_steps
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.custom_functions import with_functions
-from libmpm._src.sensors.sampling_loop import Measurements
 
 __all__ = ["Simulation"]
 
-#: Seconds of wall time after which the engine returns, so that a key press is answered.
-SLICE = 0.2
 
-
-class Simulation(Persistent, Sharing):
+class Simulation(Shown):
     """Runs a scene on one device.
 
     Parameters
@@ -130,48 +105,28 @@ class Simulation(Persistent, Sharing):
         self._turns = Turns()
         self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
         precision = choose_precision(self._scene, precision)
-        self._requested: dict[str, Any] = {
+        requested: dict[str, Any] = {
             "precision": precision,
             "pipeline": pipeline,
             "threads": threads,
             "shared_device": shared_device,
             "time_step": time_step,
         }
-        lower(self._scene, with_particles=False, **self._requested)
-        self._backend, self._requested["threads"] = self._select(
-            self._scene, device, threads, ranks
-        )
-        check_backend(self._backend.kind, precision)
-        self._partition = as_partition(partition, self._backend, self._scene)
-        self._guard = as_guard(guard)
-        self._watch: Watch | None = None
-        self._output = Output(output) if isinstance(output, str | Path) else output
+        lower(self._scene, with_particles=False, **requested)
+        backend, requested["threads"] = select(self._scene, device, threads, ranks)
+        check_backend(backend.kind, precision)
         self._offset = world_offset(self._scene)
-        self._engine: Any = None
-        self._process = os.getpid()
-        self._writer: Writer | None = None
-        self._plan: Plan | None = None
-        self._measured: Measurements | None = None
-        self._passed: Traffic | None = None
-        self._restored: checkpoints.Checkpoint | None = None
-        self._resumed = False
-        self._loads_state = True
-        self._displaced: dict[str, int] = {}
-        self._initial = Initial()
-        self._until = math.inf
-        self._deadline = math.inf
-        self._stopped = ""
-        self._wall = 0.0
-        self._processor = 0.0
-        self._particle_steps = 0
-        self._recorded: dict[str, Any] = {}
-        #: The "run" key of the scene file that this run came from; kept with its results.
-        self.run_settings: dict[str, Any] = {}
+        self._shared = SharedRanks(backend, len(self._scene.bodies))
+        self._assembly = Assembly(
+            self, requested, backend, partition=as_partition(partition, backend, self._scene),
+            guard=as_guard(guard), turns=self._turns, shared=self._shared,
+        )  # fmt: skip
+        output = Output(output) if isinstance(output, str | Path) else output
+        self._files = Files(self, self._turns, self._shared, self._assembly, output)
+        self._loop = Loop(self, self._turns, self._shared, self._assembly, self._files)
         self.particles = ParticlesView(self)
         self.grid = GridView(self)
         self.sensors = SensorsView(self)
-
-    # What the simulation is -------------------------------------------------------------------
 
     @property
     def scene(self) -> Scene:
@@ -186,17 +141,17 @@ class Simulation(Persistent, Sharing):
     @property
     def device(self) -> str:
         """The device in use: "cpu" or "cuda:<index>"."""
-        return self._backend.name
+        return self._assembly.backend.name
 
     @property
     def precision(self) -> str:
         """Either "single", "mixed" or "double"."""
-        return str(self._requested["precision"])
+        return str(self._assembly.requested["precision"])
 
     @property
     def threads(self) -> int:
         """CPU threads asked for; 0 is the default."""
-        return int(self._requested["threads"])
+        return int(self._assembly.requested["threads"])
 
     @property
     def pipeline(self) -> str:
@@ -211,12 +166,12 @@ class Simulation(Persistent, Sharing):
     @property
     def output(self) -> Output | None:
         """The output settings, or None."""
-        return self._output
+        return self._files.output
 
     @property
     def guard(self) -> Guard | None:
         """What the run watches about itself; None where it does not."""
-        return self._guard
+        return self._assembly.guard
 
     @property
     def offset(self) -> NDArray[np.float64]:
@@ -224,34 +179,35 @@ class Simulation(Persistent, Sharing):
         return self._offset
 
     @property
+    def run_settings(self) -> dict[str, Any]:
+        """The "run" key of the scene file that this run came from; kept with its results."""
+        return self._files.settings
+
+    @run_settings.setter
+    def run_settings(self, settings: dict[str, Any]) -> None:
+        self._files.settings = settings
+
+    @property
     def plan(self) -> Plan:
         """What the simulation stores, runs and costs."""
-        if self._plan is None:
-            with warned_already():
-                self._plan = build_plan(
-                    self._scene, device=self.device, ranks=self.ranks, **self._requested
-                )
-        return self._plan
+        return self._assembly.plan
 
     @property
     def time(self) -> float:
         """Simulated time, s."""
-        return float(self._engine.time) if self._engine is not None else self._start("time")
+        made = self._assembly.made
+        return float(made.time) if made is not None else self._assembly.begun("time")
 
     @property
     def steps(self) -> int:
         """Steps done since the scene's start."""
-        return int(self._engine.step) if self._engine is not None else int(self._start("step"))
+        made = self._assembly.made
+        return int(made.step) if made is not None else int(self._assembly.begun("step"))
 
     @property
     def first_step(self) -> int:
         """Steps at which the scene begins: those of the checkpoint that it goes on from, or 0."""
         return 0 if self._scene.start is None else self._scene.start.step
-
-    def _start(self, key: str) -> float:
-        if self._restored is not None:
-            return float(self._restored.header[key])
-        return 0.0 if self._scene.start is None else float(getattr(self._scene.start, key))
 
     @property
     def dt(self) -> float:
@@ -261,7 +217,7 @@ class Simulation(Persistent, Sharing):
     @property
     def particle_steps_per_s(self) -> float:
         """Speed since this object was made: particles times steps per second in the engine."""
-        return self._particle_steps / self._wall if self._wall > 0 else 0.0
+        return self._loop.particle_steps_per_s
 
     @property
     def seconds_stepping(self) -> tuple[float, float]:
@@ -270,7 +226,7 @@ class Simulation(Persistent, Sharing):
         Without construction, sensors evaluated in Python and files. Processor time is that of the
         process: of all its threads, also of other simulations that run in it at the same time.
         """
-        return self._wall, self._processor
+        return self._loop.wall, self._loop.processor
 
     @property
     def timings(self) -> dict[str, float]:
@@ -322,17 +278,14 @@ class Simulation(Persistent, Sharing):
     @property
     def displaced(self) -> dict[str, int]:
         """Particles of restored bodies whose place new bodies have taken, by body."""
-        if self._scene.start is not None and self._restored is None:
+        if self._scene.start is not None and self._assembly.restored is None:
             _ = self.engine
-        return dict(self._displaced)
+        return dict(self._assembly.displaced)
 
     @property
     def stopped(self) -> str:
-        """What ended the last `run` before its time: "wall limit", or a signal such as "SIGTERM".
-
-        Empty where it went on to `until`.
-        """
-        return self._stopped
+        """What ended the last `run` early: "wall limit" or a signal such as "SIGTERM"; or ""."""
+        return self._loop.stopped
 
     @property
     def inflow(self) -> Mapping[str, Series]:
@@ -341,7 +294,7 @@ class Simulation(Persistent, Sharing):
         A series as those of sensors, with a row for each moment at which particles came: their
         number, mass (kg) and volume at rest (m³, m² in 2D) in all.
         """
-        return self._traffic.inflow
+        return self._assembly.traffic.inflow
 
     @property
     def outflow(self) -> Mapping[str, Series]:
@@ -349,7 +302,7 @@ class Simulation(Persistent, Sharing):
 
         Particles are counted when the engine next sorts, a fraction of a cell behind the face.
         """
-        return self._traffic.outflow
+        return self._assembly.traffic.outflow
 
     def particle_count(self, body: int) -> int:
         """Return the number of particles of body number `body` now in the run."""
@@ -360,16 +313,7 @@ class Simulation(Persistent, Sharing):
 
         See ``sim.particles[body][name] = array``, which is the same.
         """
-        with self._turns:
-            if self._measured is not None and self._measured.busy:
-                raise SceneError(
-                    f"particles of body '{body}': {name} is set by the function of a "
-                    "sensors.Custom while it is asked for numbers; expected it to read only; set "
-                    "arrays before the first step, outside of sensors"
-                )
-            self._initial.take(self, body, name, array)
-            # An engine made for looking at the scene has the state of before.
-            self._engine = None
+        self._assembly.set_initial(body, name, array)
 
     def __repr__(self) -> str:
         """Return scene, device and time without touching the device."""
@@ -379,27 +323,28 @@ class Simulation(Persistent, Sharing):
         )
 
     @property
+    def rank(self) -> int:
+        """Which of the ranks this process is, from 0; 0 where they are not processes."""
+        return self._shared.rank
+
+    @property
     def ranks(self) -> int:
         """How many ranks share the scene."""
-        return self._backend.ranks
+        return self._shared.ranks
 
     @property
     def partition(self) -> Partition | None:
         """How the ranks' cuts are made, as asked for; None where the engine chooses."""
-        return self._partition
+        return self._assembly.partition
 
-    # Construction on first use ----------------------------------------------------------------
+    def totals(self) -> list[int]:
+        """Return the number of particles of each body, on all ranks, at the last halt."""
+        return self._shared.totals(self.particle_count)
 
     @property
     def engine(self) -> Any:
         """The compiled engine; made when first asked for."""
-        if self._engine is not None and self._process != os.getpid():
-            raise forked(self._scene.name)
-        if self._engine is None:
-            with self._turns:
-                if self._engine is None:
-                    self._make_engine()
-        return self._engine
+        return self._assembly.engine
 
     def __copy__(self) -> Simulation:
         """Refuse: two objects would share one engine and one output folder."""
@@ -417,99 +362,24 @@ class Simulation(Persistent, Sharing):
         """Refuse, as `copy.copy`."""
         return self.__copy__()
 
-    def _make_engine(self) -> None:
-        self._process = os.getpid()
-        check_fork(self._scene.name, self.threads)
-        with self._alike():
-            self._require_memory()
-        start = self._scene.start
-        resumed = self._restored is not None
-        if start is not None and not resumed:
-            self._go_on(start)
-        with warned_already():
-            specification = lower(
-                self._scene, device_index=self._backend.index,
-                # Of a scene that goes on, the state to load has all that its file had.
-                shell=start is not None and self._loads_state, **self._requested,
-            )  # fmt: skip
-        self._initial.into(specification)
-        specification |= told_ranks(self._backend, self._partition, self._scene)
-        saved = self._restored if self._loads_state else None
-        if saved is not None:
-            specification |= saved.stored_as()
-        try:
-            engine = self._backend.module.Engine(specification)
-        except CapacityError as error:
-            raise CapacityError(f"{error}. {self._memory_planned()}") from error
-        loaded = False
-        try:
-            if saved is not None:
-                engine.load(saved.state)
-            loaded = True
-            self._take(engine, specification, None if saved is None else saved.state)
-        except (
-            Error, ArithmeticError, LookupError, RuntimeError, TypeError, ValueError,
-        ) as error:  # fmt: skip
-            if saved is None or (loaded and isinstance(error, Error)):
-                raise
-            raise CheckpointError(
-                f"the checkpoint does not fit {self.device} in {self.precision} precision: "
-                f"{error}; resume with the device and version that wrote it"
-            ) from error
-
-    def _take(
-        self, engine: Any, specification: dict[str, Any], state: dict[str, Any] | None = None
-    ) -> None:
-        """Take an engine into use, with what it measures; `state` is what it has loaded."""
-        self._measured = Measurements(self, engine, specification, self._restored)
-        self._passed = Traffic(self._scene, state)
-        self._engine = engine
-        self._count_together(engine)
-        if self._guard is not None:
-            saved = self._restored if self._loads_state else None
-            remembered = saved.header.get("watch") if saved is not None else None
-            self._watch = Watch(self, self._guard, remembered)
-        self._restored = None
-
-    def _require_memory(self) -> None:
-        """Refuse what cannot fit before anything is allocated."""
-        free = backends.memory_free(self._backend)
-        # The plan refuses more than memory: it is made wherever free memory is not known, too.
-        if self.plan.memory_total > (math.inf if free is None else free):
-            assert free is not None
-            raise CapacityError(f"{self.device} has {free / 2**20:,.0f} MiB free. "
-                                f"{self._memory_planned()}")  # fmt: skip
-
-    def _memory_planned(self) -> str:
-        parts = ", ".join(f"{k} {v / 2**20:,.0f}" for k, v in self.plan.memory.items())
-        return (
-            f"The plan asks for {self.plan.memory_total / 2**20:,.0f} MiB ({parts}); use a larger "
-            "cell_size, fewer particles_per_cell, single precision or a device with more memory"
-        )
-
-    @property
-    def _measurements(self) -> Measurements:
-        if self._measured is None:
-            _ = self.engine
-        assert self._measured is not None
-        return self._measured
-
-    @property
-    def _traffic(self) -> Traffic:
-        if self._passed is None:
-            _ = self.engine
-        assert self._passed is not None
-        return self._passed
-
     def flow_series(self) -> list[Series]:
         """Return the series of all inflows and outflows."""
-        return self._traffic.series
+        return self._assembly.traffic.series
 
     def series(self) -> list[Series]:
         """Return the series of all sensors in the scene's order."""
-        return self._measurements.series
+        return self._assembly.measurements.series
 
-    # Stepping ---------------------------------------------------------------------------------
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Hold the simulation at the boundary of a step, in a ``with`` block.
+
+        For several reads of one moment while another thread runs it:
+        ``with sim.paused(): t, x = sim.time, sim.particles["water"]["position"]``. Each read alone
+        needs none. The run waits, so the block must not wait for the run; no bit is changed.
+        """
+        with self._turns:
+            yield
 
     def step(self, n: int = 1) -> None:
         """Advance `n` steps. Raises `Error` while another thread runs or steps it."""
@@ -517,12 +387,9 @@ class Simulation(Persistent, Sharing):
             raise ValueError(f"n is {n}; expected a number of steps, 0 or more")
         try:
             with self._turns.advancing(self._scene.name):
-                self._advance(n, math.inf, reporter(False, 0.0, 0.0, ""))
-                with self._turns:
-                    if self._writer is not None:
-                        self._writer.flush()
+                self._loop.step(n)
         finally:
-            self._rest()
+            self._files.rest()
 
     def run(
         self,
@@ -547,134 +414,86 @@ class Simulation(Persistent, Sharing):
         if wall_limit is not None and not wall_limit >= 0:
             raise ValueError(f"wall_limit is {wall_limit!r}; expected seconds, ≥ 0, or None")
         with self._turns.advancing(self._scene.name):
-            return self._run(until, progress, wall_limit)
+            return self._loop.run(until, progress, wall_limit)
 
-    def _run(
-        self, until: float, progress: bool | Callable[[State], object], wall_limit: float | None
-    ) -> bool:
-        self._deadline = math.inf if wall_limit is None else clock.monotonic() + wall_limit
-        self._stopped = ""
-        self._until = until
-        with self._turns, self._together():
-            _ = self.engine
-        title = self._scene.name or "libmpm"
-        if self.rank == 0:
-            left, plan = until - self.time, self.plan
-            seconds = plan.particles * left / self.dt / plan.rate
-            warn(many_steps(left, self.dt, plan.limited_by, seconds), stacklevel=3)
-        status, message = "finished", ""
-        report = reporter(progress if self.rank == 0 else False, self.time, until, title)
-        try:
-            self._advance(-1, until, report)
-            if self._stopped:
-                status, message = "interrupted", f"stopped by {self._stopped}; it can be resumed"
-                if self._writer is not None:
-                    with self._turns, self._together():
-                        self._writer.checkpoint()
-        except KeyboardInterrupt:
-            status, message = "interrupted", "stopped by an interrupt; it can be resumed"
-            if self._writer is not None and self._writer.output.checkpoint_interval:
-                with self._turns:
-                    # A handler of the caller's own may interrupt between a step and its frame.
-                    self._writer.service()
-                    self._writer.checkpoint()
-            raise
-        except Error as error:
-            status, message = "failed", str(error)
-            raise
-        finally:
-            report.close()
-            self._deadline = math.inf
-            with self._turns:
-                self._finish(status, message)
-        return not self._stopped
+    def scene_document(self) -> dict[str, Any]:
+        """Return the scene file of this run, with its "run" settings if it came with any."""
+        return self._files.scene_document()
 
-    def _advance(self, steps: int, until: float, report: Progress) -> None:
-        """Advance `steps` (-1: no limit) or to `until`, serving whatever falls due."""
-        with self._together():
-            # Nothing is lost by Ctrl-C while the engine is made; from the folder's first file on it
-            # waits for a step's end, or the frame and the samples of the start would be missing.
-            with self._turns:
-                _ = self.engine
-            with deferred_interrupt() as interrupted:
-                with self._turns:
-                    self._open()
-                self._loop(steps, until, report, interrupted)
+    def export_csv(self) -> list[Path]:
+        """Write the sensor series as CSV into the output folder; return the files."""
+        return self._files.export_csv()
 
-    def _loop(
-        self, steps: int, until: float, report: Progress, interrupted: Callable[[], bool]
-    ) -> None:
-        engine = self._engine
-        with self._turns:
-            if self._watch is not None:
-                self._watch.look()
-            self._measurements.service()
-            if self._writer is not None:
-                self._writer.service()
-        while steps != 0 and engine.time < until:
-            left = self._deadline - clock.monotonic()
-            self._stopped = self._agreed("wall limit" if left <= 0 else asked_to_stop())
-            if self._stopped:
-                break
-            # Between slices others read; whoever reads while one is under way waits for it.
-            with self._turns:
-                done = self._slice(steps, until, left)
-            if steps > 0:
-                steps -= done
-            report.update(State(engine.time, until, int(engine.step), self.particle_steps_per_s))
-            if self._agreed("interrupt" if interrupted() else ""):
-                raise KeyboardInterrupt
+    def save_checkpoint(self, path: str | Path) -> None:
+        """Write the whole state to `path` (NumPy archive), atomically.
 
-    def _slice(self, steps: int, until: float, left: float) -> int:
-        """Step to what falls due next, `SLICE` or the `left` s at most, and serve it."""
-        engine, measured, watch = self._engine, self._measurements, self._watch
-        # The engine stops at the first boundary past the target and never shortens a step, so
-        # targets of samples, frames and checkpoints leave the bits alone.
-        target = min(until, measured.next_time())
-        if self._writer is not None:
-            target = min(target, self._writer.next_time())
-        most = measured.limit(steps)
-        if watch is not None:
-            most = watch.limit(most)
-        began, busy = clock.perf_counter(), clock.process_time()
-        result = engine.run(most, target, min(SLICE, left))
-        self._wall += clock.perf_counter() - began
-        self._processor += clock.process_time() - busy
-        done = int(result["steps"])
-        self._particle_steps += done * self._count()
-        if result["reason"] == "wall" and (steps == done or engine.time >= until):
-            # What is due at the last step, a sort say, comes before anyone saves.
-            result = engine.run(0, target, math.inf)
-        self._collect()
-        if result["reason"] == "fault":
-            raise NumericalError(
-                describe_fault(result["fault"], engine.time_step, self.scene.cell_size)
-            )
-        if watch is not None:
-            watch.look()
-        measured.service()
-        if self._writer is not None:
-            self._writer.service()
-        return done
+        A state that the guard finds broken is not written. Raises `NumericalError`. Where ranks are
+        processes all call this, and rank 0 writes the state of all. Beside a thread that runs the
+        simulation it waits for the boundary of a step.
+        """
+        with self._turns, self._shared.together():
+            self._files.save(Path(path), self._loop.until)
 
-    def _count(self) -> int:
-        return sum(self.totals())
+    @classmethod
+    def resume(
+        cls,
+        path: str | Path,
+        *,
+        device: str | Sequence[str] | None = None,
+        output: Output | str | Path | None = None,
+        functions: Mapping[str, Callable[[Any], Any]] | None = None,
+        guard: Guard | bool | Literal["same"] | None = "same",
+        ranks: str | None = None,
+        partition: Partition | Literal["same"] | None = "same",
+    ) -> Simulation:
+        """Continue from a checkpoint file, or from the newest whole one in a run's folder.
 
-    def _collect(self) -> None:
-        """Take samples and removed particles from the engine."""
-        engine = self._engine
-        self._measurements.drain(engine)
-        self._traffic.take(engine)
-        gone = list(engine.removed())
-        self._count_together(engine)
-        if self._watch is not None:
-            self._watch.removed(gone)
-        # Those that left through an outlet are in its series.
-        gone = [g for g in gone if not g[4].startswith(OUTFLOW)]
-        if not gone or self.rank > 0:
-            return
-        names = list(self.particles)
-        if self._writer is not None:
-            self._writer.removed(removed_rows(gone, names, self._offset))
-        where = self._output.path / "removed.csv" if self._output is not None else None
-        warnings.warn(describe_removed(gone, names, where), ModelWarning, stacklevel=4)
+        `device` None takes the checkpoint's own, and as many ranks. On the same backend, pipeline
+        and precision the continued run is bit-equal to one never stopped, on any number of ranks;
+        elsewhere it agrees to rounding. An `output` folder that holds the same run is first cut to
+        the checkpoint's time: samples, frames and checkpoints after it are removed. One that holds
+        another run, of this scene or of another, is refused with `OutputError` at the first step,
+        unless it may be overwritten. `functions`
+        are those of `sensors.Custom` sensors, by name. `guard` "same" goes on watching as the run
+        before did. `ranks` "processes" goes on in the processes that a launcher has started.
+        `partition` "same" cuts as the run before did, where several ranks go on; at the start the
+        cuts are made for the state of the checkpoint.
+        """
+        source, arguments = recorded(Path(path), device, guard, ranks, partition)
+        simulation = cls(**arguments, output=output, functions=functions)
+        simulation._assembly.restored = source
+        simulation._assembly.displaced = dict(source.header.get("displaced", {}))
+        simulation._files.settings = source.header.get("run") or {}
+        simulation._files.recorded = source.header
+        return simulation
+
+    def recorded_output(self) -> Output | None:
+        """Return the output settings of the run that wrote the checkpoint resumed from.
+
+        Leave to overwrite what a folder holds was given to that run, not to this one.
+        """
+        return self._files.recorded_output()
+
+    def recorded_until(self) -> float | None:
+        """Return the end, s, that the run was asked for which wrote the checkpoint."""
+        return self._files.recorded_until()
+
+    def set_output(self, output: Output) -> None:
+        """Choose the output of a simulation that has none and has not run yet."""
+        self._files.choose(output)
+
+    def close(self) -> None:
+        """Close the output files; stepping opens them again.
+
+        Raises `Error` while another thread runs or steps the simulation.
+        """
+        with self._turns.advancing(self._scene.name), self._turns:
+            self._files.close()
+
+    def __enter__(self) -> Simulation:
+        """Return the simulation."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Close the output files."""
+        self.close()
