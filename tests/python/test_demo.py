@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from libmpm._src.cli.demo import load_demo, run_to_end, start
+from libmpm._src.cli.demo import load_demo
 from libmpm._src.output.frames import list_frames, read_frame
 from libmpm._src.output.report import summarise
 from libmpm._src.output.sensor_file import read_sensors
 from libmpm._src.output.series import moving_mean
+from libmpm._src.run.runner import run_to_end, start
 from libmpm._src.scene.run_file import without_debris
 
 #: Seconds after arrival in which the peaks are compared.

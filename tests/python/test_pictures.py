@@ -18,7 +18,7 @@ from matplotlib.collections import PathCollection
 
 import libmpm
 from libmpm import boundaries, materials, shapes
-from libmpm._src.output import html
+from libmpm._src.base.tables import html_table
 from libmpm._src.pictures import animate as films
 from libmpm._src.pictures import figures as common
 from libmpm._src.pictures import outlines
@@ -450,7 +450,7 @@ def test_series_show_their_ends():
     assert "a&lt;b" in text and "100 samples" in text
     assert {"0", "1", "2", "97", "98", "99", "990", "… 2 more"} <= set(cells)
     assert "50" not in cells and len(text) < 5000
-    assert html.table([["x" * 1000]]).count("x") < 200
+    assert html_table([["x" * 1000]]).count("x") < 200
 
 
 def test_sensors_are_listed_without_samples(scene):

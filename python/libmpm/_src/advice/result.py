@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.advice.atlas import Row
 from libmpm._src.advice.rules import Match
+from libmpm._src.base.tables import html_table, html_warnings, text_table
 from libmpm._src.base.values import plain
 from libmpm._src.boundaries.responses import DecayLayer
 from libmpm._src.methods.method import FBar, Method
-from libmpm._src.output.html import table
 
 if TYPE_CHECKING:
     from libmpm._src.scene.scene import Scene
@@ -180,21 +179,17 @@ class Advice:
         lines = [f"{name:<9} {text}" for name, text in self._head()]
         rows = self._settings()
         if rows:
-            lines.append("")
-            widths = [max(len(row[i]) for row in rows) for i in range(2)]
-            for a, b, why in rows:
-                lines.append(f"{a.ljust(widths[0])}  {b.ljust(widths[1])}  {why}".rstrip())
+            lines += ["", text_table(rows, flush="left")]
         if self.warnings:
             lines += ["", *(f"warning: {text}" for text in self.warnings)]
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """Return the advice as tables for Jupyter."""
-        parts = [table(self._head())]
+        parts = [html_table(self._head())]
         if self.reasons:
-            parts.append(table(self._settings(), ("setting", "value", "why")))
-        parts += [f"<p><b>warning:</b> {html.escape(text)}</p>" for text in self.warnings]
-        return "".join(parts)
+            parts.append(html_table(self._settings(), ("setting", "value", "why")))
+        return "".join(parts) + html_warnings(self.warnings)
 
     def __repr__(self) -> str:
         """Return a line with what changes."""

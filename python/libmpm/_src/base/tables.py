@@ -1,26 +1,50 @@
-"""Small text and HTML tables for terminals and notebooks."""
+"""Text and HTML tables for terminals, notebooks and docstrings."""
 
 from __future__ import annotations
 
 import html
 from collections.abc import Sequence
+from typing import Any, Literal
 
-__all__ = ["html_table", "text_table"]
+__all__ = ["html_table", "html_warnings", "text_table"]
+
+#: Characters of an HTML cell.
+_LONGEST = 160
 
 
-def text_table(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows of texts, the first of them the head, in columns flush right."""
+def text_table(
+    rows: Sequence[Sequence[str]], *, flush: Literal["left", "right"] = "right", ruled: bool = False
+) -> str:
+    """Return rows of texts, the first of them the head, in columns.
+
+    `ruled` puts the lines of reStructuredText around head and body.
+    """
+    if not rows:
+        return ""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
+    align = str.ljust if flush == "left" else str.rjust
+    lines = [
+        "  ".join(align(c, w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+    if ruled:
+        rule = "  ".join("=" * w for w in widths)
+        lines = [rule, lines[0], rule, *lines[1:], rule]
+    return "\n".join(lines)
 
 
-def html_table(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows of texts, the first of them the head, as HTML."""
+def html_table(rows: Sequence[Sequence[Any]], head: Sequence[Any] = ()) -> str:
+    """Return an HTML table; all texts are escaped, long ones cut."""
 
-    def line(row: Sequence[str], tag: str) -> str:
-        return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in row) + "</tr>"
+    def cell(item: Any, tag: str) -> str:
+        text = str(item)
+        text = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+        return f"<{tag}>{html.escape(text)}</{tag}>"
 
-    head, *body = rows
-    return f"<table>{line(head, 'th')}{''.join(line(row, 'td') for row in body)}</table>"
+    lines = [] if not head else [f"<tr>{''.join(cell(c, 'th') for c in head)}</tr>"]
+    lines += [f"<tr>{''.join(cell(c, 'td') for c in row)}</tr>" for row in rows]
+    return f"<table>{''.join(lines)}</table>"
+
+
+def html_warnings(texts: Sequence[str]) -> str:
+    """Return a paragraph for each warning."""
+    return "".join(f"<p><b>warning:</b> {html.escape(text)}</p>" for text in texts)

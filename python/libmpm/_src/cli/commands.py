@@ -309,7 +309,7 @@ def _until(stated: float | None, recorded: float | None) -> float:
 
 
 def _finish(simulation: Any, until: float, arguments: argparse.Namespace) -> int:
-    from libmpm._src.cli.demo import run_to_end
+    from libmpm._src.run.runner import run_to_end
 
     limit = arguments.wall_limit
     if limit is not None:
@@ -346,7 +346,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _run_source(
     source: Any, arguments: argparse.Namespace, *, overwrite: bool, go_on: bool = False
 ) -> int:
-    from libmpm._src.cli.demo import start
+    from libmpm._src.run.runner import start
     from libmpm._src.scene.run_file import without_debris
 
     if arguments.without_debris:

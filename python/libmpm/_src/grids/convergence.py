@@ -74,7 +74,8 @@ class Convergence:
 
     def _repr_html_(self) -> str:
         """Return the table for Jupyter."""
-        return html_table(self._rows())
+        head, *rows = self._rows()
+        return html_table(rows, head)
 
 
 def convergence(

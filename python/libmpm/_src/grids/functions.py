@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, keywords_only
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import plots
 from libmpm._src.grids.grid import SplineGrid, TriangularGrid
-from libmpm._src.grids.mesh import listed
 from libmpm._src.run import backends
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class Functions:
         if outside.any():
             x, y = given[int(np.argmax(outside))].tolist()
             raise SceneError(
-                f"{self.label}: positions {listed(outside)} lie outside the grid, the first at "
+                f"{self.label}: positions {marked(outside)} lie outside the grid, the first at "
                 f"({x:g}, {y:g}) m; expected all inside; remove them or enlarge the grid"
             )
         return self._evaluate(given - self._lower)

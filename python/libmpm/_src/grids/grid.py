@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, Value, sequence, value
 from libmpm._src.grids.bases import (
     Basis,
@@ -21,7 +22,7 @@ from libmpm._src.grids.bases import (
     PowellSabin,
     degree_of,
 )
-from libmpm._src.grids.mesh import Mesh, listed, pairs
+from libmpm._src.grids.mesh import Mesh, pairs
 
 __all__ = ["SplineGrid", "TriangularGrid"]
 
@@ -140,7 +141,7 @@ def _check_split(check: Checker, mesh: Mesh, split: Any) -> None:
     outside = (_cross(sides, points[:, None] - corners) <= 0).any(axis=1)
     if outside.any():
         check.fail(
-            f"basis.split has points {listed(outside)} outside the triangles of these numbers; "
+            f"basis.split has points {marked(outside)} outside the triangles of these numbers; "
             'expected inside; move them, or use "incentre"'
         )
         return

@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.arrays import real_array
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, Value, keywords_only, value
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import sources
 from libmpm._src.grids.sources import Arrays, Floats, Numbers
 
-__all__ = ["Mesh", "listed", "pairs"]
+__all__ = ["Mesh", "pairs"]
 
 #: Smallest angle in degrees below which a triangle counts as a sliver.
 _SLIVER = 10.0
@@ -59,21 +60,21 @@ class Mesh(Value):
         if outside.any():
             last = len(vertices) - 1
             check.fail(
-                f"triangles has numbers outside 0 to {last} in rows {listed(outside)}; expected "
+                f"triangles has numbers outside 0 to {last} in rows {marked(outside)}; expected "
                 f"those of the {last + 1} vertices; count from 0"
             )
             return {}
         thin = sources.flat(vertices[triangles])
         if thin.any():
             check.fail(
-                f"triangles {listed(thin)} have no area; expected corners that are not in a line; "
+                f"triangles {marked(thin)} have no area; expected corners that are not in a line; "
                 "remove them or move a vertex"
             )
         unused = np.ones(len(vertices), dtype=bool)
         unused[triangles] = False
         if unused.any():
             check.fail(
-                f"vertices {listed(unused)} belong to no triangle; expected each to be a corner; "
+                f"vertices {marked(unused)} belong to no triangle; expected each to be a corner; "
                 "leave them out"
             )
         clockwise = _areas(vertices[triangles]) < 0
@@ -280,13 +281,6 @@ def pairs(triangles: Numbers) -> tuple[Numbers, Numbers]:
     return edges, np.where(key[other] == reverse, other, -1)
 
 
-def listed(which: npt.ArrayLike) -> str:
-    """Return the numbers of the marked rows as a text, the first five of many."""
-    rows = np.flatnonzero(np.asarray(which))
-    text = ", ".join(map(str, rows[:5].tolist()))
-    return text if len(rows) <= 5 else f"{text} and {len(rows) - 5} more"
-
-
 def _keys(edges: Numbers) -> Numbers:
     """Return one number for every pair of vertex numbers."""
     return np.asarray(edges[:, 0] * (edges.max() + 1) + edges[:, 1])
@@ -312,7 +306,7 @@ def _vertices(check: Checker, item: Any) -> Floats | None:
         return None
     wrong = ~np.isfinite(array).all(axis=1)
     if wrong.any():
-        check.fail(f"vertices {listed(wrong)} are not finite; expected two numbers in m")
+        check.fail(f"vertices {marked(wrong)} are not finite; expected two numbers in m")
         return None
     return array
 
@@ -345,7 +339,7 @@ def _check_duplicates(check: Checker, vertices: Floats) -> None:
             x, y = vertices[int(np.argmax(same))].tolist()
             more = f", and {len(several) - 1} more places" if len(several) > 1 else ""
             check.fail(
-                f"vertices {listed(same)} are all at ({x:g}, {y:g}) m{more}; expected different "
+                f"vertices {marked(same)} are all at ({x:g}, {y:g}) m{more}; expected different "
                 "places; merge them into one"
             )
             return

@@ -6,9 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker
 from libmpm._src.errors import SceneError
-from libmpm._src.grids.mesh import Mesh, listed
+from libmpm._src.grids.mesh import Mesh
 
 __all__ = ["subdivide", "voronoi_areas"]
 
@@ -71,7 +72,7 @@ def voronoi_areas(points: npt.ArrayLike, mesh: Mesh) -> Floats:
     inside[inside] = mesh.contains(places[inside])
     if not inside.all():
         check.fail(
-            f"points {listed(~inside)} lie outside the mesh; expected all inside; remove them or "
+            f"points {marked(~inside)} lie outside the mesh; expected all inside; remove them or "
             "enlarge the mesh"
         )
         check.finish()
@@ -82,7 +83,7 @@ def voronoi_areas(points: npt.ArrayLike, mesh: Mesh) -> Floats:
     same = close[:, 0] <= _SAME * size
     if same.any():
         raise SceneError(
-            f"{label}: points {listed(same)} have the place of another; expected different "
+            f"{label}: points {marked(same)} have the place of another; expected different "
             "places; remove all but one"
         )
     # Far points on every side close all cells; the mesh is nearer to each of its own points.

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import plots
 from libmpm._src.grids.bases import Lagrange
 from libmpm._src.grids.functions import Evaluation, Field, Functions, places, sampled
-from libmpm._src.grids.mesh import listed
 
 __all__ = ["Projection", "project"]
 
@@ -188,11 +188,11 @@ def _particles(
         check.fail(f"values have shape {values.shape} for {n} positions; expected ({n},) or (n, k)")
     elif not np.isfinite(values).all():
         wrong = ~np.isfinite(values.reshape(n, -1)).all(axis=1)
-        check.fail(f"values {listed(wrong)} are not finite; expected numbers")
+        check.fail(f"values {marked(wrong)} are not finite; expected numbers")
     outside = functions.locate(position) < 0
     if outside.any():
         check.fail(
-            f"positions {listed(outside)} lie outside the grid; expected all inside; remove them "
+            f"positions {marked(outside)} lie outside the grid; expected all inside; remove them "
             "or enlarge the grid"
         )
     check.finish()

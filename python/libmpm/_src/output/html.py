@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from libmpm._src.base.formulas import Field
+from libmpm._src.base.tables import html_table
 from libmpm._src.base.time_tables import TimeTable
 
 if TYPE_CHECKING:
@@ -20,25 +21,10 @@ if TYPE_CHECKING:
     from libmpm._src.run.running import Running
     from libmpm._src.scene.data import SceneData
 
-__all__ = ["scene_html", "series_html", "series_list_html", "simulation_html", "table"]
+__all__ = ["scene_html", "series_html", "series_list_html", "simulation_html"]
 
 #: Rows of a series that are shown from either end, and columns.
 _ROWS, _COLUMNS = 3, 8
-#: Characters of a cell.
-_LONGEST = 160
-
-
-def table(rows: Sequence[Sequence[Any]], head: Sequence[str] = ()) -> str:
-    """Return an HTML table; all texts are escaped."""
-
-    def cell(item: Any, tag: str) -> str:
-        text = str(item)
-        text = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
-        return f"<{tag}>{html.escape(text)}</{tag}>"
-
-    lines = [] if not head else [f"<tr>{''.join(cell(c, 'th') for c in head)}</tr>"]
-    lines += [f"<tr>{''.join(cell(c, 'td') for c in row)}</tr>" for row in rows]
-    return f"<table>{''.join(lines)}</table>"
 
 
 def _vector(values: Any) -> str:
@@ -70,23 +56,23 @@ def scene_html(scene: SceneData) -> str:
         head.insert(1, ("origin", f"{_vector(scene.origin)} m"))
     parts = [
         f"<b>Scene {html.escape(scene.name or 'unnamed')}, {scene.dimension}D</b>",
-        table(head),
+        html_table(head),
     ]
     if scene.bodies:
-        parts.append(table(
+        parts.append(html_table(
             [(b.name, b.shape, type(b.material).__name__, b.particles_per_cell,
               _vector(b.velocity)) for b in scene.bodies],
             ("body", "shape", "material", "particles per cell", "velocity [m/s]"),
         ))  # fmt: skip
     if scene.boundaries:
-        parts.append(table(
+        parts.append(html_table(
             [(b.name, b.shape, _responses(b.response), _motion(b)) for b in scene.boundaries],
             ("boundary", "shape", "response", "motion"),
         ))  # fmt: skip
     if getattr(scene, "flows", ()):
-        parts.append(table([(f.name, f.flow) for f in scene.flows], ("flow", "how")))
+        parts.append(html_table([(f.name, f.flow) for f in scene.flows], ("flow", "how")))
     if scene.sensors:
-        parts.append(table(
+        parts.append(html_table(
             [(s.name, type(s.sensor).__name__, "every step" if s.sensor.interval == 0
               else f"{s.sensor.interval:g}") for s in scene.sensors],
             ("sensor", "kind", "interval [s]"),
@@ -109,7 +95,7 @@ def simulation_html(simulation: Running) -> str:
         rows.append(("sensors", ", ".join(s.name for s in scene.sensors)))
     if simulation.output is not None:
         rows.append(("output", str(simulation.output.path)))
-    return f"<b>Simulation {html.escape(scene.name or 'unnamed')}</b>" + table(rows)
+    return f"<b>Simulation {html.escape(scene.name or 'unnamed')}</b>" + html_table(rows)
 
 
 def series_html(series: Series) -> str:
@@ -127,9 +113,9 @@ def series_html(series: Series) -> str:
         row = [f"{time[i]:.6g}", *(f"{x:.6g}" for x in np.asarray(values[i])[:_COLUMNS])]
         rows.append(row + [""] * (len(head) - len(row)))
     title = f"<b>{html.escape(series.name)}</b>: {count:,} samples"
-    return title + table(rows, head)
+    return title + html_table(rows, head)
 
 
 def series_list_html(names: Sequence[str], kinds: Sequence[str]) -> str:
     """Return the sensors of a simulation without asking it for samples."""
-    return table(list(zip(names, kinds, strict=True)), ("sensor", "kind"))
+    return html_table(list(zip(names, kinds, strict=True)), ("sensor", "kind"))

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from libmpm._src.base.text import listed
+
 __all__ = ["describe_fault", "describe_removed", "removed_rows"]
 
 #: Fault code -> (what happened, what to do).
@@ -72,12 +74,6 @@ _CALM = 0.1
 _SHOWN = 8
 
 
-def _listed(ids: Sequence[int]) -> str:
-    shown = ", ".join(str(int(i)) for i in ids[:_SHOWN])
-    more = len(ids) - _SHOWN
-    return f"{shown} and {more} more" if more > 0 else shown
-
-
 def describe_fault(fault: Mapping[str, Any], time_step: float, cell_size: float = 0.0) -> str:
     """Return body, particles, step, time, onset, and what to lower.
 
@@ -97,7 +93,7 @@ def describe_fault(fault: Mapping[str, Any], time_step: float, cell_size: float 
         )
     who = f"body '{fault['body']}'" if fault["body"] else "grid"
     if len(fault["ids"]):
-        who += f", particle {_listed(fault['ids'])}"
+        who += f", particle {listed(fault['ids'], _SHOWN)}"
     text = (
         f"{who}: {cause} at step "
         f"{fault['step']}, {fault['time']:.6g} s (time step {time_step:.4g} s"
@@ -130,7 +126,7 @@ def describe_removed(
     """Return a line for each body and step in which particles left, with their ids."""
     lines = [
         f"body '{names[body]}', step {step}: {len(ids)} particles left the domain "
-        f"(policy {policy}): {_listed(ids)}"
+        f"(policy {policy}): {listed(ids, _SHOWN)}"
         for body, ids, _, step, policy in gone[:_SHOWN]
     ]
     if len(gone) > _SHOWN:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import html
 import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from libmpm._src.base.tables import html_table, html_warnings, text_table
 from libmpm._src.base.values import nearest
 from libmpm._src.boundaries.flow_layers import flow_rows
 from libmpm._src.errors import SceneError
@@ -372,30 +372,16 @@ class Plan:
         """Return the plan as text for a terminal."""
         lines = [f"{name:<10} {text}" for name, text in self._summary()]
         for head, rows in self._tables():
-            widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
-            lines.append("")
-            for row in (head, *rows):
-                cells = (c.ljust(w) for c, w in zip(row, widths, strict=True))
-                lines.append("  ".join(cells).rstrip())
+            lines += ["", text_table([head, *rows], flush="left")]
         if self._warnings:
             lines += ["", *(f"warning: {text}" for text in self._warnings)]
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """Return the plan as tables for Jupyter."""
-
-        def table(rows: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:
-            top = "".join(f"<th>{html.escape(c)}</th>" for c in head)
-            body = "".join(
-                "<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>"
-                for row in rows
-            )
-            return f"<table>{f'<tr>{top}</tr>' if head else ''}{body}</table>"
-
-        parts = [table(self._summary())]
-        parts += [table(rows, head) for head, rows in self._tables()]
-        parts += [f"<p><b>warning:</b> {html.escape(text)}</p>" for text in self._warnings]
-        return "".join(parts)
+        parts = [html_table(self._summary())]
+        parts += [html_table(rows, head) for head, rows in self._tables()]
+        return "".join(parts) + html_warnings(self._warnings)
 
     def __repr__(self) -> str:
         """Return a line with size and pipeline."""

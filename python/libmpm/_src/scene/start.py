@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from libmpm._src.base.file_digest import file_digest
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.errors import CheckpointError
 from libmpm._src.sensors.engine_sensors import Energy, WaveGauge
@@ -142,16 +141,9 @@ class Start(Value):
 def digest_of(path: Path) -> str:
     """Return the SHA-256 of a file; raises `CheckpointError` if it cannot be read."""
     try:
-        found = path.stat()
-        return _digest(str(path), found.st_size, found.st_mtime_ns)
+        return file_digest(path)
     except OSError as error:
         raise CheckpointError(
-            f"{path} cannot be read: {error.strerror}; give a checkpoint that a run has written"
+            f"{path} cannot be read: {error.strerror or error}; give a checkpoint that a run has "
+            "written"
         ) from error
-
-
-@functools.lru_cache(maxsize=64)
-def _digest(path: str, size: int, changed: int) -> str:
-    """Read the file once for each size and time of change: a study asks for every row."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

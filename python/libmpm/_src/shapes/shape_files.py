@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
-import stat
 from pathlib import Path
 from typing import Any
 
+from libmpm._src.base.file_digest import file_digest
 from libmpm._src.base.values import Checker, shown
 
-__all__ = ["check_file", "file_state"]
+__all__ = ["check_file"]
 
 
 def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]:
@@ -19,7 +17,7 @@ def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]
         check.fail(f"file is {file!r}; expected the path of a file")
         return "", None
     try:
-        found = _digest(*file_state(file))
+        found = file_digest(file)
     except (OSError, ValueError) as error:  # a path may hold what no path can
         reason = getattr(error, "strerror", None) or error
         check.fail(f"file '{file}' cannot be read: {reason}; give a path that can be, from here")
@@ -34,17 +32,3 @@ def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]
         )
     # Absolute, so that what was begun in one folder can be resumed or read from another.
     return str(Path(file).absolute()), found
-
-
-def file_state(file: str | Path) -> tuple[str, int, int]:
-    """Return path, size and time of change of a file: what to know its content again by."""
-    found = Path(file).stat()
-    if not stat.S_ISREG(found.st_mode):
-        raise OSError(f"{file} is no regular file")
-    return str(file), found.st_size, found.st_mtime_ns
-
-
-@functools.lru_cache(maxsize=64)
-def _digest(path: str, size: int, changed: int) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

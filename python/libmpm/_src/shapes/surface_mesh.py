@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.file_digest import file_state
 from libmpm._src.base.values import Checker, value
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.mesh_distance import TriangleTree
 from libmpm._src.shapes.mesh_file import Surface, read_surface
-from libmpm._src.shapes.shape_files import check_file, file_state
+from libmpm._src.shapes.shape_files import check_file
 from libmpm._src.shapes.solid import Array, Bounds, Solid
 
 __all__ = ["SurfaceMesh"]

@@ -287,4 +287,5 @@ class TradeOff:
 
     def _repr_html_(self) -> str:
         """Return the first rows and the summary for Jupyter."""
-        return f"{html_table(self._cells())}<pre>{html.escape(self._said())}</pre>"
+        head, *rows = self._cells()
+        return f"{html_table(rows, head)}<pre>{html.escape(self._said())}</pre>"

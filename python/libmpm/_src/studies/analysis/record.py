@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, keywords_only, nearest
 from libmpm._src.errors import SceneError
-from libmpm._src.grids.mesh import listed
 
 if TYPE_CHECKING:
     from libmpm._src.output.series import Series
@@ -55,7 +55,7 @@ class Record:
         wrong = ~np.isfinite(self._value)
         if wrong.any() and not check.problems:
             check.fail(
-                f"value is not a finite number at samples {listed(wrong)}; expected numbers; give "
+                f"value is not a finite number at samples {marked(wrong)}; expected numbers; give "
                 "missing= for samples without a value, such as those of a dry gauge"
             )
         self._start = self._begins(check, start)
@@ -73,11 +73,11 @@ class Record:
         elif not len(time):
             check.fail(_NO_SAMPLES)
         elif not np.isfinite(time).all():
-            check.fail(f"time is not finite at samples {listed(~np.isfinite(time))}; expected s")
+            check.fail(f"time is not finite at samples {marked(~np.isfinite(time))}; expected s")
         elif (np.diff(time) <= 0).any():
             rows = np.append(False, np.diff(time) <= 0)
             check.fail(
-                f"time does not increase at samples {listed(rows)}; expected each later than the "
+                f"time does not increase at samples {marked(rows)}; expected each later than the "
                 "one before; sort them and remove doubles"
             )
 

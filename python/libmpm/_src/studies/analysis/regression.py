@@ -10,8 +10,8 @@ import numpy as np
 
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, nearest
-from libmpm._src.grids.mesh import listed
 from libmpm._src.studies.analysis import plots
 from libmpm._src.studies.analysis.layout import number
 from libmpm._src.studies.analysis.record import Floats
@@ -210,7 +210,7 @@ class Regression:
                 lost = self._used & ~whole
                 if lost.any():
                     check.fail(
-                        f"'{name}' is not a finite number in rows {listed(lost)}; expected one in "
+                        f"'{name}' is not a finite number in rows {marked(lost)}; expected one in "
                         "every row of the regression"
                     )
                     continue
@@ -248,7 +248,8 @@ class Regression:
 
     def _repr_html_(self) -> str:
         """Return the table for Jupyter."""
-        return f"<p>{html.escape(self._caption())}</p>{html_table(self._rows())}"
+        head, *rows = self._rows()
+        return f"<p>{html.escape(self._caption())}</p>{html_table(rows, head)}"
 
     def plot_residuals(self, ax: Any = None, **style: Any) -> Any:
         """Draw residuals over fitted responses and return the axes; `style` goes to the points."""

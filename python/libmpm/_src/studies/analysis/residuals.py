@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker
 from libmpm._src.errors import SceneError
-from libmpm._src.grids.mesh import listed
 from libmpm._src.studies.analysis.layout import number
 from libmpm._src.studies.analysis.record import Floats, numbers
 
@@ -125,7 +125,7 @@ def _white(
         )
     elif not (np.isfinite(e).all() and np.isfinite(x).all()):
         wrong = ~(np.isfinite(e) & np.isfinite(x))
-        check.fail(f"rows {listed(wrong)} are not finite; expected numbers")
+        check.fail(f"rows {marked(wrong)} are not finite; expected numbers")
     elif len(np.unique(x)) < LEAST_VALUES:
         check.fail(
             f"{name} has {len(np.unique(x))} different value(s); expected three or more, "
@@ -207,7 +207,8 @@ class ResidualTests:
 
     def _repr_html_(self) -> str:
         """Return the table for Jupyter."""
-        return html_table(self.rows())
+        head, *rows = self.rows()
+        return html_table(rows, head)
 
 
 def residual_tests(

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker
-from libmpm._src.grids.mesh import listed
 from libmpm._src.studies.analysis import plots
 from libmpm._src.studies.analysis.layout import number
 from libmpm._src.studies.analysis.record import Floats, numbers
@@ -70,7 +70,8 @@ class BoxPlot:
 
     def _repr_html_(self) -> str:
         """Return the numbers for Jupyter."""
-        return html_table(self._rows())
+        head, *rows = self._rows()
+        return html_table(rows, head)
 
     def plot(self, ax: Any = None, *, position: float = 1.0, name: str = "", **style: Any) -> Any:
         """Draw the box at `position` into matplotlib axes and return them.
@@ -105,7 +106,7 @@ def box_plot(values: npt.ArrayLike, *, reach: float = 1.5) -> BoxPlot:
     if not len(given):
         check.fail("there are no values; expected one or more")
     elif not np.isfinite(given).all():
-        check.fail(f"values {listed(~np.isfinite(given))} are not finite; expected numbers")
+        check.fail(f"values {marked(~np.isfinite(given))} are not finite; expected numbers")
     check.finish()
     x = np.sort(given)
     q1, median, q3 = np.quantile(x, [0.25, 0.5, 0.75]).tolist()
@@ -157,7 +158,8 @@ class Correlation:
 
     def _repr_html_(self) -> str:
         """Return the table for Jupyter."""
-        return html_table(self._rows())
+        head, *rows = self._rows()
+        return html_table(rows, head)
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
         """Draw the matrix in colours, with its numbers, and return the axes."""
@@ -265,7 +267,8 @@ class Parity:
 
     def _repr_html_(self) -> str:
         """Return the numbers for Jupyter."""
-        return html_table(self._rows())
+        head, *rows = self._rows()
+        return html_table(rows, head)
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
         """Draw the pairs, the line of equality and the fitted line, and return the axes."""
@@ -292,7 +295,7 @@ def parity(measured: npt.ArrayLike, simulated: npt.ArrayLike) -> Parity:
             "more"
         )
     elif not (np.isfinite(x).all() and np.isfinite(y).all()):
-        check.fail(f"pairs {listed(~(np.isfinite(x) & np.isfinite(y)))} are not finite numbers")
+        check.fail(f"pairs {marked(~(np.isfinite(x) & np.isfinite(y)))} are not finite numbers")
     elif np.ptp(x) == 0:
         check.fail(f"measured is {x[0]:g} throughout; expected it to vary")
     check.finish()

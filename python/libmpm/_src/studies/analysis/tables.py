@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, nearest
-from libmpm._src.grids.mesh import listed
 from libmpm._src.studies.analysis.record import Floats
 
 __all__ = ["Missing", "Table", "Term", "columns", "evaluate", "parse", "sample"]
@@ -111,7 +111,7 @@ def evaluate(check: Checker, found: Mapping[str, Any], term: Term) -> Floats:
     if outside.any():
         worst = values[outside][0]
         check.fail(
-            f"'{term.name}' of {worst:g} does not exist, rows {listed(outside)}; expected "
+            f"'{term.name}' of {worst:g} does not exist, rows {marked(outside)}; expected "
             f"{transform.domain} in column '{term.column}'; leave these rows out or choose another "
             "term"
         )
@@ -144,7 +144,7 @@ def sample(
         for term, row in zip(parsed, matrix.T, strict=True):
             if not np.isfinite(row).all():
                 check.fail(
-                    f"'{term.name}' is not a finite number in rows {listed(~np.isfinite(row))}; "
+                    f"'{term.name}' is not a finite number in rows {marked(~np.isfinite(row))}; "
                     "expected numbers; repeat what failed, or leave such rows out with "
                     'missing="drop"'
                 )

@@ -13,6 +13,7 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 
+from libmpm._src.base.tables import text_table
 from libmpm._src.base.values import Checker, warn
 from libmpm._src.errors import SceneError
 from libmpm._src.studies.design.arrays import Floats, numbers
@@ -188,9 +189,6 @@ def _described(summary: str, entry: Formula) -> str:
     """Return the docstring: the summary, the arguments, and what the register knows."""
     rows = [("argument", "symbol", "unit", "range", "meaning")]
     rows += [(k, s.symbol, s.unit, s.range, s.meaning) for k, s in entry.symbols.items()]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    rule = "  ".join("=" * w for w in widths)
-    lines = ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in rows]
     worked = "; ".join(_worked(entry, example) for example in entry.examples)
     unit = "a pure number" if entry.unit == "1" else f"a float in {entry.unit}"
     return "\n".join(
@@ -199,11 +197,7 @@ def _described(summary: str, entry: Formula) -> str:
             "",
             f"    {entry.expression}",
             "",
-            rule,
-            lines[0],
-            rule,
-            *lines[1:],
-            rule,
+            text_table(rows, flush="left", ruled=True),
             "",
             *_filled(
                 f"Returns {unit}, or an array of the arguments' common shape. Raises `SceneError`.",

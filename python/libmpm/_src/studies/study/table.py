@@ -234,7 +234,8 @@ class StudyResult:
         said = [self.summary()]
         if len(self) > _PRINTED:
             said.insert(0, f"... {len(self) - _PRINTED} more rows")
-        table = html_table(self._cells(self.rows[:_PRINTED]))
+        head, *rows = self._cells(self.rows[:_PRINTED])
+        table = html_table(rows, head)
         return f"{table}<pre>{html.escape(chr(10).join(said))}</pre>"
 
 
