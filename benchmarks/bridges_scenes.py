@@ -132,7 +132,7 @@ def scene(model: Model, method: str, bulk_modulus: float, block: str | None = No
     speed = f"where(x < 0, {bore.velocity!r}, 0)" if model.bore else f"{bore.velocity!r}"
     how: dict[str, Any] = {}
     if locking != "fbar":
-        smoothing = libmpm.Smoothing(method=locking)  # type: ignore[arg-type]
+        smoothing = libmpm.methods.Smoothing(method=locking)  # type: ignore[arg-type]
         how = {"fbar": None, "smoothing": smoothing}
     made.add_body(
         name="water",

@@ -29,27 +29,33 @@ MARKS = "<!-- table: benchmarks/disc_collision.py --write -->", "<!-- end of dis
 CELLS = (4, 8)
 RADIUS, UNTIL = 0.2, 3.0
 
-ROWS: dict[str, libmpm.Transfer] = {
-    "APIC": libmpm.Transfer(),
-    "PIC": libmpm.Transfer(scheme="PIC"),
-    "FLIP": libmpm.Transfer(scheme="FLIP"),
-    "PIC-FLIP 0.95": libmpm.Transfer(scheme="PIC-FLIP", flip=0.95),
-    "AFLIP 0.95": libmpm.Transfer(scheme="AFLIP", flip=0.95),
-    "NFLIP": libmpm.Transfer(scheme="NFLIP"),
-    "NFLIP 0.95": libmpm.Transfer(scheme="NFLIP", flip=0.95),
-    "NFLIP 0.9": libmpm.Transfer(scheme="NFLIP", flip=0.9),
-    "SFLIP 0.95, β 0 to 1": libmpm.Transfer(scheme="SFLIP", flip=0.95, shift_max=1.0),
-    "ASFLIP 0.95, β 0 to 1": libmpm.Transfer(scheme="ASFLIP", flip=0.95, shift_max=1.0),
-    "ASFLIP 0.999, β 0 to 0.025": libmpm.Transfer(scheme="ASFLIP", flip=0.999, shift_max=0.025),
-    "ASFLIP 1, β 0.1": libmpm.Transfer(scheme="ASFLIP", flip=1.0, shift_max=0.1, shift_min=0.1),
-    "ASFLIP 1, β 0.25": libmpm.Transfer(scheme="ASFLIP", flip=1.0, shift_max=0.25, shift_min=0.25),
-    "XPIC 2": libmpm.Transfer(scheme="XPIC", order=2),
-    "FMPM 2": libmpm.Transfer(scheme="FMPM", order=2),
-    "FMPM 4": libmpm.Transfer(scheme="FMPM", order=4),
+ROWS: dict[str, libmpm.methods.Transfer] = {
+    "APIC": libmpm.methods.Transfer(),
+    "PIC": libmpm.methods.Transfer(scheme="PIC"),
+    "FLIP": libmpm.methods.Transfer(scheme="FLIP"),
+    "PIC-FLIP 0.95": libmpm.methods.Transfer(scheme="PIC-FLIP", flip=0.95),
+    "AFLIP 0.95": libmpm.methods.Transfer(scheme="AFLIP", flip=0.95),
+    "NFLIP": libmpm.methods.Transfer(scheme="NFLIP"),
+    "NFLIP 0.95": libmpm.methods.Transfer(scheme="NFLIP", flip=0.95),
+    "NFLIP 0.9": libmpm.methods.Transfer(scheme="NFLIP", flip=0.9),
+    "SFLIP 0.95, β 0 to 1": libmpm.methods.Transfer(scheme="SFLIP", flip=0.95, shift_max=1.0),
+    "ASFLIP 0.95, β 0 to 1": libmpm.methods.Transfer(scheme="ASFLIP", flip=0.95, shift_max=1.0),
+    "ASFLIP 0.999, β 0 to 0.025": libmpm.methods.Transfer(
+        scheme="ASFLIP", flip=0.999, shift_max=0.025
+    ),
+    "ASFLIP 1, β 0.1": libmpm.methods.Transfer(
+        scheme="ASFLIP", flip=1.0, shift_max=0.1, shift_min=0.1
+    ),
+    "ASFLIP 1, β 0.25": libmpm.methods.Transfer(
+        scheme="ASFLIP", flip=1.0, shift_max=0.25, shift_min=0.25
+    ),
+    "XPIC 2": libmpm.methods.Transfer(scheme="XPIC", order=2),
+    "FMPM 2": libmpm.methods.Transfer(scheme="FMPM", order=2),
+    "FMPM 4": libmpm.methods.Transfer(scheme="FMPM", order=4),
 }
 
 
-def scene(transfer: libmpm.Transfer, cells: int) -> libmpm.Scene:
+def scene(transfer: libmpm.methods.Transfer, cells: int) -> libmpm.Scene:
     """Return the scene with so many cells a radius."""
     found = libmpm.Scene(
         dimension=2, cell_size=RADIUS / cells, lower=(0, 0), upper=(1, 1),
@@ -65,7 +71,7 @@ def scene(transfer: libmpm.Transfer, cells: int) -> libmpm.Scene:
     return found
 
 
-def measure(transfer: libmpm.Transfer, cells: int) -> dict[str, float]:
+def measure(transfer: libmpm.methods.Transfer, cells: int) -> dict[str, float]:
     """Return the energy lost, and how far the furthest particle is from the middle, radii."""
     simulation = libmpm.Simulation(scene(transfer, cells), device="cpu", precision="double")
     simulation.run(until=UNTIL, progress=False)

@@ -21,9 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 import libmpm
-from libmpm import FBar, Method, Transfer, boundaries, materials, sensors, shapes
+from libmpm import FBar, Method, boundaries, materials, sensors, shapes
 from libmpm._src.advice.cases.settling import missing_depth
 from libmpm._src.base.formulas import Field
+from libmpm.methods import Transfer
 
 Floats = npt.NDArray[np.float64]
 Numbers = dict[str, float]

@@ -15,9 +15,9 @@ import json
 from pathlib import Path
 
 import libmpm
-from libmpm import Kernel, Method, Smoothing, Transfer
+from libmpm import Method
 from libmpm._src.cli.bench import collapse, timed
-from libmpm.smoothing import METHODS
+from libmpm.methods import METHODS, Kernel, Smoothing, Transfer
 
 ASFLIP = Transfer(scheme="ASFLIP", flip=0.99, shift_max=0.1)
 

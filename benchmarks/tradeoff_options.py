@@ -9,10 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from libmpm import AssumedFields, FBar, Kernel, Method, Smoothing, Transfer
+from libmpm import FBar, Method
 from libmpm._src.methods.method import CROSSINGS
 from libmpm.boundaries import DecayLayer, Mirror, Response
 from libmpm.cases import Options
+from libmpm.methods import AssumedFields, Kernel, Smoothing, Transfer
 
 BASELINE = "baseline"
 WATER = 2.2e9  # Pa, bulk modulus of real water

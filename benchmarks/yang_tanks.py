@@ -91,14 +91,14 @@ def jobs() -> list[Job]:
 
 def choices(method: str) -> dict[str, Any]:
     """Return what a body takes of a method."""
-    means = libmpm.AssumedFields(over="node" if method == "NB" else "cell")
+    means = libmpm.methods.AssumedFields(over="node" if method == "NB" else "cell")
     if method == "none":
         return {"fbar": None}
     if method == "F-bar":
         return {}
     if method == "cell means":
         return {"fbar": None, "assumed": means}
-    smoothing = libmpm.Smoothing(method=method)  # type: ignore[arg-type]
+    smoothing = libmpm.methods.Smoothing(method=method)  # type: ignore[arg-type]
     return {"smoothing": smoothing, "assumed": means}
 
 
@@ -123,7 +123,7 @@ class Tank:
             dimension=2, cell_size=size, lower=tuple(low), upper=tuple(high),
             gravity=tuple(-10 * self.up),
             method=libmpm.Method(
-                transfer="FLIP", kernel=libmpm.Kernel(name="linear", modified=True),
+                transfer="FLIP", kernel=libmpm.methods.Kernel(name="linear", modified=True),
                 time_step=job.time_step,
             ),
         )  # fmt: skip

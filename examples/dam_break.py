@@ -16,7 +16,7 @@ scene = libmpm.Scene(
     upper=(2, 1),
     gravity=(0, -9.81),
     # APIC, the default, loses shear in every step, which makes loads of a flow too large.
-    method=libmpm.Method(transfer=libmpm.Transfer(scheme="FLIP")),
+    method=libmpm.Method(transfer=libmpm.methods.Transfer(scheme="FLIP")),
 )
 scene.add_body(
     name="water",

@@ -189,7 +189,7 @@ class Flume:
             self.branch,
             [{"seed": seed} for seed in seeds],
             until=self.until,
-            trunk=libmpm.Trunk(self.water, until=self.release),
+            trunk=libmpm.studies.Trunk(self.water, until=self.release),
             response=self.response,
             options=options,
             name="debris in a surge",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import warnings
 from typing import TYPE_CHECKING, Any
 
 from libmpm import (
@@ -18,9 +19,9 @@ from libmpm import (
     design,
     grids,
     materials,
+    methods,
     sensors,
     shapes,
-    smoothing,
 )
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable
@@ -34,10 +35,7 @@ from libmpm._src.errors import (
     OutputError,
     SceneError,
 )
-from libmpm._src.grids.shapes import Traction
 from libmpm._src.methods.method import FBar, Method
-from libmpm._src.methods.smoothing import AssumedFields, Smoothing
-from libmpm._src.methods.transfer import Kernel, Transfer
 from libmpm._src.run.guard import Guard
 from libmpm._src.run.partition import Partition
 from libmpm._src.run.plan import Plan
@@ -45,19 +43,14 @@ from libmpm._src.scene.placed_force import PlacedForce
 from libmpm._src.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from libmpm import studies
-    from libmpm._src.advice.result import Advice
-    from libmpm._src.advice.tradeoff.result import TradeOff
-    from libmpm._src.advice.tradeoff.run import tradeoff
+    from libmpm import advice, cases, compat, studies
     from libmpm._src.output.results import Results, load
     from libmpm._src.output.settings import Output
+    from libmpm._src.pictures.animate import animate
     from libmpm._src.run.simulation import Simulation
-    from libmpm._src.studies.study.plan import Trunk
     from libmpm._src.studies.study.study import Study
 
 __all__ = [
-    "Advice",
-    "AssumedFields",
     "CapacityError",
     "CheckpointError",
     "DeviceError",
@@ -65,7 +58,6 @@ __all__ = [
     "FBar",
     "Field",
     "Guard",
-    "Kernel",
     "Method",
     "ModelWarning",
     "NumericalError",
@@ -78,29 +70,26 @@ __all__ = [
     "Scene",
     "SceneError",
     "Simulation",
-    "Smoothing",
     "Study",
     "TimeTable",
-    "Traction",
-    "TradeOff",
-    "Transfer",
-    "Trunk",
     "__version__",
+    "advice",
     "analysis",
     "animate",
     "boundaries",
     "build_info",
+    "cases",
+    "compat",
     "debris",
     "demand",
     "design",
     "grids",
     "load",
     "materials",
+    "methods",
     "sensors",
     "shapes",
-    "smoothing",
     "studies",
-    "tradeoff",
 ]
 
 # A thread that waits at the end of a loop spins for some microseconds and then sleeps. libgomp
@@ -112,16 +101,26 @@ if "OMP_WAIT_POLICY" not in os.environ:
 
 #: Names that need the compiled core, or packages that descriptions do not: loaded on first use.
 _LAZY = {
-    "Advice": "libmpm._src.advice.result",
     "Output": "libmpm._src.output.settings",
     "Results": "libmpm._src.output.results",
     "Simulation": "libmpm._src.run.simulation",
     "Study": "libmpm._src.studies.study.study",
-    "TradeOff": "libmpm._src.advice.tradeoff.result",
-    "Trunk": "libmpm._src.studies.study.plan",
     "animate": "libmpm._src.pictures.animate",
     "load": "libmpm._src.output.results",
-    "tradeoff": "libmpm._src.advice.tradeoff.run",
+}
+#: Modules that are loaded on first use.
+_MODULES = ("advice", "cases", "compat", "studies")
+#: Names that were here in version 0.1, and the modules that have them now.
+_MOVED = {
+    "Advice": "advice",
+    "AssumedFields": "methods",
+    "Kernel": "methods",
+    "Smoothing": "methods",
+    "TradeOff": "advice",
+    "Traction": "grids",
+    "Transfer": "methods",
+    "Trunk": "studies",
+    "tradeoff": "advice",
 }
 
 
@@ -131,11 +130,24 @@ def build_info() -> dict[str, Any]:
 
 
 def __getattr__(name: str) -> Any:
-    """Load `Simulation`, `Output`, `Study` and the like, and `__version__`, on first use."""
+    """Load `Simulation`, `Output`, `Study` and the like, and `__version__`, on first use.
+
+    Names that have moved into a module come with a `DeprecationWarning`.
+    """
     if name in _LAZY:
         return getattr(importlib.import_module(_LAZY[name]), name)
-    if name == "studies":
-        return importlib.import_module("libmpm.studies")
+    if name in _MODULES:
+        return importlib.import_module(f"libmpm.{name}")
+    if name in _MOVED:
+        module = f"libmpm.{_MOVED[name]}"
+        warnings.warn(
+            f"libmpm.{name} is {module}.{name} since libmpm 0.2; the old name goes in 0.3",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return getattr(importlib.import_module(module), name)
+    if name == "smoothing":
+        return importlib.import_module("libmpm.smoothing")
     if name == "__version__":
         from importlib.metadata import PackageNotFoundError, version
 

@@ -1,4 +1,4 @@
-"""Grids of triangles and of splines for plane scenes, their functions and their mass matrices."""
+"""Grids of triangles and of splines for plane scenes, their functions, masses and tractions."""
 
 from libmpm._src.grids.bases import (
     ConsistentMass,
@@ -14,6 +14,7 @@ from libmpm._src.grids.functions import Functions
 from libmpm._src.grids.grid import SplineGrid, TriangularGrid
 from libmpm._src.grids.mesh import Mesh
 from libmpm._src.grids.projection import Projection
+from libmpm._src.grids.shapes import Traction
 
 __all__ = [
     "ConsistentMass",
@@ -28,6 +29,7 @@ __all__ = [
     "PowellSabin",
     "Projection",
     "SplineGrid",
+    "Traction",
     "TriangularGrid",
     "convergence",
 ]

@@ -29,7 +29,9 @@ STEPS = 600
 
 
 def _tank(scheme: str = "APIC", width: float = 2.0) -> libmpm.Scene:
-    transfer = libmpm.Transfer(scheme=scheme, **({"flip": 0.95} if scheme == "APIC-FLIP" else {}))
+    transfer = libmpm.methods.Transfer(
+        scheme=scheme, **({"flip": 0.95} if scheme == "APIC-FLIP" else {})
+    )
     return libmpm.Scene(
         dimension=2, cell_size=0.05, lower=(0, 0), upper=(width, 1.0), gravity=(0, -9.81),
         method=libmpm.Method(transfer=transfer),

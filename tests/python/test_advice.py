@@ -11,13 +11,14 @@ import json
 import pytest
 
 import libmpm
-from libmpm import FBar, Kernel, Method, Transfer, boundaries, cases, grids, materials, shapes
+from libmpm import FBar, Method, boundaries, cases, grids, materials, shapes
 from libmpm._src.advice.advise import advise
 from libmpm._src.advice.atlas import read_atlas
 from libmpm._src.advice.facts import Facts
 from libmpm._src.advice.rules import RULES, matches
 from libmpm._src.cli.commands import main
 from libmpm.cases import Options
+from libmpm.methods import Kernel, Transfer
 from support import scenes
 
 # ---- scenes -------------------------------------------------------------------------------------

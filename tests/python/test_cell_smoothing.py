@@ -9,7 +9,7 @@ import pytest
 import libmpm
 from libmpm import _core, materials, shapes
 from libmpm._src.run.engine_spec import lower
-from libmpm.smoothing import METHODS, smooth
+from libmpm.methods import METHODS, smooth
 from support.bars import YOUNG, Bar
 from support.drifting import DX, SOFT, by_id, drifting, state_of, undecided
 
@@ -29,7 +29,9 @@ CASES = [
 
 @pytest.mark.parametrize(("method", "dimension", "kernel", "field"), CASES)
 def test_a_step_smooths_as_arrays_do_and_counts_strays(tmp_path, method, dimension, kernel, field):
-    engine, state = drifting(tmp_path, dimension, kernel, libmpm.Smoothing(method=method), field)
+    engine, state = drifting(
+        tmp_path, dimension, kernel, libmpm.methods.Smoothing(method=method), field
+    )
     shift = 0 if kernel == "quadratic" else 0.5 * DX
     changes = []
     for _ in range(7):  # 0.7 cells: some stand beside the cell that they were sorted into
@@ -54,8 +56,9 @@ def test_threads_and_portions_change_no_bit(tmp_path, method):
     found = []
     for threads, portions in ((1, (6,)), (2, (1, 2, 3))):
         engine, _ = drifting(
-            tmp_path, 3, "quadratic", libmpm.Smoothing(method=method), threads=threads, n=5000,
-            assumed=libmpm.AssumedFields(over="cell", part="full"), modulus=50.0,
+            tmp_path, 3, "quadratic", libmpm.methods.Smoothing(method=method),
+            threads=threads, n=5000,
+            assumed=libmpm.methods.AssumedFields(over="cell", part="full"), modulus=50.0,
             force=libmpm.PlacedForce(
                 axis="x", place=(0.0, 1.0), value=((-4.0, 0.0, 0.0), (4.0, 0.0, 0.0))
             ),
@@ -88,7 +91,7 @@ def hats(x, modified):
 def test_nodal_sums_are_those_of_the_mean_stress(tmp_path, over, rate, modified):
     assumed = None
     if over is not None:
-        assumed = libmpm.AssumedFields(over=over, part="full", rate=rate)
+        assumed = libmpm.methods.AssumedFields(over=over, part="full", rate=rate)
     engine, _ = drifting(
         tmp_path, 2, "linear", None, modified=modified, assumed=assumed, modulus=50.0, fbar=None
     )
@@ -134,7 +137,7 @@ def test_nodal_sums_are_those_of_the_mean_stress(tmp_path, over, rate, modified)
 
 def test_a_cells_particles_share_the_assumed_volume_rate(tmp_path):
     spread = []
-    for assumed in (None, libmpm.AssumedFields()):
+    for assumed in (None, libmpm.methods.AssumedFields()):
         engine, before = drifting(
             tmp_path, 2, "linear", None, assumed=assumed, modulus=50.0, fbar=None
         )
@@ -170,7 +173,7 @@ def test_a_mean_of_strains_drives_a_body_as_a_mean_of_rates_does(over):
     """Yang (2016) 3.44 to 3.48: without the assumed rate the mean stress is C : ε̃ (3.43), of which
     mean rates make the same while a cell keeps its particles: a mean of means is itself. Lumped
     means at nodes are not, and what is strained by them is smoothed twice."""
-    forms = [libmpm.AssumedFields(over=over, part="full", rate=r) for r in (True, False)]
+    forms = [libmpm.methods.AssumedFields(over=over, part="full", rate=r) for r in (True, False)]
     (place, stress), (other, own) = (swaying(a) for a in forms)
     plain, _ = swaying(None)
     spans = np.floor(place / 0.1 - 0.5)
@@ -195,7 +198,7 @@ def test_bar_in_equilibrium(tmp_path, method, free):
     """T2, Yang (2016) 3.6.1 with 10 kN/m: means of cells hold, what diffuses loses the stress."""
     bar = Bar(
         tmp_path, 16, load=-10e3, courant=0.1, damping=0.02, modified=True, free=free,
-        smoothing=libmpm.Smoothing(method=method), strain="static",
+        smoothing=libmpm.methods.Smoothing(method=method), strain="static",
     )  # fmt: skip
     bar.run(5.0)
     worst, rms = bar.errors()
@@ -211,7 +214,8 @@ def test_a_placed_load_in_equilibrium_moves_nothing(tmp_path):
     load, length = -10e3, 1.6
     size = length / 16
     bar = Bar(
-        tmp_path, 16, load=load, courant=0.1, free=True, smoothing=libmpm.Smoothing(method="C0"),
+        tmp_path, 16, load=load, courant=0.1, free=True,
+        smoothing=libmpm.methods.Smoothing(method="C0"),
         strain=lambda x: load * (x * (length - x) - size**2 / 36) / length / YOUNG,
     )  # fmt: skip
     bar.run(0.5)
@@ -239,7 +243,7 @@ def test_bar_in_vibration(tmp_path, free):
     lowest, period = (-8.0, 0.16) if free else (-32.0, 0.32)
     at = slice(93, 99) if free else slice(0, 3)  # of the cells beside the middle, or the first
     found = []
-    for smoothing in (None, libmpm.Smoothing(method="C0")):
+    for smoothing in (None, libmpm.methods.Smoothing(method="C0")):
         bar = Bar(tmp_path, 64, load=-10.0, courant=0.5, smoothing=smoothing, free=free)
         time, stress = [], []
         while bar.engine.time < 2.0:
@@ -320,15 +324,22 @@ def body_scene(material, method=None, **body):
 @pytest.mark.parametrize(
     ("scene", "named"),
     [
-        (lambda: body_scene(WATER, smoothing=libmpm.Smoothing(field="strain")), "'volume'"),
-        (lambda: body_scene(WATER, smoothing=libmpm.Smoothing(), fbar=libmpm.FBar()), "fbar"),
+        (lambda: body_scene(WATER, smoothing=libmpm.methods.Smoothing(field="strain")), "'volume'"),
+        (
+            lambda: body_scene(WATER, smoothing=libmpm.methods.Smoothing(), fbar=libmpm.FBar()),
+            "fbar",
+        ),
         (lambda: body_scene(WATER, damping=0.1), "shear modulus"),
         (
-            lambda: body_scene(STEEL, method=libmpm.Method(), assumed=libmpm.AssumedFields()),
+            lambda: body_scene(
+                STEEL, method=libmpm.Method(), assumed=libmpm.methods.AssumedFields()
+            ),
             "transfer 'APIC'",
         ),
         (
-            lambda: body_scene(STEEL, method=libmpm.Method(kernel=libmpm.Kernel(moved_nodes=True))),
+            lambda: body_scene(
+                STEEL, method=libmpm.Method(kernel=libmpm.methods.Kernel(moved_nodes=True))
+            ),
             "transfer 'APIC'",
         ),
         (
@@ -339,9 +350,9 @@ def body_scene(material, method=None, **body):
         ),
         (lambda: libmpm.PlacedForce(axis="x", place=(1.0, 0.0), value=FORCE.value), "increasing"),
         (lambda: libmpm.PlacedForce(axis="x", place=(0.0,), value=FORCE.value), "as many"),
-        (lambda: libmpm.Kernel(name="cubic", modified=True), "linear functions"),
-        (lambda: libmpm.Smoothing(method="C0", gamma=0.5), "'F0'"),
-        (lambda: libmpm.Smoothing(method="F0", flux_length="inertia"), "'F1'"),
+        (lambda: libmpm.methods.Kernel(name="cubic", modified=True), "linear functions"),
+        (lambda: libmpm.methods.Smoothing(method="C0", gamma=0.5), "'F0'"),
+        (lambda: libmpm.methods.Smoothing(method="F0", flux_length="inertia"), "'F1'"),
     ],
 )
 def test_what_does_not_fit_is_refused_by_name(scene, named):
@@ -361,9 +372,9 @@ PLASTIC = [
 def test_total_strain_is_not_to_be_had_beside_plastic_strain(material):
     name = type(material).__name__
     with pytest.raises(libmpm.SceneError, match=f"strain' for {name}, which stores its elastic"):
-        body_scene(material, smoothing=libmpm.Smoothing(method="C0")).plan(device="cpu")
+        body_scene(material, smoothing=libmpm.methods.Smoothing(method="C0")).plan(device="cpu")
     told = lower(body_scene(material), with_particles=False)
-    told["bodies"][0]["smoothing"] = libmpm.Smoothing(method="C0").specification(False)
+    told["bodies"][0]["smoothing"] = libmpm.methods.Smoothing(method="C0").specification(False)
     with pytest.raises(libmpm.SceneError, match=f"'strain', which {name} does not store"):
         _core.plan(told, "cpu")
 
@@ -395,7 +406,7 @@ def test_smoothing_beside_plastic_strain_that_stays_adds_energy(method):
 @pytest.mark.parametrize(
     "body",
     [
-        {"assumed": libmpm.AssumedFields()},
+        {"assumed": libmpm.methods.AssumedFields()},
         {"damping": 0.1},
         {"force": FORCE},
     ],
@@ -409,7 +420,7 @@ def test_cuda_is_refused_by_name(body):
 def test_a_scene_without_it_plans_as_before():
     plain = _core.plan(lower(body_scene(STEEL), with_particles=False), "cpu")
     smoothed = _core.plan(
-        lower(body_scene(STEEL, smoothing=libmpm.Smoothing()), with_particles=False), "cpu"
+        lower(body_scene(STEEL, smoothing=libmpm.methods.Smoothing()), with_particles=False), "cpu"
     )
     assert plain["bodies"] == smoothed["bodies"]  # not a byte on a particle
     assert "smooth_cells:b" in smoothed["kernels"]
@@ -423,14 +434,17 @@ def test_cells_of_a_device_are_in_the_plan(method, numbers):
 
     def planned(smoothing, device):
         # On a device it goes with the fused step; a CPU would change its pipeline for it.
-        kernel = libmpm.Kernel(gradient="kernel" if device == "cpu" else "mls")
+        kernel = libmpm.methods.Kernel(gradient="kernel" if device == "cpu" else "mls")
         scene = body_scene(
             WATER, method=libmpm.Method(kernel=kernel), smoothing=smoothing, fbar=None
         )
         return _core.plan(lower(scene, with_particles=False), device)
 
     for device in ("cpu", "cuda"):
-        plain, smoothed = planned(None, device), planned(libmpm.Smoothing(method=method), device)
+        plain, smoothed = (
+            planned(None, device),
+            planned(libmpm.methods.Smoothing(method=method), device),
+        )
         assert plain["bodies"] == smoothed["bodies"]
         assert plain["pipeline"] == smoothed["pipeline"] == {"cpu": "phased"}.get(device, "fused")
         assert "smooth_cells:b" in smoothed["kernels"]

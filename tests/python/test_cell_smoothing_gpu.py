@@ -9,7 +9,7 @@ import pytest
 import libmpm
 from libmpm import boundaries, materials, shapes
 from libmpm._src.run.engine_spec import lower
-from libmpm.smoothing import METHODS, smooth
+from libmpm.methods import METHODS, smooth
 from support import scenes
 from support.devices import need_device
 from support.drifting import DX, by_id, drifting, state_of, undecided
@@ -45,7 +45,7 @@ def test_a_step_smooths_as_arrays_do(tmp_path, method, dimension, kernel, field,
     if method == "NB" and kernel != "linear":
         pytest.skip("at nodes of the scene's functions, not at corners of cells")
     engine, state = drifting(
-        tmp_path, dimension, kernel, libmpm.Smoothing(method=method), field, device="cuda",
+        tmp_path, dimension, kernel, libmpm.methods.Smoothing(method=method), field, device="cuda",
         precision=precision, size=0.1,
     )  # fmt: skip
     shift = 0 if kernel == "quadratic" else 0.5 * DX
@@ -133,7 +133,7 @@ def apart(found, expected):
 @pytest.mark.parametrize("scene", [tank, bar])
 def test_runs_are_those_of_the_cpu(scene, method):
     """In double precision, but for means of 2⁻³³ and what limiters do at a tie."""
-    made = scene(libmpm.Smoothing(method=method))
+    made = scene(libmpm.methods.Smoothing(method=method))
     expected = states(made, "cpu", "double", STEPS)
     moved = np.abs(expected["pressure"]).max() / UNIT["pressure"]
     assert moved > 100 * STEPS * OF_A_STEP, "there is something to be equal"
@@ -146,8 +146,8 @@ def test_runs_are_those_of_the_cpu(scene, method):
 @pytest.mark.parametrize("transfer", ["APIC", "ASFLIP"])
 def test_pipelines_agree(method, transfer):
     if transfer == "ASFLIP":
-        transfer = libmpm.Transfer(scheme="ASFLIP", flip=0.99, shift_max=0.1)
-    made = tank(libmpm.Smoothing(method=method), transfer=transfer)
+        transfer = libmpm.methods.Transfer(scheme="ASFLIP", flip=0.99, shift_max=0.1)
+    made = tank(libmpm.methods.Smoothing(method=method), transfer=transfer)
     pipelines = ["fused", "phased", *(["two-pass"] if transfer == "APIC" else [])]
     expected, *others = (states(made, "cuda", "single", STEPS, p) for p in pipelines)
     for found in others:
@@ -170,7 +170,9 @@ def test_bits_do_not_depend_on_the_run(scene, pipeline, method):
     """Twice, in portions, and looked at."""
     found = []
     for portions in ((150,), (150,), (1, 63, 64, 22)):
-        told = lower(scene(libmpm.Smoothing(method=method)), precision="single", pipeline=pipeline)
+        told = lower(
+            scene(libmpm.methods.Smoothing(method=method)), precision="single", pipeline=pipeline
+        )
         engine = scenes.engine(told, "cuda")
         for steps in portions:
             scenes.advance(engine, steps)
@@ -184,7 +186,7 @@ def test_bits_do_not_depend_on_the_run(scene, pipeline, method):
 
 
 def test_long_runs_lose_energy_alone():
-    sim = libmpm.Simulation(tank(libmpm.Smoothing()), device="cuda", precision="single")
+    sim = libmpm.Simulation(tank(libmpm.methods.Smoothing()), device="cuda", precision="single")
     sim.step(2000)
     rows = sim.smoothing["b"]
     assert rows["energy_change"].sum() < 0
@@ -194,7 +196,7 @@ def test_long_runs_lose_energy_alone():
 @pytest.mark.parametrize(
     ("body", "named"),
     [
-        ({"assumed": libmpm.AssumedFields()}, "assumed fields"),
+        ({"assumed": libmpm.methods.AssumedFields()}, "assumed fields"),
         ({"damping": 0.1}, "damping"),
         (
             {"force": libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((1.0,) * 2,) * 2)},

@@ -14,7 +14,8 @@ import pytest
 
 import libmpm
 from libmpm._src.base.interrupts import asked_to_stop
-from libmpm._src.cli.commands import ExitCode, _seconds, main
+from libmpm._src.cli.commands import ExitCode, main
+from libmpm._src.cli.options import seconds as _seconds
 from libmpm._src.scene.run_file import RunFile, RunSettings
 from python import fake_engine
 

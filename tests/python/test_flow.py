@@ -168,7 +168,7 @@ def test_particles_per_cell(per_cell):
 def test_transfers_that_store_velocities(scheme):
     """New particles bring the velocity of the inlet with them."""
     scene = channel()
-    method = libmpm.Method(transfer=libmpm.Transfer(scheme=scheme))
+    method = libmpm.Method(transfer=libmpm.methods.Transfer(scheme=scheme))
     moved = libmpm.Scene.from_dict(scene.to_dict() | {"method": method.to_dict()})
     simulation = simulate(moved, until=2.0)
     velocity = simulation.particles["water"]["velocity"]

@@ -17,7 +17,7 @@ from support.devices import device  # noqa: F401
 
 SOFT = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
 #: Order 4 in every step makes energy in solids and at free surfaces (docs/choosing-a-method.md).
-GAINING = libmpm.Method(transfer=libmpm.Transfer(scheme="FMPM", order=4))
+GAINING = libmpm.Method(transfer=libmpm.methods.Transfer(scheme="FMPM", order=4))
 
 
 def empty(method=None, gravity=(0.0, -9.81), **more):
@@ -88,8 +88,9 @@ def start(scene, **how):
         (dam(), "double"),
         (dam(libmpm.Method(transfer="FLIP"), fbar=libmpm.FBar(form="two-volume", length=0.05)),
          "single"),
-        (drop(libmpm.Method(transfer=libmpm.Transfer(scheme="FMPM", order=2))), "single"),
-        (drop(libmpm.Method(transfer=libmpm.Transfer(scheme="XPIC", order=3), kernel="cubic")),
+        (drop(libmpm.Method(transfer=libmpm.methods.Transfer(scheme="FMPM", order=2))), "single"),
+        (drop(libmpm.Method(transfer=libmpm.methods.Transfer(scheme="XPIC", order=3),
+                            kernel="cubic")),
          "single"),
         (bar(8, (40, 4)), "double"),
     ],
@@ -173,7 +174,7 @@ def test_memory_survives_a_checkpoint(tmp_path):
         dam(response=boundaries.Separable(static_friction=0.4, dynamic_friction=0.4)),
         dam(response=boundaries.Mirror()),
         drop(),
-        drop(libmpm.Method(transfer=libmpm.Transfer(scheme="AFLIP", flip=0.95))),
+        drop(libmpm.Method(transfer=libmpm.methods.Transfer(scheme="AFLIP", flip=0.95))),
         drop(material=materials.LinearElastic(**SOFT)),
         drop(material=materials.VonMises(**SOFT, yield_stress=2e3)),
         drop(fbar=libmpm.FBar(form="two-volume", length=0.05)),

@@ -24,7 +24,7 @@ def bar(folder, method, *, cells=4, courant=0.1, guard=True, **how):
     """Return a bar that swings under a sudden load, as a simulation."""
     made = Bar(
         folder, cells, load=LOAD, courant=courant, modified=True, damping=0.02,
-        smoothing=libmpm.Smoothing(method=method), **how,
+        smoothing=libmpm.methods.Smoothing(method=method), **how,
     )  # fmt: skip
     simulation = libmpm.Simulation(
         made.scene, device="cpu", precision="double", threads=1, guard=guard
@@ -112,7 +112,8 @@ def test_water_that_breaks_is_smoothed_and_not_warned_of(device):  # noqa: F811
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
     scene.add_body(
         name="water", shape=shapes.Box(lower=(0, 0), upper=(0.4, 0.8)),
-        material=materials.TaitFluid(bulk_modulus=4e5), smoothing=libmpm.Smoothing(method="F0AL1"),
+        material=materials.TaitFluid(bulk_modulus=4e5),
+        smoothing=libmpm.methods.Smoothing(method="F0AL1"),
     )  # fmt: skip
     simulation = libmpm.Simulation(scene, device=device, guard=libmpm.Guard(every=100), threads=1)
     assert warned(lambda: simulation.step(1200)) == []

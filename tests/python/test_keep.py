@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm import FBar, Method, Transfer, materials, sensors
+from libmpm import FBar, Method, materials, sensors
+from libmpm.methods import Transfer
 from support import scenes
 from support.devices import device  # noqa: F401
 from support.methods_reference import choose

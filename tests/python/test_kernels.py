@@ -11,7 +11,8 @@ import pytest
 
 import libmpm
 import libmpm.cases
-from libmpm import Kernel, Method, Transfer, boundaries, materials, shapes
+from libmpm import Method, boundaries, materials, shapes
+from libmpm.methods import Kernel, Transfer
 from support import scenes
 from support.devices import device  # noqa: F401
 from support.methods_reference import AFFINE, DOMAINS, KERNELS, SCHEMES, agree, choose

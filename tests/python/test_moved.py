@@ -5,6 +5,7 @@ import importlib
 import pickle
 import subprocess
 import sys
+import warnings
 import zlib
 
 import pytest
@@ -98,3 +99,29 @@ def test_nothing_of_libmpm_uses_old_names():
     command = [sys.executable, "-W", "error::DeprecationWarning:libmpm", "-c", program]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "since libmpm 0.2" not in done.stderr, done.stderr
+
+
+def test_the_public_surface_is_small_and_whole():
+    assert len(libmpm.__all__) < 40
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name in libmpm.__all__:
+            assert getattr(libmpm, name) is not None
+    program = "import libmpm; print(libmpm.cases.names()[0], libmpm.compat.claymore.__name__)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, "modules need no import of their own: " + done.stderr
+
+
+@pytest.mark.parametrize(("name", "module"), libmpm._MOVED.items())
+def test_public_names_that_moved_into_modules(name, module):
+    with pytest.warns(DeprecationWarning, match=rf"libmpm\.{name} is libmpm\.{module}\.{name}"):
+        found = getattr(libmpm, name)
+    assert found is getattr(importlib.import_module(f"libmpm.{module}"), name)
+    assert name in importlib.import_module(f"libmpm.{module}").__all__
+
+
+def test_smoothing_is_part_of_methods():
+    sys.modules.pop("libmpm.smoothing", None)
+    with pytest.warns(DeprecationWarning, match="part of libmpm.methods"):
+        old = importlib.import_module("libmpm.smoothing")
+    assert old.smooth is libmpm.methods.smooth

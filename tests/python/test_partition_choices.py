@@ -10,7 +10,8 @@ import pytest
 
 import libmpm
 from libmpm import Partition, boundaries, materials, shapes
-from libmpm._src.cli.commands import _parser, main
+from libmpm._src.cli.commands import main
+from libmpm._src.cli.options import parser as _parser
 from libmpm._src.run import backends
 from libmpm._src.run.partition import told_ranks
 from support import jobs

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 import libmpm
-from libmpm import Kernel, Transfer
+from libmpm.methods import Kernel, Transfer
 
 
 def plan(

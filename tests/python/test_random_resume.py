@@ -104,7 +104,7 @@ def channels(draw):
     scheme = draw(st.sampled_from(("APIC", "APIC", *SCHEMES)))
     numbers = {"flip": 0.9} if "FLIP" in scheme and scheme not in ("FLIP", "NFLIP") else {}
     numbers |= {"shift_max": 0.5} if "SFLIP" in scheme else {}
-    transfer = libmpm.Transfer(scheme=scheme, **numbers)
+    transfer = libmpm.methods.Transfer(scheme=scheme, **numbers)
     scene = libmpm.Scene(
         dimension=2,
         cell_size=0.1,

@@ -243,7 +243,10 @@ def method(**given):
     [
         ("pipeline 'phased'", {"pipeline": "phased"}),
         ("transfer 'FLIP'", {"method": method(transfer="FLIP")}),
-        ("transfer 'XPIC'", {"method": method(transfer=libmpm.Transfer(scheme="XPIC", order=2))}),
+        (
+            "transfer 'XPIC'",
+            {"method": method(transfer=libmpm.methods.Transfer(scheme="XPIC", order=2))},
+        ),
         ("a kernel other than 'quadratic'", {"method": method(kernel="cubic")}),
         ("this form of F-bar on body 'block'", {"fbar": libmpm.FBar(form="split", length=0.1)}),
     ],

@@ -175,7 +175,9 @@ def plane_scene():
         name="bar", shape=shapes.Box(lower=(0.1, 0.1), upper=(0.6, 0.6)),
         material=materials.Hypoelastic(density=1000, youngs_modulus=1e6, poissons_ratio=0.3),
         stress=libmpm.Field(components=("-1000 * y", "x / 3", "0", "1")),
-        tractions=(libmpm.Traction(face="x+", value=libmpm.TimeTable((0, 1), ((0, 0), (5, 1)))),),
+        tractions=(
+            libmpm.grids.Traction(face="x+", value=libmpm.TimeTable((0, 1), ((0, 0), (5, 1)))),
+        ),
         particles_per_cell=4,
     )  # fmt: skip
     return scene

@@ -28,7 +28,7 @@ from support.sensing_scenes import (
 
 @pytest.mark.parametrize("scheme", ["APIC", "FLIP"])
 def test_a_free_fall_has_its_closed_form_and_no_contact(scheme):
-    scene = open_scene(transfer=libmpm.Transfer(scheme=scheme))
+    scene = open_scene(transfer=libmpm.methods.Transfer(scheme=scheme))
     add_block(scene, lower=(0.6, 1.2), upper=(1.0, 1.6), velocity=(0.5, 1.0))
     scene.add_sensor(name="body", sensor=sensors.BodyTracker(body="block", interval=0.02))
     sim = simulate(scene, 0.2)
@@ -97,7 +97,7 @@ def test_gravity_over_time_is_integrated():
 
 @pytest.mark.parametrize(("scheme", "later"), [("APIC", 1), ("FLIP", 0)])
 def test_contact_is_what_load_cells_measure(scheme, later):
-    scene = open_scene(transfer=libmpm.Transfer(scheme=scheme))
+    scene = open_scene(transfer=libmpm.methods.Transfer(scheme=scheme))
     add_block(scene, lower=(0.6, 0.05), upper=(1.0, 0.45), velocity=(0.3, -1.0))
     add_walls(scene, boundaries.Separable(static_friction=0.4, dynamic_friction=0.3))
     asked = ("contact_force", "boundary_force")
@@ -116,18 +116,20 @@ def test_contact_is_what_load_cells_measure(scheme, later):
 
 
 KERNELS = {
-    "linear": libmpm.Kernel(name="linear"),
-    "modified": libmpm.Kernel(name="linear", modified=True),
-    "quadratic": libmpm.Kernel(name="quadratic"),
-    "cubic": libmpm.Kernel(name="cubic"),
-    "ddmp": libmpm.Kernel(name="ddmp"),
+    "linear": libmpm.methods.Kernel(name="linear"),
+    "modified": libmpm.methods.Kernel(name="linear", modified=True),
+    "quadratic": libmpm.methods.Kernel(name="quadratic"),
+    "cubic": libmpm.methods.Kernel(name="cubic"),
+    "ddmp": libmpm.methods.Kernel(name="ddmp"),
 }
 
 
 @pytest.mark.parametrize("name", KERNELS)
 def test_shares_of_boundaries_forces_add_up_with_every_kernel(name):
     """What two blocks bear together is what the load cell has; so are their shares of the mass."""
-    scene = open_scene(transfer=libmpm.Transfer(scheme="FLIP"), kernel=KERNELS[name], cfl=0.1)
+    scene = open_scene(
+        transfer=libmpm.methods.Transfer(scheme="FLIP"), kernel=KERNELS[name], cfl=0.1
+    )
     add_block(scene, name="lower", lower=(0.6, 0.05), upper=(1.0, 0.25), velocity=(0.3, -1.0))
     add_block(scene, name="upper", lower=(0.6, 0.25), upper=(1.0, 0.45), velocity=(0.3, -1.0))
     add_walls(scene, boundaries.Separable(static_friction=0.4, dynamic_friction=0.3))
@@ -150,7 +152,7 @@ def test_shares_of_boundaries_forces_add_up_with_every_kernel(name):
 
 
 def test_blocks_at_rest_bear_their_weights():
-    scene = open_scene(transfer=libmpm.Transfer(scheme="PIC"))
+    scene = open_scene(transfer=libmpm.methods.Transfer(scheme="PIC"))
     add_block(scene, name="lower", lower=(0.6, 0.0), upper=(1.0, 0.4))
     add_block(scene, name="upper", lower=(0.6, 0.4), upper=(1.0, 0.7))
     add_walls(scene, boundaries.Separable())
@@ -455,6 +457,6 @@ def test_contact_force_of_a_resumed_run_is_that_of_a_whole_one(tmp_path):
 
 
 def test_contact_force_is_refused_where_it_means_nothing():
-    scene = stacked(method=libmpm.Method(transfer=libmpm.Transfer(scheme="FLIP")))
+    scene = stacked(method=libmpm.Method(transfer=libmpm.methods.Transfer(scheme="FLIP")))
     with pytest.raises(libmpm.SceneError, match="APIC on quadratic splines"):
         scene.validate()

@@ -324,7 +324,7 @@ def test_what_cannot_be_measured_is_refused(sensor, says):
 
 
 def test_forces_of_filtered_grids_are_refused():
-    scene = open_scene(transfer=libmpm.Transfer(scheme="XPIC"))
+    scene = open_scene(transfer=libmpm.methods.Transfer(scheme="XPIC"))
     add_block(scene)
     scene.add_sensor(name="force", sensor=sensors.GridSensor(attribute="force"))
     with pytest.raises(libmpm.SceneError, match=r"'force'.*XPIC.*use a LoadCell"):

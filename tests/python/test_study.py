@@ -104,9 +104,12 @@ def test_end_and_options_may_depend_on_the_row(tmp_path):
             "the factory has no default for 'side', which row 1 lacks",
         ),
         ({"until": lambda end: end}, "until has no default for 'end', which row 0 lacks"),
-        ({"trunk": libmpm.Trunk(block, 1.0)}, "the factory takes no argument 'checkpoint'"),
+        ({"trunk": libmpm.studies.Trunk(block, 1.0)}, "the factory takes no argument 'checkpoint'"),
         (
-            {"factory": lambda **row: 0, "trunk": libmpm.Trunk(lambda depth: 0, lambda end: 0)},
+            {
+                "factory": lambda **row: 0,
+                "trunk": libmpm.studies.Trunk(lambda depth: 0, lambda end: 0),
+            },
             "trunk's factory has no default for 'depth'(.|\n)*trunk's until has no.*'end'",
         ),
     ],
@@ -519,7 +522,7 @@ def test_rows_with_equal_trunks_share_one_run(tmp_path, counted):
         assert checkpoint.is_file()
         return block(gravity=gravity, velocity=velocity)
 
-    trunk = libmpm.Trunk(lambda gravity: block(gravity=gravity), until=2 * UNTIL)
+    trunk = libmpm.studies.Trunk(lambda gravity: block(gravity=gravity), until=2 * UNTIL)
     rows = studies.grid({"gravity": [5.0, 10.0], "velocity": [0.1, 0.2, 0.3]})
 
     def fresh(folder):
@@ -572,7 +575,7 @@ def test_a_failed_trunk_fails_its_rows_only(tmp_path):
         return {"time_step": 1.0} if gravity == 3.0 else {}
 
     rows = studies.grid({"gravity": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2]})
-    trunk = libmpm.Trunk(water, until=UNTIL)
+    trunk = libmpm.studies.Trunk(water, until=UNTIL)
     result = run(make(tmp_path, rows, factory, trunk=trunk, options=options))
     assert result["status"].tolist() == ["finished"] * 2 + ["failed"] * 4
     assert "interval" in result.rows[2]["error"]
@@ -585,10 +588,15 @@ def test_a_failed_trunk_fails_its_rows_only(tmp_path):
 
 def test_a_trunk_is_checked():
     with pytest.raises(libmpm.SceneError) as caught:
-        libmpm.Trunk(3, until=0)
+        libmpm.studies.Trunk(3, until=0)
     assert len(caught.value.problems) == 2
     with pytest.raises(libmpm.SceneError, match="'checkpoint' is what the trunk hands"):
-        make("nowhere", [{"checkpoint": "a"}], lambda **r: block(), trunk=libmpm.Trunk(block, 1.0))
+        make(
+            "nowhere",
+            [{"checkpoint": "a"}],
+            lambda **r: block(),
+            trunk=libmpm.studies.Trunk(block, 1.0),
+        )
 
 
 @pytest.mark.skipif(
@@ -605,7 +613,7 @@ def test_cases_go_on_from_the_trunk(tmp_path):
         return scene
 
     rows = [{"height": 0.5}, {"height": 0.8}]
-    trunk = libmpm.Trunk(block, until=UNTIL)
+    trunk = libmpm.studies.Trunk(block, until=UNTIL)
     study = make(tmp_path, rows, factory, trunk=trunk, response=None, until=2 * UNTIL)
     result = run(study)
     assert not result.failed

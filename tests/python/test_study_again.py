@@ -47,7 +47,7 @@ def debris(checkpoint, height):
 def make_branches(folder, heights=(0.5, 0.8), **arguments):
     arguments = {"until": 2 * UNTIL, "response": None} | arguments
     rows = [{"height": height} for height in heights]
-    return make(folder, rows, debris, trunk=libmpm.Trunk(block, until=UNTIL), **arguments)
+    return make(folder, rows, debris, trunk=libmpm.studies.Trunk(block, until=UNTIL), **arguments)
 
 
 # Trunks -----------------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ def test_a_shell_sees_trunks_and_the_cases_they_bring(tmp_path, monkeypatch):
         return {}
 
     rows = [{"velocity": 0.1}, {"velocity": 0.2}]
-    trunk = libmpm.Trunk(long_block, until=LONG)
+    trunk = libmpm.studies.Trunk(long_block, until=LONG)
 
     def factory(checkpoint, velocity):
         return block(velocity=velocity)

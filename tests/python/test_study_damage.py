@@ -248,7 +248,7 @@ def test_a_damaged_checkpoint_of_a_trunk_is_named_with_its_remedy(tmp_path, coun
         return libmpm.Scene.from_checkpoint(checkpoint)
 
     def made():
-        trunk = libmpm.Trunk(block, until=UNTIL / 2)
+        trunk = libmpm.studies.Trunk(block, until=UNTIL / 2)
         return make(tmp_path, factory=branch, trunk=trunk, rows=[{"gravity": 3.0}])
 
     assert not run(made()).failed

@@ -1,4 +1,4 @@
-"""`libmpm.tradeoff`: what is varied, measured, held against what, and which rows win."""
+"""`libmpm.advice.tradeoff`: what is varied, measured, held against what, and which rows win."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import libmpm
-from libmpm import FBar, ModelWarning, SceneError, TradeOff, boundaries, materials, sensors, shapes
+from libmpm import FBar, ModelWarning, SceneError, boundaries, materials, sensors, shapes
 from libmpm._src.advice.tradeoff.choices import CHOICES, apply_choices
 from libmpm._src.advice.tradeoff.front import front
 from libmpm._src.advice.tradeoff.metrics import energy_drift, with_energy
 from libmpm._src.advice.tradeoff.result import COLUMNS
+from libmpm.advice import TradeOff
 
 G, DENSITY, DEPTH, WIDTH = 9.81, 1000.0, 0.4, 0.2
 #: Pa: ρgH/K is 0.02, the force on a wall less than ½ρgH² by 2/3 of it.
@@ -54,7 +55,7 @@ def tank(cell_size=0.1, modulus=MODULUS, interval=0.005, hydrostatic=DEPTH, **bo
 def run(scene, axes, **how):
     """Run for 0.1 s without a bar, with the force on the wall as the metric."""
     given = {"until": 0.1, "metrics": SETTLED, "progress": False, "device": "cpu"}
-    return libmpm.tradeoff(scene, axes, **(given | how))
+    return libmpm.advice.tradeoff(scene, axes, **(given | how))
 
 
 @pytest.fixture(scope="module")
@@ -222,8 +223,8 @@ VALUES = {
     "cell_size": (0.05, lambda s: s.cell_size),
     "particles_per_cell": (9, lambda s: s.bodies[0].particles_per_cell),
     "cfl": (0.25, lambda s: s.method.cfl),
-    "transfer": (libmpm.Transfer(scheme="AFLIP", flip=0.5), lambda s: s.method.transfer),
-    "kernel": (libmpm.Kernel(name="cubic"), lambda s: s.method.kernel),
+    "transfer": (libmpm.methods.Transfer(scheme="AFLIP", flip=0.5), lambda s: s.method.transfer),
+    "kernel": (libmpm.methods.Kernel(name="cubic"), lambda s: s.method.kernel),
     "fbar": (FBar(form="two-volume", length=0.1), lambda s: s.bodies[0].fbar),
     "solid_fbar": (FBar(time=0.1), lambda s: s.bodies[1].fbar),
     "layer": (boundaries.DecayLayer(thickness=0.1), lambda s: s.boundaries[-1].layer),
@@ -262,7 +263,7 @@ def test_choices_change_what_they_say_and_nothing_else(full):
 
 def test_names_stand_for_their_values(full):
     made = apply_choices(full, {"transfer": "FLIP", "kernel": "cubic", "fbar": "one-volume"})
-    assert made.method.transfer == libmpm.Transfer(scheme="FLIP")
+    assert made.method.transfer == libmpm.methods.Transfer(scheme="FLIP")
     assert made.bodies[0].fbar == FBar(form="one-volume") and made.bodies[1] == full.bodies[1]
 
 
@@ -315,7 +316,7 @@ def test_all_problems_are_told_at_once():
     parts += ["did you mean 'finest'", "repeats is 0", "clock is 'sun'", "one_at_a_time is 1"]
     assert [part for part in parts if part not in text] == []
     with pytest.raises(SceneError, match="argument 'until' is missing"):
-        libmpm.tradeoff(tank(), {"cfl": [0.4]}, metrics=SETTLED)
+        libmpm.advice.tradeoff(tank(), {"cfl": [0.4]}, metrics=SETTLED)
     with pytest.raises(SceneError, match="expected a Scene or a function"):
         run(3, {"cfl": [0.4]})
     with pytest.raises(SceneError, match="workers is given with an executor"):
@@ -326,7 +327,7 @@ def test_a_body_with_its_own_choice_keeps_it():
     own = tank(lattice=(3, 5))
     with pytest.raises(SceneError, match="body 'water' has a lattice of its own"):
         run(own, {"particles_per_cell": [4, 9]})
-    own = tank(transfer=libmpm.Transfer())
+    own = tank(transfer=libmpm.methods.Transfer())
     with pytest.raises(SceneError, match="body 'water' has a transfer of its own"):
         run(own, {"transfer": ["APIC", "PIC"]})
 
@@ -475,7 +476,7 @@ def test_an_executor_takes_the_runs():
 
 
 def test_a_value_survives_being_saved(tmp_path):
-    transfers = ["PIC", libmpm.Transfer(scheme="PIC-FLIP", flip=0.9)]
+    transfers = ["PIC", libmpm.methods.Transfer(scheme="PIC-FLIP", flip=0.9)]
     table = run(tank(), {"transfer": transfers, "fbar": [None, "default"]}, reference=AT_REST)
     table.save(tmp_path / "table.json")
     back = TradeOff.load(tmp_path / "table.json")

@@ -336,14 +336,14 @@ def colliding_discs(transfer):
 
 
 TEARS = (
-    libmpm.Transfer(scheme="NFLIP"),
-    libmpm.Transfer(scheme="ASFLIP", flip=1.0, shift_max=0.5, shift_min=0.25),
+    libmpm.methods.Transfer(scheme="NFLIP"),
+    libmpm.methods.Transfer(scheme="ASFLIP", flip=1.0, shift_max=0.5, shift_min=0.25),
 )
 HOLDS = (
-    libmpm.Transfer(scheme="FLIP"),
-    libmpm.Transfer(scheme="NFLIP", flip=0.9),
-    libmpm.Transfer(scheme="ASFLIP", flip=0.999, shift_max=1.0, shift_min=0.025),
-    libmpm.Transfer(scheme="SFLIP", flip=0.95, shift_max=1.0),
+    libmpm.methods.Transfer(scheme="FLIP"),
+    libmpm.methods.Transfer(scheme="NFLIP", flip=0.9),
+    libmpm.methods.Transfer(scheme="ASFLIP", flip=0.999, shift_max=1.0, shift_min=0.025),
+    libmpm.methods.Transfer(scheme="SFLIP", flip=0.95, shift_max=1.0),
 )
 
 
@@ -368,7 +368,8 @@ def test_discs_that_collide_keep_their_particles_or_the_scene_says_so(transfer):
 
 def test_water_may_move_by_what_the_grid_cannot_see():
     scene = libmpm.Scene(dimension=2, cell_size=0.05, lower=(0, 0), upper=(1, 1),
-                         method=Method(transfer=libmpm.Transfer(scheme="NFLIP")))  # fmt: skip
+                         method=Method(
+                             transfer=libmpm.methods.Transfer(scheme="NFLIP")))  # fmt: skip
     water = materials.TaitFluid(bulk_modulus=1e6)
     scene.add_body(name="water", shape=shapes.Box(lower=(0, 0), upper=(1, 0.5)), material=water)
     with warnings.catch_warnings():

@@ -133,7 +133,7 @@ def test_tractions_stretch_a_bar_to_their_stress():
     scene.add_body(
         name="bar", shape=shapes.Box(lower=(0, 0), upper=(1.0, 0.2)), lattice=(48, 10),
         material=materials.Hypoelastic(density=1000.0, youngs_modulus=young, poissons_ratio=0.0),
-        tractions=(libmpm.Traction(face="x+", value=libmpm.TimeTable(
+        tractions=(libmpm.grids.Traction(face="x+", value=libmpm.TimeTable(
             (0.0, 0.38), ((0.0, 0.0), (pull, 0.0)))),),
     )  # fmt: skip
     scene.add_boundary(

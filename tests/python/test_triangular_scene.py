@@ -55,7 +55,7 @@ def test_scene_file(tmp_path):
          "centre of no triangle"),
         (lambda s: block(s, "b", high=1.5), "expected inside the domain"),
         (lambda s: block(s, "b", shape=shapes.Cells(),
-                         tractions=(libmpm.Traction(face="y+", value=(0, -1)),)),
+                         tractions=(libmpm.grids.Traction(face="y+", value=(0, -1)),)),
          "tractions act on faces of a shapes.Box"),
         (lambda s: s.add_boundary(name="w", shape=shapes.Box(lower=(0, 0), upper=(1, 1)),
                                   response=boundaries.Slip()), "a Box cannot lie in a grid"),
@@ -151,7 +151,7 @@ def test_what_square_cells_lack_is_refused():
     scene.add_body(name="a", shape=shapes.Cells(), material=ELASTIC)
     scene.add_body(
         name="b", shape=shapes.Box(lower=(0, 0), upper=(1, 1)), material=ELASTIC,
-        tractions=libmpm.Traction(face="x+", value=(1, 0)), lattice=(2, 2, 2),
+        tractions=libmpm.grids.Traction(face="x+", value=(1, 0)), lattice=(2, 2, 2),
     )  # fmt: skip
     scene.add_boundary(
         name="c", shape=shapes.Outline(points=((0, 0), (1, 0))), response=boundaries.Slip()

@@ -32,11 +32,11 @@ class Bar:
         *,
         load: float,
         courant: float,
-        smoothing: libmpm.Smoothing | None = None,
+        smoothing: libmpm.methods.Smoothing | None = None,
         strain: Any = None,
         damping: float = 0.0,
         modified: bool = False,
-        assumed: libmpm.AssumedFields | None = None,
+        assumed: libmpm.methods.AssumedFields | None = None,
         per_cell: int = 3,
         free: bool = False,
     ) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import libmpm
 from libmpm import materials, shapes
 from libmpm._src.run.engine_spec import lower
-from libmpm.smoothing import smooth
+from libmpm.methods import smooth
 from support import scenes
 
 DX = 0.1
@@ -28,7 +28,7 @@ def drifting(
     points = lower_corner + random.random((n, dimension)) * (1.3, 0.9, 0.5)[:dimension]
     file = folder / f"points{dimension}.npy"
     np.save(file, points)
-    kind = libmpm.Kernel(name=kernel, gradient="kernel", modified=modified)
+    kind = libmpm.methods.Kernel(name=kernel, gradient="kernel", modified=modified)
     transfer = "PIC" if modulus is None else "FLIP"
     scene = libmpm.Scene(
         dimension=dimension, cell_size=DX, lower=(0.0,) * dimension,

@@ -197,15 +197,17 @@ def _solids() -> libmpm.Scene:
 
 def _watched() -> libmpm.Scene:
     """2D: every sensor that is evaluated in Python, and a transfer that stores velocities."""
-    transfer = libmpm.Transfer(
+    transfer = libmpm.methods.Transfer(
         scheme="ASFLIP", flip=0.95, shift_max=0.5, shift_min=0.1, shift_rule="smooth"
     )
-    method = libmpm.Method(transfer=transfer, kernel=libmpm.Kernel(name="cubic", gradient="kernel"))
+    method = libmpm.Method(
+        transfer=transfer, kernel=libmpm.methods.Kernel(name="cubic", gradient="kernel")
+    )
     scene = _scene(2, method=method, name="watched")
     scene.add_body(
         name="water", shape=_box(0, 0, 1, 0.3), material=WATER, hydrostatic=0.3,
         fbar=libmpm.FBar(form="two-volume", ratio=0.5),
-        transfer=libmpm.Transfer(scheme="ASFLIP", flip=0.9),
+        transfer=libmpm.methods.Transfer(scheme="ASFLIP", flip=0.9),
     )  # fmt: skip
     block = materials.FixedCorotated(**SOLID)
     scene.add_body(name="block", shape=_box(0.4, 0.35, 0.7, 0.6), material=block)
@@ -281,7 +283,9 @@ def _functions() -> list[libmpm.Scene]:
                 "particles_per_cell": 25,
                 "stress": libmpm.Field(components=("-1000 * y", "x / 3", "0", "1")),
                 "tractions": (
-                    libmpm.Traction(face="x+", value=libmpm.TimeTable((0, 1), ((0, 0), (5, 1)))),
+                    libmpm.grids.Traction(
+                        face="x+", value=libmpm.TimeTable((0, 1), ((0, 0), (5, 1)))
+                    ),
                 ),
             }
         if i == 1:
@@ -309,10 +313,13 @@ def _methods() -> list[libmpm.Scene]:
     """Two small scenes with the rarer choices of the method."""
     found = []
     for method in (
-        libmpm.Method(transfer=libmpm.Transfer(scheme="XPIC", order=3, every=2), kernel="cubic"),
-        libmpm.Method(transfer="FLIP", kernel=libmpm.Kernel(name="linear", boundary=True)),
         libmpm.Method(
-            transfer="PIC", kernel=libmpm.Kernel(name="linear", modified=True, moved_nodes=True)
+            transfer=libmpm.methods.Transfer(scheme="XPIC", order=3, every=2), kernel="cubic"
+        ),
+        libmpm.Method(transfer="FLIP", kernel=libmpm.methods.Kernel(name="linear", boundary=True)),
+        libmpm.Method(
+            transfer="PIC",
+            kernel=libmpm.methods.Kernel(name="linear", modified=True, moved_nodes=True),
         ),
     ):
         scene = _scene(2, method=method, name=f"method {len(found)}")
@@ -326,13 +333,13 @@ def _methods() -> list[libmpm.Scene]:
     scene = _scene(2, method=libmpm.Method(transfer="FLIP"), name="over cells")
     scene.add_body(
         name="w", shape=_box(0, 0, 0.5, 0.4), material=WATER,
-        smoothing=libmpm.Smoothing(method="F0", gamma=0.5, field="volume"),
-        assumed=libmpm.AssumedFields(over="node", part="full", rate=False),
+        smoothing=libmpm.methods.Smoothing(method="F0", gamma=0.5, field="volume"),
+        assumed=libmpm.methods.AssumedFields(over="node", part="full", rate=False),
     )  # fmt: skip
     scene.add_body(
         name="bar", shape=_box(0.6, 0.1, 0.9, 0.4), material=materials.LinearElastic(**SOLID),
         stress=libmpm.Field(components=("-100 * y", "3", "x")),
-        smoothing=libmpm.Smoothing(method="F1", flux_length="inertia"), damping=0.02,
+        smoothing=libmpm.methods.Smoothing(method="F1", flux_length="inertia"), damping=0.02,
         force=libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((0.1, 0.0), (-0.1, 0.2))),
     )  # fmt: skip
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())

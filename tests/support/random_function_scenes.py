@@ -69,7 +69,7 @@ def scenes(draw: Any) -> libmpm.Scene:
     for i in range(count):
         law = draw(st.sampled_from(tuple(LAWS)))
         left, low = 0.5 * i + 0.07, draw(st.sampled_from((0.0, 0.11, 0.3)))
-        traction = libmpm.Traction(
+        traction = libmpm.grids.Traction(
             face="y+", value=libmpm.TimeTable((0.0, 0.1), ((0.0, 0.0), (50.0, -500.0)))
         )
         scene.add_body(

@@ -63,13 +63,13 @@ def methods(draw: Any) -> libmpm.Method:
         numbers |= {"shift_max": 0.5, "shift_rule": draw(st.sampled_from(("binary", "smooth")))}
     if scheme in ("XPIC", "FMPM"):
         numbers |= {"order": draw(st.integers(1, 4)), "every": draw(st.integers(1, 3))}
-    kernel = libmpm.Kernel(
+    kernel = libmpm.methods.Kernel(
         name=draw(st.sampled_from(("quadratic", *KERNELS))),
         gradient=draw(st.sampled_from((None, None, "kernel"))),
     )
     if scheme in ("APIC", "AFLIP", "ASFLIP") and not kernel.has_moments:
-        kernel = libmpm.Kernel()
-    transfer = libmpm.Transfer(scheme=scheme, **numbers)
+        kernel = libmpm.methods.Kernel()
+    transfer = libmpm.methods.Transfer(scheme=scheme, **numbers)
     return libmpm.Method(cfl=draw(st.sampled_from((0.2, 0.4))), transfer=transfer, kernel=kernel)
 
 

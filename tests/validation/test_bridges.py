@@ -59,7 +59,7 @@ def smooth(sim, sensor, component):
     return series.resampled(0.01).moving_mean(11, trim=1)
 
 
-SMOOTHED = [{}, {"fbar": None, "smoothing": libmpm.Smoothing(method="F0AL1")}]
+SMOOTHED = [{}, {"fbar": None, "smoothing": libmpm.methods.Smoothing(method="F0AL1")}]
 
 
 # F-bar's front is 6 % late in cells of 0.05 m, 2 % in these; that of F0AL1 is not.

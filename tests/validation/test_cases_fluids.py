@@ -8,8 +8,9 @@ import pytest
 
 import libmpm
 import libmpm.cases
-from libmpm import FBar, Method, Transfer
+from libmpm import FBar, Method
 from libmpm.cases import Options
+from libmpm.methods import Transfer
 
 pytestmark = pytest.mark.validation
 

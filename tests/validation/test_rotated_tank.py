@@ -35,7 +35,7 @@ class Tank:
             dimension=2, cell_size=SIZE, lower=tuple(low), upper=tuple(high),
             gravity=tuple(-10 * UP),
             method=libmpm.Method(
-                transfer="FLIP", kernel=libmpm.Kernel(name="linear", modified=True),
+                transfer="FLIP", kernel=libmpm.methods.Kernel(name="linear", modified=True),
                 time_step=0.1 * SIZE / np.sqrt(modulus / 1000),
             ),
         )  # fmt: skip
@@ -44,8 +44,8 @@ class Tank:
             shape=shapes.PointFile(file=str(file), particle_volume=(WIDTH / n) ** 2),
             material=materials.TaitFluid(density=1000, bulk_modulus=modulus, viscosity=1e-3),
             hydrostatic=WIDTH,
-            smoothing=libmpm.Smoothing(method=method),
-            assumed=libmpm.AssumedFields(over="node" if method == "NB" else "cell"),
+            smoothing=libmpm.methods.Smoothing(method=method),
+            assumed=libmpm.methods.AssumedFields(over="node" if method == "NB" else "cell"),
         )
         walls = {"floor": ((0, 0), UP), "left": ((0, 0), ALONG), "right": (WIDTH * ALONG, -ALONG)}
         for name, (point, normal) in walls.items():

@@ -20,7 +20,7 @@ class Swing:
     first span, or beside the middle of a free bar."""
 
     def __init__(self, folder, method, free, until=5.0):
-        smoothing = None if method is None else libmpm.Smoothing(method=method)
+        smoothing = None if method is None else libmpm.methods.Smoothing(method=method)
         bar = Bar(
             folder, 64, load=-10e3, courant=0.05, modified=True, damping=0.02, free=free,
             smoothing=smoothing,
@@ -98,7 +98,7 @@ class Disc:
             gravity=(0.0, 0.0),
             method=libmpm.Method(
                 transfer="FLIP", time_step=courant * size / 20,
-                kernel=libmpm.Kernel(gradient="kernel", moved_nodes=moved),
+                kernel=libmpm.methods.Kernel(gradient="kernel", moved_nodes=moved),
             ),
         )  # fmt: skip
         scene.add_body(
@@ -108,7 +108,7 @@ class Disc:
             ),
             particles_per_cell=per,
             velocity=libmpm.Field(components=(f"-{RATE} * y", f"{RATE} * x")),
-            smoothing=None if method is None else libmpm.Smoothing(method=method),
+            smoothing=None if method is None else libmpm.methods.Smoothing(method=method),
         )  # fmt: skip
         tracker = sensors.BodyTracker(
             body="disc", quantities=("orientation", "angular_velocity"), interval=0.02

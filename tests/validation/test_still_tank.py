@@ -23,7 +23,7 @@ def tank(method, over="cell", until=3.0):
     scene = libmpm.Scene(
         dimension=2, cell_size=SIZE, lower=low, upper=up, gravity=(0.0, -10.0),
         method=libmpm.Method(
-            transfer="FLIP", kernel=libmpm.Kernel(name="linear", modified=True),
+            transfer="FLIP", kernel=libmpm.methods.Kernel(name="linear", modified=True),
             time_step=0.1 * SIZE / 1483.2,
         ),
     )  # fmt: skip
@@ -33,8 +33,8 @@ def tank(method, over="cell", until=3.0):
         lattice=(24, 24),
         material=materials.TaitFluid(density=1000, bulk_modulus=2.2e9, viscosity=1e-3),
         hydrostatic=DEPTH,
-        smoothing=libmpm.Smoothing(method=method),
-        assumed=libmpm.AssumedFields(over=over),
+        smoothing=libmpm.methods.Smoothing(method=method),
+        assumed=libmpm.methods.AssumedFields(over=over),
     )
     # Nodes are the centres of the scene's cells: the last that a wall holds lie on its plane.
     walls = {

@@ -117,7 +117,7 @@ def _checked(
     if scene.grid is not None:
         check.fail(
             f"the scene has {scene.grid!r}, which the atlas has not measured; expected square "
-            "cells; libmpm.tradeoff measures settings on the scene itself"
+            "cells; libmpm.advice.tradeoff measures settings on the scene itself"
         )
     names = None if cases is None else sequence((cases,) if isinstance(cases, str) else cases)
     for name in names or ():

@@ -1,4 +1,4 @@
-"""Particle frames as VTKHDF: one PolyData file per body and frame.
+"""Particle frames as VTKHDF, for ParaView: one PolyData file per body and frame.
 
 One file per body, not one composite file: each opens on its own in ParaView and VTK, groups into a
 time series by its number, and a kill loses the file in flight and nothing else. Metadata lies in

@@ -1,4 +1,4 @@
-"""`Files`: the output folder and the checkpoints of a simulation; taking a checkpoint up."""
+"""`Files`: the output folder and checkpoints of a simulation; a checkpoint taken up again."""
 
 from __future__ import annotations
 

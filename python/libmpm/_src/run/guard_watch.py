@@ -1,4 +1,4 @@
-"""A guard at work: looks at fixed step numbers, and says what may not be.
+"""The guard that watches a run at fixed step numbers, and stops it for what may not be.
 
 The engine refuses what is not finite, inverted or too fast for the grid. What grows or leaks slowly
 passes by it. `design/guards.md` derives the bounds.

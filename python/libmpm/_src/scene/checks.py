@@ -1,4 +1,4 @@
-"""Rules of a scene as a whole: names, places and times of its parts.
+"""Rules that refuse a scene as a whole: names, places and times of its parts.
 
 A problem makes the scene unusable; a doubt lets it run with an error that is stated.
 """

@@ -23,7 +23,8 @@ import numpy as np
 
 from libmpm._src.base.values import Value, plain, registry
 from libmpm._src.materials.material import Material, Parameter
-from libmpm._src.scene.scene import HEAD, SCHEMA, Scene
+from libmpm._src.scene.data import HEAD, SCHEMA, SceneData
+from libmpm._src.scene.scene import Scene
 
 __all__ = ["DRAFT", "documented", "scene_schema", "schema_text"]
 
@@ -267,7 +268,7 @@ def scene_schema() -> dict[str, Any]:
     for name, schema in head["properties"].items():
         if text := _description(table.get(name, {})):
             schema["description"] = text
-    adders = [name.removeprefix("add_") for name in vars(Scene) if name.startswith("add_")]
+    adders = [name.removeprefix("add_") for name in vars(SceneData) if name.startswith("add_")]
     parts = {_plural(name): _of_call(getattr(Scene, f"add_{name}"), of) for name in adders}
     properties: dict[str, Any] = {
         "$schema": {"type": "string"},

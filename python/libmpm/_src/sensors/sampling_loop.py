@@ -1,4 +1,4 @@
-"""The series of a run: which sensors are due, in the engine and in Python. Add a sensor here."""
+"""All series of a run, the engine's and Python's, when due; a new sensor is added here."""
 
 from __future__ import annotations
 

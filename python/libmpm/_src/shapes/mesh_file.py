@@ -1,4 +1,4 @@
-"""Reading surface meshes: triangles, welded, with what is wrong with them."""
+"""Reading surface meshes (STL, OBJ, PLY): triangles, welded, with what is wrong with them."""
 
 from __future__ import annotations
 

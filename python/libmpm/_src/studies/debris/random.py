@@ -1,4 +1,4 @@
-"""Random debris by rejection, Bonus (2023) 10.4.
+"""Random debris, placed by rejection, Bonus (2023) 10.4.
 
 Everything that decides whether a piece may stay is computed alike on every machine: numbers come
 from the words of a bit generator, positions and angles are kept to 1e-9, and a piece must clear

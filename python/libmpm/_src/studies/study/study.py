@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from libmpm._src.base.values import Checker, keywords_only, nearest
-from libmpm._src.errors import ModelWarning, OutputError, SceneError
+from libmpm._src.errors import OutputError, SceneError
 from libmpm._src.output.atomic_files import writing
 from libmpm._src.output.locks import locked
 from libmpm._src.output.settings import Output
@@ -25,6 +25,7 @@ from libmpm._src.studies.study.case import (
     recorded_responses,
     store_responses,
 )
+from libmpm._src.studies.study.case_warnings import tell_frames, tell_warnings
 from libmpm._src.studies.study.dispatch import Item, Runner
 from libmpm._src.studies.study.ledger import read_ledger, update_ledger
 from libmpm._src.studies.study.plan import OPTIONS, Plan, Planner, Seconds, Trunk
@@ -102,7 +103,7 @@ class Study:
         if response is not None and not callable(response):
             check.fail(f"response is {response!r:.60}; expected a function of a case, or None")
         if trunk is not None:
-            check.instance("trunk", trunk, (Trunk,), "libmpm.Trunk(...)")
+            check.instance("trunk", trunk, (Trunk,), "libmpm.studies.Trunk(...)")
         axes = [run_axes] if isinstance(run_axes, str) else list(run_axes)
         for axis in axes:
             if axis not in OPTIONS:
@@ -319,8 +320,8 @@ class Study:
                 executor.close(wait=wait)
             with contextlib.nullcontext() if wait else contextlib.suppress(OutputError):
                 self._keep()
-        _tell_warnings(records)
-        _tell_frames(records, self._output["frame_interval"])
+        tell_warnings(records)
+        tell_frames(records, self._output["frame_interval"])
         result = self._table(records, responses)
         self._save(result)
         return result
@@ -475,34 +476,3 @@ def _dealer(
         return slots[number % len(slots)]
 
     return deal
-
-
-def _tell_warnings(records: Mapping[str, Mapping[str, Any]]) -> None:
-    """Say once what the simulations of a study warned of."""
-    texts = [text for record in records.values() for text in record.get("warnings") or ()]
-    if texts:
-        number = sum(bool(record.get("warnings")) for record in records.values())
-        warnings.warn(
-            f"{number} of {len(records)} simulations gave warnings, which their status.json keeps; "
-            f"the first: {texts[0]}",
-            ModelWarning,
-            stacklevel=4,
-        )
-
-
-def _tell_frames(records: Mapping[str, Mapping[str, Any]], interval: float | None) -> None:
-    """Say that cases which had finished before lack the frames that are asked for now."""
-    lacking = [
-        key
-        for key, record in records.items()
-        if key.startswith(CASES)
-        and record["status"] == "finished"
-        and record.get("frame_interval") != interval
-    ]
-    if interval is not None and lacking:
-        warnings.warn(
-            f"{len(lacking)} cases had finished without frames every {interval:g} s, and are not "
-            "run again for them; delete their folders, or choose another folder for the study",
-            ModelWarning,
-            stacklevel=4,
-        )
