@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm import Kernel, Method, Transfer, materials, sensors, shapes
+from libmpm import Method, materials, sensors, shapes
+from libmpm.methods import Kernel, Transfer
 
 DX = 0.1
 TRANSFERS = {
