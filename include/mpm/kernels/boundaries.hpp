@@ -13,9 +13,10 @@ struct BoundaryView {
     int count;
     const SurfaceRecord<D>* surfaces;
     double cell_size;
-    int reach;             // nodes beyond a face of the domain that particles inside can reach
-    bool lines = false;    // any face is linear
-    bool mirrors = false;  // any face is a mirror
+    int reach;           // nodes beyond a face of the domain that particles inside can reach
+    bool lines = false;  // any face is linear
+    bool surface_lines = false;  // any surface is
+    bool mirrors = false;        // any face is a mirror
 };
 
 /// Centre of a cell, which is its node, m.
@@ -34,6 +35,7 @@ MPM_INLINE bool apply_special(const BoundaryView<D>& all, int b, const std::int6
     for (int a = 0; a < D && r.limited; ++a)
         if (!(x[a] >= r.within_lower[a] && x[a] <= r.within_upper[a])) return true;
     if (r.surface > 0) {
+        if (r.law[0].linear) return true;  // wall_lines.hpp
         const Vec<T, D> before = v;
         if (respond_to_surface<T, D>(all.surfaces[r.surface - 1], r.law[0], x, wall, v))
             seen(b, 0, before, v);

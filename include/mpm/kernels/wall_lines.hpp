@@ -17,7 +17,7 @@
 // held.
 #pragma once
 
-#include "mpm/kernels/boundaries.hpp"
+#include "mpm/kernels/surface_lines.hpp"
 
 namespace mpm {
 
@@ -96,6 +96,42 @@ MPM_INLINE int room_before(const BoundaryView<D>& all, const WallPlane<D>& wall,
     return int(least);
 }
 
+/// Does a node stand right before a face across an axis whose normal has this sign?
+template <int D>
+MPM_INLINE bool before_face(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int axis,
+                            int sign) {
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
+        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
+            if (!r.present[f] || !r.law[f].linear) continue;
+            const WallPlane<D> wall(r, f);
+            if (wall.sign == sign && wall.place(cell[axis]) == 0 && on_rows(r, axis, cell))
+                return true;
+        }
+    }
+    return false;
+}
+
+/// Distance of the nearest linear surface that faces a wall, from the node right before the wall,
+/// in cells up to 4. `cell` is on the wall's line, at `place`.
+template <int D>
+MPM_INLINE double surface_before(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
+                                 const std::int64_t (&cell)[D], std::int64_t place) {
+    double least = 4;
+    for (int b = 0; b < all.count && all.surface_lines; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface == 0 || !r.law[0].linear) continue;
+        std::int64_t there[D];
+        moved_along<D>(cell, axis, -place * wall.sign, there);
+        const SurfaceView<D> seen(all, all.surfaces[r.surface - 1], there);
+        if (seen.known && seen.axis == axis && seen.away == -wall.sign && seen.distance > 0 &&
+            seen.distance < least)
+            least = seen.distance;
+    }
+    return least;
+}
+
 /// The line on which a node is across an axis. Where two claim it, the first that is defined does.
 template <int D>
 MPM_INLINE WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
@@ -108,7 +144,10 @@ MPM_INLINE WallLine find_line(const BoundaryView<D>& all, int axis, const std::i
             const WallPlane<D> wall(r, f);
             const std::int64_t place = wall.place(cell[axis]);
             if (place < -1 || place > 1 || !on_rows(r, axis, cell)) continue;
-            const int room = room_before(all, wall, axis, cell);
+            int room = room_before(all, wall, axis, cell);
+            const double surface = surface_before(all, wall, axis, cell, place);
+            if (surface < 3.5 && room > 3) room = 3;
+            if (surface < 1.5) room = 1;
             line.boundary = b;
             line.face = f;
             line.sign = wall.sign;
@@ -273,6 +312,96 @@ struct FollowLines {
         }
         for (int a = 0; a < D; ++a)
             if (lines[a].form != WallLine::none) rub(lines, a, slid[a], pressed[a], v, seen);
+        if (!node.boundaries.surface_lines) return;
+        bool bound[D];
+        for (int a = 0; a < D; ++a) bound[a] = lines[a].form != WallLine::none;
+        for (int b = 0; b < node.boundaries.count; ++b) {
+            const BoundaryRecord<D>& r = node.boundaries.records[b];
+            if (r.active && r.surface > 0 && r.law[0].linear)
+                follow_surface(b, cell, own, bound, v, seen);
+        }
+    }
+    /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.
+    template <class Seen>
+    MPM_INLINE void follow_surface(int b, const std::int64_t (&cell)[D], const Seat& own,
+                                   const bool (&bound)[D], Vec<T, D>& v, const Seen& seen) const {
+        const BoundaryView<D>& all = node.boundaries;
+        const BoundaryRecord<D>& r = all.records[b];
+        const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
+        const SurfaceLaw& law = r.law[0];
+        const SurfaceLine<D> line(all, s, cell,
+                                  [&](const std::int64_t(&at)[D], int axis, int sign) {
+                                      return before_face<D>(all, at, axis, sign);
+                                  });
+        const Vec<T, D> before = v;
+        if (line.state == SurfaceLine<D>::held) {
+            double x[D];
+            node_position<D>(cell, all.cell_size, x);
+            Vec<T, D> wall;
+            for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
+            if (respond_to_surface<T, D>(s, law, x, wall, v)) seen(b, 0, before, v);
+            return;
+        }
+        if (line.state != SurfaceLine<D>::on) return;
+        T mass = 0, led = 0, push = 0, inert = 0, leader = 0;
+        Vec<T, D> momentum{}, here{};
+        std::int64_t at[D];
+        moved_along<D>(cell, line.axis, line.leader, at);
+        const SurfaceView<D> first(all, s, at);
+        for (int step = 0; step < 8; ++step) {
+            moved_along<D>(cell, line.axis, line.leader - step * line.sign, at);
+            const SurfaceView<D> view(all, s, at);
+            if (!view.along(first) || view.deep()) break;
+            const bool self = line.leader == step * line.sign;
+            Seat seat_here = own;
+            if (!self) {
+                int number = 0;
+                const std::int32_t slot = find_node<D>(node.grid.table, at, number);
+                seat_here = slot < 0 ? Seat{} : seat(slot, number, at);
+            }
+            double x[D], moving[D];
+            node_position<D>(at, all.cell_size, x);
+            s.velocity_at(x, moving);
+            const T t = T(view.distance / line.lead);
+            T along = 0;
+            for (int a = 0; a < D; ++a) {
+                const T w = T(moving[a] + r.velocity[a]);
+                if (self) here[a] = w;
+                along += T(line.normal[a]) * (seat_here.velocity[a] - w);
+                momentum[a] += seat_here.mass * (seat_here.velocity[a] - w);
+            }
+            if (step == 0) leader = seat_here.mass;
+            mass += seat_here.mass;
+            led += t * seat_here.mass;
+            inert += t * t * seat_here.mass;
+            push += t * seat_here.mass * along;
+        }
+        if (!(leader > T(0))) return;
+        const T lead = push / inert;
+        T along = 0, is = 0, open = 0;
+        for (int a = 0; a < D; ++a) {
+            along += T(line.normal[a]) * momentum[a];
+            is += T(line.normal[a]) * (v[a] - here[a]);
+            if (!bound[a]) open += T(line.normal[a] * line.normal[a]);
+        }
+        const T impulse = lead * led - along;
+        if (law.response == Response::separable && !(impulse > T(0))) return;
+        if (!(open > T(0.1))) return;
+        const T change = (T(line.share) * lead - is) / open;
+        for (int a = 0; a < D; ++a)
+            if (!bound[a]) v[a] += change * T(line.normal[a]);
+        if (law.static_friction > 0 || law.dynamic_friction > 0) {
+            T speed = 0;
+            for (int a = 0; a < D; ++a) {
+                momentum[a] = (momentum[a] - along * T(line.normal[a])) / mass;
+                speed += momentum[a] * momentum[a];
+            }
+            const T pressed = impulse > T(0) ? impulse / mass : T(0);
+            const T lost = T(1) - kept_of_sliding<T>(law, square_root(speed), pressed);
+            for (int a = 0; a < D; ++a)
+                if (!bound[a]) v[a] -= lost * momentum[a];
+        }
+        seen(b, 0, before, v);
     }
     /// Coulomb friction: one tangential impulse on the whole line, by mass.
     template <class Seen>

@@ -348,7 +348,8 @@ private:
         return {grid_view(parity),
                 clock_buffer_.data(),
                 {boundary_records_.data(), int(spec_.boundaries.size()), surfaces_.data(),
-                 spec_.cell_size, wide_kernel() ? 2 : 1, linear_walls_, mirrored_walls_},
+                 spec_.cell_size, wide_kernel() ? 2 : 1, linear_walls_, linear_surfaces_,
+                 mirrored_walls_},
                 touched_.data(),
                 least_mass_,
                 pressures_.data(),
@@ -390,6 +391,7 @@ private:
     Buffer<X, SurfaceRecord<D>> surfaces_{exec_};
     bool special_boundaries_ = false;  // kernels/boundaries.hpp
     bool linear_walls_ = false;        // kernels/wall_lines.hpp
+    bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
     Buffer<X, GroupPressure> pressures_{exec_};
     std::vector<Buffer<X, std::uint64_t>> surface_keys_;

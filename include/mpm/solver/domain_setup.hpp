@@ -252,6 +252,7 @@ void Domain<X, T, D>::set_pressures() {
             linear_walls_ = linear_walls_ || law.linear;
             mirrored_walls_ = mirrored_walls_ || mirrors(law.response);
             boxes = boxes || (law.linear && s.is_box);
+            linear_surfaces_ = linear_surfaces_ || (law.linear && !s.surface.keys.empty());
         }
     std::vector<GroupPressure> found;
     for (std::size_t b = 0; b < spec_.bodies.size() && boxes; ++b) {

@@ -39,6 +39,10 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     if (spec.start.given) refuse("going on from a run with other bodies", "take one rank");
     if (spec.pipeline == "phased")
         refuse("pipeline 'phased'", "take one rank, or pipeline 'auto' with transfer APIC");
+    for (const BoundarySpec& b : spec.boundaries)
+        if (!b.surface.keys.empty() && b.law[0].linear)
+            refuse("linear cells beside the surface '" + b.name + "'",
+                   "take one rank, or cell=\"held\" for it");
     for (const BodySpec& b : spec.bodies)
         if (b.cell_smoothing.form != CellForm::none)
             refuse("smoothing over cells of body '" + b.name + "'", "take one rank");

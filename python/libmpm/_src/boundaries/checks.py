@@ -132,10 +132,9 @@ def _check_linear(check: Checker, scene: SceneData, boundary: Boundary) -> None:
     if scene.grid is not None:
         check.fail(f'cell is "linear" on a grid of functions; {held}')
         return
-    if boundary.is_surface or not isinstance(boundary.shape, Box | DomainWalls):
+    if boundary.layer is not None:
         check.fail(
-            f'cell is "linear" with {type(boundary.shape).__name__} as a surface; {held}: lines '
-            "of nodes end on walls of the domain and on faces of boxes at rest along the grid"
+            f'cell is "linear" with a layer, which would hold nodes by shares; {held}, or None'
         )
     if boundary.within is not None or boundary.bodies:
         check.fail(f'cell is "linear" within a region or for some bodies; {held}')

@@ -61,8 +61,8 @@ class Slip(Response):
                                           beside it strain by half: their pressure in a flow is
                                           wrong. "linear": the velocity towards the wall is linear
                                           in its cell and meets the wall's in the plane of the wall
-                                          (`design/walls.md`, 7). For walls of the domain and faces
-                                          of boxes at rest, with quadratic functions.
+                                          (`design/walls.md`, 7). With quadratic functions; for
+                                          slopes that water rests on keep "held".
     =========  ====  ===================  ========================================================
 
     Raises `SceneError`.

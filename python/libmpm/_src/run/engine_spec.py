@@ -393,7 +393,7 @@ def _boundary(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
             "kind": response.kind,
             "static_friction": static,
             "dynamic_friction": dynamic,
-            "linear": response.is_linear and not boundary.is_surface,
+            "linear": response.is_linear,
         }
         if isinstance(response, Prescribed):
             faces[face]["axes"] = response.axes(scene.dimension)

@@ -1,0 +1,123 @@
+// Lines of nodes towards a surface of any shape: along the grid axis that lies nearest to its
+// normal. As before a wall on cell faces (wall_lines.hpp), with the shares T = phi_i / phi_k of the
+// signed distances, in cells, of a node and of its leader, the first with phi >= 1. The velocity
+// along the leader's normal is linear in the distance and meets the surface's where that is zero.
+#pragma once
+
+#include "mpm/kernels/boundaries.hpp"
+
+namespace mpm {
+
+/// What a node sees of a surface.
+template <int D>
+struct SurfaceView {
+    bool known = false;   // near enough for a distance
+    double distance = 0;  // cells
+    double normal[D];
+    int axis = -1;  // nearest to the normal; -1: there is no direction
+    int away = 0;   // the sign of the normal along it
+
+    MPM_INLINE SurfaceView(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                           const std::int64_t (&cell)[D]) {
+        double x[D], there[D], own[D];
+        node_position<D>(cell, all.cell_size, x);
+        s.to_body(x, there);
+        known = s.field.at(there, distance, own);
+        if (!known) return;
+        distance /= all.cell_size;
+        double most = 0;
+        for (int a = 0; a < D; ++a) {
+            normal[a] = 0;
+            for (int b = 0; b < D; ++b) normal[a] += s.rotation[a][b] * own[b];
+            const double size = normal[a] < 0 ? -normal[a] : normal[a];
+            // A tie goes to the first axis, whatever rounding says.
+            if (size > most + 1e-6) {
+                most = size;
+                axis = a;
+                away = normal[a] < 0 ? -1 : 1;
+            }
+        }
+    }
+    MPM_INLINE bool along(const SurfaceView& other) const {
+        return known && axis >= 0 && axis == other.axis && away == other.away;
+    }
+    /// No particle before the surface reaches a node further behind it.
+    MPM_INLINE bool deep() const {
+        double reach = 0;
+        for (int a = 0; a < D; ++a) reach += normal[a] < 0 ? -normal[a] : normal[a];
+        return distance <= -1.5 * reach;
+    }
+};
+
+template <int D>
+MPM_INLINE void moved_along(const std::int64_t (&cell)[D], int axis, std::int64_t by,
+                            std::int64_t (&out)[D]) {
+    for (int a = 0; a < D; ++a) out[a] = cell[a] + (a == axis ? by : 0);
+}
+
+/// The line towards a surface on which a node is.
+template <int D>
+struct SurfaceLine {
+    enum State { away, held, on };
+    State state = away;
+    int axis = 0, sign = 1;
+    std::int64_t leader = 0;  // cells from the node along the axis
+    double lead = 1;          // distance of the leader, cells
+    double share = 1;
+    double normal[D];  // at the leader
+
+    /// `room(cell)`: of a node that stands right before another wall across the axis, true.
+    template <class Room>
+    MPM_INLINE SurfaceLine(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                           const std::int64_t (&cell)[D], const Room& room) {
+        const SurfaceView<D> here(all, s, cell);
+        if (!here.known || here.distance >= 2) return;
+        if (here.axis < 0 || here.deep()) {
+            state = held;
+            return;
+        }
+        axis = here.axis;
+        sign = here.away;
+        const double before = before_wall(all, s, cell, here, room);
+        if (before < 1.5) {
+            state = here.distance < 1 ? held : away;
+            return;
+        }
+        const double least = before < 3.5 ? 0.5 : 1.0;
+        for (int step = 0; step < 5; ++step) {
+            std::int64_t there[D];
+            moved_along<D>(cell, axis, step * sign, there);
+            const SurfaceView<D> seen(all, s, there);
+            if (!seen.along(here)) break;
+            if (seen.distance < least) continue;
+            leader = step * sign;
+            lead = seen.distance;
+            share = here.distance / lead;
+            for (int a = 0; a < D; ++a) normal[a] = seen.normal[a];
+            state = on;
+            if (step > 0) return;
+            // A leader leads only what is nearer.
+            moved_along<D>(cell, axis, -sign, there);
+            const SurfaceView<D> next(all, s, there);
+            if (!next.along(here) || next.distance >= least) state = away;
+            return;
+        }
+        state = here.distance < 1 ? held : away;
+    }
+    /// Distance of the first node on the way out that stands right before another wall, up to 4.
+    template <class Room>
+    MPM_INLINE double before_wall(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                                  const std::int64_t (&cell)[D], const SurfaceView<D>& here,
+                                  const Room& room) const {
+        for (int step = -4; step <= 6; ++step) {
+            std::int64_t there[D];
+            moved_along<D>(cell, axis, step * sign, there);
+            if (!room(there, axis, -sign)) continue;
+            const SurfaceView<D> seen(all, s, there);
+            if (seen.along(here) && seen.distance > 0 && seen.distance < 4) return seen.distance;
+        }
+        return 4;
+    }
+};
+
+}  // namespace mpm
