@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from libmpm import FBar, Method
 from libmpm._src.methods.method import CROSSINGS
-from libmpm.boundaries import DecayLayer, Mirror, Response
+from libmpm.boundaries import DecayLayer, Mirror, Response, Slip
 from libmpm.cases import Options
 from libmpm.methods import AssumedFields, Kernel, Smoothing, Transfer
 
@@ -118,10 +118,14 @@ class Option:
             "precision": self.precision,
             "pipeline": self.pipeline,
             "step": self.step,
-            **({} if self.walls is None else {"walls": self.walls.kind}),
+            **({} if self.walls is None else {"walls": _walls(self.walls)}),
             **({} if self.layer is None else {"layer": self.layer.to_dict()}),
             **{k: getattr(self, k) for k in CHANGES if getattr(self, k) != getattr(Option, k)},
         }
+
+
+def _walls(response: Response) -> str:
+    return "linear" if response.is_linear else response.kind
 
 
 def smoothing(
@@ -237,6 +241,7 @@ def _over_cells() -> list[Option]:
     ]  # fmt: skip
 
 
+LINEAR = Slip(cell="linear")
 HALF, DOUBLE, SLICE = "half the cells", "double the cells", "half the cells, slice"
 
 
@@ -277,6 +282,9 @@ def _changes() -> list[Option]:
                transfer=aflip, beside=f"{DOUBLE}, mirrored walls"),
         Option(f"mirrored walls, {shown}", "together", transfer=aflip, walls=Mirror(),
                beside="mirrored walls"),
+        Option(f"{DOUBLE}, linear walls", "together", cells=2.0, walls=LINEAR, beside=DOUBLE),
+        Option(f"linear walls, {shown}", "together", transfer=aflip, walls=LINEAR,
+               beside="linear walls"),
         Option(f"{DOUBLE}, double the step", "together", cells=2.0, step=2.0, beside=DOUBLE),
         Option(f"{DOUBLE}, 1 particle per cell", "together", cells=2.0, per_cell=1, beside=DOUBLE),
     ]  # fmt: skip
@@ -297,6 +305,7 @@ OPTIONS: tuple[Option, ...] = (
     *(Option(f"solid F-bar {form}", "solid", solid_fbar=form) for form in FORMS),
     *(Option(law, "solid", material=law) for law in LAWS),
     Option("mirrored walls", "boundary", walls=Mirror()),
+    Option("linear walls", "boundary", walls=LINEAR),
     *(
         Option(
             f"layer {name} {cells:g}", "boundary", layer=DecayLayer(function=name, thickness=cells)

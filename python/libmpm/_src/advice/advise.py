@@ -207,11 +207,12 @@ def _settings(
     reasons = _merged(reasons)
     reasons.append(_of_cells(facts, chosen))
     bulk, more = _bulk(facts, rows, known, error)
-    walls = first.choices.get("walls") is not None
-    mirrored = facts.mirrorable if walls else ()
-    if walls:
-        named = f"Mirror for {', '.join(mirrored)}" if mirrored else "Mirror"
-        reasons.append(Reason("walls", named, why, bool(mirrored)))
+    walls = first.choices.get("walls")
+    changed = facts.mirrorable if walls is not None else ()
+    if walls is not None:
+        named = "Mirror" if walls == "mirror" else 'Slip(cell="linear")'
+        named += f" for {', '.join(changed)}" if changed else ""
+        reasons.append(Reason("walls", named, why, bool(changed)))
     layer = next((layer_of(row) for row in chosen.rows if row.case == "slope-basin"), None)
     if layer is not None:
         text = f"{layer.function}, {layer.thickness:g} cells"
@@ -224,7 +225,8 @@ def _settings(
         particles_per_cell=particles,
         cell_size=scene.cell_size / chosen.refine,
         bulk_modulus=bulk,
-        mirrored=mirrored,
+        mirrored=changed if walls == "mirror" else (),
+        linear=changed if walls == "linear" else (),
         layer=layer,
     )
     return settings, reasons + more

@@ -76,7 +76,7 @@ def _usable(row: Row, facts: Facts) -> bool:
     # A particle alone, as in spray, is stable up to 1/√d; the checks of a scene say it too.
     if row.choices["cfl"] > 1 / math.sqrt(facts.scene.dimension):
         return False
-    if row.choices.get("walls") is not None and not (facts.mirrorable or facts.mirrored):
+    if not facts.takes_walls(row.choices.get("walls")):
         return False
     return row.choices.get("layer") is None or bool(facts.surfaces)
 
@@ -85,12 +85,13 @@ def _settings_of(of_case: Mapping[str, Row], facts: Facts) -> dict[str, Row]:
     """Return the rows of a case that this scene can take, by option.
 
     Of rows that differ in cells alone those count that are next to the scene's, from either side.
-    Walls that are mirrors stay so, where the case has rows of them.
+    Walls that are mirrors or linear stay so, where the case has rows of them.
     """
     found = {name: row for name, row in of_case.items() if _usable(row, facts)}
     found = {k: row for k, row in found.items() if not _coarse(row, found.values(), facts)}
-    mirrors = {name: row for name, row in found.items() if row.choices.get("walls") is not None}
-    return mirrors if facts.mirrored and mirrors else found
+    kind = "mirror" if facts.mirrored else "linear" if facts.linear else None
+    alike = {name: row for name, row in found.items() if row.choices.get("walls") == kind}
+    return alike if kind is not None and alike else found
 
 
 def _coarse(row: Row, others: Iterable[Row], facts: Facts) -> bool:
@@ -187,7 +188,11 @@ def _is_present(row: Row, facts: Facts) -> bool:
     step = method.cfl / given["cfl"]
     if given["precision"] != "single" or not 1 / _STEPS < step < _STEPS:
         return False
-    if given.get("walls") is not None and not facts.mirrored:
+    if given.get("walls") not in (
+        None,
+        "mirror" if facts.mirrored else "",
+        "linear" if facts.linear else "",
+    ):
         return False
     layer = layer_of(row)
     if row.case == "slope-basin" and any(own != layer for own in facts.layers):

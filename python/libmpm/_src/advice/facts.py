@@ -156,6 +156,17 @@ class Facts:
         return any(isinstance(r, Mirror) for r in walls)
 
     @cached_property
+    def linear(self) -> bool:
+        """Whether the cells beside walls of the domain are linear already."""
+        walls = [r for b, r in self._responses() if isinstance(b.shape, DomainWalls)]
+        return any(r.is_linear for r in walls)
+
+    def takes_walls(self, kind: str | None) -> bool:
+        """Return whether walls of this kind are there or can stand for those that are."""
+        there = {"mirror": self.mirrored, "linear": self.linear}
+        return kind is None or there[kind] or bool(self.mirrorable)
+
+    @cached_property
     def layers(self) -> tuple[DecayLayer, ...]:
         """Decay layers of the surfaces."""
         return tuple(b.layer or DecayLayer() for b in self.scene.boundaries if b.is_surface)

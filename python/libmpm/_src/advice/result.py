@@ -33,6 +33,7 @@ class Settings:
     cell_size           m     edge of a cell, the present one over a whole number
     bulk_modulus        Pa    by body of water: the least that keeps the error
     mirrored            -     domain walls for which `boundaries.Mirror` is proposed
+    linear              -     domain walls for which `Slip(cell="linear")` is proposed
     layer               -     `DecayLayer` of all surfaces; None = as they are
     ==================  ====  ================================================================
     """
@@ -44,6 +45,7 @@ class Settings:
     cell_size: float
     bulk_modulus: Mapping[str, float]
     mirrored: Sequence[str] = ()
+    linear: Sequence[str] = ()
     layer: DecayLayer | None = None
 
 
@@ -136,6 +138,8 @@ class Advice:
         for boundary in data["boundaries"]:
             if boundary["name"] in new.mirrored:
                 boundary["response"] = {"type": "Mirror", "slip": True}
+            if boundary["name"] in new.linear:
+                boundary["response"] = {"type": "Slip", "cell": "linear"}
             if new.layer is not None and boundary["name"] in self.surfaces:
                 boundary["layer"] = plain(new.layer)
 
