@@ -64,12 +64,14 @@ class Row:
     @property
     def per_axis(self) -> int:
         """Particles along an axis of a cell."""
-        return max(1, round(self.particles ** (1 / self.dimension)))
+        found: int = max(1, round(self.particles ** (1 / self.dimension)))
+        return found
 
     @property
     def of_law(self) -> bool:
         """Whether it measures another elastic law and not a numerical choice."""
-        return self.choices.get("material", _LAW) != _LAW
+        found: bool = self.choices.get("material", _LAW) != _LAW
+        return found
 
     def fbar(self, of: str, cell_size: float, speed: float | None) -> FBar | None:
         """Return its F-bar of "fbar" (water) or "solid_fbar", for cells in m and waves in m/s."""

@@ -330,7 +330,8 @@ class Facts:
             ]
             walled = self.closed if always is not None else not free
             found.append(min(size if walled else free))
-        return min(found) / self.scene.cell_size
+        made: float = min(found) / self.scene.cell_size
+        return made
 
     def compression(self, body: Body) -> float:
         """Return ρ g H/K of a body of water: its loss of volume under the water's head H."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numbers
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ def host_array(array: Any, what: str) -> NDArray[Any]:
     place = getattr(array, "__dlpack_device__", None)
     if place is None or isinstance(array, np.ndarray):
         return np.asarray(array)
-    tries = []
+    tries: list[Callable[[], Any]] = []
     if int(place()[0]) in _READABLE:
         tries.append(lambda: np.from_dlpack(array))
     else:

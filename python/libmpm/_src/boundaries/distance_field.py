@@ -66,7 +66,8 @@ class DistanceField:
     @property
     def bytes(self) -> int:
         """Memory that it takes."""
-        return self.keys.shape[0] * 12 + self.values.nbytes
+        found: int = self.keys.shape[0] * 12 + self.values.nbytes
+        return found
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the corners of all its blocks, m."""

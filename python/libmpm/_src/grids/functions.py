@@ -75,7 +75,8 @@ class Functions:
 
     @cached_property
     def _basis(self) -> Basis:
-        return backends.core().Basis(self._grid.specification())
+        found: Basis = backends.core().Basis(self._grid.specification())
+        return found
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is compiled; it is made again when first asked for."""

@@ -109,4 +109,5 @@ def _strain(stress: Floats, dimension: int, parameters: dict[str, float], where:
         )
     kirchhoff = stress * (1 + change)[:, None]
     kirchhoff[:, :dimension] -= lame * change[:, None]
-    return kirchhoff / (2 * shear)
+    found: Floats = kirchhoff / (2 * shear)
+    return found

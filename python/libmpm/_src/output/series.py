@@ -44,7 +44,8 @@ def moving_mean(time: Array, values: Array, length: float) -> Array:
     sums = np.concatenate([[0.0], np.cumsum(values)])
     last = np.arange(1, len(values) + 1)
     first = np.maximum(0, last - width)
-    return (sums[last] - sums[first]) / (last - first)
+    found: Array = (sums[last] - sums[first]) / (last - first)
+    return found
 
 
 def durations(time: Array) -> Array:

@@ -65,7 +65,8 @@ def radius_of(scene: SceneData, body: str, share: float = 1.0) -> float:
     per_cell = max(1, found.particles_per_cell or 1)
     d = scene.dimension
     overlap = _OVERLAP[found.material.table.stores_volume]
-    return overlap * scene.cell_size / (per_cell * max(share, 1e-9)) ** (1.0 / d)
+    made: float = overlap * scene.cell_size / (per_cell * max(share, 1e-9)) ** (1.0 / d)
+    return made
 
 
 def is_fluid(scene: SceneData, body: str) -> bool:

@@ -284,4 +284,5 @@ def _halved(image: Array) -> Array:
     blocks = image[:height, :width].reshape(height // 2, 2, width // 2, 2, 4)
     cover = blocks[..., 3:]
     colour = (blocks[..., :3] * cover).sum(axis=(1, 3)) / np.maximum(cover.sum(axis=(1, 3)), 1e-9)
-    return np.clip(np.concatenate([colour, cover.mean(axis=(1, 3))], axis=-1), 0.0, 1.0)
+    found: Array = np.clip(np.concatenate([colour, cover.mean(axis=(1, 3))], axis=-1), 0.0, 1.0)
+    return found

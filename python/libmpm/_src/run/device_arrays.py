@@ -66,7 +66,8 @@ class ParticleArray:
     @property
     def dtype(self) -> np.dtype[Any]:
         """Type of an element, float64 or uint64."""
-        return np.dtype(self._column.type)
+        found: np.dtype[Any] = np.dtype(self._column.type)
+        return found
 
     @property
     def device(self) -> str:

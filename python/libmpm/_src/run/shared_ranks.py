@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, cast
+from typing import Any
 
 from libmpm._src import errors
 from libmpm._src.errors import Error, NumericalError
@@ -76,7 +76,7 @@ class SharedRanks:
             kind = getattr(errors, str(name), Error)
             if not (isinstance(kind, type) and issubclass(kind, Error)):
                 kind = Error
-            own = cast("Error", kind(f"rank {rank}: {text}"))
+            own = kind(f"rank {rank}: {text}")
         vars(own)["alike"] = True
         raise own
 

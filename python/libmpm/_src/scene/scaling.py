@@ -224,7 +224,8 @@ class Scaling:
 
     def power(self, half: float) -> float:
         """Return λ^(half/2); exact where λ is a power of four."""
-        return math.sqrt(self.length_ratio) ** half
+        found: float = math.sqrt(self.length_ratio) ** half
+        return found
 
     def factor(self, unit: str) -> float:
         """Return the factor of a quantity in `unit`, one of `HALF_POWERS`."""

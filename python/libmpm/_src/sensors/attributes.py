@@ -209,7 +209,8 @@ def upward(scene: SceneData) -> Array:
     gravity = initial_gravity(scene)
     strength = float(np.linalg.norm(gravity))
     if strength == 0:
-        return np.eye(scene.dimension)[-1]
+        found: Array = np.eye(scene.dimension)[-1]
+        return found
     return -gravity / strength
 
 

@@ -68,7 +68,8 @@ def gravity_impulse(scene: SceneData, first: float, last: float) -> Array:
     times = np.linspace(first, last, _PARTS + 1)
     times = np.union1d(times, own[(own > first) & (own < last)])
     values = np.stack([scene.gravity.at(float(t)) for t in times])
-    return np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None], axis=0)
+    found: Array = np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None], axis=0)
+    return found
 
 
 class OfBody(Sampler):
@@ -174,7 +175,8 @@ class OfBody(Sampler):
     def _boundaries(self, moment: Moment, position: Array, mass: Array) -> Array:
         """Return the force on the body: boundaries push back with what they take."""
         (share,) = moment.nodes.spread(moment.relative(position), [mass])
-        return -(share / moment.nodes.mass) @ boundary_forces(moment)
+        found: Array = -(share / moment.nodes.mass) @ boundary_forces(moment)
+        return found
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return what the first and the last sample left."""

@@ -17,7 +17,8 @@ __all__ = ["OfColumn", "hat", "mean_column"]
 
 def hat(away: Array, width: float) -> Array:
     """Return the product (n,) of hats of half width l of distances (n, k), each 1 - |x|/l or 0."""
-    return np.prod(np.maximum(0.0, 1.0 - np.abs(away) / width), axis=1)
+    found: Array = np.prod(np.maximum(0.0, 1.0 - np.abs(away) / width), axis=1)
+    return found
 
 
 def mean_column(height: Array, velocity: Array, weight: Array) -> Array:
@@ -25,7 +26,8 @@ def mean_column(height: Array, velocity: Array, weight: Array) -> Array:
     total = weight.sum()
     if not total > 0:
         return np.full(1 + velocity.shape[1], np.nan)
-    return np.concatenate([[2.0 * (weight @ height)], weight @ velocity]) / total
+    found: Array = np.concatenate([[2.0 * (weight @ height)], weight @ velocity]) / total
+    return found
 
 
 class OfColumn(Sampler):

@@ -90,7 +90,8 @@ class OfGrid(Sampler):
         if attribute == "velocity":
             return nodes.velocity[inside]
         if attribute == "momentum":
-            return nodes.mass[inside, None] * nodes.velocity[inside]
+            found: Array = nodes.mass[inside, None] * nodes.velocity[inside]
+            return found
         if attribute == "force":
             return boundary_forces(moment)[inside]
         if attribute == "acceleration":

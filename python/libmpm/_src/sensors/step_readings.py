@@ -235,7 +235,8 @@ class Moment:
 
     def in_scene(self, world: Array) -> Array:
         """Return points of the world in coordinates of the scene, m."""
-        return world - np.asarray(self.scene.origin)
+        found: Array = world - np.asarray(self.scene.origin)
+        return found
 
     def relative(self, world: Array) -> Array:
         """Return points of the world relative to the domain's lower corner, m."""

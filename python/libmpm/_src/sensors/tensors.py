@@ -35,12 +35,13 @@ def solid(tensor: Array, third: Array | float) -> Array:
 
 def invariant(a: Array, number: int) -> Array:
     """Return tr A, (tr² A - tr A²)/2 or det A of (n, 3, 3), by number 1 to 3."""
-    trace = np.trace(a, axis1=1, axis2=2)
-    if number == 1:
-        return trace
+    trace: Array = np.trace(a, axis1=1, axis2=2)
+    found = trace
     if number == 2:
-        return 0.5 * (trace**2 - np.einsum("nij,nji->n", a, a))
-    return np.linalg.det(a)
+        found = 0.5 * (trace**2 - np.einsum("nij,nji->n", a, a))
+    elif number == 3:
+        found = np.linalg.det(a)
+    return found
 
 
 def principal(symmetric: Array, number: int) -> Array:
@@ -55,7 +56,8 @@ def stretches(f: Array, number: int) -> Array:
 
 def first_piola(f: Array, cauchy: Array) -> Array:
     """Return P = J σ F⁻ᵀ, (n, 3, 3), Pa."""
-    return np.linalg.det(f)[:, None, None] * cauchy @ np.linalg.inv(f).swapaxes(1, 2)
+    found: Array = np.linalg.det(f)[:, None, None] * cauchy @ np.linalg.inv(f).swapaxes(1, 2)
+    return found
 
 
 def second_piola(f: Array, cauchy: Array) -> Array:
@@ -67,7 +69,8 @@ def biot(f: Array, cauchy: Array) -> Array:
     """Return sym(Rᵀ P) with the rotation R of F, (n, 3, 3), Pa: τ_k/λ_k where σ follows b."""
     u, _, v = np.linalg.svd(f)
     turned = (u @ v).swapaxes(1, 2) @ first_piola(f, cauchy)
-    return 0.5 * (turned + turned.swapaxes(1, 2))
+    found: Array = 0.5 * (turned + turned.swapaxes(1, 2))
+    return found
 
 
 def small_strain(f: Array) -> Array:
@@ -78,4 +81,5 @@ def small_strain(f: Array) -> Array:
 def von_mises(a: Array, factor: float) -> Array:
     """Return √(factor dev A : dev A) of (n, 3, 3): 3/2 for stress, 2/3 for strain."""
     deviator = a - np.trace(a, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-    return np.sqrt(factor * np.einsum("nij,nij->n", deviator, deviator))
+    found: Array = np.sqrt(factor * np.einsum("nij,nij->n", deviator, deviator))
+    return found

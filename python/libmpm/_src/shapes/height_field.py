@@ -265,7 +265,8 @@ def _level_ends(u: Array, v: Array, bed: Array) -> Array:
     """Return the squared distance from the level rays that lengthen a profile."""
     before, after = np.maximum(u - bed[0, 0], 0.0), np.maximum(bed[-1, 0] - u, 0.0)
     down, up = v - bed[0, 1], v - bed[-1, 1]
-    return np.minimum(before * before + down * down, after * after + up * up)
+    found: Array = np.minimum(before * before + down * down, after * after + up * up)
+    return found
 
 
 def _numbers(given: Any) -> Array | None:

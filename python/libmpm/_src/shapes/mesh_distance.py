@@ -204,7 +204,8 @@ def _to_triangle(p: Array, frame: Array) -> Array:
         share = np.clip((px * ex + py * ey) / np.where(square > 0, square, 1.0), 0.0, 1.0)
         dx, dy = px - share * ex, py - share * ey
         nearest = np.minimum(nearest, dx * dx + dy * dy)
-    return z * z + np.where(inside & (v > 0), 0.0, nearest)
+    found: Array = z * z + np.where(inside & (v > 0), 0.0, nearest)
+    return found
 
 
 def _solid_angle(p: Array, corners: Array) -> Array:

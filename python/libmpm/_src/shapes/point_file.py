@@ -89,7 +89,8 @@ class PointFile(Shape):
 
     def positions(self) -> Array:
         """Return the positions (n, d), m."""
-        return _positions(*file_state(self.file)) * self.scale + np.asarray(self.offset)
+        found: Array = _positions(*file_state(self.file)) * self.scale + np.asarray(self.offset)
+        return found
 
     def total_volume(self) -> float:
         """Return the volume of all particles, m³ (m² in 2D)."""

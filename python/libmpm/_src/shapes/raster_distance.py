@@ -99,7 +99,8 @@ class PatchTree:
         if level == len(self._low) - 1:
             return np.ones(len(point), dtype=bool)
         slot = np.arange(len(point)) % 4
-        return ((i % 2) == slot // 2) & ((j % 2) == slot % 2)
+        found: npt.NDArray[np.bool_] = ((i % 2) == slot // 2) & ((j % 2) == slot % 2)
+        return found
 
     def _to_box(self, p: Array, level: int, i: Numbers, j: Numbers) -> Array:
         """Return the squared distance of points (n, 3) from a box of a level each."""

@@ -166,7 +166,10 @@ class DebrisField(Value):
         """Return the corners of the footprint, counterclockwise, (4, 2) m."""
         x, y = self.middle
         parts = (x, y, self.rotation, *self.footprint)
-        return Rectangles(*(np.array([part]) for part in parts)).corners()[0]
+        found: npt.NDArray[np.float64] = Rectangles(
+            *(np.array([part]) for part in parts)
+        ).corners()[0]
+        return found
 
     def rectangles(self) -> Rectangles:
         """Return the pieces as seen in the plan."""
@@ -179,7 +182,8 @@ class DebrisField(Value):
         up = above(self.prototypes, self.pieces).clip(0.0)
         found = np.sqrt(plan**2 + up**2)
         np.fill_diagonal(found, np.inf)
-        return found
+        made: npt.NDArray[np.float64] = found
+        return made
 
     def table(self) -> npt.NDArray[np.void]:
         """Return one row a piece, a record array.

@@ -141,7 +141,8 @@ def _mean(kinds: list[Row], key: str) -> float | None:
     have = [(row[key], row["count"]) for row in kinds if row["count"]]
     if any(item is None for item, _ in have):
         return None
-    return sum(item * n for item, n in have) / sum(n for _, n in have)
+    found: float | None = sum(item * n for item, n in have) / sum(n for _, n in have)
+    return found
 
 
 def _extents(rectangles: Rectangles, flow: float) -> tuple[float, float]:

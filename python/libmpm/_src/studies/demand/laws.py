@@ -184,7 +184,8 @@ class Density(Law):
         inverse = sampling.NumericalInversePolynomial(
             _Pdf(self.function), domain=self.support, random_state=random
         )
-        return np.clip(inverse.rvs(size), self.lower, self.upper)
+        found: Floats = np.clip(inverse.rvs(size), self.lower, self.upper)
+        return found
 
 
 class _Pdf:

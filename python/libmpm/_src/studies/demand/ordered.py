@@ -441,7 +441,8 @@ def reduction_of(
     if name == "porosity" and (np.diff(item(np.linspace(0, 1, _PLACES))) > _ROUNDING).any():
         text = f"{check.label}: porosity_reduction rises somewhere; the source has it fall with n"
         warn([text], stacklevel)
-    return item
+    found: Reduction = item
+    return found
 
 
 def capacity(check: Checker, ordered: Any, count: Floats) -> Floats:

@@ -136,7 +136,8 @@ def formula(
             given.apply_defaults()
             arrays = _checked(name, given.arguments, symbols)
             result = plain(**arrays)
-            return result.item() if result.ndim == 0 else result
+            found: T = result.item() if result.ndim == 0 else result
+            return found
 
         found = Formula(
             name, expression, unit, dict(symbols), validity, source, tuple(examples), checked

@@ -199,7 +199,8 @@ class _Attempt:
 
     def _document(self) -> dict[str, Any]:
         """Return the scene file, which `libmpm run` can run alone."""
-        return self._task["scene"] | {"run": self._settings().to_dict()}
+        found: dict[str, Any] = self._task["scene"] | {"run": self._settings().to_dict()}
+        return found
 
     def _settings(self) -> Any:
         from libmpm._src.scene.run_file import RunSettings
