@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 __all__ = [
+    "ArgumentError",
     "CapacityError",
     "CheckpointError",
     "DeviceError",
@@ -44,6 +45,10 @@ class SceneError(Error, ValueError):
             return self.problems[0]
         listed = "\n".join(f"  {i}. {p}" for i, p in enumerate(self.problems, 1))
         return f"{len(self.problems)} problems:\n{listed}"
+
+
+class ArgumentError(SceneError, TypeError):
+    """A call has unknown, missing or unnamed arguments; a `TypeError` too, as Python's own."""
 
 
 class DeviceError(Error, RuntimeError):

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, ClassVar, ParamSpec, TypeVar, dataclass_transform, overload
 
-from libmpm._src.errors import ModelWarning, SceneError
+from libmpm._src.errors import ArgumentError, ModelWarning, SceneError
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -56,23 +56,29 @@ def shown(item: Any, most: int = 200) -> str:
 
 
 def keywords_only(
-    label: str, positional: int = 0, instead: Mapping[str, Sequence[str]] | None = None
+    label: str,
+    positional: int = 0,
+    instead: Mapping[str, Sequence[str]] | None = None,
+    *,
+    method: bool = True,
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Make a method report unnamed, unknown and missing arguments as one `SceneError`.
+    """Make a method report unnamed, unknown and missing arguments as one `ArgumentError`.
 
     Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
     after self may come without a name. `instead` names an argument that makes others unnecessary.
+    A function that is no `method` has no self.
     """
+    own = int(method)
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        parameters = list(inspect.signature(function).parameters.values())[1:]
+        parameters = list(inspect.signature(function).parameters.values())[own:]
         names = [p.name for p in parameters]
         required = [p.name for p in parameters if p.default is p.empty]
 
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> T:
             problems = []
-            extra = len(args) - 1 - positional
+            extra = len(args) - own - positional
             if extra > 0:
                 problems.append(
                     f"{label}: {extra} argument(s) without a name too many; "
@@ -82,7 +88,7 @@ def keywords_only(
                 if key not in names:
                     problems.append(f"{label}: unknown argument '{key}'; {nearest(key, names)}")
             if extra <= 0:
-                unnamed = names[: len(args) - 1]
+                unnamed = names[: len(args) - own]
                 missing = [key for key in required if key not in kwargs and key not in unnamed]
                 for other, names_of in (instead or {}).items():
                     if kwargs.get(other) is None:
@@ -91,7 +97,7 @@ def keywords_only(
                     f"{label}: argument '{key}' is missing; it has no default" for key in missing
                 ]
             if problems:
-                raise SceneError(problems)
+                raise ArgumentError(problems)
             return function(*args, **kwargs)
 
         return checked

@@ -192,7 +192,7 @@ def zones(scene: SceneData) -> list[dict[str, Any]]:
         time, value = speed.arrays()
         vectors = np.zeros((len(time), scene.dimension))
         vectors[:, axis] = value if isinstance(flow, Inflow) != upper else -value
-        held = {"kind": "sticky", "static_friction": 0.0, "dynamic_friction": 0.0}
+        held = {"kind": "sticky", "static_friction": 0.0, "dynamic_friction": 0.0, "linear": False}
         found.append({
             "name": placed.name,
             "kind": "box",

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.base.values import shown
+from libmpm._src.base.values import keywords_only, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.sensors.engine_sensors import LEAST_INTERVAL
 
@@ -50,6 +50,7 @@ class Output:
         Replace the results of an earlier run in the same folder instead of refusing.
     """
 
+    @keywords_only("Output", 1)
     def __init__(
         self,
         path: str | Path,

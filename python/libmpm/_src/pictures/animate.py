@@ -16,7 +16,7 @@ from matplotlib import animation
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import keywords_only, nearest
 from libmpm._src.errors import Error, ModelWarning, OutputError, SceneError
 from libmpm._src.output.earlier_run import document_of
 from libmpm._src.output.frames import frame_time, list_frames, read_frame, read_series
@@ -167,6 +167,7 @@ def _writer(path: Path, fps: float) -> Iterator[Any]:
         yield ffmpeg(fps=fps, codec=codec, extra_args=["-loglevel", "error"])
 
 
+@keywords_only("animate", 2, method=False)
 def animate(
     run: str | os.PathLike[str] | Any,
     path: str | os.PathLike[str],

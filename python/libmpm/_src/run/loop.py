@@ -74,7 +74,7 @@ class Loop:
         if shared.rank == 0:
             left, plan = until - run.time, self._assembly.plan
             seconds = plan.particles * left / run.dt / plan.rate
-            warn(many_steps(left, run.dt, plan.limited_by, seconds), stacklevel=3)
+            warn(many_steps(left, run.dt, plan.limited_by, seconds), stacklevel=4)
         status, message = "finished", ""
         report = reporter(progress if shared.rank == 0 else False, run.time, until, title)
         try:

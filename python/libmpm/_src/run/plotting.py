@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.values import keywords_only
 from libmpm._src.output.html import simulation_html
 from libmpm._src.run.device_arrays import DeviceArrays
 from libmpm._src.run.running import Running
@@ -42,6 +43,7 @@ class Shown:
         order = np.argsort(found["id"])
         return {name: np.asarray(array)[order] for name, array in found.items()}
 
+    @keywords_only("Simulation.plot", 1)
     def plot(
         self: Running,
         color: str | None = "speed",
@@ -85,6 +87,7 @@ class Shown:
                 limits=limits, most=most, axes=axes,
             )  # fmt: skip
 
+    @keywords_only("Simulation.view", 1)
     def view(
         self: Running,
         color: str | None = "speed",

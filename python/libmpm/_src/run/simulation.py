@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.values import keywords_only
 from libmpm._src.errors import Error
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
@@ -85,6 +86,7 @@ class Simulation(Shown):
     and at most some tenths of a second late. Several reads of one moment: `paused`.
     """
 
+    @keywords_only("Simulation", 1)
     def __init__(
         self,
         scene: Scene,
@@ -298,10 +300,7 @@ class Simulation(Shown):
 
     @property
     def outflow(self) -> Mapping[str, Series]:
-        """Name of an `Outflow` -> what it has taken out since the start of the run; see `inflow`.
-
-        Particles are counted when the engine next sorts, a fraction of a cell behind the face.
-        """
+        """Name of an `Outflow` -> what it has taken out, counted when the engine next sorts."""
         return self._assembly.traffic.outflow
 
     def particle_count(self, body: int) -> int:
@@ -391,6 +390,7 @@ class Simulation(Shown):
         finally:
             self._files.rest()
 
+    @keywords_only("Simulation.run")
     def run(
         self,
         *,
@@ -435,6 +435,7 @@ class Simulation(Shown):
             self._files.save(Path(path), self._loop.until)
 
     @classmethod
+    @keywords_only("Simulation.resume", 1)
     def resume(
         cls,
         path: str | Path,

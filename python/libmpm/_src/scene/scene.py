@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from libmpm._src.base.values import keywords_only
 from libmpm._src.scene.data import HEAD, SCHEMA, Body, Boundary, PlacedSensor, SceneData
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ class Scene(SceneData):
     `to_dict`, `from_dict`, `save` and `load`. Raises `SceneError` with all problems.
     """
 
+    @keywords_only("Scene.validate")
     def validate(self, *, strict: bool = False) -> None:
         """Check the scene as a whole; raises `SceneError` with all problems.
 
@@ -48,8 +50,9 @@ class Scene(SceneData):
         """
         from libmpm._src.scene.checks import validate
 
-        validate(self, strict=strict, stacklevel=4)
+        validate(self, strict=strict, stacklevel=5)
 
+    @keywords_only("Scene.plan")
     def plan(
         self,
         *,
@@ -78,6 +81,7 @@ class Scene(SceneData):
             threads=threads,
         )
 
+    @keywords_only("Scene.advise")
     def advise(
         self, *, error: float = 0.05, device: str = "auto", cases: Sequence[str] | None = None
     ) -> Advice:
@@ -100,6 +104,7 @@ class Scene(SceneData):
 
         return advise(self, error=error, device=device, cases=cases)
 
+    @keywords_only("Scene.scaled", 1)
     def scaled(self, length_ratio: float, *, cauchy: bool = False, reynolds: bool = False) -> Scene:
         """Return this scene in Froude similitude: every number takes the power of λ of its unit.
 
@@ -122,6 +127,7 @@ class Scene(SceneData):
 
         return scale_scene(self, length_ratio, cauchy=cauchy, reynolds=reynolds)
 
+    @keywords_only("Scene.preview")
     def preview(
         self,
         *,
@@ -152,6 +158,7 @@ class Scene(SceneData):
         return preview(self, backend=backend, planes=planes, cut=cut, most=most)
 
     @classmethod
+    @keywords_only("Scene.from_checkpoint", 1)
     def from_checkpoint(cls, path: str | Path, *, tiles: int = 1, axis: str | None = None) -> Scene:
         """Return a scene that goes on from a checkpoint: water once, debris many times.
 

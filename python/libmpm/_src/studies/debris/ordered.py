@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-from libmpm._src.base.values import Checker, sequence
+from libmpm._src.base.values import Checker, keywords_only, sequence
 from libmpm._src.studies.debris.field import DebrisField, Placement
 from libmpm._src.studies.debris.laws import Stream, counts_of
 from libmpm._src.studies.debris.prototype import Piece, Prototype, check_prototypes
@@ -16,6 +16,7 @@ __all__ = ["ordered"]
 _LABEL = "debris.ordered"
 
 
+@keywords_only("debris.ordered", 1, method=False)
 def ordered(
     prototypes: Prototype | Sequence[Prototype],
     *,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.values import Checker, sequence
+from libmpm._src.base.values import Checker, keywords_only, sequence
 from libmpm._src.errors import SceneError
 from libmpm._src.studies.debris.field import DebrisField, Placement
 from libmpm._src.studies.debris.laws import Angles, Stream, UniformAngles, counts_of, span
@@ -50,6 +50,7 @@ class PlacementError(SceneError):
         return type(self), (self.problems[0], self.densest)
 
 
+@keywords_only("debris.random", 1, method=False)
 def random(
     prototypes: Prototype | Sequence[Prototype],
     *,
