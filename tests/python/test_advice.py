@@ -479,7 +479,7 @@ def test_wrong_questions(options, words):
 
 def test_what_cannot_run_is_refused():
     grid = grids.SplineGrid(lower=(0, 0), upper=(1, 1), spans=(2, 2), degree=(1, 1))
-    with pytest.raises(libmpm.SceneError, match=r"libmpm\.tradeoff measures"):
+    with pytest.raises(libmpm.SceneError, match=r"libmpm\.advice\.tradeoff measures"):
         libmpm.Scene(grid=grid).advise()
     with pytest.raises(libmpm.SceneError, match="there is no body"):
         libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1)).advise()

@@ -226,6 +226,7 @@ def test_boundaries(scene: Scene) -> None:
         "kind": "separable",
         "static_friction": 0.3,
         "dynamic_friction": 0.2,
+        "linear": False,
     }
     assert (pier["start"], pier["end"]) == (0.0, 2.0)
     assert pier["velocity"]["value"].shape == (2, 3)
