@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.log import LOG
 from libmpm._src.base.schedule import due_index, due_time
 from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output import checkpoint as checkpoints
@@ -244,6 +245,7 @@ class Writer:
         self.flush()
         path = checkpoints.checkpoint_path(self._checkpoints, self._simulation.steps)
         self._simulation.save_checkpoint(path)
+        LOG.info("checkpoint %s at %.6g s", path, self._simulation.time)
         checkpoints.keep_newest(self._checkpoints)
         self.log("running")
         return path

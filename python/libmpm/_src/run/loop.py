@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time as clock
 import warnings
 from collections.abc import Callable
 
 from libmpm._src.base.interrupts import asked_to_stop, deferred_interrupt
+from libmpm._src.base.log import LOG, TIP
 from libmpm._src.base.values import warn
 from libmpm._src.boundaries.flow_layers import OUTFLOW
 from libmpm._src.errors import Error, ModelWarning, NumericalError
@@ -21,6 +23,9 @@ from libmpm._src.run.thread_turns import Turns
 from libmpm._src.scene.checks_time_steps import many_steps
 
 __all__ = ["Loop"]
+
+#: Level of what the log says of a run's end.
+_LEVELS = {"finished": logging.INFO, "interrupted": logging.WARNING, "failed": logging.ERROR}
 
 #: Seconds of wall time after which the engine returns, so that a key press is answered.
 SLICE = 0.2
@@ -75,6 +80,13 @@ class Loop:
             left, plan = until - run.time, self._assembly.plan
             seconds = plan.particles * left / run.dt / plan.rate
             warn(many_steps(left, run.dt, plan.limited_by, seconds), stacklevel=4)
+            for text in plan.warnings:
+                LOG.log(TIP, "%s: %s", title, text)
+            LOG.info(
+                "%s: runs from %.6g to %.6g s, step %d, %s particles, on %s, %s, %s",
+                title, run.time, until, run.steps, f"{plan.particles:,}",
+                run.device, run.precision, run.pipeline,
+            )  # fmt: skip
         status, message = "finished", ""
         report = reporter(progress if shared.rank == 0 else False, run.time, until, title)
         try:
@@ -100,6 +112,10 @@ class Loop:
             self._deadline = math.inf
             with self._turns:
                 files.finish(status, message)
+            if shared.rank == 0:
+                more = f": {message}" if message else ""
+                level, where = _LEVELS[status], (run.time, run.steps)
+                LOG.log(level, "%s: %s at %.6g s, step %d%s", title, status, *where, more)
         return not self.stopped
 
     def _advance(self, steps: int, until: float, report: Progress) -> None:
