@@ -30,6 +30,7 @@ from libmpm._src.scene.checks_bodies import (
     wrong_dimension,
 )
 from libmpm._src.scene.checks_sizes import check_range
+from libmpm._src.scene.checks_viscous import smeared_flows
 from libmpm._src.scene.places import (
     body_counts,
     faces_present,
@@ -107,6 +108,8 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
     for sensor in scene.sensors:
         _check_sensor(scene, sensor, counts, problems)
         check_reaction(scene, sensor, doubts)
+    if not problems and scene.grid is None and scene.start is None:
+        doubts += smeared_flows(scene)
     return problems, doubts
 
 

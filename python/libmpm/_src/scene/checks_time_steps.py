@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.parts import Body
 
 __all__ = ["check_intervals", "check_step", "duration", "faster_than_flow", "faster_than_water"]
-__all__ += ["many_steps", "too_slow"]
+__all__ += ["many_steps", "step_of", "too_slow"]
 
 #: Samples that may fall due in one step; each is counted.
 _DUE = 1e5
@@ -60,6 +60,11 @@ def _step(scene: SceneData, fixed: float | None) -> float:
         return fixed or 0.0
     viscous = _viscous_step(scene, max(_viscosity(b) for b in scene.bodies))
     return min(scene.method.cfl * scene.cell_size / fastest, viscous)
+
+
+def step_of(scene: SceneData) -> float:
+    """Return the time step that a scene is going to take, s; 0 if it is not known here."""
+    return _step(scene, scene.method.time_step)
 
 
 def check_intervals(scene: SceneData, fixed: float | None) -> None:

@@ -1,0 +1,177 @@
+"""Viscous flows between held walls that transfer and walls smear, before they are run.
+
+A steady flow between two plates is, row by row of particles, a linear system: what the transfer and
+the viscosity take from each node in a step is what drives it. Its peak over that of the law says
+what is lost. It agrees with runs of the engine to 2 % (tests/validation/test_viscous_walls.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from libmpm._src.boundaries.responses import Mirror, Sticky
+from libmpm._src.materials.material import wave_speed
+from libmpm._src.methods.transfer import Transfer
+from libmpm._src.scene.checks_time_steps import step_of
+from libmpm._src.shapes.boxes import DomainWalls
+from libmpm._src.shapes.filling import bounds_of
+
+if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
+    from libmpm._src.scene.parts import Body
+
+__all__ = ["peak_share", "smeared_flows"]
+
+#: Share of the peak by which a flow may be wrong without a word.
+_ERROR = 0.05
+#: Sound times cell over viscosity, c Δx / ν, from which on viscosity is not what a scene is
+#: about: a flow of a tenth of that speed has boundary layers thinner than a cell.
+_VISCOUS = 400.0
+#: Between mirrors runs come out slower than the system by so much over the square of the cells,
+#: measured at 8 and 16 cells with APIC, FLIP and AFLIP.
+_MIRRORED = 1.2
+#: Cells between the plates beyond which the error is taken to fall as one over their number.
+_CELLS = 64
+
+
+def peak_share(cells: int, share: float, transfer: Transfer, mirrored: bool) -> float:
+    """Return the peak of a steady flow between two plates over that of the law.
+
+    `cells` ≥ 3 lie between the plates, quadratic functions, two particles a cell and axis; `share`
+    is 4 ν Δt / Δx². Node 0 is held, half a cell from its plate, or the plate is a mirror without
+    slip.
+    """
+    y = (np.arange(2 * cells) + 0.5) / 2
+    row, cell = np.arange(len(y)), np.floor(y).astype(int)
+    xi = y - cell - 0.5
+    weight, slope = np.zeros((2, len(y), cells + 2))  # nodes -1, 0, ..., cells
+    for k, n in ((-1, 0.5 * (0.5 - xi) ** 2), (0, 0.75 - xi**2), (1, 0.5 * (0.5 + xi) ** 2)):
+        weight[row, cell + k + 1] = n
+        slope[row, cell + k + 1] = 4 * n * (k - xi)
+
+    def inside(of_nodes: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
+        """Nodes 0 to cells - 1; those beyond the plates are their images, or held."""
+        out = of_nodes[:, 1:-1].copy()
+        if mirrored:
+            out[:, 0] += sign * of_nodes[:, 0]
+            out[:, -1] += sign * of_nodes[:, -1]
+        return out
+
+    mass = inside(weight, 1).sum(axis=0)
+    w, b = inside(weight, -1), inside(slope, -1)
+    keep = min(_kept(transfer), 0.9999)  # of 1 what no node sees is undetermined
+    back, stiff = w.T / mass[:, None], (b.T @ b) / (4 * mass[:, None])
+    affine = stiff * transfer.affine
+    # Unknowns: velocities of the rows, v = W u + keep (v - W ū), and of the nodes,
+    # u = ū - share stiff u + g Δt, ū = back v + affine u.
+    rows, nodes = len(y), cells
+    system = np.zeros((rows + nodes, rows + nodes))
+    system[:rows, :rows] = (1 - keep) * np.eye(rows) + keep * w @ back
+    system[:rows, rows:] = keep * w @ affine - w
+    system[rows:, :rows] = -back
+    system[rows:, rows:] = np.eye(nodes) - affine + share * stiff
+    push = np.concatenate([np.zeros(rows), np.ones(nodes)])
+    if not mirrored:
+        for end in (rows, rows + nodes - 1):
+            system[end] = 0
+            system[end, end] = 1
+            push[end] = 0
+    found = np.linalg.lstsq(system, push, rcond=None)[0]
+    peak = float(found[:rows].max() / (cells**2 / (2 * share)))
+    return peak - _MIRRORED / cells**2 if mirrored else peak
+
+
+def _kept(transfer: Transfer) -> float:
+    """Share of what the grid cannot see that stays in a particle."""
+    return transfer.kept if transfer.scheme not in ("PIC", "APIC") else 0.0
+
+
+def _viscosities(body: Body) -> tuple[float, bool]:
+    """Kinematic viscosity at which a body flows, m²/s, and whether it is a law of its own."""
+    told = body.material.parameters()
+    if "consistency" in told:
+        return float(told["consistency"] / told["density"]), True
+    return float(told.get("viscosity", 0.0) / told["density"]), False
+
+
+def _held(scene: SceneData, body: str) -> dict[str, bool]:
+    """Return the faces of the domain that hold a body along them: whether they are mirrors."""
+    out: dict[str, bool] = {}
+    for boundary in scene.boundaries:
+        if boundary.bodies and body not in boundary.bodies:
+            continue
+        if not isinstance(boundary.shape, DomainWalls):
+            continue
+        names = [side + sign for side in "xyz"[: scene.dimension] for sign in "-+"]
+        faces = boundary.shape.faces
+        for face in names if isinstance(faces, str) else faces:
+            response = boundary.response
+            if isinstance(response, Mapping):
+                if face not in response:
+                    continue
+                response = response[face]
+            mirrored = isinstance(response, Mirror) and not response.slip
+            if mirrored or isinstance(response, Sticky):
+                out[face] = mirrored
+    return out
+
+
+def smeared_flows(scene: SceneData) -> list[str]:
+    """Return which viscous flows along held walls come out wrong by more than 5 %, and the cure."""
+    step, doubts = step_of(scene), []
+    kernel = scene.method.kernel_choice
+    if not step > 0 or kernel.name != "quadratic" or kernel.boundary:
+        return []
+    for body in scene.bodies:
+        nu, own = _viscosities(body)
+        transfer = body.transfer or scene.method.transfer_choice
+        sound = wave_speed(body.material) or np.inf
+        if not nu > 0 or not (own or sound * scene.cell_size <= _VISCOUS * nu):
+            continue
+        if transfer.scheme in ("XPIC", "FMPM"):
+            continue
+        found = _worst(scene, body, transfer, 4 * nu * step / scene.cell_size**2)
+        if found is None:
+            continue
+        face, gap, mirrored, peak, better = found
+        wall = "Mirror(slip=False)" if mirrored else "Sticky()"
+        doubts.append(
+            f"body '{body.name}': a flow of it along face '{face}' would have {peak:.0%} of its "
+            f"speed, {gap} cells between the plates: transfer '{transfer.scheme}' and {wall} take "
+            f"more than its viscosity of {nu:.3g} m²/s in steps of {step:.3g} s; expected within "
+            f"{_ERROR:.0%}; use 'FLIP' or 'AFLIP' with boundaries.Mirror(slip=False), {better:.0%} "
+            "here, or finer cells"
+        )
+    return doubts
+
+
+def _worst(
+    scene: SceneData, body: Body, transfer: Transfer, share: float
+) -> tuple[str, int, bool, float, float] | None:
+    """Return the face at which most is lost, if too much: face, cells, mirror, peaks."""
+    worst = None
+    held = _held(scene, body.name)
+    bounds = np.asarray(bounds_of(scene, body), dtype=float)  # from the lower corner
+    size = np.asarray(scene.upper, dtype=float) - np.asarray(scene.lower, dtype=float)
+    for face, mirrored in held.items():
+        axis, upper = "xyz".index(face[0]), face[1] == "+"
+        away = size[axis] - bounds[1, axis] if upper else bounds[0, axis]
+        if away > scene.cell_size:
+            continue
+        # One plate alone is half of a channel.
+        both = face[0] + "-" in held and face[0] + "+" in held
+        gap = (bounds[1, axis] - bounds[0, axis]) / scene.cell_size * (1 if both else 2)
+        cells = round(gap)
+        if cells < 3:
+            continue
+        fewer = min(cells, _CELLS)
+        lost = (1 - peak_share(fewer, share, transfer, mirrored)) * fewer / cells
+        if abs(lost) > _ERROR and (worst is None or abs(lost) > abs(1 - worst[3])):
+            flip = Transfer(scheme="FLIP")
+            better = 1 - (1 - peak_share(fewer, share, flip, True)) * fewer / cells
+            worst = face, cells, mirrored, 1 - lost, better
+    return worst
