@@ -401,6 +401,46 @@ def test_scenes_of_solids():
     assert names(flying(soft, velocity=None)) == ["mode-incompressible", "mode"]
 
 
+def test_a_pulse_along_a_bar_is_no_spin():
+    pulse = libmpm.Field(components=("0.1 * exp(-((x - 1.5) / 0.2)**2)", "0"))
+    assert names(flying(velocity=pulse)) == ["mode"]
+    long = shapes.Box(lower=(0.5, 0.5), upper=(3.5, 1.0))
+    assert names(flying(velocity=pulse, shape=long)) == ["bar", "mode"]
+    # A shear is half a turn, a turn that also flies is one.
+    assert "spin" in names(flying(velocity=libmpm.Field(components=("2 - (y - 1)", "x - 1.5"))))
+
+
+@pytest.mark.parametrize("response", [boundaries.Slip(), boundaries.Sticky()])
+def test_a_block_under_its_weight_swings_only_where_it_is_held(response):
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(4, 2), gravity=(0, -9.81))
+    scene.add_body(
+        name="block", shape=shapes.Box(lower=(1, 0), upper=(2, 1)),
+        material=materials.FixedCorotated(density=1000, youngs_modulus=1e6, poissons_ratio=0.3),
+    )  # fmt: skip
+    scene.add_boundary(name="plane", shape=shapes.DomainWalls(faces=("y-",)), response=response)
+    assert names(scene) == (["mode"] if isinstance(response, boundaries.Sticky) else [])
+
+
+@pytest.mark.parametrize(("height", "floats"), [(0.4, False), (1.0, True), (1.3, True)])
+def test_a_body_under_water_does_not_float(height, floats):
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.05, lower=(0, 0), upper=(2, 2), gravity=(0, -9.81)
+    )
+    disc = shapes.Sphere(centre=(1.0, height), radius=0.2)
+    scene.add_body(
+        name="disc", shape=disc, subtract_from=("water",),
+        material=materials.FixedCorotated(density=800, youngs_modulus=1e6, poissons_ratio=0.3),
+    )  # fmt: skip
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(0, 0), upper=(2, 1)), hydrostatic=1.0,
+        material=materials.TaitFluid(bulk_modulus=1e6),
+    )  # fmt: skip
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    assert ("floating-block" in names(scene)) == floats
+    told = [w for w in advise(scene).warnings if "is under water" in w]
+    assert bool(told) != floats
+
+
 def test_water_that_a_checkpoint_left_is_not_at_rest(tmp_path):
     scene = scenes.tank(cells=(4, 4), cell_size=0.1, modulus=1e5, at_rest=True)
     assert names(scene) == ["hydrostatic"]

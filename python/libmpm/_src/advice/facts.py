@@ -98,10 +98,41 @@ class Facts:
         """Return the largest speed that a body starts with, m/s."""
         if not isinstance(body.velocity, Field):
             return math.hypot(*body.velocity)
-        low, high = _ends(body)
-        axes = [np.linspace(a, b, _LOOKED_AT) for a, b in zip(low, high, strict=True)]
-        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        return float(np.linalg.norm(body.velocity.at(points, "velocity"), axis=1).max())
+        return float(np.linalg.norm(body.velocity.at(_points_in(body), "velocity"), axis=1).max())
+
+    def turning(self, body: Body) -> float:
+        """Return which part of a body's motion about its centre is a turn, of its energy, 0 to 1.
+
+        The turn is the one that fits the velocities best in the box around the body.
+        """
+        if not isinstance(body.velocity, Field):
+            return 0.0
+        points = _points_in(body)
+        velocity = body.velocity.at(points, "velocity")
+        arm, about = points - points.mean(axis=0), velocity - velocity.mean(axis=0)
+        energy = float(np.sum(about**2))
+        if not energy > 0:
+            return 0.0
+        flat = np.zeros((len(arm), 3 - arm.shape[1]))
+        arm, about = np.hstack([arm, flat]), np.hstack([about, flat])
+        inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm
+        spin = np.linalg.lstsq(inertia, np.cross(arm, about).sum(axis=0), rcond=None)[0]
+        return float(np.sum(np.cross(spin, arm) ** 2)) / energy
+
+    def submerged(self, body: Body) -> bool:
+        """Whether a body lies deep in the water: a cell or more below its surface, among it."""
+        if not self.water:
+            return False
+        (low, high), (first, last) = _ends(body), self.extent
+        v = self.vertical
+        down = initial_gravity(self.scene)[v] <= 0
+        deep = last[v] - high[v] if down else low[v] - first[v]
+        among = all(
+            a >= c and b <= d
+            for axis, (a, b, c, d) in enumerate(zip(low, high, first, last, strict=True))
+            if axis != v
+        )
+        return among and deep >= self.scene.cell_size * (1 - _SAME)
 
     @cached_property
     def moving(self) -> tuple[str, ...]:
@@ -363,6 +394,13 @@ def _ends(body: Body) -> tuple[tuple[float, ...], tuple[float, ...]]:
     assert isinstance(body.shape, Solid | PointFile)
     low, high = body.shape.bounds()
     return tuple(map(float, low)), tuple(map(float, high))
+
+
+def _points_in(body: Body) -> Any:
+    """Return points all over the box around a body, (n, d) m."""
+    low, high = _ends(body)
+    axes = [np.linspace(a, b, _LOOKED_AT) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
 def _speed(boundary: Boundary) -> float:

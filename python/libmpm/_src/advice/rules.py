@@ -12,6 +12,8 @@ __all__ = ["FLOATING", "RULES", "Match", "Rule", "matches", "unmatched"]
 
 #: How many times as long as thick a body is that bends, or as high as wide one that falls over.
 _SLENDER = 3.0
+#: Part of a body's motion about its centre that is a turn, from which on it spins.
+_TURNING = 0.5
 
 
 #: The case that has both water and a solid.
@@ -66,12 +68,12 @@ def _locks(f: Facts) -> bool:
 
 
 def _strikes(f: Facts) -> bool:
-    moves = any(not isinstance(b.velocity, Field) and f.speed_of(b) > 0 for b in f.solids)
-    return _dry(f) and moves
+    flies = any(not isinstance(b.velocity, Field) and f.speed_of(b) > 0 for b in f.solids)
+    return _dry(f) and flies
 
 
 def _spins(f: Facts) -> bool:
-    return _dry(f) and any(isinstance(b.velocity, Field) for b in f.solids)
+    return _dry(f) and any(f.turning(b) >= _TURNING for b in f.solids)
 
 
 def _shaped(f: Facts, upright: bool | None = None) -> bool:
@@ -95,7 +97,13 @@ def _slides(f: Facts) -> bool:
 
 def _swings(f: Facts) -> bool:
     others = (_strikes, _spins, _bends, _tips, _slides)
-    return _dry(f) and not any(rule(f) for rule in others)
+    # Under its own weight only what is held swings; the rest slides, falls or settles.
+    free = f.gravity == 0 or f.holds
+    return _dry(f) and free and not any(rule(f) for rule in others)
+
+
+def _floats(f: Facts) -> bool:
+    return bool(f.water) and any(not f.submerged(b) for b in f.solids)
 
 
 RULES: tuple[Rule, ...] = (
@@ -116,12 +124,12 @@ RULES: tuple[Rule, ...] = (
     Rule("ritter", "water", "water that falls, flows in or moves, on a bed", _released),
     Rule("vortex", "water", "water that moves and fills the domain", _turns),
     Rule(
-        FLOATING, "water", "elastic bodies in water",
-        lambda f: bool(f.water) and bool(f.solids),
+        FLOATING, "water", "elastic bodies at the surface of water, or beside it",
+        _floats,
     ),
     Rule("mode-incompressible", "solid", f"a solid with ν ≥ {LOCKS:g}", _locks),
     Rule("bar-impact", "solid", "a solid that flies and may strike", _strikes),
-    Rule("spin", "solid", "a solid with a field of velocity", _spins),
+    Rule("spin", "solid", "a solid that turns", _spins),
     Rule("beam", "solid", "a slender solid under its weight, and a boundary that holds", _bends),
     Rule("domino-tip", "solid", "a slender solid upright on a rough boundary", _tips),
     Rule("incline", "solid", "a solid under its weight on a rough boundary", _slides),
@@ -137,8 +145,15 @@ def matches(facts: Facts) -> list[Match]:
 
 def unmatched(facts: Facts) -> list[str]:
     """Return what of the scene no case of the atlas has, by name."""
-    return [
+    unknown = [
         f"body '{b.name}' is of {b.material.table.name}, which the atlas has not measured; nothing "
         "is said about it"
         for b in facts.others
     ]
+    under = [
+        f"body '{b.name}' is under water, and the atlas has measured bodies at the surface alone; "
+        "nothing is said about its motion"
+        for b in facts.solids
+        if facts.water and facts.submerged(b)
+    ]
+    return unknown + under
