@@ -20,6 +20,7 @@ from libmpm._src.scene.checks_time_steps import (
     faster_than_flow,
     faster_than_water,
     many_steps,
+    shorter_than_step,
 )
 
 if TYPE_CHECKING:
@@ -125,6 +126,7 @@ class Plan:
             *checks.check_scene(scene)[1],
             *faster_than_water(scene),
             *faster_than_flow(scene),
+            *shorter_than_step(scene, self.time_step),
         ]
         spacings = {b["name"]: float(b["particle_spacing"]) for b in self._result["bodies"]}
         self._flows = flow_rows(scene, spacings)

@@ -17,6 +17,7 @@ from libmpm._src.boundaries.checks import (
     check_reaction,
     check_surface,
 )
+from libmpm._src.boundaries.contradictions import contradictions
 from libmpm._src.boundaries.responses import Prescribed
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import checks as grid_checks
@@ -91,6 +92,8 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
     solid = [b for b in scene.boundaries if _check_boundary(scene, b, problems, doubts)]
     _check_walls(scene, solid, problems)
     _check_blocked(scene, fitting, solid, problems)
+    if scene.grid is None and len(solid) == len(scene.boundaries) and not problems:
+        doubts += contradictions(scene)
     counts: Mapping[str, int] = {}
     if len(fitting) == len(to_place):
         counts = dict(zip([b.name for b in scene.bodies], body_counts(scene), strict=True))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.parts import Body
 
 __all__ = ["check_intervals", "check_step", "duration", "faster_than_flow", "faster_than_water"]
-__all__ += ["many_steps", "step_of", "too_slow"]
+__all__ += ["many_steps", "shorter_than_step", "step_of", "too_slow"]
 
 #: Samples that may fall due in one step; each is counted.
 _DUE = 1e5
@@ -153,6 +153,17 @@ def faster_than_flow(scene: SceneData) -> list[str]:
         f"is {speed / flow:.3g} times the flow expected ({flow:.3g} m/s); {modulus / times**2:.2g} "
         f"Pa, ten times the flow, takes {times:.2g} times fewer steps; keep it only where the "
         "water's own compression counts"
+    ]
+
+
+def shorter_than_step(scene: SceneData, step: float) -> list[str]:
+    """Return which boundaries act for less than a step, which may pass them over."""
+    return [
+        f"boundary '{b.name}': time is ({b.window[0]:g}, {b.window[1]:g}), {width:.3g} s, with "
+        f"steps of {step:.3g} s: it acts in one step or in none; expected ≥ {step:.3g} s; use a "
+        "longer time or a smaller cfl"
+        for b in scene.boundaries
+        if 0 < (width := b.window[1] - b.window[0]) < step
     ]
 
 
