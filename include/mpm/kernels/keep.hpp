@@ -95,6 +95,9 @@ MPM_INLINE Affine<V, D, kept_sums<D, S>> advance_keeping(
     V (&state)[state_reals<Material, D, S> + D], const StepNumbers<T, Material>& k,
     const KeepNumbers<T>& s) {
     static_assert(Material::volumetric);
+    // The shift goes by the last number of the state.
+    static_assert(Material::template reals<D> == 1 || S == Smoothing::two_volumes,
+                  "a fluid with more numbers than its volume says which of them the shift follows");
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     const Weights<V, D> w = quadratic_weights<V, D>(xi);
     const Affine<V, D, C> u = gather<C, V, D>(lines, w, origin);
