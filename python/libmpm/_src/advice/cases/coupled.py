@@ -399,7 +399,11 @@ def _read_buoyancy(sim: Simulation, p: Parameters) -> dict[str, float]:
 
 
 _ORDER = "Archimedes: light rises, heavy sinks faster"
-_AUTHOR = Bound(0.0, 0.15, "m", "Bonus (2023), 6.8, equations 6.12 to 6.15")
+# The source says that they "follow reasonably" and has no number. What its model leaves out, added
+# mass with the true volume, is worth 0.168 m (1500) and 0.128 m (3000) of it over 2 s in open water
+# (`_falls`; tests/python/test_case_bounds.py): a run that is right lies within that of its model.
+_AWAY = "the model of Bonus (2023), 6.12 to 6.15, to what added mass and true volume change of it"
+_OWN = "this package's own; the model with added mass and true volume"
 
 # "full" is three basins of 256 x 512 cells of 4 particles, 1.6e6, 6e4 steps (K 2.2e7): 9.4e10
 # particle-steps, 20 s; at K 2.2e9 ten times as many steps.
@@ -419,7 +423,11 @@ _BUOYANCY = Case(
         },
         # The author's model has no added mass: a light cube starts four times as fast in it as in
         # any ideal fluid, and is 0.44 m ahead after 1 s. For it the model with added mass counts.
-        "full": {"model_750": _AUTHOR, "author_1500": _AUTHOR, "author_3000": _AUTHOR},
+        "full": {
+            "model_750": Bound(0.0, 0.15, "m", _OWN),
+            "author_1500": Bound(0.0, 0.17, "m", _AWAY),
+            "author_3000": Bound(0.0, 0.13, "m", _AWAY),
+        },
     },
     build=_buoyancy,
     measure=_read_buoyancy,
