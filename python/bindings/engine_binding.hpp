@@ -285,7 +285,7 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
                  h->look();
                  for (auto& b : h->spec.bodies) {
                      b.position = b.pressure = b.state = nullptr;
-                     b.velocity = {};
+                     b.velocity = b.velocity_gradient = {};
                      b.ids = {};
                  }
                  h->spec.start = {};

@@ -157,6 +157,15 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
                              ", or as many for each of its " + std::to_string(b.count) +
                              " particles");
         }
+        if (d.contains("velocity_gradient")) b.velocity_gradient = doubles(d["velocity_gradient"]);
+        const std::size_t square = std::size_t(dimension * dimension),
+                          given = b.velocity_gradient.size();
+        if (given != 0 && given != square && given != b.count * square) {
+            throw SceneError("body '" + b.name + "': " + std::to_string(given) +
+                             " components of velocity gradients; expected none, " +
+                             std::to_string(square) + ", or as many for each of its " +
+                             std::to_string(b.count) + " particles");
+        }
     }
     if (!d["pressure"].is_none()) {
         b.pressure =

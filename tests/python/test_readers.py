@@ -163,9 +163,9 @@ def test_rotation(transfer, kernel, dimension):
     field = turning(dimension, 2.0, middle)
     sim = run(moving(dimension, transfer, kernel, field), 0)
     view = sim.particles["body"]
-    if stores(transfer):
+    if stores(transfer) or transfer in AFFINE:  # what was given is stored, or deposited whole
         want = field.at(view["position"])
-        np.testing.assert_allclose(view["velocity"], want, atol=1e-12)
+        np.testing.assert_allclose(view["velocity"], want, atol=1e-11)
     sim.step(1)
     agree(seen(sim))
     # The grid averages over a cell or so, and nothing over more.

@@ -84,6 +84,15 @@ struct Constant {
     MPM_INLINE void operator()(std::int64_t k) const { to[k] = value; }
 };
 
+/// Takes a stress of the phased step from the slope that the two-pass form deposits: first moments
+/// of quadratic splines are the slope times 1/4.
+template <class T>
+struct AddStress {
+    const T* stress;
+    T* slope;
+    MPM_INLINE void operator()(std::int64_t k) const { slope[k] -= T(4) * stress[k]; }
+};
+
 /// Most particles that any cell holds.
 struct MostOfCell {
     const std::uint32_t* start;

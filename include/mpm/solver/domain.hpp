@@ -118,13 +118,15 @@ private:
     void find_blocks(const Spec& spec);
     void place_body(Body& body, const BodySpec& spec);
     void set_pressure(Body& body, const BodySpec& spec, std::uint32_t at);
-    void deposit_body(Body& body, int number, const std::vector<double>& velocity, int to);
+    double steepest_deposit(const Spec& spec) const;
+    void deposit_body(Body& body, int number, const std::vector<double>& velocity,
+                      const std::vector<double>& gradient, bool tilted, int to);
     void deposit_stresses(Body& body, int number, int to);
     void first_deposit(const Spec& spec);
     template <class Chosen>
     void deposit(const Spec& spec, const Chosen& chosen, double dt);
     template <class Chosen>
-    void deposit_all(const Spec& spec, const Chosen& chosen);
+    void deposit_all(const Spec& spec, const Chosen& chosen, bool tilted);
     void start_from(const Spec& spec);
     std::vector<double> sums_as_numbers(const std::vector<Sum>& sums) const;
     void adopt_sums(const std::vector<double>& value);

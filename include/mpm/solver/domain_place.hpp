@@ -2,6 +2,7 @@
 #pragma once
 
 #include "mpm/kernels/placing.hpp"
+#include "mpm/kernels/respond.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
@@ -168,6 +169,24 @@ void Domain<X, T, D>::first_deposit(const Spec& spec) {
         deposit(spec, everyone, clock_.dt);
 }
 
+/// What the gradients of the bodies' velocities can add to that of a node, at most.
+template <class X, class T, int D>
+double Domain<X, T, D>::steepest_deposit(const Spec& spec) const {
+    double most = 0;
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        const PhaseNumbers& n = bodies_[b].plan.phase;
+        const std::vector<double>& gradient = spec.bodies[b].velocity_gradient;
+        if (!n.scheme.affine) continue;
+        const double reach = DepositBound::of(n.kernel, n.kernel.half_edge).reach;
+        for (std::size_t row = 0; row < gradient.size(); row += D) {
+            double slope = 0;
+            for (std::size_t a = 0; a < D; ++a) slope += std::abs(gradient[row + a]);
+            most = std::max(most, reach * slope * spec_.cell_size);
+        }
+    }
+    return most;
+}
+
 /// Fills the sums with what the chosen bodies deposit, their stress for a step of `dt`.
 template <class X, class T, int D>
 template <class Chosen>
@@ -177,9 +196,10 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
         numbers.push_back(body_numbers(body, spec_.cell_size, clock_.dt, dt));
     numbers_.assign(numbers);
     sums_[parity()].zero();
+    const double tilt = steepest_deposit(spec);
     if constexpr (!std::is_integral_v<Sum>) {
-        deposit_all(spec, chosen);
-        if (share_) end_of_sums(parity(), true);
+        deposit_all(spec, chosen, tilt > 0);
+        if (share_) end_of_sums(parity(), !(tilt > 0));
     } else {
         // Once to learn what is deposited, with a mass that cannot be exceeded: all particles of a
         // node's 3^D cells, each with the largest weight.
@@ -198,7 +218,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
         }
         set_scales(std::max(mass, least_mass_) + supplied_mass_, 1, 1);
         meet_hosts();
-        deposit_all(spec, chosen);
+        deposit_all(spec, chosen, tilt > 0);
         share_deposits(parity());
         exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                    LargestNodeMass<Grid, Sum, D>{node_update(parity())},
@@ -206,15 +226,19 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
         const double heaviest = largest_of_all(found.host()[0]);
         fetch_clock();
         const double calm = 1e-6 * plan_.wave_speed,
-                     momentum = largest_of_all(clock_.deposited[momentum_sum]),
+                     momentum = largest_of_all(clock_.deposited[momentum_sum]) + tilt,
                      group = largest_of_all(clock_.deposited[group_sum]);
         set_scales(std::max(heaviest, least_mass_) + supplied_mass_, 2 * std::max(momentum, calm),
                    2 * std::max(group, 1e-7));
         sums_[parity()].zero();
         meet_hosts();
-        deposit_all(spec, chosen);
+        deposit_all(spec, chosen, tilt > 0);
         share_deposits(parity());
         fetch_clock();
+        if (tilt > 0) {
+            clock_.deposited[momentum_sum] += tilt;
+            push_clock();
+        }
     }
 }
 
@@ -329,12 +353,13 @@ void Domain<X, T, D>::set_scales(double mass, double momentum_limit, double grou
 
 template <class X, class T, int D>
 template <class Chosen>
-void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
+void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen, bool tilted) {
     push_clock();
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
-        deposit_body(body, int(b), spec.bodies[b].velocity, parity());
+        const BodySpec& s = spec.bodies[b];
+        deposit_body(body, int(b), s.velocity, s.velocity_gradient, tilted, parity());
     }
     for (std::size_t b = 0; stresses_apart() && b < bodies_.size(); ++b) {
         if (bodies_[b].homes == 0 || !chosen(spec.bodies[b])) continue;
@@ -344,35 +369,59 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen) {
 }
 
 /// Adds what the particles of one body deposit with these velocities to the sums of that parity,
-/// their stresses where these are not apart.
+/// their stresses where these are not apart. Where the transfer is affine, what they are given of
+/// their velocity's gradient is deposited too: without it a turning body loses dx^2 / R^2 of its
+/// rate. `tilted` says that any body of this deposit is given one; all then add up by the second
+/// half of the two-pass form, whose order of sums is that of every rank.
 template <class X, class T, int D>
 void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity,
-                                   int to) {
+                                   const std::vector<double>& gradient, bool tilted, int to) {
     const std::size_t n = body.count;
-    const bool by_phases = plan_.phased || plan_.keeps;
-    if (by_phases)
+    const bool phases = plan_.phased || plan_.keeps, by_columns = phases || tilted;
+    if (by_columns)
         reserve_scratch(body);
     else
         body.scratch.reserve_discard(n * D + column_padding);
     Buffer<X, Grid> given(exec_);
     std::vector<Grid> piece;
-    for (int a = 0; a < D; ++a) {
-        Grid* to = body.scratch.data() + a * n;
-        if (velocity.size() == std::size_t(D)) {
-            exec_.for_each(std::int64_t(n), Constant<Grid>{Grid(velocity[a]), to});
-            continue;
+    // Number `at` of so many a particle, or for all, into a column of scratch.
+    const auto fill = [&](const std::vector<double>& numbers, int width, int at, int column,
+                          double scale) {
+        Grid* to = body.scratch.data() + std::size_t(column) * n;
+        if (numbers.size() == std::size_t(width)) {
+            exec_.for_each(std::int64_t(n),
+                           Constant<Grid>{Grid(scale * numbers[std::size_t(at)]), to});
+            return;
         }
         // By id: of all particles of the body, also where a rank has some of them.
-        piece.resize(velocity.size() / D);
-        for (std::size_t k = 0; k < piece.size(); ++k) piece[k] = Grid(velocity[k * D + a]);
+        piece.resize(numbers.size() / std::size_t(width));
+        for (std::size_t k = 0; k < piece.size(); ++k)
+            piece[k] = Grid(scale * numbers[k * std::size_t(width) + std::size_t(at)]);
         given.assign(piece);
         exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
-    }
-    if (by_phases) {
+    };
+    for (int a = 0; a < D; ++a) fill(velocity, D, a, a, 1);
+    if (by_columns) {
         const Phase<X, T, D> p = phase(body, number, to);
         body.ops.rest(p);
+        const Scratch<D> column{p.n.channels};
+        const bool affine = !gradient.empty() && p.n.scheme.affine;
+        for (int c = 0; c < D && affine; ++c)
+            for (int a = 0; a < D; ++a)
+                fill(gradient, D * D, c * D + a, column.slope(a, c), spec_.cell_size);
         after_respond(body, p);
-        phase_ops_.spread(p);
+        if constexpr (!X::is_device) {
+            if (!phases) {
+                for (int c = 0; c < D; ++c)
+                    for (int a = 0; a < D; ++a)
+                        exec_.for_each(
+                            std::int64_t(n),
+                            AddStress<Grid>{p.pass.scratch + std::size_t(column.stress(a, c)) * n,
+                                            p.pass.scratch + std::size_t(column.slope(a, c)) * n});
+                body.ops.scatter(p.pass);
+            }
+        }
+        if (phases || X::is_device) phase_ops_.spread(p);
     } else {
         body.ops.initial(pass(body, number, to));
     }

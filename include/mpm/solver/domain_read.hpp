@@ -57,6 +57,7 @@ std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
     std::vector<std::string> names = {"id",     "position",       "velocity",       "mass",
                                       "volume", "density",        "pressure",       "stress",
                                       "speed",  "kinetic_energy", "elastic_energy", "volume_ratio"};
+    names.push_back("velocity_gradient");
     const Body& b = bodies_.at(std::size_t(body));
     if (std::string(b.material->needs) == "deformation_gradient")
         names.push_back("deformation_gradient");
@@ -115,8 +116,9 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
                              list);
         }
     }
-    const bool moving = asked("velocity") || asked("speed") || asked("kinetic_energy") ||
-                        asked("stress") || asked("pressure") || asked("yields");
+    const bool moving = asked("velocity_gradient") || asked("velocity") || asked("speed") ||
+                        asked("kinetic_energy") || asked("stress") || asked("pressure") ||
+                        asked("yields");
     const bool constitutive = asked("volume") || asked("density") || asked("pressure") ||
                               asked("stress") || asked("elastic_energy") || asked("volume_ratio") ||
                               asked("deformation_gradient") || asked("plastic_strain") ||
@@ -148,6 +150,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     double* elastic = make("elastic_energy", 1, 0);
     double* ratio = make("volume_ratio", 1, 0);
     double* gradient = make("deformation_gradient", D * D, 2);
+    double* rates = make("velocity_gradient", D * D, 2);
     double* plastic = make("plastic_strain", 1, 0);
     double* yields = make("yields", 1, 0);
     double* smoothed = make("volume_ratio_smoothed", 1, 0);
@@ -182,6 +185,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         if (mass) mass[q] = m;
         if (speed) speed[q] = std::sqrt(square);
         if (kinetic) kinetic[q] = 0.5 * m * square;
+        for (int k = 0; rates && k < D * D; ++k) rates[q * D * D + k] = rate[k / D][k % D];
         for (std::size_t r = 0; raw && r < stored; ++r) raw[q * stored + r] = s[r];
         const double* blended = s + body.material->reals(D);  // with two volumes
         if (smoothed) smoothed[q] = 1 - *blended;
@@ -236,7 +240,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
                     body.plan.phase, kernel_width(spec_.kernel.kernel) != 3, stands,
                     [&](int r) { return s[r]; },
                     NodesAround<Grid>{grid.data(), plan_.velocity_channels, around}, v);
-                if (constitutive)
+                if (constitutive || rates)
                     see_rate(body.plan.phase, {grid.data(), masses.data(), around}, stands, s,
                              rate);
             }

@@ -72,6 +72,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     for (double v : spec_.start.velocity) speed = std::max(speed, std::abs(v));
     for (const auto& b : spec_.bodies)
         for (double v : b.velocity) speed = std::max(speed, std::abs(v));
+    speed += steepest_deposit(spec_);
     if (speed * clock_.dt > 0.5 * spec_.cell_size)
         clock_.dt = clock_.dt_next = 0.5 * spec_.cell_size / speed;
     gravity_ = upload_table(spec_.gravity, D);
@@ -92,7 +93,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     exec_.trim();
     for (auto& b : spec_.bodies) {
         b.position = b.pressure = b.state = {};
-        b.velocity = {};
+        b.velocity = b.velocity_gradient = {};
         b.ids = {};
     }
     spec_.start = {};

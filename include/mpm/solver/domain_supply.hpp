@@ -234,7 +234,7 @@ void Domain<X, T, D>::deposit_arrivals() {
         exec_.for_each(table_.slots, ListHomes{homes.flag[0].data(), homes.position[0].data(),
                                                fresh.home.data()});
         if constexpr (!X::is_device) sort_by_colour(fresh);
-        deposit_body(fresh, arrival.body, arrival.rows.velocity, to);
+        deposit_body(fresh, arrival.body, arrival.rows.velocity, {}, false, to);
         if constexpr (!X::is_device) {
             if (share_) end_of_sums(parity(), true);
         } else {

@@ -61,7 +61,10 @@ struct BodySpec {
     std::uint64_t first_id = 0;
     Rows position;                 // (count, dimension), m from the lower corner; empty for a plan
     std::vector<double> velocity;  // (dimension,) or (count, dimension)
-    Rows pressure;                 // (count,) or empty
+    // dv_c / dx_a in 1/s at [c][a], which affine transfers deposit with the velocity: empty for
+    // none, (dimension^2,) or (count, dimension^2).
+    std::vector<double> velocity_gradient;
+    Rows pressure;  // (count,) or empty
     // Of a body that goes on from another run (StartSpec):
     bool restored = false;
     std::vector<std::uint32_t> ids;  // (count,) above first_id, below id_count; empty: the rows

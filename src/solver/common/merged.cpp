@@ -31,15 +31,25 @@ bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
            bool(a.state) == bool(b.state) && a.state_width == b.state_width &&
            a.first_id + ids_of(a) == b.first_id && a.count > 0 && b.count > 0 &&
            ids_of(a) + ids_of(b) < most_ids &&
-           (a.velocity == b.velocity || ids_of(a) + ids_of(b) <= most_with_velocities);
+           ((a.velocity == b.velocity && a.velocity_gradient == b.velocity_gradient) ||
+            ids_of(a) + ids_of(b) <= most_with_velocities);
 }
 
-/// One vector a particle.
-std::vector<double> spread(const BodySpec& body, int dimension) {
-    if (body.velocity.size() == body.count * dimension) return body.velocity;
-    std::vector<double> out(body.count * dimension);
-    for (std::size_t k = 0; k < out.size(); ++k) out[k] = body.velocity[k % dimension];
+/// So many numbers a particle from as many for all, or from none, which are zeros.
+std::vector<double> spread(const std::vector<double>& numbers, std::uint64_t count,
+                           std::size_t width) {
+    if (numbers.size() == count * width) return numbers;
+    std::vector<double> out(count * width);
+    for (std::size_t k = 0; k < out.size() && !numbers.empty(); ++k) out[k] = numbers[k % width];
     return out;
+}
+/// What two bodies have, one after the other; once for all where they have the same.
+void append(std::vector<double>& to, std::uint64_t count, const std::vector<double>& more,
+            std::uint64_t added, std::size_t width) {
+    if (to == more && to.size() <= width) return;
+    to = spread(to, count, width);
+    const auto rest = spread(more, added, width);
+    to.insert(to.end(), rest.begin(), rest.end());
 }
 
 Rows one_after_another(Rows a, std::uint64_t count, Rows b, int width) {
@@ -57,11 +67,10 @@ Rows one_after_another(Rows a, std::uint64_t count, Rows b, int width) {
 }
 
 void append(BodySpec& to, const BodySpec& b, int dimension) {
-    const bool uniform = to.velocity == b.velocity && to.velocity.size() == std::size_t(dimension);
-    if (!uniform && to.position) {
-        to.velocity = spread(to, dimension);
-        const auto more = spread(b, dimension);
-        to.velocity.insert(to.velocity.end(), more.begin(), more.end());
+    if (to.position) {
+        const std::size_t d = std::size_t(dimension);
+        append(to.velocity, to.count, b.velocity, b.count, d);
+        append(to.velocity_gradient, to.count, b.velocity_gradient, b.count, d * d);
     }
     to.position = one_after_another(std::move(to.position), to.count, b.position, dimension);
     to.pressure = one_after_another(std::move(to.pressure), to.count, b.pressure, 1);

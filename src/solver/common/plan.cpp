@@ -298,6 +298,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         plan.bodies.push_back(std::move(p));
     }
     plan_cells(spec, plan);
+    // The fused step knows one kernel and one transfer; their columns a tilted first deposit takes.
+    for (BodyPlan& p : plan.bodies) p.phase.channels = D + (p.smoothing == Smoothing::none ? 0 : 1);
     if (plan.phased || plan.keeps) plan_phases(spec, plan);
     // Sums are kept twice: those being read and those being filled.
     plan.bytes_per_node = (2 * plan.sum_channels + plan.velocity_channels) * backend.grid_real();

@@ -291,6 +291,7 @@ def _body(scene: SceneData, body: Body, first: int, with_particles: bool) -> dic
             "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
         }
         | starts
+        | _velocity_gradient(scene, body, points.rows, points.count if with_particles else 0)
         | _over_cells(scene, body)
     )
 
@@ -317,6 +318,26 @@ def _velocity(scene: SceneData, body: Body, position: Rows, count: int) -> npt.N
         return np.zeros(scene.dimension)
     where = f"body '{body.name}': velocity"
     return body.velocity.at(position(0, count) + np.asarray(scene.lower), where)
+
+
+def _velocity_gradient(scene: SceneData, body: Body, position: Rows, count: int) -> dict[str, Any]:
+    """Return the gradient of a field of velocities, 1/s, where the transfer deposits it.
+
+    (count, d, d), [:, c, a] = ∂v_c/∂x_a; (d, d) where it is the same everywhere to rounding, and
+    nothing where it is zero.
+    """
+    transfer = body.transfer or scene.method.transfer_choice
+    if not isinstance(body.velocity, Field) or not transfer.affine or count == 0:
+        return {}
+    where = f"body '{body.name}': velocity"
+    points = position(0, count) + np.asarray(scene.lower)
+    found = body.velocity.gradient(points, scene.cell_size, where)
+    most = float(np.abs(found).max())
+    if most == 0:
+        return {}
+    if float(np.ptp(found, axis=0).max()) <= 1e-9 * most:
+        found = found.mean(axis=0)
+    return {"velocity_gradient": found}
 
 
 def _body_on_functions(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Initial"]
 
 #: What may be given, with its unit and what it is for.
-_TAKEN = {"velocity": "m/s", "pressure": "Pa"}
+_TAKEN = {"velocity": "m/s", "velocity_gradient": "1/s", "pressure": "Pa"}
 
 
 class Initial:
@@ -62,6 +62,13 @@ class Initial:
                 f"{label}: pressure is set, but {type(material).__name__} stores no volume ratio "
                 "to set it by; expected a fluid"
             )
+        transfer = scene.bodies[index].transfer or scene.method.transfer_choice
+        if name == "velocity_gradient" and (scene.grid is not None or not transfer.affine):
+            how = "functions over cells" if scene.grid is not None else f"'{transfer.scheme}'"
+            raise SceneError(
+                f"{label}: velocity_gradient is set, but {how} deposits no gradient of velocities; "
+                "expected an affine transfer (APIC, AFLIP or ASFLIP); leave it out"
+            )
         try:
             values = np.array(real_array(array, f"{label}: {name}"), order="C")
         except (OverflowError, TypeError, ValueError) as error:
@@ -70,7 +77,8 @@ class Initial:
                 f"{_TAKEN[name]}"
             ) from error
         count = simulation.particle_count(index)
-        shape = (count, scene.dimension) if name == "velocity" else (count,)
+        rank = {"velocity": 1, "velocity_gradient": 2}.get(name, 0)
+        shape = (count, *(scene.dimension,) * rank)
         if values.shape != shape:
             raise SceneError(
                 f"{label}: {name} has the shape {values.shape}; expected {shape}, a row a particle "
@@ -85,8 +93,11 @@ class Initial:
     def into(self, specification: dict[str, Any]) -> None:
         """Put what was given into an engine's specification."""
         for body in specification["bodies"]:
-            for name, values in self._given.get(body["name"], {}).items():
-                if name == "velocity":
+            given = self._given.get(body["name"], {})
+            if "velocity" in given:
+                body.pop("velocity_gradient", None)  # of the scene's own field
+            for name, values in given.items():
+                if name.startswith("velocity"):
                     body[name] = values
                 else:
                     body[name] = lambda first, last, values=values: values[first:last]

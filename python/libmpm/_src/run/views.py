@@ -87,6 +87,10 @@ class BodyView(Mapping[str, NDArray[Any]]):
     def __setitem__(self, name: str, array: Any) -> None:
         """Set the "velocity" (n, dimension) m/s or "pressure" (n,) Pa of every particle.
 
+        Affine transfers (APIC, AFLIP, ASFLIP) take "velocity_gradient" (n, dimension, dimension)
+        too, 1/s, [:, c, a] = ∂v_c/∂x_a; without it a turn about itself starts slower than the
+        velocities say, by about Δx²/R² of its rate. A `Field` brings its own.
+
         Before the first step only. `array` is of NumPy, or of any library with DLPack or a CUDA
         array interface, rows in the order of ``id``. The scene file does not hold it: a run with
         output keeps it in ``initial.npz``. Raises `SceneError`.
