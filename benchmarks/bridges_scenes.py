@@ -110,8 +110,10 @@ def net_area(model: Model, block: str) -> float:
     return float(found)
 
 
-def scene(model: Model, method: str, bulk_modulus: float, block: str | None = None) -> libmpm.Scene:
-    """Return a flume with a deck and perhaps a block.
+def scene(
+    model: Model, method: str, bulk_modulus: float, block: str | None = None, linear: bool = False
+) -> libmpm.Scene:
+    """Return a flume with a deck and perhaps a block; `linear` functions are the source's.
 
     `method` is "fbar" or one of smoothing, with APIC, or with FLIP where that word comes first.
     """
@@ -124,7 +126,13 @@ def scene(model: Model, method: str, bulk_modulus: float, block: str | None = No
         upper=(model.outlet, ROOF),
         gravity=(0.0, -9.81),
         # What splashes over the roof is gone.
-        method=libmpm.Method(leaving="delete", transfer=transfer or "APIC"),
+        method=libmpm.Method(
+            leaving="delete",
+            transfer=transfer or "APIC",
+            # Nodes of linear functions that hold little are fast.
+            cfl=0.1 if linear else 0.4,
+            kernel=libmpm.methods.Kernel(name="linear", modified=True) if linear else "quadratic",
+        ),
     )
     # One body: smoothing over cells is within a body.
     water: shapes.Solid = shapes.Box(lower=(-model.inlet, 0.0), upper=(GAUGE, bore.depth))
