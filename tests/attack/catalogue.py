@@ -9,8 +9,9 @@ from attack.inputs import Inputs
 from attack.kills import Kills
 from attack.messages import Messages
 from attack.studies import Studies
+from attack.values import Values
 
 __all__ = ["ATTACKS"]
 
-_KINDS = (Kills, Studies, Inputs, Forged, Messages, Folders)
+_KINDS = (Kills, Studies, Inputs, Values, Forged, Messages, Folders)
 ATTACKS: dict[str, type[Attack]] = {kind.name: kind for kind in _KINDS}

@@ -11,10 +11,18 @@ from attack.base import Attack, Defect, run_cases
 from attack.catalogue import ATTACKS
 
 #: Attack -> cases; those that take tens of seconds each are marked slow.
-FEW = {"inputs": 12, "forged": 5, "folders": 2, "kills": 1, "studies": 1, "messages": 1}
+FEW = {
+    "inputs": 12,
+    "values": 300,
+    "forged": 5,
+    "folders": 2,
+    "kills": 1,
+    "studies": 1,
+    "messages": 1,
+}
 SLOW = ("studies", "messages")
 #: What is known to show defects is run here only to see that the attack itself works.
-OPEN = ("forged", "inputs", "folders", "kills")
+OPEN = ("forged", "inputs", "values", "folders", "kills")
 
 
 @pytest.mark.parametrize(
@@ -64,4 +72,12 @@ def test_crashes_hangs_and_raw_errors_are_seen_and_kept(tmp_path):
         "", "a wrong bit", "KeyError: 'raw'", "crash: SIGABRT", "hang: no answer in 1 s", "",
     ]  # fmt: skip
     assert sorted(p.name for p in kept.iterdir()) == [f"bad-s-{n}" for n in (1, 2, 3, 4)]
-    assert list(ATTACKS) == ["kills", "studies", "inputs", "forged", "messages", "folders"]
+    assert list(ATTACKS) == [
+        "kills",
+        "studies",
+        "inputs",
+        "values",
+        "forged",
+        "messages",
+        "folders",
+    ]

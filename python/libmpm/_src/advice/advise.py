@@ -23,7 +23,7 @@ from libmpm._src.advice.facts import Facts, own_fbar
 from libmpm._src.advice.result import Advice, Reason, Settings
 from libmpm._src.advice.rules import RULES, Match, matches, unmatched
 from libmpm._src.advice.validity_ranges import leaves, thin_loads
-from libmpm._src.base.values import Checker, nearest, sequence
+from libmpm._src.base.values import Checker, nearest, sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
@@ -116,13 +116,13 @@ def _checked(
     error = check.number("error", error, lower=0, lower_open=True, remedy="0.05 is 5 %")
     if scene.grid is not None:
         check.fail(
-            f"the scene has {scene.grid!r}, which the atlas has not measured; expected square "
+            f"the scene has {shown(scene.grid)}, which the atlas has not measured; expected square "
             "cells; libmpm.advice.tradeoff measures settings on the scene itself"
         )
     names = None if cases is None else sequence((cases,) if isinstance(cases, str) else cases)
     for name in names or ():
         if name not in [r.case for r in RULES]:
-            check.fail(f"cases has {name!r}; {nearest(str(name), [r.case for r in RULES])}")
+            check.fail(f"cases has {shown(name)}; {nearest(str(name), [r.case for r in RULES])}")
     check.finish()
     problems, _ = check_scene(scene)
     if problems:

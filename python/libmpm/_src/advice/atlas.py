@@ -16,6 +16,7 @@ from typing import Any
 from libmpm._src.errors import Error
 from libmpm._src.methods.method import CROSSINGS, FBar
 from libmpm._src.methods.transfer import Kernel, Transfer
+from libmpm._src.output.reading_files import reading
 
 __all__ = ["BASELINE", "Atlas", "Row", "read_atlas"]
 
@@ -146,7 +147,8 @@ def parse(data: Mapping[str, Any]) -> Atlas:
 
 @functools.cache
 def _read(path: str) -> Atlas:
-    return parse(json.loads(Path(path).read_text(encoding="utf-8")))
+    with reading(Path(path), "atlas", "write it anew with benchmarks/tradeoff.py write"):
+        return parse(json.loads(Path(path).read_text(encoding="utf-8")))
 
 
 def read_atlas(path: Path | None = None) -> Atlas:

@@ -58,7 +58,10 @@ def real_array(array: Any, what: str) -> NDArray[np.float64]:
     """
     if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
         raise ValueError(f"{what} has masked entries")
-    found = host_array(array, what)
+    try:
+        found = host_array(array, what)
+    except (RecursionError, ValueError) as error:
+        raise ValueError(f"{what} has no regular shape") from error
     if found.dtype.kind == "O":
         if not all(isinstance(x, numbers.Real) and not isinstance(x, bool) for x in found.flat):
             raise TypeError(f"{what} has entries that are no numbers")

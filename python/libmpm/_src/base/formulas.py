@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.values import Checker, Value, nearest, sequence, value
+from libmpm._src.base.values import Checker, Value, nearest, sequence, shown, value
 from libmpm._src.errors import SceneError
 
 __all__ = ["Field"]
@@ -74,16 +74,19 @@ class Field(Value):
         items = sequence(self.components)
         if not items or not all(isinstance(c, str) for c in items):
             check.fail(
-                f"components is {self.components!r}; expected formulas as text, one a component"
+                f"components is {shown(self.components)}; expected formulas as text, one a "
+                "component"
             )
             return {"components": ("0",)}
         for i, formula in enumerate(items):
             try:
                 _check_tree(ast.parse(formula.strip(), mode="eval").body)
             except (SyntaxError, RecursionError, MemoryError):
-                check.fail(f"components[{i}] is {formula!r:.80}, which is no formula; see Field")
+                check.fail(
+                    f"components[{i}] is {shown(formula, 80)}, which is no formula; see Field"
+                )
             except ValueError as error:
-                check.fail(f"components[{i}] is {formula!r:.80}: {error}")
+                check.fail(f"components[{i}] is {shown(formula, 80)}: {error}")
         return {"components": tuple(items)}
 
     def __len__(self) -> int:
@@ -116,7 +119,7 @@ class Field(Value):
         names: dict[str, Any] = dict(zip(_AXES, points.T, strict=False)) | _CONSTANTS
         out = np.empty((len(points), len(self.components)))
         for k, formula in enumerate(self.components):
-            label = f"{what}: component {k}, {formula!r:.80},"
+            label = f"{what}: component {k}, {shown(formula, 80)},"
             try:
                 with np.errstate(all="ignore"):
                     out[:, k] = _evaluate(ast.parse(formula.strip(), mode="eval").body, names)

@@ -10,9 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.arrays import real_array
-from libmpm._src.base.values import Checker, Value, value
+from libmpm._src.base.values import Checker, Value, shown, value
 
 __all__ = ["TimeTable", "check_vector_table", "constant", "largest"]
+
+#: Rows that a function may be sampled at.
+_MOST_ROWS = 1_000_000
 
 
 @value(kw_only=False)
@@ -86,7 +89,12 @@ class TimeTable(Value):
         dt = check.number("dt", dt, lower=0, lower_open=True, unit="s")
         until = check.number("until", until, lower=0, unit="s")
         if not callable(function):
-            check.fail(f"function is {function!r}; expected a callable of the time in seconds")
+            check.fail(f"function is {shown(function)}; expected a callable of the time in seconds")
+        if not check.problems and until / dt > _MOST_ROWS:
+            check.fail(
+                f"dt is {dt:g} s for {until:g} s, {until / dt:.3g} rows; expected ≤ {_MOST_ROWS} "
+                f"rows; use dt ≥ {until / _MOST_ROWS:.3g} s"
+            )
         check.finish()
         # The small allowance keeps 0.3 / 0.1 = 2.9999999999999996 and its like at the exact row.
         rows = math.ceil(until / dt - 1e-9) + 1
@@ -137,7 +145,7 @@ def _array(check: Checker, name: str, item: Any) -> npt.NDArray[np.float64] | No
     try:
         array = real_array(item, name)
     except (OverflowError, TypeError, ValueError):
-        check.fail(f"{name} is not a regular table of numbers: {item!r:.80}")
+        check.fail(f"{name} is not a regular table of numbers: {shown(item, 80)}")
         return None
     if not np.all(np.isfinite(array)):
         check.fail(f"{name} has an entry that is not finite; remove it or interpolate over it")

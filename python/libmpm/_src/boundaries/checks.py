@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from libmpm._src.base.time_tables import TimeTable, check_vector_table
-from libmpm._src.base.values import Checker, nearest
+from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.boundaries.covered_faces import uncovered_by_motion
 from libmpm._src.boundaries.distance_field import FIELD_EDGE, distance_field, layer_of
 from libmpm._src.boundaries.responses import Displacement, Mirror, Prescribed, Travel
@@ -75,7 +75,8 @@ def check_responses(check: Checker, scene: SceneData, boundary: Boundary) -> Non
     if any(isinstance(r, Prescribed) for r in boundary.responses):
         if scene.grid is not None or not isinstance(boundary.shape, Solid):
             check.fail(
-                f"response is {given!r} with {type(boundary.shape).__name__}; expected the region "
+                f"response is {shown(given)} with {type(boundary.shape).__name__}; expected "
+                "the region "
                 "as a Solid of shapes on square cells"
             )
         elif isinstance(given, Mapping):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
 from libmpm._src.base.time_tables import TimeTable
-from libmpm._src.base.values import Checker, Value, sequence, value
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
 
 __all__ = ["DecayLayer", "Displacement", "Mirror", "Prescribed", "Response", "Rotation"]
 __all__ += ["Separable", "Slip", "Sticky", "Travel", "decay_thickness"]
@@ -167,7 +167,7 @@ class Prescribed(Response):
         given = (self.components,) if isinstance(self.components, str) else self.components
         names = sequence(given) or []
         if not names or any(name not in _AXES for name in names):
-            check.fail(f'components is {self.components!r}; expected "all" or some of x, y, z')
+            check.fail(f'components is {shown(self.components)}; expected "all" or some of x, y, z')
             return {}
         return {"components": tuple(a for a in _AXES if a in names)}
 
@@ -301,7 +301,8 @@ class Rotation(Value):
         about = check.vector("about", self.about, unit="m")
         if (self.rate is None) == (self.angle is None):
             check.fail(
-                f"rate is {self.rate!r} with angle {self.angle!r}; expected one of the two; give a "
+                f"rate is {shown(self.rate)} with angle {self.angle!r}; expected one of the "
+                "two; give a "
                 "rate in rad/s, or a TimeTable of angles in rad"
             )
         for name, table in (("rate", self.rate), ("angle", self.angle)):
@@ -315,7 +316,9 @@ class Rotation(Value):
             if isinstance(self.angle, TimeTable) and self.angle.end == "zero":
                 check.fail("angle ends with 'zero', a jump; expected 'hold' or 'repeat'")
         if self.axis is not None and len(about) == 2:
-            check.fail(f"axis is {self.axis!r} in 2D, where shapes turn in the plane; leave it out")
+            check.fail(
+                f"axis is {shown(self.axis)} in 2D, where shapes turn in the plane; leave it out"
+            )
         elif isinstance(self.axis, str):
             found["axis"] = check.choice("axis", self.axis, _AXES)
         elif self.axis is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.time_tables import TimeTable
-from libmpm._src.base.values import Checker, sequence
+from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.errors import SceneError
 
 __all__ = ["piston_stroke", "stroke_from_file"]
@@ -66,6 +67,9 @@ def piston_stroke(
     delay = check.number("delay", delay, unit="s")
     along = _direction(check, direction)
     check.finish()
+    if not math.isfinite(rate * delay):
+        check.fail(f"rate is {rate:g} with delay {delay:g}; expected a finite product")
+        check.finish()
 
     def place(time: float) -> Array:
         return 0.5 * amplitude * (1 + math.erf(rate * (time - delay))) * along
@@ -99,11 +103,13 @@ def stroke_from_file(
 
     Before its first row and after its last one the piston rests. Raises `SceneError`.
     """
-    check = Checker(f"stroke_from_file: {path}")
+    check = Checker(f"stroke_from_file: {path if isinstance(path, str | os.PathLike) else ''}")
     names = tuple(sequence(columns) or ())
     if names not in _COLUMNS:
         known = " or ".join(", ".join(c) for c in _COLUMNS)
-        check.fail(f"columns is {columns!r}; expected {known}")
+        check.fail(f"columns is {shown(columns)}; expected {known}")
+    if not isinstance(path, str | os.PathLike):
+        check.fail(f"path is {shown(path, 80)}; expected the name of a file")
     start = check.number("start", start, unit="s")
     if until is not None:
         until = check.number("until", until, lower=0, lower_open=True, unit="s")
@@ -138,7 +144,7 @@ def _rows(check: Checker, path: Path, names: tuple[str, ...]) -> Array:
     """Return the rows of a file, times rising; raises `SceneError`."""
     try:
         rows = np.atleast_2d(np.genfromtxt(path, delimiter=",", dtype=np.float64))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, IndexError, MemoryError) as error:
         raise SceneError(f"{check.label}: cannot be read: {error}") from error
     if len(rows) > 1 and np.all(np.isnan(rows[0])):
         rows = rows[1:]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
-from libmpm._src.base.values import Checker, Value, sequence, value
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
 
 __all__ = ["HIGHEST", "Basis", "ConsistentMass", "CubicPowellSabin", "Lagrange", "Linear"]
 __all__ += ["LumpedMass", "Mass", "PartialMass", "PowellSabin", "degree_of"]
@@ -98,13 +98,16 @@ class PowellSabin(Basis):
         if isinstance(self.split, str):
             if self.split != "incentre":
                 check.fail(
-                    f'split is {self.split!r}; expected "incentre" or one point (x, y) in m for '
+                    f'split is {shown(self.split)}; expected "incentre" or one point (x, y) '
+                    "in m for "
                     "each triangle"
                 )
             return {}
         points = sequence(self.split)
         if not points:
-            check.fail(f'split is {self.split!r:.80}; expected "incentre" or points (m, 2) in m')
+            check.fail(
+                f'split is {shown(self.split, 80)}; expected "incentre" or points (m, 2) in m'
+            )
             return {}
         found = [
             check.vector(f"split[{t}]", p, lengths=(2,), unit="m") for t, p in enumerate(points)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, shown
 from libmpm._src.boundaries.responses import Response, Separable
 from libmpm._src.errors import SceneError
 from libmpm._src.grids.grid import TriangularGrid
@@ -106,7 +106,7 @@ def check_body(scene: SceneData, body: Body, problems: list[str]) -> bool:
         return False
     if isinstance(body.fbar, FBar):
         check.fail(
-            f"fbar is {body.fbar!r} on a grid of functions, which has no volume smoothing; "
+            f"fbar is {shown(body.fbar)} on a grid of functions, which has no volume smoothing; "
             "remove fbar"
         )
     if any((body.smoothing, body.assumed, body.damping, body.force)):
@@ -196,12 +196,12 @@ def check_boundary(scene: SceneData, boundary: Boundary, problems: list[str]) ->
     for response in boundary.responses:
         if isinstance(response, Separable):
             check.fail(
-                f"response is {response!r}, which is not built for grids of functions; use "
+                f"response is {shown(response)}, which is not built for grids of functions; use "
                 "Sticky() or Slip()"
             )
         elif isinstance(response, Response) and any(response.friction):
             check.fail(
-                f"response is {response!r} with friction, which is not built for grids of "
+                f"response is {shown(response)} with friction, which is not built for grids of "
                 "functions; leave the friction out"
             )
     problems += check.problems

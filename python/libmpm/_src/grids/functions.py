@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.text import marked
-from libmpm._src.base.values import Checker, keywords_only
+from libmpm._src.base.values import Checker, keywords_only, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import plots
 from libmpm._src.grids.grid import SplineGrid, TriangularGrid
@@ -228,7 +228,8 @@ def places(label: str, position: npt.ArrayLike) -> Floats:
         array = np.asarray(position, dtype=np.float64)
     except (OverflowError, TypeError, ValueError):
         raise SceneError(
-            f"{label}: position is not a table of numbers: {position!r:.80}; expected (n, 2) in m"
+            f"{label}: position is not a table of numbers: {shown(position, 80)}; expected "
+            "(n, 2) in m"
         ) from None
     if array.ndim != 2 or array.shape[1] != 2:
         raise SceneError(f"{label}: position has shape {array.shape}; expected (n, 2) in m")

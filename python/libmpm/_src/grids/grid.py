@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.text import marked
-from libmpm._src.base.values import Checker, Value, sequence, value
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.grids.bases import (
     Basis,
     ConsistentMass,
@@ -74,7 +74,8 @@ class TriangularGrid(Value):
         _check_mass(check, mass)
         if negative and isinstance(mass, LumpedMass | PartialMass):
             check.fail(
-                f"mass is {mass!r} with {self.basis!r}, whose functions have sums of mass "
+                f"mass is {shown(mass)} with {shown(self.basis)}, whose functions have sums "
+                "of mass "
                 "that are zero or negative; expected ConsistentMass; or use PowellSabin or Linear"
             )
         if isinstance(self.basis, PowellSabin) and isinstance(self.mesh, Mesh):
@@ -204,7 +205,7 @@ class SplineGrid(Value):
                 )
         degree = _pair(self.degree)
         if degree is None:
-            check.fail(f"degree is {self.degree!r}; expected a whole number or (p_x, p_y)")
+            check.fail(f"degree is {shown(self.degree)}; expected a whole number or (p_x, p_y)")
             degree = [2, 2]
         degree = [degree_of(check, f"degree[{a}]", p, 0) for a, p in enumerate(degree)]
         if degree == [0, 0]:
@@ -271,7 +272,7 @@ def _pair(item: Any) -> list[Any] | None:
 def _check_spans(check: Checker, spans: Any, degree: list[int]) -> tuple[int, ...]:
     items = sequence(spans)
     if items is None or len(items) != 2:
-        check.fail(f"spans is {spans!r}; expected a pair of whole numbers")
+        check.fail(f"spans is {shown(spans)}; expected a pair of whole numbers")
         return (1, 1)
     found = tuple(check.integer(f"spans[{a}]", n, lower=1) for a, n in enumerate(items))
     if math.prod(found) > _MOST:
@@ -291,7 +292,7 @@ def _check_knots(
 ) -> tuple[tuple[float, ...], ...]:
     axes = sequence(knots)
     if axes is None or len(axes) != 2:
-        check.fail(f"knots is {knots!r:.80}; expected a pair of knot vectors in m")
+        check.fail(f"knots is {shown(knots, 80)}; expected a pair of knot vectors in m")
         return ()
     found = []
     for a, (items, p) in enumerate(zip(axes, degree, strict=True)):
@@ -299,7 +300,8 @@ def _check_knots(
         items = sequence(items)
         if items is None or len(items) < 2 * (p + 1):
             check.fail(
-                f"{name} is {items!r:.80}; expected at least {2 * (p + 1)} numbers in m for degree "
+                f"{name} is {shown(items, 80)}; expected at least {2 * (p + 1)} numbers in "
+                "m for degree "
                 f"{p}, each end {p + 1} times"
             )
             continue

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from libmpm._src.base.arrays import real_array
 from libmpm._src.base.text import marked
-from libmpm._src.base.values import Checker, Value, keywords_only, value
+from libmpm._src.base.values import Checker, Value, keywords_only, shown, value
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import sources
 from libmpm._src.grids.sources import Arrays, Floats, Numbers
@@ -299,7 +299,7 @@ def _vertices(check: Checker, item: Any) -> Floats | None:
     try:
         array = real_array(item, "vertices").copy()
     except (OverflowError, TypeError, ValueError):
-        check.fail(f"vertices is not a table of numbers: {item!r:.80}; expected (n, 2) in m")
+        check.fail(f"vertices is not a table of numbers: {shown(item, 80)}; expected (n, 2) in m")
         return None
     if array.ndim != 2 or array.shape[1] != 2 or len(array) < 3:
         check.fail(f"vertices has shape {array.shape}; expected (n, 2) in m with n ≥ 3")

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.text import marked
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import plots
 from libmpm._src.grids.bases import Lagrange
@@ -153,7 +153,7 @@ def project(
     basis = getattr(functions.grid, "basis", None)
     if mass == "lumped" and isinstance(basis, Lagrange) and basis.degree > 1:
         check.fail(
-            f"mass is 'lumped' with {basis!r}, whose functions have sums that are zero or "
+            f"mass is 'lumped' with {shown(basis)}, whose functions have sums that are zero or "
             "negative; expected 'consistent'"
         )
     if (position is None) != (weight is None):

@@ -10,7 +10,7 @@ import numpy as np
 
 from libmpm._src.base.arrays import real_array
 from libmpm._src.base.time_tables import TimeTable, check_vector_table
-from libmpm._src.base.values import Checker, Value, value
+from libmpm._src.base.values import Checker, Value, shown, value
 from libmpm._src.shapes.boxes import Shape, faces_of
 
 __all__ = ["Cells", "Outline", "Points", "Traction"]
@@ -21,7 +21,7 @@ def _points(check: Checker, name: str, given: Any, least: int) -> tuple[tuple[fl
     try:
         array = real_array(given, name)
     except (OverflowError, TypeError, ValueError):
-        check.fail(f"{name} is {given!r:.80}; expected rows of two numbers in m")
+        check.fail(f"{name} is {shown(given, 80)}; expected rows of two numbers in m")
         return ()
     if array.ndim != 2 or array.shape[1] != 2:
         check.fail(f"{name} has the shape {array.shape}; expected (n, 2) in m")

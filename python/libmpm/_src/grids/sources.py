@@ -39,6 +39,10 @@ def flat(corners: Floats, part: float = _FLAT) -> npt.NDArray[np.bool_]:
     return np.asarray(~(np.abs(twice) > part * longest))
 
 
+#: Rectangles of a regular mesh; they take some hundred bytes each.
+_MOST_BLOCKS = 10_000_000
+
+
 def check_lattice(
     label: str, columns: Any, rows: Any, lower: Any, upper: Any
 ) -> tuple[int, int, Floats, Floats]:
@@ -51,6 +55,11 @@ def check_lattice(
     for a, (x, y) in enumerate(zip(low, high, strict=False)):
         if x >= y:
             check.fail(f"upper[{a}] is {y:g} with lower[{a}] {x:g}; expected upper > lower")
+    if columns * rows > _MOST_BLOCKS:
+        check.fail(
+            f"columns × rows is {columns * rows}; expected ≤ {_MOST_BLOCKS} blocks, which fit into "
+            "memory; use fewer"
+        )
     check.finish()
     return columns, rows, np.array(low), np.array(high)
 
@@ -92,7 +101,7 @@ def delaunay(vertices: Any) -> Arrays:
     spatial = need("scipy.spatial", label)
     try:
         points = np.asarray(vertices, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (OverflowError, RecursionError, TypeError, ValueError):
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
         raise SceneError(
@@ -127,6 +136,11 @@ def read(path: str | os.PathLike[str]) -> Arrays:
     meshio = need("meshio", "grids.Mesh.load")
     if not Path(path).is_file():
         raise SceneError(f"{label} does not exist; expected a mesh file; correct the path")
+    if Path(path).suffix.lower() == ".off":
+        # meshio looks for the line of counts without end.
+        lines = Path(path).read_bytes().splitlines()[1:]
+        if not any(line and not line.startswith(b"#") for line in lines):
+            raise SceneError(f"{label} is cut; expected counts, vertices, triangles; write it anew")
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):

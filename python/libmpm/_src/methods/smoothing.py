@@ -242,7 +242,7 @@ def _array(
     try:
         array = np.ascontiguousarray(given, dtype=np.float64)
         array = array.reshape(np.shape(given))
-    except (TypeError, ValueError):
+    except (OverflowError, RecursionError, TypeError, ValueError):
         check.fail(f"{name} is {shown(given)}; expected an array of numbers")
         return np.zeros((1,) * dimensions[-1])
     if array.ndim not in dimensions:

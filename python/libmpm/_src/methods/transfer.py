@@ -109,7 +109,7 @@ class Transfer(Value):
                 f"to {' and '.join(SWEEPS)}; leave them out"
             )
         if not isinstance(self.guard, bool):
-            check.fail(f"guard is {self.guard!r}; expected True or False")
+            check.fail(f"guard is {shown(self.guard)}; expected True or False")
         return {
             "scheme": scheme,
             "flip": flip,
@@ -215,7 +215,7 @@ class Kernel(Value):
         if gradient is not None:
             gradient = check.choice("gradient", gradient, ("mls", "kernel"))
         if not isinstance(self.boundary, bool):
-            check.fail(f"boundary is {self.boundary!r}; expected True or False")
+            check.fail(f"boundary is {shown(self.boundary)}; expected True or False")
         elif self.boundary and name not in ("linear", "quadratic", "cubic"):
             check.fail(
                 f"boundary is True for '{name}'; splines that end with the domain are linear, "
@@ -223,7 +223,7 @@ class Kernel(Value):
             )
         for flag in ("modified", "moved_nodes"):
             if not isinstance(getattr(self, flag), bool):
-                check.fail(f"{flag} is {getattr(self, flag)!r}; expected True or False")
+                check.fail(f"{flag} is {shown(getattr(self, flag))}; expected True or False")
         if self.modified is True and (name != "linear" or self.boundary):
             check.fail(
                 f"modified is True for {self.text()}; it is defined for linear functions; leave "

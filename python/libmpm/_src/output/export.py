@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.schedule import due_time
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import ModelWarning, OutputError, SceneError
 from libmpm._src.output import frames
 from libmpm._src.output.atomic_files import file_name, replacing, writing
@@ -88,7 +88,7 @@ def export(
     bodies = (bodies,) if isinstance(bodies, str) else bodies
     attributes = (attributes,) if isinstance(attributes, str) else attributes
     if to not in FORMATS:
-        raise SceneError(f"export: the format is {to!r}; {nearest(str(to), FORMATS)}")
+        raise SceneError(f"export: the format is {shown(to)}; {nearest(str(to), FORMATS)}")
     if one_file and to != "npz":
         raise SceneError(f"export: one file is asked for of {to}; expected npz; leave it out")
     if last < first:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.optional_packages import need
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import Error
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class Series:
         """
         column = self.column(self.main_component if component is None else component)
         if not (isinstance(filter, int | float) and np.isfinite(filter) and filter >= 0):
-            raise Error(f"series '{self.name}': filter is {filter!r}; expected a length ≥ 0 s")
+            raise Error(f"series '{self.name}': filter is {shown(filter)}; expected a length ≥ 0 s")
         time, rows = self.since(0)
         known = np.isfinite(rows[:, column])
         if not known.any():

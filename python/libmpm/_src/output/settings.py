@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,15 @@ class Output:
                 )
         if isinstance(attributes, str):
             problems.append(f"Output: attributes is the text '{attributes}'; expected a list")
+        elif attributes is not None:
+            lists = attributes.values() if isinstance(attributes, Mapping) else [attributes]
+            if any(isinstance(x, str) or not isinstance(x, Iterable) for x in lists):
+                problems.append(
+                    f"Output: attributes is {shown(attributes)}; expected a list of names, or one "
+                    "for each body"
+                )
+        if not isinstance(path, str | os.PathLike):
+            problems.append(f"Output: path is {shown(path)}; expected the name of a folder")
         if problems:
             raise SceneError(problems)
         chosen: dict[str, list[str]] | list[str] | None = None

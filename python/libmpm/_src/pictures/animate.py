@@ -16,7 +16,7 @@ from matplotlib import animation
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import keywords_only, nearest
+from libmpm._src.base.values import keywords_only, nearest, shown
 from libmpm._src.errors import Error, ModelWarning, OutputError, SceneError
 from libmpm._src.output.earlier_run import document_of
 from libmpm._src.output.frames import frame_time, list_frames, read_frame, read_series
@@ -127,7 +127,7 @@ def _check_color(run: RunFrames, color: str | None) -> None:
     name, _ = common.split_name(color)
     if color in known or name in known or (color == "speed" and "velocity" in known):
         return
-    raise Error(f"color is {color!r}, which the frames do not have; {nearest(color, known)}; "
+    raise Error(f"color is {shown(color)}, which the frames do not have; {nearest(color, known)}; "
                 "Output(attributes=...) chooses what frames store")  # fmt: skip
 
 
@@ -211,7 +211,7 @@ def animate(
     for name, number, least in (("fps", fps, 0), ("width", width, 0), ("every", every, 1),
                                 ("dpi", dpi, 10)):  # fmt: skip
         if not number >= least or number == 0:
-            raise Error(f"{name} is {number!r}; expected {'>' if least == 0 else '≥'} {least}")
+            raise Error(f"{name} is {shown(number)}; expected {'>' if least == 0 else '≥'} {least}")
     frames = RunFrames(folder, bodies, most)
     _check_color(frames, color)
     indices = frames.indices[:: int(every)]

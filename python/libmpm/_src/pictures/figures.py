@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import Error
 from libmpm._src.output.frames import UNITS
 from libmpm._src.pictures.directions import OBLIQUE
@@ -58,7 +58,7 @@ class Picture(Figure):
 def shares(counts: Sequence[int], most: int) -> list[int]:
     """Return how many particles of each body are drawn: all of the small ones, at most `most`."""
     if isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1:
-        raise Error(f"most is {most!r}; expected a whole number of particles ≥ 1")
+        raise Error(f"most is {shown(most)}; expected a whole number of particles ≥ 1")
     left, drawn = int(most), [0] * len(counts)
     order = sorted(range(len(counts)), key=lambda i: counts[i])
     for place, i in enumerate(order):
@@ -104,7 +104,7 @@ def planes_of(dimension: int, planes: Sequence[str] | str | None, vertical: int)
     wanted = [planes] if isinstance(planes, str) else list(planes)
     for plane in wanted:
         if plane not in known:
-            raise Error(f"planes has {plane!r}; {nearest(str(plane), known)}")
+            raise Error(f"planes has {shown(plane)}; {nearest(str(plane), known)}")
     return wanted
 
 
@@ -134,7 +134,8 @@ def colours_of(arrays: Mapping[str, NDArray[Any]], color: str) -> Array:
         return np.asarray(values[index], np.float64)
     except IndexError:
         raise Error(
-            f"color is {color!r}, but {name} has the shape {values.shape}; expected a component "
+            f"color is {shown(color)}, but {name} has the shape {values.shape}; expected a "
+            "component "
             "that it has"
         ) from None
 
@@ -166,7 +167,7 @@ def check_limits(limits: Any) -> tuple[float, float]:
     except (TypeError, ValueError):
         low, high = np.nan, np.nan
     if not low < high:
-        raise Error(f"limits is {limits!r}; expected two finite numbers, the lower first")
+        raise Error(f"limits is {shown(limits)}; expected two finite numbers, the lower first")
     return low, high
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import Error
 from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.panel import Dots, Panel, height_of, is_fluid, legend_of
@@ -57,7 +57,7 @@ def sampled_particles(
     if color is not None and not any(sources.values()):
         first = next(iter(views.values()))
         why = first.refusal(color) or nearest(color, first.names)
-        raise Error(f"color is {color!r}, which no body drawn has; {why}")
+        raise Error(f"color is {shown(color)}, which no body drawn has; {why}")
     coloured = chosen_color(simulation.scene, names, color, bodies)
     counts = [len(views[name]) for name in names]
     dots = {}

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
-from libmpm._src.base.values import warned_already
+from libmpm._src.base.values import shown, warned_already
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.outlines import draw_flows, draw_shape
@@ -79,7 +79,7 @@ def preview(
 
         return preview_in_space(scene, most=most)
     if backend != "matplotlib":
-        raise Error(f"backend is {backend!r}; expected 'matplotlib' or 'pyvista'")
+        raise Error(f"backend is {shown(backend)}; expected 'matplotlib' or 'pyvista'")
     vertical = vertical_of(scene)
     d = scene.dimension
     if planes is None and d == 3:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from libmpm._src.base.values import warned_already
+from libmpm._src.base.values import shown, warned_already
 from libmpm._src.boundaries.flow_layers import Traffic
 from libmpm._src.errors import CapacityError, CheckpointError, Error, ModelWarning, SceneError
 from libmpm._src.output import checkpoint as checkpoints
@@ -42,7 +42,7 @@ def select(
     if ranks is None:
         return backends.select(choose_device(scene, device)), threads
     if ranks != "processes":
-        raise SceneError(f"ranks is {ranks!r}; expected 'processes' or None")
+        raise SceneError(f"ranks is {shown(ranks)}; expected 'processes' or None")
     backend = backends.select_process(choose_device(scene, device))
     assert backend.link is not None
     for placed in scene.sensors:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import Error
 from libmpm._src.output.frames import UNITS
 
@@ -105,7 +105,7 @@ class ParticleArray:
         column = self._valid()
         here = self.__dlpack_device__()
         if here[0] == _CPU and stream is not None:
-            raise BufferError(f"array '{self.name}' is on the CPU and stream is {stream!r}; "
+            raise BufferError(f"array '{self.name}' is on the CPU and stream is {shown(stream)}; "
                               "expected None")  # fmt: skip
         if here[0] == _CUDA and stream == 0:
             raise BufferError(

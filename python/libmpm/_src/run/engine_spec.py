@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, constant
-from libmpm._src.base.values import nearest, warn
+from libmpm._src.base.values import nearest, shown, warn
 from libmpm._src.boundaries.distance_field import lower_surface
 from libmpm._src.boundaries.flow_layers import flow_entries, keep_room, zones
 from libmpm._src.boundaries.responses import Prescribed, Response
@@ -66,15 +66,17 @@ def check_options(
     """Return what is wrong with the options of a run."""
     problems = []
     if precision not in PRECISIONS:
-        problems.append(f"precision is {precision!r}; {nearest(str(precision), PRECISIONS)}")
+        problems.append(f"precision is {shown(precision)}; {nearest(str(precision), PRECISIONS)}")
     if pipeline not in PIPELINES:
-        problems.append(f"pipeline is {pipeline!r}; {nearest(str(pipeline), PIPELINES)}")
+        problems.append(f"pipeline is {shown(pipeline)}; {nearest(str(pipeline), PIPELINES)}")
     if time_step is not None and not (np.isfinite(time_step) and time_step > 0):
-        problems.append(f"time_step is {time_step!r}; expected > 0 s; use None for the stable one")
+        problems.append(
+            f"time_step is {shown(time_step)}; expected > 0 s; use None for the stable one"
+        )
     # Beyond what a system can start, OpenMP ends the process.
     if not isinstance(threads, int) or not 0 <= threads <= _MOST_THREADS:
         problems.append(
-            f"threads is {threads!r:.40}; expected ≥ 0 and ≤ {_MOST_THREADS}; 0 takes all"
+            f"threads is {shown(threads, 40)}; expected ≥ 0 and ≤ {_MOST_THREADS}; 0 takes all"
         )
     return problems
 
@@ -85,7 +87,8 @@ def choose_precision(scene: SceneData, precision: str) -> str:
         return "single" if precision == "auto" else precision
     if precision not in ("auto", "double"):
         raise SceneError(
-            f"precision is {precision!r} on a grid of functions, which is built in double alone; "
+            f"precision is {shown(precision)} on a grid of functions, which is built in "
+            "double alone; "
             "use 'double' or 'auto'"
         )
     return "double"
@@ -97,7 +100,8 @@ def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequen
         return device
     if device != "auto":
         raise SceneError(
-            f"device is {device!r} on a grid of functions, which is built for the CPU alone; use "
+            f"device is {shown(device)} on a grid of functions, which is built for the CPU "
+            "alone; use "
             "'cpu' or 'auto'"
         )
     return "cpu"
@@ -135,7 +139,7 @@ def lower(
     precision = choose_precision(scene, precision)
     problems = check_options(precision, pipeline, time_step=time_step, threads=threads)
     if scene.grid is not None and pipeline != "auto":
-        problems.append(f"pipeline is {pipeline!r} on a grid of functions; expected 'auto'")
+        problems.append(f"pipeline is {shown(pipeline)} on a grid of functions; expected 'auto'")
     if problems:
         raise SceneError(problems)
     validate(scene)

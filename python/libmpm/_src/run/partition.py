@@ -255,7 +255,8 @@ def as_partition(given: Any, backend: Backend, scene: SceneData) -> Partition | 
     check.instance("partition", given, (Partition,), "Partition(...), or None for the usual one")
     if not check.problems and backend.ranks == 1 and backend.link is None:
         check.fail(
-            f"partition is {given!r} on one device, '{backend.name}'; it says how several ranks "
+            f"partition is {shown(given)} on one device, '{backend.name}'; it says how "
+            "several ranks "
             f"share a scene; name several, such as device={[backend.name] * 2}, or leave it out"
         )
     check.finish()

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.base.tables import html_table, html_warnings, text_table
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.boundaries.flow_layers import flow_rows
 from libmpm._src.errors import SceneError
 from libmpm._src.run import backends
@@ -114,7 +114,9 @@ class Plan:
         With several `ranks` memory has a part for particles that change rank.
         """
         if until is not None and not (math.isfinite(until) and until >= 0):
-            raise SceneError(f"plan: until is {until!r}; expected a finite time ≥ 0 s, or None")
+            raise SceneError(
+                f"plan: until is {shown(until)}; expected a finite time ≥ 0 s, or None"
+            )
         self._result = dict(result)
         self._ranks = ranks
         if ranks > 1:

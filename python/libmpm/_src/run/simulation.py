@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import keywords_only
+from libmpm._src.base.values import keywords_only, shown
 from libmpm._src.errors import Error
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
@@ -407,12 +407,12 @@ class Simulation(Shown):
         called again, and no bit is changed. Raises `Error` while another thread runs or steps it.
         """
         if isinstance(until, bool | str | bytes) or not hasattr(until, "__float__"):
-            raise Error(f"Simulation.run: until is {until!r}; expected a time as a number, s")
+            raise Error(f"Simulation.run: until is {shown(until)}; expected a time as a number, s")
         until = float(until)
         if math.isnan(until):
             raise ValueError("until is not a number; expected seconds")
         if wall_limit is not None and not wall_limit >= 0:
-            raise ValueError(f"wall_limit is {wall_limit!r}; expected seconds, ≥ 0, or None")
+            raise ValueError(f"wall_limit is {shown(wall_limit)}; expected seconds, ≥ 0, or None")
         with self._turns.advancing(self._scene.name):
             return self._loop.run(until, progress, wall_limit)
 

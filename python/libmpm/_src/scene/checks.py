@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from libmpm._src.base.values import Checker, nearest, warn
+from libmpm._src.base.values import Checker, nearest, shown, warn
 from libmpm._src.boundaries.checks import (
     check_edges,
     check_motion,
@@ -285,7 +285,8 @@ def _check_load_cell(check: Checker, scene: SceneData, cell: LoadCell) -> None:
         shape = type(boundary.shape).__name__
         kind = "an Outline" if shape == "Outline" else f"a surface ({shape})"
         check.fail(
-            f"faces is {cell.faces!r}; boundary '{cell.boundary}' is {kind}, which has none; leave "
+            f"faces is {shown(cell.faces)}; boundary '{cell.boundary}' is {kind}, which has "
+            "none; leave "
             "faces out"
         )
         return

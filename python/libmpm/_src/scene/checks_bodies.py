@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from libmpm._src.base.formulas import Field
-from libmpm._src.base.values import Checker, nearest
+from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import checks as grid_checks
 from libmpm._src.grids import placing
@@ -200,7 +200,7 @@ def _check_material(check: Checker, scene: SceneData, body: Body) -> None:
     _check_smoothing(scene, body, check)
     if isinstance(body.fbar, FBar) and not table.fbar:
         check.fail(
-            f"fbar is {body.fbar!r} for {table.name}, which has no volume smoothing; expected "
+            f"fbar is {shown(body.fbar)} for {table.name}, which has no volume smoothing; expected "
             'None or "default"; remove fbar'
         )
         return
@@ -290,7 +290,7 @@ def _check_holes(check: Checker, scene: SceneData, body: Body) -> None:
         )
     if body.sampling is not None and isinstance(body.shape, PointFile):
         check.fail(
-            f"sampling is {body.sampling!r} with shapes.PointFile, whose particles are given; "
+            f"sampling is {shown(body.sampling)} with shapes.PointFile, whose particles are given; "
             "expected None; leave it out"
         )
     upright = body.sampling.axis if isinstance(body.sampling, Columns) else None
@@ -301,7 +301,8 @@ def _check_holes(check: Checker, scene: SceneData, body: Body) -> None:
         )
     if body.lattice is not None and not isinstance(body.sampling, Jitter | None):
         check.fail(
-            f"lattice is {body.lattice!r} with {body.sampling!r}, which has none; expected "
+            f"lattice is {shown(body.lattice)} with {shown(body.sampling)}, which has none; "
+            "expected "
             "one of the two; give particles_per_cell instead"
         )
 

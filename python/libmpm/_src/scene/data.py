@@ -116,7 +116,9 @@ class SceneData:
             if item is not None:
                 check.fail(f"{key} is {shown(item)} with a grid, which has its own; leave it out")
         if self._dimension != 2:
-            check.fail(f"dimension is {self._dimension} with {grid!r}; expected 2; leave it out")
+            check.fail(
+                f"dimension is {self._dimension} with {shown(grid)}; expected 2; leave it out"
+            )
             check.finish()
         self._cell_size = grid.spacing
         self._lower, self._upper = tuple(grid.lower), tuple(grid.upper)

@@ -72,7 +72,7 @@ class Body(Value):
         if isinstance(others, str):
             others = (others,)
         if not isinstance(others, list | tuple):
-            check.fail(f"subtract_from is {others!r}; expected names of bodies")
+            check.fail(f"subtract_from is {shown(others)}; expected names of bodies")
             others = ()
         remedy = "use 4 in 2D and 8 in 3D where nothing speaks for another number"
         velocity, stress = self.velocity, self.stress
@@ -83,7 +83,7 @@ class Body(Value):
         given = (self.tractions,) if isinstance(self.tractions, Traction) else self.tractions
         tractions = None if isinstance(given, str) else sequence(given)
         if tractions is None:
-            check.fail(f"tractions is {given!r}; expected a tuple of Traction(face=, value=)")
+            check.fail(f"tractions is {shown(given)}; expected a tuple of Traction(face=, value=)")
             tractions = []
         for i, traction in enumerate(tractions):
             check.instance(f"tractions[{i}]", traction, (Traction,), "Traction(face=, value=)")
@@ -107,7 +107,8 @@ class Body(Value):
         counts = sequence(self.lattice)
         if not counts or not isinstance(self.shape, Box | OrientedBox):
             check.fail(
-                f"lattice is {self.lattice!r}; expected the number of particles on each axis of "
+                f"lattice is {shown(self.lattice)}; expected the number of particles on "
+                "each axis of "
                 "a shapes.Box or an OrientedBox"
             )
             return None
@@ -167,7 +168,7 @@ class Boundary(Value):
             )
         bodies = (self.bodies,) if isinstance(self.bodies, str) else sequence(self.bodies)
         if bodies is None:
-            check.fail(f"bodies is {self.bodies!r}; expected names of bodies; give ('block',)")
+            check.fail(f"bodies is {shown(self.bodies)}; expected names of bodies; give ('block',)")
         return {
             "spacing": spacing,
             "bodies": tuple(check.text("bodies", name) for name in bodies or ()),
@@ -180,7 +181,9 @@ class Boundary(Value):
         if self.time is None:
             return None
         if not isinstance(self.time, list | tuple) or len(self.time) != 2:
-            check.fail(f"time is {self.time!r}; expected (start, end) in s, or None for always")
+            check.fail(
+                f"time is {shown(self.time)}; expected (start, end) in s, or None for always"
+            )
             return None
         start, end = self.time
         start = check.number("time[0]", start, lower=0, unit="s")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from libmpm._src.base.formulas import Field
-from libmpm._src.base.values import Checker, Value
+from libmpm._src.base.values import Checker, Value, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import Material
 from libmpm._src.scene.data import HEAD, SceneData
@@ -299,7 +299,7 @@ class Scaling:
         if item is None or isinstance(item, str | bool) or callable(item):
             if unit == FIXED and item is not None:
                 raise SceneError(
-                    f"Scene.scaled: {label} is {item!r}, a file that has lengths of its own; "
+                    f"Scene.scaled: {label} is {shown(item)}, a file that has lengths of its own; "
                     "expected a scene that stands for itself; scale the scene that wrote it, or "
                     "give the geometry as values"
                 )
@@ -308,7 +308,7 @@ class Scaling:
             return item
         if unit == TEXT:
             raise SceneError(
-                f"Scene.scaled: {label} is {item!r} and has no unit; expected one in "
+                f"Scene.scaled: {label} is {shown(item)} and has no unit; expected one in "
                 "libmpm._src.scene.scaling.UNITS"
             )
         return item * self.factor(unit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from libmpm._src.base.values import Checker, value
+from libmpm._src.base.values import Checker, shown, value
 from libmpm._src.sensors.engine_sensors import check_interval
 from libmpm._src.sensors.python_sensors import Sampled
 
@@ -57,7 +57,8 @@ class ColumnGauge(Sampled):
             place = check.vector("position", place, lengths=(1, 2), unit="m")
         elif width is not None:
             check.fail(
-                f"width is {width!r} without a position, where all particles count alike; leave it "
+                f"width is {shown(width)} without a position, where all particles count "
+                "alike; leave it "
                 "out or give a position"
             )
         if width is not None:

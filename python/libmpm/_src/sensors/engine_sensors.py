@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
-from libmpm._src.base.values import Checker, Value, sequence, value
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.shapes.boxes import check_faces
 
 __all__ = ["Energy", "LoadCell", "ParticleTracker", "Sensor", "VelocityProbe", "WaveGauge"]
@@ -74,7 +74,9 @@ class LoadCell(Sensor):
             "boundary": check.text("boundary", self.boundary),
             "faces": check_faces(check, self.faces),
             "interval": check_interval(check, self.interval),
-            "reference": reference and check.vector("reference", reference, unit="m"),
+            "reference": (
+                None if reference is None else check.vector("reference", reference, unit="m")
+            ),
         }
 
 
@@ -166,7 +168,7 @@ class ParticleTracker(Sensor):
         if not isinstance(ids, str) or ids != "all":
             items = sequence(ids)
             if not items:
-                check.fail(f"ids is {self.ids!r}; expected whole numbers ≥ 0, at least one")
+                check.fail(f"ids is {shown(self.ids)}; expected whole numbers ≥ 0, at least one")
                 items = []
             ids = tuple(check.integer(f"ids[{i}]", x) for i, x in enumerate(items))
             if len(set(ids)) < len(ids):

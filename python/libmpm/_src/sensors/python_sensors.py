@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Literal
 
-from libmpm._src.base.values import Checker, sequence, value
+from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.sensors.engine_sensors import Sensor, check_interval
 from libmpm._src.sensors.reductions import DIRECTIONS, OPERATIONS
 from libmpm._src.shapes.solid import Solid
@@ -224,7 +224,7 @@ class BodyTracker(Sampled):
         given = self.quantities
         chosen = [given] if isinstance(given, str) else sequence(given)
         if not chosen:
-            check.fail(f"quantities is {given!r}; expected some of {', '.join(QUANTITIES)}")
+            check.fail(f"quantities is {shown(given)}; expected some of {', '.join(QUANTITIES)}")
             chosen = []
         for name in chosen:
             check.choice("quantities", name, QUANTITIES)
@@ -300,7 +300,7 @@ class AttributeTracker(Sampled):
     def _check(self, check: Checker) -> dict[str, Any]:
         items = sequence(self.ids)
         if not items:
-            check.fail(f"ids is {self.ids!r}; expected whole numbers ≥ 0, at least one")
+            check.fail(f"ids is {shown(self.ids)}; expected whole numbers ≥ 0, at least one")
             items = []
         ids = tuple(check.integer(f"ids[{i}]", x) for i, x in enumerate(items))
         if len(set(ids)) < len(ids):
@@ -308,7 +308,7 @@ class AttributeTracker(Sampled):
         given = self.attributes
         names = [given] if isinstance(given, str) else sequence(given)
         if not names:
-            check.fail(f"attributes is {given!r}; expected names, at least one")
+            check.fail(f"attributes is {shown(given)}; expected names, at least one")
             names = []
         return {
             "body": check.text("body", self.body),
@@ -352,8 +352,8 @@ class PressureProbe(Sampled):
         radius = self.radius
         if radius is not None:
             radius = check.number("radius", radius, lower=0, lower_open=True, unit="m")
-        if self.order not in (0, 1) or isinstance(self.order, bool):
-            check.fail(f"order is {self.order!r}; expected 0 (mean) or 1 (straight line)")
+        if type(self.order) is not int or self.order not in (0, 1):
+            check.fail(f"order is {shown(self.order, 40)}; expected 0 (mean) or 1 (straight line)")
         return {
             "position": check.vector("position", self.position, unit="m"),
             "radius": radius,
@@ -402,7 +402,7 @@ class ElevationGauge(Sampled):
         method = check.choice("method", self.method, ("max", "percentile"))
         if (share is None) == (method == "percentile"):
             need = "expected 0 to 100 %" if share is None else "expected it with 'percentile' only"
-            check.fail(f"percentile is {share!r} with method '{method}'; {need}")
+            check.fail(f"percentile is {shown(share)} with method '{method}'; {need}")
         elif share is not None:
             share = check.number("percentile", share, lower=0, upper=100, unit="%")
         return {
@@ -446,11 +446,11 @@ class Custom(Sampled):
 
     def _check(self, check: Checker) -> dict[str, Any]:
         if not callable(self.function) and not isinstance(self.function, str):
-            check.fail(f"function is {self.function!r}; expected a callable of the simulation")
+            check.fail(f"function is {shown(self.function)}; expected a callable of the simulation")
         given = self.columns
         names = [given] if isinstance(given, str) else sequence(given)
         if not names:
-            check.fail(f"columns is {given!r}; expected names, at least one")
+            check.fail(f"columns is {shown(given)}; expected names, at least one")
             names = []
         columns = tuple(check.text("columns", n) for n in names)
         if len(set(columns)) < len(columns):
@@ -459,7 +459,7 @@ class Custom(Sampled):
         if units is not None:
             texts = [units] if isinstance(units, str) else sequence(units)
             if texts is None or len(texts) != len(columns):
-                check.fail(f"units is {units!r}; expected {len(columns)} texts, one a column")
+                check.fail(f"units is {shown(units)}; expected {len(columns)} texts, one a column")
                 texts = []
             units = tuple(check.instance("units", u, (str,), "a text such as 'm/s'") for u in texts)
         interval = check_interval(check, self.interval)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from libmpm._src.base.values import Checker, warn
+from libmpm._src.base.values import Checker, shown, warn
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.oriented_boxes import AXES
 from libmpm._src.shapes.solid import Array, Corner, Solid
@@ -98,7 +98,9 @@ def afloat(
     check.finish()
     names = AXES[: shape.dimension]
     if axis is not None and axis not in names:
-        raise SceneError(f"shapes.afloat: axis is {axis!r}; expected one of {', '.join(names)}")
+        raise SceneError(
+            f"shapes.afloat: axis is {shown(axis)}; expected one of {', '.join(names)}"
+        )
     if rho >= fluid:
         raise SceneError(
             f"shapes.afloat: density is {rho:g} in a fluid of {fluid:g} kg/m³; expected less: it "
@@ -108,7 +110,9 @@ def afloat(
     low, high = (np.asarray(end, dtype=np.float64) for end in shape.bounds())
     volume = volume_of(shape) if np.all(np.isfinite(high - low)) else math.inf
     if not 0 < volume < math.inf:
-        raise SceneError(f"shapes.afloat: {shape!r:.80} has the volume {volume:g}; expected a body")
+        raise SceneError(
+            f"shapes.afloat: {shown(shape, 80)} has the volume {volume:g}; expected a body"
+        )
     middles, share, edge = _parts(shape, low, high, up)
     draught, low_end = _draught(middles[:, up], share, float(edge[up]), rho / fluid)
     if bed is not None and draught > level - bed:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Sequence
 
+from libmpm._src.base.values import sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.boxes import Box
 from libmpm._src.shapes.oriented_boxes import AXES
@@ -30,17 +32,19 @@ def basin(
     Raises `SceneError`.
     """
     problems = []
-    beds = [bed] if isinstance(bed, Solid) else list(bed)
+    beds = [bed] if isinstance(bed, Solid) else sequence(bed) or []
     if not beds or not all(isinstance(one, Solid) for one in beds):
-        problems.append(f"bed is {bed!r:.80}; expected a solid or several")
+        problems.append(f"bed is {shown(bed, 80)}; expected a solid or several")
     if not isinstance(within, Box):
-        raise SceneError(f"shapes.basin: within is {within!r:.80}; expected a shapes.Box")
+        raise SceneError(f"shapes.basin: within is {shown(within, 80)}; expected a shapes.Box")
     names = AXES[: within.dimension]
     if axis is not None and axis not in names:
-        problems.append(f"axis is {axis!r}; expected one of {', '.join(names)}")
+        problems.append(f"axis is {shown(axis)}; expected one of {', '.join(names)}")
     up = within.dimension - 1 if axis not in names else names.index(str(axis))
     low, high = within.lower[up], within.upper[up]
-    if not low < level <= high:
+    if isinstance(level, bool) or not (isinstance(level, numbers.Real) and abs(level) < 1e300):
+        problems.append(f"level is {shown(level, 80)}; expected a number in m")
+    elif not low < level <= high:
         problems.append(
             f"level is {level:g} m; expected above {low:g} and at most {high:g} m, the bottom "
             "and the top of within"

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from libmpm._src.base.values import Checker, sequence, value
+from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.oriented_boxes import AXES, TurnedBox, rotation
 from libmpm._src.shapes.solid import Array, Bounds, Shape, Solid, box_distance, dot, from_box
 
@@ -33,11 +33,11 @@ def check_faces(check: Checker, faces: Any) -> Any:
         faces = (faces,)
     items = sequence(faces)
     if items is None or not items:
-        check.fail(f"faces is {faces!r}; expected \"all\" or names such as ('x-', 'z+')")
+        check.fail(f"faces is {shown(faces, 80)}; expected \"all\" or names such as ('x-', 'z+')")
         return "all"
     unknown = [f for f in items if f not in FACES]
     for face in unknown:
-        check.fail(f"faces has {face!r}; expected some of {', '.join(FACES)}")
+        check.fail(f"faces has {shown(face, 80)}; expected some of {', '.join(FACES)}")
     return tuple(f for f in FACES if f in items)
 
 
@@ -166,7 +166,9 @@ class OrientedBox(Solid):
                 check.fail(f"size[{a}] is {length:g}; expected > 0 m; give the box a width")
         axis = self.axis
         if axis is not None and len(size) == 2:
-            check.fail(f"axis is {axis!r} in 2D, where the angle is in the plane; leave it out")
+            check.fail(
+                f"axis is {shown(axis)} in 2D, where the angle is in the plane; leave it out"
+            )
         elif axis is not None:
             axis = check.choice("axis", axis, AXES)
         elif len(size) == 3:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from libmpm._src.base.values import Checker, sequence, value
+from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.solid import Array, Bounds, Corner, Solid, box_distance
 
 __all__ = ["EXAMPLE", "Difference", "Intersection", "Union"]
@@ -172,7 +172,7 @@ def _parts(check: Checker, given: Any, kind: type[Union] | type[Intersection]) -
     """Return the parts, with those of parts of the same kind taken apart."""
     items = sequence(given)
     if not items:
-        check.fail(f"parts is {given!r}; expected one or more solids")
+        check.fail(f"parts is {shown(given)}; expected one or more solids")
         return ()
     for i, item in enumerate(items):
         check.instance(f"parts[{i}]", item, (Solid,), EXAMPLE)

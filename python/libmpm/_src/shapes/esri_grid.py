@@ -26,13 +26,20 @@ def read_esri(path: Path, fill: float | None) -> tuple[Array, Array, Array]:
                     break
                 head[words[0].lower()] = float(words[1])
         values = np.loadtxt(path, skiprows=len(head), ndmin=2, dtype=np.float64)
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+    except (OSError, ValueError, IndexError, MemoryError, OverflowError) as error:
         raise SceneError(f"{what}: cannot be read: {error}") from error
     ends = [next((k for k in (f"{a}llcorner", f"{a}llcenter") if k in head), None) for a in "xy"]
     missing = [k for k in ("ncols", "nrows", "cellsize") if k not in head]
     missing += [f"{a}llcorner" for a, end in zip("xy", ends, strict=True) if end is None]
     if missing:
         raise SceneError(f"{what}: its head has no {', '.join(missing)}; expected these first")
+    for key in head:
+        whole = key not in ("nrows", "ncols") or (head[key] >= 1 and head[key] % 1 == 0)
+        if key != "nodata_value" and not (np.isfinite(head[key]) and whole):
+            raise SceneError(f"{what}: {key} is {head[key]:g}; expected a finite number; of rows "
+                             "and columns a whole one ≥ 1")  # fmt: skip
+    if not head["cellsize"] > 0:
+        raise SceneError(f"{what}: cellsize is {head['cellsize']:g}; expected > 0 m")
     shape = int(head["nrows"]), int(head["ncols"])
     if values.size != shape[0] * shape[1]:
         raise SceneError(f"{what}: {values.size} heights; expected {shape[0]} rows of {shape[1]}")

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.arrays import real_array
-from libmpm._src.base.values import Checker, value
+from libmpm._src.base.values import Checker, shown, value
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.esri_grid import read_esri
 from libmpm._src.shapes.polygon import polygon_distance, segment_distance2
@@ -64,7 +64,7 @@ class HeightField(Solid):
             rows = np.empty(0)
         if rows.ndim != 2 or rows.shape[1] != 2:
             raise SceneError(
-                f"{cls.label}.from_list: pairs is {pairs!r:.80}; expected rows (x, z) in m"
+                f"{cls.label}.from_list: pairs is {shown(pairs, 80)}; expected rows (x, z) in m"
             )
         return cls(x=rows[:, 0].tolist(), z=rows[:, 1].tolist(), base=base)
 
@@ -279,7 +279,7 @@ def _numbers(given: Any) -> Array | None:
 def _rising(check: Checker, name: str, given: Any) -> Array:
     found = _numbers(given)
     if found is None or found.ndim != 1 or len(found) < 2:
-        check.fail(f"{name} is {given!r:.80}; expected two or more numbers in m")
+        check.fail(f"{name} is {shown(given, 80)}; expected two or more numbers in m")
         return np.zeros(0)
     wrong = np.flatnonzero(~(np.diff(found) > 0))
     if not np.isfinite(found).all():

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from libmpm._src.base.values import Checker, sequence, value
+from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.polygon import polygon_distance
 from libmpm._src.shapes.solid import (
     Array,
@@ -273,6 +273,6 @@ def _radius(check: Checker, name: str, given: Any) -> float:
 def _ends_3d(check: Checker, name: str, given: Any, instead: str) -> tuple[float, ...]:
     items = sequence(given)
     if items is not None and len(items) == 2:
-        check.fail(f"{name} is {given!r}, in 2D; expected 3 numbers in m; in 2D use {instead}")
+        check.fail(f"{name} is {shown(given)}, in 2D; expected 3 numbers in m; in 2D use {instead}")
         return ()
     return check.vector(name, given, lengths=(3,), unit="m")

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from libmpm._src.base.values import Checker, sequence, value
+from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.oriented_boxes import AXES
 from libmpm._src.shapes.polygon import area, crossing, polygon_distance
 from libmpm._src.shapes.solid import Array, Bounds, Solid, from_box, slab
@@ -197,7 +197,7 @@ class Extrusion(_Prism):
 def _profile(check: Checker, given: Any) -> tuple[tuple[float, ...], ...]:
     items = sequence(given)
     if items is None or len(items) < 3:
-        check.fail(f"profile is {given!r}; expected three or more corners (u, v) in m")
+        check.fail(f"profile is {shown(given)}; expected three or more corners (u, v) in m")
         return ()
     before = len(check.problems)
     corners = [check.vector(f"profile[{i}]", c, lengths=(2,), unit="m")
@@ -207,7 +207,7 @@ def _profile(check: Checker, given: Any) -> tuple[tuple[float, ...], ...]:
     if corners[0] == corners[-1]:
         corners = corners[:-1]
     if len(corners) < 3:
-        check.fail(f"profile is {given!r}; expected three or more corners (u, v) in m")
+        check.fail(f"profile is {shown(given)}; expected three or more corners (u, v) in m")
         return ()
     for i, (one, two) in enumerate(zip(corners, corners[1:] + corners[:1], strict=True)):
         if one == two:

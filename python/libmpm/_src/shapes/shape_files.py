@@ -14,7 +14,7 @@ __all__ = ["check_file"]
 def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]:
     """Return path and SHA-256 of a file; report one that is missing or not as it was."""
     if not isinstance(file, str | Path) or not str(file):
-        check.fail(f"file is {file!r}; expected the path of a file")
+        check.fail(f"file is {shown(file)}; expected the path of a file")
         return "", None
     try:
         found = file_digest(file)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from libmpm._src.base.values import Checker, sequence, value
+from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.combined import EXAMPLE, check_length, least, shifted
 from libmpm._src.shapes.oriented_boxes import AXES, Matrix, rotation
 from libmpm._src.shapes.solid import Array, Bounds, Corner, Solid, dot
@@ -85,7 +85,9 @@ class Turned(Solid):
             return {}
         axis, about = self.axis, self.about
         if axis is not None and self.shape.dimension == 2:
-            check.fail(f"axis is {axis!r} in 2D, where the angle is in the plane; leave it out")
+            check.fail(
+                f"axis is {shown(axis)} in 2D, where the angle is in the plane; leave it out"
+            )
         elif self.shape.dimension == 3:
             axis = "z" if axis is None else check.choice("axis", axis, AXES)
         if about is None:
@@ -93,7 +95,8 @@ class Turned(Solid):
             about = tuple(0.5 * (a + b) for a, b in ends)
             if not all(map(math.isfinite, about)):
                 check.fail(
-                    f"about is left out of {self.shape!r:.80}, which has no end and so no middle; "
+                    f"about is left out of {shown(self.shape, 80)}, which has no end and so "
+                    "no middle; "
                     "give about=(...) in m"
                 )
         else:
@@ -184,7 +187,7 @@ class Repeated(Solid):
         check.instance("shape", self.shape, (Solid,), EXAMPLE)
         given = sequence(self.counts)
         if given is None or len(given) not in (2, 3):
-            check.fail(f"counts is {self.counts!r}; expected 2 or 3 whole numbers ≥ 1")
+            check.fail(f"counts is {shown(self.counts)}; expected 2 or 3 whole numbers ≥ 1")
             given = []
         counts = tuple(check.integer(f"counts[{a}]", n, lower=1) for a, n in enumerate(given))
         spacing = check.vector("spacing", self.spacing, unit="m")

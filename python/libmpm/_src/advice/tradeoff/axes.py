@@ -9,7 +9,7 @@ from typing import Any
 from libmpm._src.advice.tradeoff import choices
 from libmpm._src.advice.tradeoff.metrics import with_energy
 from libmpm._src.advice.tradeoff.result import COLUMNS
-from libmpm._src.base.values import Checker, sequence
+from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.scene.scene import Scene
 from libmpm._src.studies.study.plan import OPTIONS
@@ -21,19 +21,19 @@ __all__ = ["Planned", "one_at_a_time", "take_axes"]
 def take_axes(check: Checker, axes: Any) -> dict[str, list[Any]]:
     """Return name -> values; raises `SceneError` where that is none."""
     if not isinstance(axes, Mapping) or not axes:
-        check.fail(f"axes is {axes!r:.60}; expected names with lists of values")
+        check.fail(f"axes is {shown(axes)}; expected names with lists of values")
         check.finish()
     found = {}
     for name, items in axes.items():
         values = list(items) if isinstance(items, range) else sequence(items)
         if not isinstance(name, str) or not values:
             check.fail(
-                f"axes has {name!r} with {items!r:.60}; expected a name and a list of values"
+                f"axes has {shown(name)} with {shown(items)}; expected a name and a list of values"
             )
             continue
         for i, item in enumerate(values):
             if item in values[:i]:
-                check.fail(f"axes has {item!r} twice in '{name}'; expected each value once")
+                check.fail(f"axes has {shown(item)} twice in '{name}'; expected each value once")
         found[name] = values
     check.finish()
     return found
@@ -55,7 +55,7 @@ class Planned:
         self.scene = scene if isinstance(scene, Scene) else None
         self._factory: Callable[..., Scene] = (lambda: scene) if self.scene is not None else scene
         if not callable(self._factory):
-            check.fail(f"scene is {scene!r:.60}; expected a Scene or a function that returns one")
+            check.fail(f"scene is {shown(scene)}; expected a Scene or a function that returns one")
             check.finish()
         self.until = until
         if not callable(until):

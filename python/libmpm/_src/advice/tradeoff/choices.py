@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from libmpm._src.base.values import Checker, nearest, plain
+from libmpm._src.base.values import Checker, nearest, plain, shown
 from libmpm._src.boundaries.responses import DecayLayer
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.grids.shapes import Cells, Points
@@ -152,7 +152,9 @@ def _fbar(check: Checker, name: str, value: Any) -> Any:
     if value is None or value == "default" or isinstance(value, FBar):
         return value
     if not isinstance(value, str):
-        check.fail(f'{name} has {value!r}; expected FBar(...), the name of a form, "default", None')
+        check.fail(
+            f'{name} has {shown(value)}; expected FBar(...), the name of a form, "default", None'
+        )
         return None
     return _within(check, name, lambda _: FBar(form=value))  # type: ignore[arg-type]
 
@@ -263,7 +265,7 @@ def check_value(check: Checker, name: str, value: Any) -> None:
         try:
             backends.parse_device(value)
         except (Error, AttributeError, TypeError) as error:
-            check.fail(f"{name} has {value!r}: {error}")
+            check.fail(f"{name} has {shown(value)}: {error}")
 
 
 def apply_choices(scene: Scene, values: Mapping[str, Any]) -> Scene:

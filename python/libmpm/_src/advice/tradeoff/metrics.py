@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import Checker, nearest
+from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.output.series import Series
 from libmpm._src.run.guard import opened_by
@@ -116,12 +116,12 @@ def take_metrics(check: Checker, given: Any, scene: Scene | None) -> Metrics:
         pairs = []
     if not pairs:
         check.fail(
-            f"metrics is {given!r:.60}; expected functions of a case, names such as "
+            f"metrics is {shown(given)}; expected functions of a case, names such as "
             "'load/force_x/peak', or a mapping of names to such"
         )
     for name, item in pairs:
         if not isinstance(name, str) or not name:
-            check.fail(f"metrics has the name {name!r}; expected a text")
+            check.fail(f"metrics has the name {shown(name)}; expected a text")
         elif name in functions:
             check.fail(f"metrics has '{name}' twice; give a mapping of distinct names to them")
         elif isinstance(item, str):
@@ -130,7 +130,7 @@ def take_metrics(check: Checker, given: Any, scene: Scene | None) -> Metrics:
             functions[name] = item
         else:
             check.fail(
-                f"metrics has {item!r:.60}; expected a function of a case, or a name such as "
+                f"metrics has {shown(item)}; expected a function of a case, or a name such as "
                 "'load/force_x/peak'"
             )
     return Metrics(functions)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from libmpm._src.advice.tradeoff.front import is_rated
 from libmpm._src.advice.tradeoff.labels import label_of, short
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def plot(table: TradeOff, *, by: str | None, axes: Any) -> Any:
         several = [p for p in table.parameters if len({short(r.get(p)) for r in table.rows}) > 1]
         by = several[0] if several else table.parameters[0]
     elif by not in table.parameters:
-        raise SceneError(f"TradeOff.plot: by is {by!r}; {nearest(str(by), table.parameters)}")
+        raise SceneError(f"TradeOff.plot: by is {shown(by)}; {nearest(str(by), table.parameters)}")
     picture: Any
     if axes is None:
         from libmpm._src.pictures.figures import Picture

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from libmpm._src.base.values import Checker, nearest
+from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.studies.study.case import Case
 
@@ -54,7 +54,7 @@ def _checked(values: Mapping[Any, Any], metrics: Mapping[str, float]) -> dict[st
         elif (
             isinstance(item, bool) or not isinstance(item, numbers.Real) or not math.isfinite(item)
         ):
-            problems.append(f"reference of '{name}' is {item!r:.60}; expected a finite number")
+            problems.append(f"reference of '{name}' is {shown(item)}; expected a finite number")
     if problems:
         raise SceneError(problems)
     return {name: float(item) for name, item in values.items()}
@@ -87,7 +87,8 @@ def take_reference(
     if isinstance(given, numbers.Real) and not isinstance(given, bool):
         return Known(check.number("reference", given))
     check.fail(
-        f"reference is {given!r:.60}; expected 'finest', a number, a mapping of metrics to numbers "
+        f"reference is {shown(given)}; expected 'finest', a number, a mapping of metrics to "
+        "numbers "
         "or of axes to values, or a function of a row"
     )
     return None

@@ -231,7 +231,9 @@ class TradeOff:
             )
             parameters, metrics = tuple(content["parameters"]), tuple(content["metrics"])
             words = content["clock"], content["reference"], content["name"]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except (
+            OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError
+        ) as error:  # fmt: skip
             raise OutputError(
                 f"{target}: {type(error).__name__}: {error}; expected a file of TradeOff.save, "
                 f"format {_FORMAT}, or the folder of a tradeoff that has ended"

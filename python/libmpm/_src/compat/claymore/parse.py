@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.base.values import deeper_than
+from libmpm._src.base.values import deeper_than, shown
 from libmpm._src.compat.claymore.aliases import (
     CONTACTS,
     DIRECTIONS,
@@ -98,7 +98,7 @@ def read_scene(path: Path, context: Context) -> SceneRecord:
 def _unwrapped(context: Context, data: Any) -> Any:
     """Return the scene inside a workflow file of HydroUQ, or the data themselves."""
     if not isinstance(data, Mapping):
-        raise SceneError(f"{context.name}: holds {data!r:.40}; expected an object")
+        raise SceneError(f"{context.name}: holds {shown(data, 40)}; expected an object")
     if _has_bodies(data) or "Events" not in data:
         if not _has_bodies(data) and not any(fold(key) == "simulation" for key in data):
             raise SceneError(

@@ -58,7 +58,7 @@ class Record:
         """Take the object; anything else is a problem and reads as empty."""
         self.context, self.path, self.part = context, path, part
         if not isinstance(data, Mapping):
-            context.fail(path, f"is {data!r:.60}; expected an object")
+            context.fail(path, f"is {shown(data, 60)}; expected an object")
             data = {}
         self._data: dict[str, Any] = dict(data)
         self._taken: set[str] = set()
@@ -83,7 +83,7 @@ class Record:
         self._taken.update(found)
         values = [self._data[key] for key in found]
         if any(other != values[0] for other in values[1:]):
-            both = " and ".join(f"{k} = {v!r:.40}" for k, v in zip(found, values, strict=True))
+            both = " and ".join(f"{k} = {shown(v, 40)}" for k, v in zip(found, values, strict=True))
             self.context.fail(self.path, f"has {both}, which mean the same; keep one of them")
         return values[0] if values else default
 
@@ -105,7 +105,7 @@ class Record:
         rules += [f"≤ {upper:g}"] if upper < math.inf else []
         rule = f"{' and '.join(rules) or 'a number'}{' ' + unit if unit not in ('', '1') else ''}"
         if isinstance(given, bool) or not isinstance(given, int | float):
-            self.context.fail(self.where(name), f"is {given!r:.40}; expected {rule}")
+            self.context.fail(self.where(name), f"is {shown(given, 40)}; expected {rule}")
             return default
         try:
             value = float(given)
@@ -130,7 +130,7 @@ class Record:
         if given is _MISSING or given is None:
             return default
         if not isinstance(given, bool) and given not in (0, 1):
-            self.context.fail(self.where(name), f"is {given!r:.40}; expected true or false")
+            self.context.fail(self.where(name), f"is {shown(given, 40)}; expected true or false")
             return default
         return bool(given)
 
@@ -140,7 +140,7 @@ class Record:
         if given is _MISSING or given is None:
             return default
         if not isinstance(given, str):
-            self.context.fail(self.where(name), f"is {given!r:.40}; expected a text")
+            self.context.fail(self.where(name), f"is {shown(given, 40)}; expected a text")
             return default
         return given
 
@@ -167,7 +167,7 @@ class Record:
         if numbers is None or len(numbers) not in lengths:
             count = " or ".join(map(str, lengths))
             self.context.fail(
-                self.where(name), f"is {given!r:.60}; expected {count} numbers, {unit}"
+                self.where(name), f"is {shown(given, 60)}; expected {count} numbers, {unit}"
             )
             return default
         return numbers
@@ -191,7 +191,7 @@ class Record:
         given = self.raw(name, list(default))
         given = [given] if isinstance(given, str) else given
         if not isinstance(given, list) or not all(isinstance(x, str) for x in given):
-            self.context.fail(self.where(name), f"is {given!r:.60}; expected a list of names")
+            self.context.fail(self.where(name), f"is {shown(given, 60)}; expected a list of names")
             return ()
         return tuple(given)
 
@@ -201,7 +201,7 @@ class Record:
         rows = [_numbers(row) for row in given] if isinstance(given, list) else [None]
         if any(row is None or len(row) != 2 for row in rows):
             self.context.fail(
-                self.where(name), f"is {given!r:.60}; expected pairs [x, y] of numbers, m"
+                self.where(name), f"is {shown(given, 60)}; expected pairs [x, y] of numbers, m"
             )
             return ()
         return tuple((row[0], row[1]) for row in rows if row is not None)
@@ -218,7 +218,7 @@ class Record:
         if isinstance(given, Mapping):
             given = [given]
         if not isinstance(given, list):
-            self.context.fail(self.where(name), f"is {given!r:.60}; expected a list")
+            self.context.fail(self.where(name), f"is {shown(given, 60)}; expected a list")
             return []
         where = self.where(name)
         return [Record(self.context, x, f"{where}[{i}]", part) for i, x in enumerate(given)]
@@ -254,7 +254,7 @@ def pick(records: Sequence[Record | None], kind: str, name: str, default: Any, *
         if value != found[0]:
             first = having[0]
             first.context.note(
-                f"{record.where(name)} is {value!r}, {first.where(name)} is {found[0]!r}; "
+                f"{record.where(name)} is {shown(value)}, {first.where(name)} is {found[0]!r}; "
                 "the latter is taken"
             )
     return found[0]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.text import marked
-from libmpm._src.base.values import Checker, keywords_only, nearest
+from libmpm._src.base.values import Checker, keywords_only, nearest, shown
 from libmpm._src.errors import SceneError
 
 if TYPE_CHECKING:
@@ -43,7 +43,9 @@ class Record:
         filter_order: int | None = None,
     ) -> None:
         """See `Signal`."""
-        check = Checker(self.label + (f" '{name}'" if name else ""))
+        check = Checker(
+            self.label + (f" '{shown(name, 80)}'" if isinstance(name, str) and name else "")
+        )
         self._time, self._value = numbers(check, "time", time), numbers(check, "value", value)
         self._sampling = check.choice("sampling", sampling, ("point", "mean"))
         check.finish()
@@ -242,8 +244,8 @@ def numbers(check: Checker, name: str, given: Any) -> Floats:
     """Return a copy of a column of numbers (n,), which may be not finite."""
     try:
         array = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        check.fail(f"{name} is {given!r:.80}; expected numbers (n,)")
+    except (OverflowError, RecursionError, TypeError, ValueError):
+        check.fail(f"{name} is {shown(given, 80)}; expected numbers (n,)")
         return np.empty(0)
     if array.ndim != 1:
         check.fail(f"{name} has shape {array.shape}; expected (n,)")
@@ -258,7 +260,7 @@ def from_series(
     for key in ("name", "components", "units", "time", "values", "attributes"):
         if not hasattr(series, key):
             raise SceneError(
-                f"{label}: series is {series!r:.80}; expected that of a sensor; use "
+                f"{label}: series is {shown(series, 80)}; expected that of a sensor; use "
                 "analysis.Signal(time, value) for arrays"
             )
     label = f"{label}: sensor '{series.name}'"
@@ -294,7 +296,7 @@ def _component(label: str, series: Series, component: str | None, means: bool) -
     if isinstance(component, str) and component not in names and component.startswith("-"):
         sign, plain = -1.0, component[1:]
     if plain not in names:
-        raise SceneError(f"{label}: component is {component!r}; {nearest(str(plain), names)}")
+        raise SceneError(f"{label}: component is {shown(component)}; {nearest(str(plain), names)}")
     return sign, names.index(plain)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.text import marked
-from libmpm._src.base.values import Checker, nearest
+from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.studies.analysis import plots
 from libmpm._src.studies.analysis.layout import number
 from libmpm._src.studies.analysis.record import Floats
@@ -313,7 +313,9 @@ def regression(
     if isinstance(model, str):
         if model not in MODELS:
             hint = nearest(model, MODELS)
-            check.fail(f"model is {model!r}; {hint} Or give a list of terms, such as ['sqrt c']")
+            check.fail(
+                f"model is {shown(model)}; {hint} Or give a list of terms, such as ['sqrt c']"
+            )
         terms = MODELS.get(model, ())
     else:
         terms = tuple(_texts(check, "model", model))
@@ -389,6 +391,8 @@ def _level(label: str, level: Any) -> float:
 def _texts(check: Checker, name: str, given: Any) -> list[str]:
     """Return a list of terms; at least one."""
     if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-        check.fail(f"{name} is {given!r:.80}; expected a list of terms, such as ['c', 'log n']")
+        check.fail(
+            f"{name} is {shown(given, 80)}; expected a list of terms, such as ['c', 'log n']"
+        )
         return []
     return list(given)

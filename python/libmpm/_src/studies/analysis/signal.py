@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from libmpm._src.base.optional_packages import need
-from libmpm._src.base.values import Checker, keywords_only
+from libmpm._src.base.values import Checker, keywords_only, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.studies.analysis.peaks import Peak, local_maxima
 from libmpm._src.studies.analysis.record import Floats, Record, crossing, from_series
@@ -437,7 +437,7 @@ def responses(
     else:
         check = Checker(label)
         if component is not None:
-            check.fail(f"component is {component!r} of a Signal, which has one; leave it out")
+            check.fail(f"component is {shown(component)} of a Signal, which has one; leave it out")
         check.finish()
         signal = source
     interval = signal.interval

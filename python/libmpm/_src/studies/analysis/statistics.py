@@ -12,7 +12,7 @@ import numpy.typing as npt
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.text import marked
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.studies.analysis import plots
 from libmpm._src.studies.analysis.layout import number
 from libmpm._src.studies.analysis.record import Floats, numbers
@@ -198,8 +198,8 @@ def correlation(
     """
     check = Checker("analysis.correlation")
     check.choice("method", method, ("pearson", "spearman"))
-    if isinstance(names, str) or len(names) < 2:
-        check.fail(f"names is {names!r}; expected a list of two terms or more")
+    if isinstance(names, str) or len(sequence(names) or ()) < 2:
+        check.fail(f"names is {shown(names, 80)}; expected a list of two terms or more")
     check.finish()
     terms, values, _ = sample(check, table, names, missing)
     if len(values) < 3:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.text import marked
-from libmpm._src.base.values import Checker, nearest
+from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.studies.analysis.record import Floats
 
 __all__ = ["Missing", "Table", "Term", "columns", "evaluate", "parse", "sample"]
@@ -64,7 +64,8 @@ def columns(check: Checker, table: Table, name: str = "table") -> dict[str, Any]
         found = {str(key): [row.get(key) for row in table] for key in keys}
     if not found:
         check.fail(
-            f"{name} is {table!r:.80}; expected the result of a study, a mapping of columns, a "
+            f"{name} is {shown(table, 80)}; expected the result of a study, a mapping of "
+            "columns, a "
             "pandas frame, NumPy records or a list of dictionaries, with one row or more"
         )
     return found or {}
@@ -74,7 +75,7 @@ def parse(check: Checker, text: Any, names: Iterable[str]) -> Term | None:
     """Return the term that a text means, for a table with columns `names`."""
     names = list(names)
     if not isinstance(text, str) or not text.strip():
-        check.fail(f"term is {text!r}; expected a text such as 'c' or 'log n'")
+        check.fail(f"term is {shown(text)}; expected a text such as 'c' or 'log n'")
         return None
     name = " ".join(text.split())
     if name in names:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -11,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.values import Checker, Value, sequence, value
-from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic_files import write_json
+from libmpm._src.output.reading_files import read_object
 from libmpm._src.shapes.oriented_boxes import cosine_sine
 from libmpm._src.studies.debris.files import write_csv
 from libmpm._src.studies.debris.laws import Angles
@@ -391,13 +390,7 @@ class DebrisField(Value):
     @classmethod
     def load(cls, path: str | Path) -> DebrisField:
         """Read a field from a JSON file; raises `SceneError`."""
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise SceneError(
-                f"{path}: not JSON: {error}; write it with debris.Field.save"
-            ) from error
-        kept = data if isinstance(data, Mapping) else {}
+        kept = read_object(Path(path), "debris field", "write it with debris.Field.save")
         found: DebrisField = cls.from_dict({k: v for k, v in kept.items() if k != "metadata"})
         return found
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.values import Checker, Value, sequence, value
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.errors import SceneError
 
 __all__ = ["Angles", "SpreadAngles", "Stream", "UniformAngles", "counts_of", "span"]
@@ -70,7 +70,7 @@ def span(
         number = check.number(name, given, unit=unit, **limits)
         return number, number
     if len(items) != 2:
-        check.fail(f"{name} is {given!r}; expected a number or (low, high)")
+        check.fail(f"{name} is {shown(given)}; expected a number or (low, high)")
         return 0.0, 0.0
     low, high = (check.number(f"{name}[{i}]", x, unit=unit, **limits) for i, x in enumerate(items))
     if low > high:
@@ -141,13 +141,13 @@ def counts_of(label: str, shares: Any, kinds: int, count: int) -> list[int]:
     check = Checker(label)
     items = [1.0] * kinds if shares is None else sequence(shares)
     if items is None or len(items) != kinds:
-        check.fail(f"shares is {shares!r}; expected {kinds} numbers, one a prototype")
+        check.fail(f"shares is {shown(shares)}; expected {kinds} numbers, one a prototype")
         check.finish()
         return []
     parts = [check.number(f"shares[{i}]", x, lower=0) for i, x in enumerate(items)]
     check.finish()
     if sum(parts) <= 0:
-        raise SceneError(f"{label}: shares is {shares!r}; expected one above 0")
+        raise SceneError(f"{label}: shares is {shown(shares)}; expected one above 0")
     exact = [count * part / sum(parts) for part in parts]
     # The allowance keeps 10 of 20 from becoming 9 by rounding.
     found = [int(x + 1e-9) for x in exact]

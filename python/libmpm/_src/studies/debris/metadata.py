@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
-from libmpm._src.base.values import Checker, sequence
+from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic_files import write_json
 from libmpm._src.shapes.oriented_boxes import TurnedBox, close_pairs, cosine_sine, depth, rotation
@@ -50,7 +50,9 @@ def metadata(
         width = check.number("width", width, lower=0, lower_open=True, unit="m")
     listed = sequence(thetas)
     if listed is None:
-        check.fail(f"thetas is {thetas!r}; expected several angles in degrees, such as (15, 30)")
+        check.fail(
+            f"thetas is {shown(thetas)}; expected several angles in degrees, such as (15, 30)"
+        )
     angles_of = [
         check.number(f"thetas[{i}]", t, lower=0, upper=90, unit="degrees")
         for i, t in enumerate(listed or [])
@@ -159,7 +161,7 @@ def _area(check: Checker, field: DebrisField, footprint: Any, longest: float) ->
         return longest**2
     edges = sequence(footprint) or [footprint, footprint]
     if len(edges) != 2 or isinstance(footprint, str):
-        check.fail(f'footprint is {footprint!r}; expected None, "square", L or (lx, ly) in m')
+        check.fail(f'footprint is {shown(footprint)}; expected None, "square", L or (lx, ly) in m')
         return 1.0
     return math.prod(
         check.number("footprint", edge, lower=0, lower_open=True, unit="m") for edge in edges

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-from libmpm._src.base.values import Checker, keywords_only, sequence
+from libmpm._src.base.values import Checker, keywords_only, sequence, shown
 from libmpm._src.studies.debris.field import DebrisField, Placement
 from libmpm._src.studies.debris.laws import Stream, counts_of
 from libmpm._src.studies.debris.prototype import Piece, Prototype, check_prototypes
@@ -63,10 +63,12 @@ def ordered(
     else:
         free = [check.number(f"clearance[{i}]", x, lower=0, unit="m") for i, x in enumerate(given)]
     if len(free) != 3:
-        check.fail(f"clearance is {clearance!r}; expected a number or (along, across, up) in m")
+        check.fail(
+            f"clearance is {shown(clearance)}; expected a number or (along, across, up) in m"
+        )
     if orientation not in (0, 90):
         check.fail(
-            f"orientation is {orientation!r}; expected 0, long edges along the flow, or 90; "
+            f"orientation is {shown(orientation)}; expected 0, long edges along the flow, or 90; "
             "use rotation to turn the whole"
         )
     middle = check.vector("centre", centre, lengths=(2,), unit="m")

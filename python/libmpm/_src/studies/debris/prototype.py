@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from libmpm._src.base.values import Checker, Value, sequence, value
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import Material
 
@@ -102,6 +102,6 @@ def check_prototypes(label: str, given: Any) -> tuple[Prototype, ...]:
     items = [given] if isinstance(given, Prototype) else sequence(given)
     if not items or not all(isinstance(p, Prototype) for p in items):
         raise SceneError(
-            f"{label}: prototypes is {given!r}; expected a debris.Prototype, or several"
+            f"{label}: prototypes is {shown(given)}; expected a debris.Prototype, or several"
         )
     return tuple(items)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.values import Checker, keywords_only, sequence
+from libmpm._src.base.values import Checker, keywords_only, sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.studies.debris.field import DebrisField, Placement
 from libmpm._src.studies.debris.laws import Angles, Stream, UniformAngles, counts_of, span
@@ -179,7 +179,7 @@ class _Sizes:
         if count is not None:
             ends = sequence(count) or [count, count]
             if len(ends) != 2:
-                check.fail(f"count is {count!r}; expected a whole number or (low, high)")
+                check.fail(f"count is {shown(count)}; expected a whole number or (low, high)")
                 ends = [1, 1]
             if ends[0] is ends[1]:
                 ends = [check.integer("count", ends[0], lower=1)] * 2

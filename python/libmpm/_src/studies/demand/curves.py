@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic_files import replacing
 from libmpm._src.studies.analysis import plots
@@ -243,6 +243,9 @@ def combine(
     Raises `SceneError`. Source: Bonus (2023) 11.1, p(EDP) = Σ p(EDP | IM) Δλ.
     """
     check = Checker("demand.combine")
+    if not isinstance(scenarios, Iterable):
+        check.fail(f"scenarios is {shown(scenarios, 80)}; expected pairs of a rate and a curve")
+        check.finish()
     pairs = list(scenarios)
     confidence = level_of(check, confidence)
     if not pairs:
@@ -251,7 +254,7 @@ def combine(
     for k, pair in enumerate(pairs):
         number, curve = pair if isinstance(pair, tuple | list) and len(pair) == 2 else (pair, None)
         if not isinstance(curve, Exceedance) or curve._hits is None:
-            check.fail(f"scenarios[{k}] is {pair!r:.80}; expected (rate, curve without rates)")
+            check.fail(f"scenarios[{k}] is {shown(pair)}; expected (rate, curve without rates)")
             continue
         positive: dict[str, Any] = {"lower": 0, "lower_open": True, "unit": "per period"}
         each = check.number(f"scenarios[{k}] rate", number, **positive)
@@ -315,5 +318,5 @@ def loads_of(check: Checker, load: npt.ArrayLike | None) -> Floats | None:
     if not check.problems and (
         places.ndim != 1 or places.size == 0 or (np.diff(places) <= 0).any()
     ):
-        check.fail(f"load is {load!r:.60}; expected increasing loads (m,) in N")
+        check.fail(f"load is {shown(load)}; expected increasing loads (m,) in N")
     return places

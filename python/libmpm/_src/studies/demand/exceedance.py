@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, shown
 from libmpm._src.studies.analysis.regression import Prediction
 from libmpm._src.studies.analysis.tables import Missing, Table, sample
 from libmpm._src.studies.demand.curves import (
@@ -126,6 +126,8 @@ def exceedance(
     # Streams of their own: more draws or another scatter leave the fields as they are.
     streams = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(3))
     of_fields, of_parameters, of_scatter = streams
+    check.instance("joint", joint, (bool, np.bool_), "True or False")
+    check.finish()
     if joint:
         fields = _rows(check, laws, angles, samples)
         check.finish()
@@ -194,7 +196,7 @@ def from_study(
     if (response is None) == (model is None):
         check.fail("expected either the response's column or a model")
     elif model is not None and not hasattr(model, "predict"):
-        check.fail(f"model is {model!r:.60}; expected an object with predict(table)")
+        check.fail(f"model is {shown(model, 60)}; expected an object with predict(table)")
     elif scatter > 0 and model is None:
         check.fail(f"scatter is {scatter:g} without a model; expected 0, as results scatter anyway")
     check.finish()
@@ -248,9 +250,13 @@ class _Request:
             waves = [(check.number("rate", rate, **positive), 1.0)]
         elif hazard is not None:
             waves = []
-            for k, pair in enumerate(hazard):
+            if not isinstance(hazard, Iterable):
+                check.fail(f"hazard is {shown(hazard, 60)}; expected pairs (rate, factor)")
+            for k, pair in enumerate(hazard if isinstance(hazard, Iterable) else ()):
                 if not isinstance(pair, tuple | list | np.ndarray) or len(pair) != 2:
-                    check.fail(f"hazard[{k}] is {pair!r:.60}; expected (rate per period, factor)")
+                    check.fail(
+                        f"hazard[{k}] is {shown(pair, 60)}; expected (rate per period, factor)"
+                    )
                     continue
                 number = check.number(f"hazard[{k}] rate", pair[0], **positive)
                 waves.append((number, check.number(f"hazard[{k}] factor", pair[1], lower=0)))
@@ -358,7 +364,9 @@ def _rows(check: Checker, laws: dict[str, Law], angles: str, samples: Any) -> _F
     if angles != "field":
         check.fail("angles is 'debris' with joint=True; expected 'field': one angle a row")
     if samples is not None:
-        check.fail(f"samples is {samples!r} with joint=True; leave it out: each row is used once")
+        check.fail(
+            f"samples is {shown(samples)} with joint=True; leave it out: each row is used once"
+        )
     if check.problems:
         return _Fields(np.ones(1), np.zeros(1), np.zeros(1), False)
     spread = {name: np.broadcast_to(c, (size,)) for name, c in columns.items()}

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, shown
 from libmpm._src.studies.design.arrays import Floats, numbers
 
 __all__ = ["Density", "Discrete", "Histogram", "Law", "integral", "law_of"]
@@ -106,7 +106,7 @@ class Histogram(Law):
         check = Checker(self.label)
         self.edges = numbers(check, "edges", edges)
         if self.edges.ndim != 1 or self.edges.size < 2 or (np.diff(self.edges) <= 0).any():
-            check.fail(f"edges are {edges!r:.80}; expected two or more increasing numbers")
+            check.fail(f"edges are {shown(edges, 80)}; expected two or more increasing numbers")
         check.finish()
         weights = _shares(check, "weight", weight, len(self.edges) - 1)
         if not weights.sum() > 0:
@@ -151,7 +151,7 @@ class Density(Law):
     def __init__(self, function: Callable[[float], float], lower: float, upper: float) -> None:
         check = Checker(self.label)
         if not callable(function):
-            check.fail(f"function is {function!r}; expected a callable of one number")
+            check.fail(f"function is {shown(function)}; expected a callable of one number")
         self.lower, self.upper = check.number("lower", lower), check.number("upper", upper)
         if self.upper <= self.lower:
             check.fail(f"upper is {self.upper:g} with lower {self.lower:g}; expected upper > lower")
@@ -240,7 +240,8 @@ def law_of(
         )
     elif whole and not isinstance(law, Discrete):
         check.fail(
-            f"{name} is a continuous law, {item!r:.60}; expected whole numbers; use a discrete law "
+            f"{name} is a continuous law, {shown(item, 60)}; expected whole numbers; use a "
+            "discrete law "
             "such as scipy.stats.poisson, scipy.stats.randint or demand.Discrete"
         )
     elif whole and isinstance(law, Discrete):

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.optional_packages import need
-from libmpm._src.base.values import Checker, warn
+from libmpm._src.base.values import Checker, shown, warn
 from libmpm._src.studies.analysis.regression import Regression, regression
 from libmpm._src.studies.demand.laws import Discrete, Law, integral, law_of
 from libmpm._src.studies.design.arrays import Floats, numbers
@@ -69,7 +69,7 @@ class Reduction:
     ) -> None:
         check = Checker(self.label)
         if not callable(function):
-            check.fail(f"function is {function!r}; expected a callable of an array")
+            check.fail(f"function is {shown(function)}; expected a callable of an array")
         self.lower, self.upper = check.number("lower", lower), check.number("upper", upper)
         if self.upper <= self.lower:
             check.fail(f"upper is {self.upper:g} with lower {self.lower:g}; expected upper > lower")
@@ -142,7 +142,7 @@ class Reduction:
         place = numbers(check, "x", x)
         height = numbers(check, "value", value, lower=0, upper=1)
         if place.ndim != 1 or place.size < 2 or (np.diff(place) <= 0).any():
-            check.fail(f"x is {x!r:.80}; expected two or more increasing numbers")
+            check.fail(f"x is {shown(x, 80)}; expected two or more increasing numbers")
         elif height.shape != place.shape and not check.problems:
             check.fail(f"value has shape {height.shape}; expected {place.shape}, as x")
         check.finish()
@@ -385,7 +385,7 @@ def rate_weighted_load(
     theta = _averaged(check, "angle", angle, angle_reduction)
     reduced = reduction_of(check, "porosity", porosity_reduction, rate)
     if not callable(rate):
-        check.fail(f"rate is {rate!r:.60}; expected a function of the porosity in 1 / period")
+        check.fail(f"rate is {shown(rate, 60)}; expected a function of the porosity in 1 / period")
     check.finish()
     if isinstance(ordered, OrderedLoad):
         ordered.warn_beyond(counts.value)
@@ -429,7 +429,7 @@ def reduction_of(
         return none
     if not isinstance(item, Reduction):
         if not callable(item):
-            check.fail(f"{name}_reduction is {item!r:.60}; expected a demand.Reduction")
+            check.fail(f"{name}_reduction is {shown(item, 60)}; expected a demand.Reduction")
             return none
         item = Reduction(item, upper=upper)
     if item.lower > 0 or item.upper < upper * (1 - _ROUNDING):
@@ -449,7 +449,9 @@ def capacity(check: Checker, ordered: Any, count: Floats) -> Floats:
     """Return C at counts (n,), 0 where there are none; reports to `check`, and does not warn."""
     kinds, which = np.unique(count, return_inverse=True)
     if isinstance(ordered, bool) or not (callable(ordered) or np.isscalar(ordered)):
-        check.fail(f"ordered is {ordered!r:.60}; expected C(c), a function of counts or a number")
+        check.fail(
+            f"ordered is {shown(ordered, 60)}; expected C(c), a function of counts or a number"
+        )
         return np.zeros_like(count)
     if isinstance(ordered, OrderedLoad):
         ordered = ordered.estimate

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, shown
 
 __all__ = ["Floats", "numbers"]
 
@@ -31,10 +31,13 @@ def numbers(
 
     What is wrong with the first bad entry is reported to `check`; the result is then not a number.
     """
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except (OverflowError, RecursionError, ValueError):  # rows of different lengths, deep nests
+        array = np.empty(0, dtype=object)
     if array.dtype.kind not in "iuf":
         tail = f" in {unit}" if unit and unit != "1" else ""
-        check.fail(f"{name} is {value!r:.80}; expected a number or an array of numbers{tail}")
+        check.fail(f"{name} is {shown(value, 80)}; expected a number or an array of numbers{tail}")
         return np.array(np.nan)
     array = array.astype(np.float64)
     bad = ~np.isfinite(array) | (array > upper)

@@ -58,6 +58,10 @@ class Impact:
         )
 
 
+#: Samples of one contact.
+_MOST_SAMPLES = 10_000_000
+
+
 def kelvin_voigt(
     *, mass: float, stiffness: float, velocity: float, damping: float = 0.0, samples: int = 201
 ) -> Impact:
@@ -89,6 +93,8 @@ def kelvin_voigt(
     velocity = check.number("velocity", velocity, unit="m/s", **positive)
     damping = check.number("damping", damping, lower=0, unit="N·s/m²")
     samples = check.integer("samples", samples, lower=2)
+    if samples > _MOST_SAMPLES:
+        check.fail(f"samples is {samples}; expected ≤ {_MOST_SAMPLES}, of one contact")
     check.finish()
     integrate = need("scipy.integrate", "design.kelvin_voigt", "studies")
     ratio = damping * velocity / stiffness
@@ -115,6 +121,12 @@ def kelvin_voigt(
         rtol=_RELATIVE,
         atol=_ABSOLUTE,
     )
+    if not all(len(times) for times in found.t_events):
+        check.fail(
+            f"damping is {damping:g} N·s/m², {ratio:.3g} of stiffness / velocity: no release was "
+            "found; expected less; use a smaller damping"
+        )
+        check.finish()
     end, top = float(found.t_events[0][0]), float(found.t_events[1][0])
     place, speed = found.sol(np.linspace(0.0, end, samples))
     place[[0, -1]] = 0.0

@@ -137,7 +137,7 @@ def bar_impulse(*, mass: Numbers, velocity: Numbers) -> Any:
 
 _PACZKOWSKI = "Bonus (2023) eq. {}, after Paczkowski et al. (2012)"
 _REFLECTION = Symbol("R", "1", "reflection coefficient", lower=-1, upper=1)
-_TERMS = Symbol("n", "1", "highest power kept", lower=0, whole=True)
+_TERMS = Symbol("n", "1", "highest power kept", lower=0, upper=10_000, whole=True)
 _POWERS = "R ≤ 0.8, the value stated for shipping containers; beyond, the powers left out count"
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.base.values import plain
+from libmpm._src.base.values import plain, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.output.locks import is_held
 from libmpm._src.output.sensor_file import read_sensors
@@ -110,13 +110,14 @@ def compute_response(case: Case, response: Response) -> Found:
     except Exception as error:
         return {}, f"{label}: {describe(error)}"
     if not isinstance(found, Mapping):
-        return {}, f"{label}: returned {found!r:.60}; expected a mapping of names to numbers"
+        return {}, f"{label}: returned {shown(found, 60)}; expected a mapping of names to numbers"
     numbers_, problems = {}, []
     for name, item in found.items():
         item = item.item() if hasattr(item, "item") and getattr(item, "size", 1) == 1 else item
         if not isinstance(name, str) or not isinstance(item, numbers.Real | None):
             problems.append(
-                f"{label}: {name!r} is {item!r:.60}; expected a name and a number, or None where "
+                f"{label}: {name!r} is {shown(item, 60)}; expected a name and a number, or "
+                "None where "
                 "there is none"
             )
         elif name in taken:

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 
 if TYPE_CHECKING:
@@ -107,7 +107,14 @@ def load_study(path: Path, folder: Path) -> Study:
     # The file may import its neighbours, and what it defines may be pickled.
     sys.modules["libmpm_study"] = module
     sys.path.insert(0, str(path.resolve().parent))
-    specification.loader.exec_module(module)
+    try:
+        specification.loader.exec_module(module)
+    except (SyntaxError, UnicodeDecodeError, RecursionError, MemoryError) as error:
+        line = getattr(error, "lineno", None)
+        raise SceneError(
+            f"{path}{f', line {line}' if line else ''}: no Python that can be read: {error}; "
+            "expected a file that defines study(folder); correct it"
+        ) from error
     hook = getattr(module, _HOOK, None)
     if not callable(hook):
         raise SceneError(
@@ -116,5 +123,7 @@ def load_study(path: Path, folder: Path) -> Study:
         )
     made = hook(folder)
     if not isinstance(made, Study):
-        raise SceneError(f"{path}: study(folder) returned {made!r:.60}; expected a libmpm.Study")
+        raise SceneError(
+            f"{path}: study(folder) returned {shown(made, 60)}; expected a libmpm.Study"
+        )
     return made

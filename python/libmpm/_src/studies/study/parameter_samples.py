@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from libmpm._src.base.optional_packages import need
-from libmpm._src.base.values import Checker, sequence
+from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.errors import SceneError
 
 __all__ = ["grid", "latin_hypercube", "sobol"]
@@ -58,13 +58,13 @@ def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
     """
     check = Checker("studies.grid")
     if not isinstance(values, Mapping) or not values:
-        check.fail(f"values is {values!r:.60}; expected names with lists of values")
+        check.fail(f"values is {shown(values, 60)}; expected names with lists of values")
         check.finish()
     lists = {}
     for name, items in values.items():
         found = list(items) if isinstance(items, range) else sequence(items)
         if not found:
-            check.fail(f"'{name}' is {items!r:.60}; expected a list of one or more values")
+            check.fail(f"'{name}' is {shown(items, 60)}; expected a list of one or more values")
         lists[name] = found or []
     check.finish()
     return [dict(zip(lists, row, strict=True)) for row in itertools.product(*lists.values())]
@@ -78,7 +78,7 @@ def _checked(
     n = check.integer("n", n, lower=1)
     seed = check.integer("seed", seed)
     if not isinstance(ranges, Mapping) or not ranges:
-        check.fail(f"ranges is {ranges!r:.60}; expected names with (low, high)")
+        check.fail(f"ranges is {shown(ranges, 60)}; expected names with (low, high)")
         check.finish()
     low, high = [], []
     for name, ends in ranges.items():

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.base.values import Checker, nearest, plain
+from libmpm._src.base.values import Checker, nearest, plain, shown
 from libmpm._src.errors import CheckpointError, SceneError
 from libmpm._src.run.engine_spec import check_options, choose_precision
 from libmpm._src.scene.scene import Scene
@@ -55,7 +55,7 @@ class Trunk:
         """See the class."""
         check = Checker("Trunk")
         if not callable(factory):
-            check.fail(f"factory is {factory!r:.60}; expected a function that returns a Scene")
+            check.fail(f"factory is {shown(factory, 60)}; expected a function that returns a Scene")
         if not callable(until):
             until = check.number("until", until, lower=0, lower_open=True, unit="s")
         check.finish()
@@ -247,7 +247,7 @@ def _noting(plan: Plan) -> Iterator[None]:
 
 def _scene(found: Any, what: str) -> Scene:
     if not isinstance(found, Scene):
-        raise SceneError(f"{what} returned {found!r:.60}; expected a libmpm.Scene")
+        raise SceneError(f"{what} returned {shown(found, 60)}; expected a libmpm.Scene")
     return found
 
 

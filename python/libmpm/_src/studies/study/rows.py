@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.base.values import Value, nearest, plain
+from libmpm._src.base.values import Value, nearest, plain, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.studies.study.record import is_row
 
@@ -43,7 +43,7 @@ def take_rows(label: str, rows: Any) -> list[dict[str, Any]]:
     for number, row in enumerate(_records(label, rows)):
         if not isinstance(row, Mapping):
             problems.append(
-                f"{label}: row {number} is {row!r:.60}; expected a mapping of names to values"
+                f"{label}: row {number} is {shown(row, 60)}; expected a mapping of names to values"
             )
             continue
         if not is_row(dict(row)):
@@ -53,7 +53,9 @@ def take_rows(label: str, rows: Any) -> list[dict[str, Any]]:
         for name, item in row.items():
             where = f"{label}: row {number}: {name}"
             if not isinstance(name, str) or not name:
-                problems.append(f"{label}: row {number} has the name {name!r}; expected a text")
+                problems.append(
+                    f"{label}: row {number} has the name {shown(name)}; expected a text"
+                )
                 continue
             made[name] = _value(where, item, problems)
         taken.append(made)
@@ -73,7 +75,8 @@ def _records(label: str, rows: Any) -> Iterable[Any]:
         return list(rows.to_dict("records"))
     if isinstance(rows, str) or not isinstance(rows, Iterable):
         raise SceneError(
-            f"{label}: rows is {rows!r:.60}; expected mappings, a NumPy array with named columns, "
+            f"{label}: rows is {shown(rows, 60)}; expected mappings, a NumPy array with "
+            "named columns, "
             "or a data frame"
         )
     return rows
@@ -98,7 +101,8 @@ def _value(where: str, item: Any, problems: list[str]) -> Any:
     if isinstance(item, Mapping):
         return {str(k): _value(f"{where}[{k!r}]", x, problems) for k, x in item.items()}
     problems.append(
-        f"{where} is {item!r:.60}; expected numbers, texts, lists of them or values of libmpm, "
+        f"{where} is {shown(item, 60)}; expected numbers, texts, lists of them or values of "
+        "libmpm, "
         "which files can hold; let the factory make the object from them"
     )
     return None
@@ -127,7 +131,8 @@ def _refuse(item: Any, where: str, problems: list[str]) -> None:
         problems.append(f"{where} is {item}; expected a finite number")
     elif item is not None and not isinstance(item, bool | int | float | str):
         problems.append(
-            f"{where} is {item!r:.60}, which no file can hold and no digest can name; give it as "
+            f"{where} is {shown(item, 60)}, which no file can hold and no digest can name; "
+            "give it as "
             "plain values, for instance a libmpm.Field of formulas or a libmpm.TimeTable"
         )
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.base.values import Checker, keywords_only, nearest
+from libmpm._src.base.values import Checker, keywords_only, nearest, shown
 from libmpm._src.errors import OutputError, SceneError
 from libmpm._src.output.atomic_files import writing
 from libmpm._src.output.locks import locked
@@ -97,11 +97,11 @@ class Study:
         """Check the request; nothing is written or run yet."""
         check = Checker("Study")
         if not callable(factory):
-            check.fail(f"factory is {factory!r:.60}; expected a function that returns a Scene")
+            check.fail(f"factory is {shown(factory, 60)}; expected a function that returns a Scene")
         if not callable(until):
             until = check.number("until", until, lower=0, lower_open=True, unit="s")
         if response is not None and not callable(response):
-            check.fail(f"response is {response!r:.60}; expected a function of a case, or None")
+            check.fail(f"response is {shown(response, 60)}; expected a function of a case, or None")
         if trunk is not None:
             check.instance("trunk", trunk, (Trunk,), "libmpm.studies.Trunk(...)")
         axes = [run_axes] if isinstance(run_axes, str) else list(run_axes)
@@ -113,7 +113,9 @@ class Study:
                 if key not in OPTIONS:
                     check.fail(f"options has '{key}'; {nearest(key, OPTIONS)}")
         elif options is not None and not callable(options):
-            check.fail(f"options is {options!r:.60}; expected a mapping or a function, or None")
+            check.fail(
+                f"options is {shown(options, 60)}; expected a mapping or a function, or None"
+            )
         name = check.text("name", name, empty=True)
         check.finish()
         self._folder = Path(folder).resolve()
@@ -267,7 +269,7 @@ class Study:
         if time_limit is not None:
             time_limit = check.number("time_limit", time_limit, lower=0, lower_open=True, unit="s")
         if executor is not None and not callable(getattr(executor, "submit", None)):
-            check.fail(f"executor is {executor!r:.60}; expected an object with submit(...)")
+            check.fail(f"executor is {shown(executor, 60)}; expected an object with submit(...)")
         elif executor is not None and workers is not None:
             check.fail("workers is given with an executor, which has its own; leave one out")
         check.finish()
