@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -10,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.values import Checker, Value, sequence, value
+from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic_files import write_json
-from libmpm._src.output.reading_files import read_object
 from libmpm._src.shapes.oriented_boxes import cosine_sine
 from libmpm._src.studies.debris.files import write_csv
 from libmpm._src.studies.debris.laws import Angles
@@ -390,7 +391,15 @@ class DebrisField(Value):
     @classmethod
     def load(cls, path: str | Path) -> DebrisField:
         """Read a field from a JSON file; raises `SceneError`."""
-        kept = read_object(Path(path), "debris field", "write it with debris.Field.save")
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise SceneError(f"{path}: cannot be read: {error}; correct the path") from error
+        except (ValueError, RecursionError, MemoryError) as error:
+            raise SceneError(
+                f"{path}: not JSON: {error}; write it with debris.Field.save"
+            ) from error
+        kept = data if isinstance(data, Mapping) else {}
         found: DebrisField = cls.from_dict({k: v for k, v in kept.items() if k != "metadata"})
         return found
 
