@@ -82,7 +82,7 @@ class Forged(Attack):
         self.note(room, said=said)
         try:
             save_checkpoint(path, found)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, RecursionError):
             return {"not a checkpoint": 1}
         return {_judge(path): 1}
 
