@@ -141,7 +141,8 @@ def _may_differ(one: _Part, two: _Part) -> bool:
         return True
     if isinstance(one.response, Sticky | Prescribed) or isinstance(two.response, Sticky):
         return False
-    return _rubs(one.response) != _rubs(two.response)
+    found: bool = _rubs(one.response) != _rubs(two.response)
+    return found
 
 
 def _rule(part: _Part) -> str:
