@@ -7,6 +7,7 @@ Expected duration: 30 s, nearly all of it the naive method.
 import numpy as np
 import pytest
 
+import libmpm
 from support import scenes
 from support.devices import device  # noqa: F401
 from support.lines_reference import LinesReference
@@ -39,3 +40,31 @@ def test_as_the_naive_method(dimension, case, device):
         assert np.abs(scenes.by_id(machine, k, "velocity") - expected).max() < (
             REFERENCE * np.abs(expected).max()
         )
+
+
+def flume(bed, transfer="APIC"):
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0.0, 0.0), upper=(2.0, 1.0), gravity=(0.0, -9.81),
+        method=libmpm.Method(transfer=transfer),
+    )  # fmt: skip
+    scene.add_body(
+        name="water", shape=libmpm.shapes.Box(lower=(0.0, 0.3), upper=(2.0, 0.6)),
+        material=libmpm.materials.TaitFluid(bulk_modulus=1e6),
+    )  # fmt: skip
+    response = libmpm.boundaries.Slip(cell="linear")
+    scene.add_boundary(name="walls", shape=libmpm.shapes.DomainWalls(), response=response)
+    scene.add_boundary(
+        name="bed", shape=libmpm.shapes.HalfSpace(point=(0.0, 0.3), normal=(0.0, 1.0)),
+        response=libmpm.boundaries.Slip(cell=bed),
+    )  # fmt: skip
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("bed", "transfer", "words"),
+    [("linear", "APIC", ()), ("held", "APIC", ("bed", "held")), ("linear", "FLIP", ("AFLIP",))],
+)
+def test_what_failed_in_a_flume_is_said(bed, transfer, words):
+    said = [w for w in flume(bed, transfer).plan(until=0.1).warnings if "linear" in w]
+    assert bool(said) == bool(words)
+    assert all(word in said[0] for word in words)

@@ -495,6 +495,8 @@ def test_a_turned_body_moves_like_a_rigid_one(angle: float) -> None:
     # A lattice of n points has 1 - 1/n² of the second moment of its length.
     n, m = 32, 8
     inertia = mass / 12 * (length**2 * (1 - 1 / n**2) + width**2 * (1 - 1 / m**2))
+    # An affine deposit turns about its own particle too: m Δx²/4 (C_yx - C_xy), quadratic splines.
+    inertia += mass * scene.cell_size**2 / 2
 
     def angular() -> float:
         momentum = sim.grid["mass"][:, None] * sim.grid["velocity"]

@@ -23,7 +23,14 @@ if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary, PlacedSensor
 
-__all__ = ["check_edges", "check_motion", "check_reaction", "check_responses", "check_surface"]
+__all__ = [
+    "check_edges",
+    "check_motion",
+    "check_reaction",
+    "check_responses",
+    "check_surface",
+    "doubts_of_linear",
+]
 
 #: Cells beyond its layer in which a boundary may hold nodes ahead of an edge; 0.4 at right angles.
 _AHEAD = 1.0
@@ -31,6 +38,9 @@ _AHEAD = 1.0
 #: Nodes that are looked at, and steps towards the surface from each.
 _NODES = 1 << 14
 _STEPS = 50
+
+#: Responses that take a cell.
+_SLIDES = ("slip", "separable")
 
 #: Schemes whose filters pass over the grid between the sums and the boundaries.
 _FILTERS = ("XPIC", "FMPM")
@@ -155,6 +165,34 @@ def _check_linear(check: Checker, scene: SceneData, boundary: Boundary) -> None:
             f'cell is "linear" in a scene with Mirror walls; {held}, or Slip(cell="linear") '
             "in place of the mirrors"
         )
+
+
+def doubts_of_linear(scene: SceneData) -> list[str]:
+    """Say where linear cells have been seen to fail in a long flow (`docs/boundaries.md`)."""
+    linear = [b.name for b in scene.boundaries if any(r.is_linear for r in b.responses)]
+    if not linear:
+        return []
+    found = []
+    transfer = scene.method.transfer_choice
+    if transfer.stores_velocity and (transfer.flip is None or transfer.flip > 0.99):
+        found.append(
+            f"boundary '{linear[0]}': linear cells with transfer '{transfer.scheme}', of which "
+            "particles keep their whole velocity: in a flume of 70 m some beside a corner grew "
+            "fast, and left the domain after 2.7 s in cells of 0.05 m; expected 'APIC', or "
+            "'AFLIP' with flip=0.95, or Guard(...) to watch it"
+        )
+    held = [
+        b.name
+        for b in scene.boundaries
+        if b.is_surface and not b.responses[0].is_linear and b.responses[0].kind in _SLIDES
+    ]
+    if held:
+        found.append(
+            f"boundary '{held[0]}' holds its nodes beside '{linear[0]}' with linear cells: where a "
+            "held bed stepped up from a linear floor, particles passed through the corner after "
+            '8 s; expected one cell for both; give it cell="linear", or "held" to the other'
+        )
+    return found
 
 
 def check_surface(check: Checker, scene: SceneData, boundary: Boundary, doubts: list[str]) -> bool:

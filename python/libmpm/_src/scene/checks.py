@@ -16,6 +16,7 @@ from libmpm._src.boundaries.checks import (
     check_motion,
     check_reaction,
     check_surface,
+    doubts_of_linear,
 )
 from libmpm._src.boundaries.contradictions import contradictions
 from libmpm._src.boundaries.responses import Prescribed
@@ -94,6 +95,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
     _check_blocked(scene, fitting, solid, problems)
     if scene.grid is None and len(solid) == len(scene.boundaries) and not problems:
         doubts += contradictions(scene)
+        doubts += doubts_of_linear(scene)
     counts: Mapping[str, int] = {}
     if len(fitting) == len(to_place):
         counts = dict(zip([b.name for b in scene.bodies], body_counts(scene), strict=True))

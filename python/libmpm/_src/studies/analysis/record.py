@@ -44,7 +44,7 @@ class Record:
     ) -> None:
         """See `Signal`."""
         check = Checker(
-            self.label + (f" '{shown(name, 80)}'" if isinstance(name, str) and name else "")
+            self.label + (f" {shown(name, 80)}" if isinstance(name, str) and name else "")
         )
         self._time, self._value = numbers(check, "time", time), numbers(check, "value", value)
         self._sampling = check.choice("sampling", sampling, ("point", "mean"))
