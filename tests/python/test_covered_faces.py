@@ -15,7 +15,7 @@ from libmpm import Scene, Simulation, TimeTable
 from libmpm._src.boundaries import distance_field
 from libmpm.boundaries import Displacement, Rotation, Separable, Slip, Travel
 from libmpm.materials import TaitFluid
-from libmpm.shapes import Box, Cylinder, DomainWalls, HalfSpace
+from libmpm.shapes import Box, Cylinder, DomainWalls, Extrusion, HalfSpace
 
 WATER = TaitFluid(density=1000.0, bulk_modulus=2e5)
 
@@ -93,10 +93,10 @@ def compare(scene, short, long, where):
     assert seen > 10
 
 
-def tank(dimension):
+def tank(dimension, long=4):
     dx = 0.125
     scene = Scene(dimension=dimension, cell_size=dx, lower=(0,) * dimension,
-                  upper=(4, 2, 2)[:dimension])  # fmt: skip
+                  upper=(long, 2, 2)[:dimension])  # fmt: skip
     scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
     return scene
 
@@ -137,6 +137,53 @@ def test_a_post_on_the_floor_is_as_one_through_it():
         (Cylinder(start=(2, 1, -2), end=(2, 1, 4), radius=0.5), {}),
         grid_points((10, 23, 2), (2, 15, 2), (-2, 18, 2)),
     )
+
+
+def bed_from(corner, *above):
+    """A bed that lies on the floor up to x = corner, and on from there."""
+    return Extrusion(profile=[(-2, 0), (corner, 0), *above, (90, -3), (-2, -3)])
+
+
+@pytest.mark.parametrize("height", [0.06, 0.125, 0.5, 1.9])
+def test_a_bed_that_lies_on_the_floor_has_no_face_but_its_step(height):
+    """However low the step, nothing stands where the bed is flat."""
+    scene = tank(2)
+    compare(
+        scene,
+        (bed_from(2.01, (2.01, height), (90, height)), {}),
+        (Box(lower=(2.01, -3), upper=(90, height)), {"layer": libmpm.boundaries.DecayLayer()}),
+        grid_points((-2, 20), (-1, 16)),
+    )
+
+
+@pytest.mark.parametrize("slope", [0.02, 1 / 12, 0.5, 2.0])
+def test_a_bed_that_rises_from_the_floor_goes_on_below_it(slope):
+    scene = tank(2, 60)
+    normal = (-slope, 1.0)
+    compare(
+        scene,
+        (bed_from(2.01, (90, (90 - 2.01) * slope)), {}),
+        (HalfSpace(point=(2.01, 0), normal=normal), {}),
+        grid_points((2, 30), (-1, 6)),
+    )
+
+
+def test_distances_from_the_bed_of_a_flume_have_no_jumps():
+    """The Large Wave Flume's bed: flat on the floor, a step, slopes that get milder, a plateau."""
+    scene = Scene(dimension=2, cell_size=0.1, lower=(-1, 0), upper=(71, 3), gravity=(0, -9.81))
+    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
+    bed = bed_from(14.275, (14.28, 0.226), (17.933, 0.226), (28.906, 1.1404), (43.536, 1.75),
+                   (90, 1.75))  # fmt: skip
+    at = fields(scene, libmpm._src.scene.parts.Boundary(name="bed", shape=bed, response=Slip()))
+    values = np.array([[at(np.array((i, j))) for j in range(-2, 12)] for i in range(-2, 600)])
+    for a in (0, 1):
+        one, two = (np.take(values, range(k, values.shape[a] - 1 + k), axis=a) for k in (0, 1))
+        low, high = np.minimum(one, two), np.maximum(one, two)
+        # Deeper inside the step the nearest face changes below the floor.
+        near = (low < 2.5) & (high > -1.25) & (high < 9)
+        assert near.sum() > 500
+        assert abs(one - two)[near].max() < 1.05
+    assert (values[:148] > 3).all()  # nothing stands before the step
 
 
 def test_what_lies_in_the_open_is_as_stated():

@@ -39,6 +39,15 @@ _ROWS = 16
 #: two faces are equally near there is none.
 _STEP, _UNIT = 1e-3, 0.01
 
+#: How far off a cover a face is looked for, in spacings, by how much steps grow, and how often the
+#: last one is halved. A bed of slope s is nearest from 2/s up for each cell before its toe: with
+#: 1:100 it is found before its plane is a cell below.
+_FAR, _GROWTH, _TURNS, _HALVINGS = 2e4, 0.5, 30, 6
+
+#: What is told where all of a surface is covered, and how far off an edge its faces are asked for,
+#: in spacings.
+_NOWHERE, _BESIDE, _OFF = 32.0, 0.01, 0.1
+
 Array = npt.NDArray[np.float64]
 
 
@@ -85,26 +94,25 @@ class Covers:
         for k in range(len(self.distances)):
             near |= self.clear(k, points) <= reach
         left = np.flatnonzero(near)
-        x = points[left]
-        # Out of what covers and up to where no face is deep, along each axis in turn.
-        for _ in range(points.shape[1] * (int(np.ceil(depth / spacing)) + 3)):
+        start = self._before(points[left], spacing)  # material is on that side
+        x, last = start.copy(), start.copy()
+        walked = np.zeros(len(left))
+        heading = np.zeros_like(x)
+        # Off what covers, along each axis in turn, in steps that grow: low above a floor the bed
+        # that rises from it is nearest only far up, where it is flat.
+        for turn in range(_TURNS * points.shape[1]):
             if len(left) == 0:
                 break
             here = distance(x)
             slope = _slope(distance, x, _STEP * spacing)
-            nearest = x - here[:, None] * slope
-            direction = np.zeros_like(x)
-            for k in range(len(self.distances)):
-                hid = self.clear(k, nearest) <= self.close
-                free = ~np.any(direction != 0, axis=1)
-                which = np.flatnonzero(hid & free)
-                if len(which):
-                    direction[which] = self._off(k, nearest[which], spacing)
+            direction = self._hiding(x - here[:, None] * slope, spacing)
             hidden = np.any(direction != 0, axis=1)
             unsure = np.abs(np.linalg.norm(slope, axis=1) - 1) > _UNIT
             found = ~hidden & ~unsure
-            rows = left[found]
-            away[rows] = here[found] + np.sum(slope[found] * (points[rows] - x[found]), axis=1)
+            rows = np.flatnonzero(found)
+            away[left[rows]] = self._beyond(
+                distance, x[rows], last[rows], start[rows], points[left[rows]], spacing
+            )
             deep = ~found & (here < -depth)
             away[left[deep]] = np.minimum(away[left[deep]], here[deep])
             # Where two faces are equally near, neither is known: a step on along what covers.
@@ -112,9 +120,70 @@ class Covers:
             direction[lost] = self._off_nearest(x[lost], spacing)
             # The middle between two faces that are seen stays one all the way.
             away[left[lost & unsure]] = here[lost & unsure]
-            go_on = ~found & ~deep
-            left, x = left[go_on], (x + spacing * direction)[go_on]
+            walked = np.where(np.sum(direction * heading, axis=1) > 0.5, walked, 0.0)
+            step = np.maximum(spacing, _GROWTH * walked)
+            ended = (walked > _FAR * spacing) | (turn == _TURNS * points.shape[1] - 1)
+            away[left[ended & hidden & ~deep]] = _NOWHERE * spacing
+            go_on = ~found & ~deep & ~ended
+            left, start, heading = left[go_on], start[go_on], direction[go_on]
+            walked, last = (walked + step)[go_on], x[go_on]
+            x = (x + step[:, None] * direction)[go_on]
         return away
+
+    def _before(self, points: Array, spacing: float) -> Array:
+        """Return the points (n, d), those behind covers moved straight to before them."""
+        out = points.copy()
+        for k in range(len(self.distances)):
+            behind = np.flatnonzero(self.clear(k, out) < 2 * self.close)
+            lift = 2 * self.close - self.clear(k, out[behind])
+            out[behind] += lift[:, None] * self._off(k, out[behind], spacing)
+        return out
+
+    def _hiding(self, places: Array, spacing: float) -> Array:
+        """Return the direction (n, d) off what covers each place of a surface; 0 in the open."""
+        direction = np.zeros_like(places)
+        for k in range(len(self.distances)):
+            hid = self.clear(k, places) <= self.close
+            which = np.flatnonzero(hid & ~np.any(direction != 0, axis=1))
+            if len(which):
+                direction[which] = self._off(k, places[which], spacing)
+        return direction
+
+    def _beyond(self, distance: Callable[[Array], Array], x: Array, last: Array, start: Array,
+                points: Array, spacing: float) -> Array:  # fmt: skip
+        """Return the distances (n,) of points from the face that is nearest to x, continued.
+
+        `last` is the place before x on the way there, from which a covered face was nearest; of all
+        faces that are seen between, the first counts.
+        """
+        far, near = x.copy(), last.copy()
+        for _ in range(_HALVINGS if len(x) else 0):
+            middle = 0.5 * (near + far)
+            slope = _slope(distance, middle, _STEP * spacing)
+            nearest = middle - distance(middle)[:, None] * slope
+            seen = ~np.any(self._hiding(nearest, spacing) != 0, axis=1)
+            seen &= np.abs(np.linalg.norm(slope, axis=1) - 1) <= _UNIT
+            far[seen], near[~seen] = middle[seen], middle[~seen]
+        # Slopes are taken off the middle between both faces.
+        way = far - near
+        size = np.linalg.norm(way, axis=1, keepdims=True)
+        far += way * np.maximum(1, _OFF * spacing / np.where(size > 0, size, np.inf))
+        here = distance(far)
+        slope = _slope(distance, far, _STEP * spacing)
+        foot = far - here[:, None] * slope
+        # Of an edge the face on the side of the point counts.
+        way = start - foot
+        size = np.linalg.norm(way, axis=1, keepdims=True)
+        beside = foot + _BESIDE * spacing * way / np.where(size > 0, size, 1)
+        turned = _slope(distance, beside, _STEP * spacing)
+        whole = np.abs(np.linalg.norm(turned, axis=1) - 1) <= _UNIT
+        at = beside - distance(beside)[:, None] * turned
+        whole &= ~np.any(self._hiding(at, spacing) != 0, axis=1) & (size[:, 0] > _BESIDE * spacing)
+        slope[whole] = turned[whole]
+        # A face that goes on above a place in the open does not bound it.
+        outside = distance(start) > 0
+        over = outside & (np.sum(slope * (start - foot), axis=1) < -self.close)
+        return np.where(over, _NOWHERE * spacing, np.sum(slope * (points - foot), axis=1))
 
     def _off(self, which: int, points: Array, spacing: float) -> Array:
         """Return the direction (n, d) off a cover at each point."""
