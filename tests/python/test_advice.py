@@ -352,7 +352,8 @@ def test_loads_on_what_is_a_few_cells_thick(asked):
         if weighed:
             cell = libmpm.sensors.LoadCell(boundary="deck", interval=0.01)
             scene.add_sensor(name="load", sensor=cell)
-        return [w for w in asked(scene, BASE).warnings if "is 2 cells thick and weighed" in w]
+        said = asked(scene, BASE).warnings
+        return [w for w in said if "is 2 cells thick and weighed: with APIC" in w]
 
     (text,) = said(2)
     assert "with APIC" in text and "transfer 'FLIP'" in text

@@ -80,7 +80,8 @@ def test_text(plan: libmpm.Plan) -> None:
     for words in ("small surge", "32 × 8 × 10 cells", "3,096", "3.002 GiB", "estimate", "pier"):
         assert words in text
     assert "2,500 to 0.25 s" in text
-    assert max(map(len, text.splitlines())) < 130
+    lines = [line for line in text.splitlines() if not line.startswith("warning: ")]
+    assert max(map(len, lines)) < 130
 
 
 def test_ranks_need_more_for_particles_that_move(scene: libmpm.Scene) -> None:

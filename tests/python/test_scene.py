@@ -45,8 +45,13 @@ def refused(call: Callable[..., Any], *args: Any, **keywords: Any) -> list[str]:
 
 
 def test_valid_scene_is_quiet(scene: Scene) -> None:
+    """But for its load: four cells of water are too few for one."""
+    told = scene.to_dict()
+    told["sensors"] = [s for s in told["sensors"] if s["sensor"]["type"] != "LoadCell"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        Scene.from_dict(told).validate(strict=True)
+    with pytest.raises(libmpm.SceneError, match="water up to 4 cells deep"):
         scene.validate(strict=True)
 
 

@@ -22,13 +22,14 @@ from libmpm._src.advice.choose import (
 from libmpm._src.advice.facts import Facts, own_fbar
 from libmpm._src.advice.result import Advice, Reason, Settings
 from libmpm._src.advice.rules import RULES, Match, matches, unmatched
-from libmpm._src.advice.validity_ranges import leaves, thin_loads
+from libmpm._src.advice.validity_ranges import leaves, of_loads
 from libmpm._src.base.values import Checker, nearest, sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
 from libmpm._src.run import backends
 from libmpm._src.scene.checks import check_scene
+from libmpm._src.scene.checks_loads import doubtful_loads
 from libmpm._src.shapes.point_file import PointFile
 
 if TYPE_CHECKING:
@@ -73,7 +74,8 @@ def advise(
             "cases="
         )
     warnings += leaves(facts, [r for m in known for r in rows[m.case].values()])
-    warnings += thin_loads(facts)
+    warnings += of_loads(facts, [m.case for m in known])
+    warnings += doubtful_loads(scene)
     if not made:
         return Advice(
             scene, error, kind, tuple(found), None, (), None, False, None, None, None, (),

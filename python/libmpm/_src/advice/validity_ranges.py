@@ -7,16 +7,12 @@ from collections.abc import Iterable, Sequence
 from libmpm._src.advice.atlas import Row
 from libmpm._src.advice.facts import Facts
 from libmpm._src.advice.rules import FLOATING
-from libmpm._src.sensors.engine_sensors import LoadCell
-from libmpm._src.shapes.boxes import Box
+from libmpm._src.scene.checks_loads import weighed
 
-__all__ = ["leaves", "thin_loads"]
+__all__ = ["WEIGHING", "leaves", "of_loads"]
 
-#: Structures up to so many cells thick were seen to take loads from what a transfer loses.
-_THIN = 4.0
-
-#: Transfers that lose something of a flow's shear in every step.
-_LOSING = ("PIC", "APIC", "PIC-FLIP")
+#: Cases of the atlas whose error is that of a load on a structure in a flow.
+WEIGHING = ("surge-load", "surge-debris-load")
 
 #: Part by which a number may be beyond the range before a word is said about it.
 _SLACK = 1.01
@@ -67,31 +63,21 @@ def leaves(facts: Facts, rows: Sequence[Row]) -> list[str]:
     return found
 
 
-def thin_loads(facts: Facts) -> list[str]:
-    """Return a warning for each load cell on a box of few cells in water that flows, with APIC."""
-    scene = facts.scene
-    scheme = scene.method.transfer_choice.scheme
-    if not facts.water or facts.at_rest or scheme not in _LOSING:
+def of_loads(facts: Facts, known: Sequence[str]) -> list[str]:
+    """Return what the expected error says of loads on structures in a flow: nothing, and why.
+
+    `known` are the cases that it comes from; those of `WEIGHING` have measured a load themselves.
+    """
+    names = [b.name for b in weighed(facts.scene)]
+    if not names or not facts.water or facts.at_rest or set(known) & set(WEIGHING):
         return []
-    shapes = {b.name: b.shape for b in scene.boundaries if isinstance(b.shape, Box)}
-    found = []
-    for name in {s.sensor.boundary: None for s in scene.sensors if isinstance(s.sensor, LoadCell)}:
-        if name not in shapes:
-            continue
-        box = shapes[name]
-        inside = [
-            min(b, high) - max(a, low)
-            for a, b, low, high in zip(box.lower, box.upper, scene.lower, scene.upper, strict=True)
-        ]
-        cells = min(inside) / scene.cell_size
-        if 0 < cells <= _THIN * _SLACK:
-            found.append(
-                f"boundary '{name}' is {cells:.3g} cells thick and weighed: with {scheme}, which "
-                "loses shear in every step, water that flows round 2 to 4 cells pressed 3 to 10 "
-                "times too hard, the more the stiffer it is; transfer 'FLIP' (docs/bridges.md), or "
-                "more cells"
-            )
-    return found
+    shown = ", ".join(f"'{n}'" for n in names)
+    return [
+        f"the load on {shown}: none of the cases weighs a structure in a flow, so that the "
+        "expected error is not that of the load and nothing measured covers it; forces of bores "
+        "on a wall were within 8 % from 16 cells a depth on, of the box in the Large Wave Flume "
+        "1.7 to 6.7 times the measured one (docs/boundaries.md)"
+    ]
 
 
 def _resolution(facts: Facts, kind: str, rows: Sequence[Row]) -> list[str]:
