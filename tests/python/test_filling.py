@@ -212,11 +212,13 @@ def test_a_basin_is_filled_to_its_level() -> None:
     flat = shapes.HeightField.from_list([(0, 0.1), (0.5, 0.4), (1, 0.2)])
     sill = shapes.Box(lower=(0.7, 0), upper=(0.8, 0.5))
     water = shapes.basin(level=0.6, bed=(flat, sill), within=shapes.Box(lower=(0, 0), upper=(1, 1)))
-    found = body_of(water)["position"]
-    # A point on the bed itself may belong to the water.
-    assert np.all(found[:, 1] > flat.height(found[:, :1]) - 1e-9)
-    assert found[:, 1].max() == pytest.approx(0.5875)
-    assert not np.any((found[:, 0] > 0.7) & (found[:, 0] < 0.8) & (found[:, 1] < 0.5))
+    for sampling in (None, shapes.Columns()):
+        found = body_of(water, sampling=sampling)["position"]
+        # A point on the bed itself may belong to the water.
+        assert np.all(found[:, 1] > flat.height(found[:, :1]) - 1e-9)
+        # Columns are divided evenly: their upper points are half of a spacing of their own deep.
+        assert found[:, 1].max() == pytest.approx(0.5875, abs=1e-3 if sampling else 1e-9)
+        assert not np.any((found[:, 0] > 0.7) & (found[:, 0] < 0.8) & (found[:, 1] < 0.5))
     with pytest.raises(libmpm.SceneError, match="level is 2 m; expected above 0 and at most 1 m"):
         shapes.basin(level=2, bed=flat, within=shapes.Box(lower=(0, 0), upper=(1, 1)))
 

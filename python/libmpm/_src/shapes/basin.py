@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from libmpm._src.base.values import sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.boxes import Box
+from libmpm._src.shapes.combined import Difference
 from libmpm._src.shapes.oriented_boxes import AXES
 from libmpm._src.shapes.solid import Solid
 
-__all__ = ["basin"]
+__all__ = ["basin", "has_bed"]
 
 
 def basin(
@@ -57,3 +58,12 @@ def basin(
     for one in beds:
         water = water - one
     return water
+
+
+def has_bed(shape: object) -> bool:
+    """Return whether a shape is a box without something that is no box, as `basin` makes it."""
+    uneven = False
+    while isinstance(shape, Difference):
+        uneven = uneven or not isinstance(shape.without, Box)
+        shape = shape.whole
+    return uneven and isinstance(shape, Box)
