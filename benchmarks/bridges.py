@@ -394,7 +394,9 @@ def main() -> int:
     if a.until is not None:
         chosen = [Job(**{**asdict(j), "until": a.until}) for j in chosen]
     if a.linear:
-        # Affine transfers divide by a second moment that is zero at nodes.
+        # Affine transfers divide by a second moment that is zero at nodes. Devices lack them.
+        if a.device.partition(":")[0] != "cpu":
+            parser.error("--linear takes modified functions, which devices lack; --device cpu")
         chosen = [Job(**{**asdict(j), "linear": True}) for j in chosen if "FLIP" in j.method]
         a.output = LINEAR if a.output == RESULTS else a.output
     kind = a.device.partition(":")[0]

@@ -16,90 +16,22 @@ from bridges_scenes import MODELS
 from bridges_scenes import scene as flume
 
 import libmpm
-from libmpm import boundaries, cases, design, materials, sensors, shapes
-from libmpm.methods import FBar, Kernel, Method, Smoothing, Transfer
+from libmpm import cases
+from libmpm.methods import FBar, Method, Transfer
 
 Values = dict[str, float]
 Made = Callable[[libmpm.Scene], libmpm.Simulation]
 Parameters = Mapping[str, Any]
 
-HIGH, DECK, ALONG, FACE = 3.0, 1.0, 5.0, 16.0  # m: block, deck, deck along the flow, its face
-MIDDLE = (0.3, 0.7)  # of the pulse, as in the case "block-impact"
-
 
 def block_in_water(made: Made, p: Parameters) -> Values:
-    """V13: plateau of the deck's load over formula (6.10). Yang (2016) 6.2.4.
-
-    The deck's soffit is one cell of 0.5 m above still water whatever the block floats like.
-    """
-    dx, depth, v = p["cell_size"], p["depth"], p["velocity"]
-    density, length = p["density"], p["length"]
-    low = depth - HIGH * density / 1000.0
-    block = shapes.Box(lower=(FACE - length, low), upper=(FACE, low + HIGH))
-    soffit = depth + p.get("clearance", 0.5)
-    deck = shapes.Box(lower=(FACE, soffit), upper=(FACE + ALONG, soffit + DECK))
-    linear = p.get("kernel", "linear") == "linear"
-    made_of = libmpm.Scene(
-        dimension=2,
-        cell_size=dx,
-        lower=(0.0, 0.0),
-        upper=(2 * FACE, math.ceil((depth + 2 * HIGH) / dx) * dx),
-        gravity=(0.0, -9.81),
-        method=Method(
-            transfer="FLIP",
-            cfl=p.get("cfl", 0.1),
-            kernel=Kernel(name="linear", modified=True) if linear else "quadratic",
-        ),
+    """V13: plateau of the deck's load over formula (6.10). Yang (2016) 6.2.4."""
+    case = cases.case("debris-at-deck")
+    full = case.parameters("reduced", {k: v for k, v in p.items() if k != "kernel"})
+    sim = made(
+        case.build(full, cases.Options(method=p.get("kernel") and Method(transfer="FLIP", cfl=0.1)))
     )
-    made_of.add_body(
-        name="flow",
-        shape=shapes.Box(lower=(0.0, 0.0), upper=(2 * FACE, depth)),
-        material=materials.TaitFluid(
-            density=1000.0, bulk_modulus=p["bulk_modulus"], viscosity=1e-3
-        ),
-        particles_per_cell=9,
-        hydrostatic=depth,
-        velocity=(v, 0.0),
-        fbar=None,
-        smoothing=Smoothing(method="F0AL1"),
-    )
-    made_of.add_body(
-        name="block",
-        shape=block,
-        material=materials.FixedCorotated(
-            density=density, youngs_modulus=p["youngs_modulus"], poissons_ratio=p["poissons_ratio"]
-        ),
-        particles_per_cell=9,
-        velocity=(v, 0.0),
-        subtract_from=("flow",),
-    )
-    made_of.add_boundary(name="deck", shape=deck, response=boundaries.Slip())
-    bed = shapes.DomainWalls(faces=("y-",))
-    made_of.add_boundary(name="bed", shape=bed, response=boundaries.Slip())
-    made_of.add_sensor(name="deck", sensor=sensors.LoadCell(boundary="deck", interval=0))
-    inlet = boundaries.Inflow(body="flow", face="x-", velocity=v, level=depth)
-    made_of.add_flow(name="inlet", flow=inlet)
-    made_of.add_flow(name="outlet", flow=boundaries.Outflow(face="x+", velocity=v))
-    modulus = float(
-        design.plane_strain_modulus(
-            youngs_modulus=p["youngs_modulus"], poissons_ratio=p["poissons_ratio"]
-        )
-    )
-    pulse = 2 * length / math.sqrt(modulus / density)
-    sim = made(made_of)
-    sim.run(until=pulse, progress=False)
-    series = sim.sensors["deck"]
-    step = np.diff(series.time, prepend=0.0)
-    inside = (series.time > MIDDLE[0] * pulse) & (series.time < MIDDLE[1] * pulse)
-    plateau = float(series.values[inside, 0] @ step[inside] / step[inside].sum())
-    top = min(soffit + DECK, low + HIGH)
-    contact = top - max(soffit, low)
-    off = 0.5 * (top + max(soffit, low)) - (low + 0.5 * HIGH)
-    height = design.spread_height(contact=contact, height=HIGH, length=length, eccentricity=off)
-    formula = design.block_force_partial(
-        velocity=v, effective_area=height, density=density, modulus=modulus
-    )
-    return {"ratio": plateau / float(formula), "contact": contact, "plateau": plateau}
+    return dict(case.measure(sim, full))
 
 
 def bridge(made: Made, p: Parameters) -> Values:

@@ -15,6 +15,7 @@ from typing import Any
 
 from libmpm._src.advice.cases.bridges import CASES as _BRIDGES
 from libmpm._src.advice.cases.case import Bound, Case, CaseResult, Options
+from libmpm._src.advice.cases.decks import CASES as _DECKS
 from libmpm._src.advice.cases.fluids import CASES as _FLUIDS
 from libmpm._src.advice.cases.locking import CASES as _LOCKING
 from libmpm._src.advice.cases.solids import CASES as _SOLIDS
@@ -24,7 +25,8 @@ from libmpm._src.errors import SceneError
 
 __all__ = ["Bound", "Case", "CaseResult", "Options", "case", "names", "run"]
 
-_CASES: dict[str, Case] = {c.name: c for c in (*_SOLIDS, *_LOCKING, *_FLUIDS, *_WAVES, *_BRIDGES)}
+_ALL = (*_SOLIDS, *_LOCKING, *_FLUIDS, *_WAVES, *_BRIDGES, *_DECKS)
+_CASES: dict[str, Case] = {c.name: c for c in _ALL}
 
 
 def names() -> list[str]:

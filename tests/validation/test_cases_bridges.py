@@ -11,9 +11,12 @@ import pytest
 import libmpm
 import libmpm.cases
 from libmpm import design
-from libmpm._src.advice.cases.bridges import CASES, block_impact, block_pulse
+from libmpm._src.advice.cases.bridges import CASES as BLOCKS
+from libmpm._src.advice.cases.bridges import block_impact, block_pulse
+from libmpm._src.advice.cases.decks import CASES as DECKS
 
 pytestmark = pytest.mark.validation
+CASES = (*BLOCKS, *DECKS)
 
 
 @pytest.mark.parametrize("name", [c.name for c in CASES])
@@ -84,3 +87,19 @@ def test_partial_contact_is_weaker_and_less_so_for_long_blocks(device):
     for part in (half, third, off):
         assert part[1] / whole[1] > 1.05 * part[0] / whole[0]
     assert abs(off[1] / half[1] - 1) < 0.05 < abs(off[0] / half[0] - 1) < 0.2
+
+
+def test_blocks_at_a_deck_are_in_the_sources_band_in_six_of_nine_cases():
+    """V13 in the source's set-up: 1.25 to 1.35 times (6.10); long light blocks have more."""
+    found = {
+        (length, density): libmpm.cases.run(
+            "debris-at-deck", length=length, density=density, threads=1
+        ).values["ratio"]
+        for length in (3.0, 6.0, 9.0)
+        for density in (200.0, 400.0, 600.0)
+    }
+    inside = [key for key, ratio in found.items() if 1.25 <= ratio <= 1.35]
+    assert len(inside) == 6, found
+    outside = sorted(set(found) - set(inside))
+    assert outside == [(3.0, 400.0), (9.0, 200.0), (9.0, 400.0)]
+    assert 1.2 < min(found.values()) < max(found.values()) < 1.6
