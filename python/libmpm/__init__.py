@@ -11,18 +11,7 @@ import os
 import warnings
 from typing import TYPE_CHECKING, Any
 
-from libmpm import (
-    analysis,
-    boundaries,
-    debris,
-    demand,
-    design,
-    grids,
-    materials,
-    methods,
-    sensors,
-    shapes,
-)
+from libmpm import boundaries, grids, materials, methods, sensors, shapes
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.errors import (
@@ -38,15 +27,15 @@ from libmpm._src.errors import (
 from libmpm._src.methods.method import FBar, Method
 from libmpm._src.run.guard import Guard
 from libmpm._src.run.partition import Partition
-from libmpm._src.run.plan import Plan
 from libmpm._src.scene.placed_force import PlacedForce
 from libmpm._src.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from libmpm import advice, cases, compat, studies
+    from libmpm import advice, analysis, cases, compat, debris, demand, design, studies
     from libmpm._src.output.results import Results, load
     from libmpm._src.output.settings import Output
     from libmpm._src.pictures.animate import animate
+    from libmpm._src.run.plan import Plan
     from libmpm._src.run.simulation import Simulation
     from libmpm._src.studies.study.study import Study
 
@@ -100,8 +89,10 @@ if "OMP_WAIT_POLICY" not in os.environ:
     os.environ.setdefault("GOMP_SPINCOUNT", "4000")
 
 #: Names that need the compiled core, or packages that descriptions do not: loaded on first use.
+#: A test counts what `import libmpm` loads.
 _LAZY = {
     "Output": "libmpm._src.output.settings",
+    "Plan": "libmpm._src.run.plan",
     "Results": "libmpm._src.output.results",
     "Simulation": "libmpm._src.run.simulation",
     "Study": "libmpm._src.studies.study.study",
@@ -109,7 +100,7 @@ _LAZY = {
     "load": "libmpm._src.output.results",
 }
 #: Modules that are loaded on first use.
-_MODULES = ("advice", "cases", "compat", "studies")
+_MODULES = ("advice", "analysis", "cases", "compat", "debris", "demand", "design", "studies")
 #: Names that were here in version 0.1, and the modules that have them now.
 _MOVED = {
     "Advice": "advice",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
+import importlib
 import inspect
 import math
 import numbers
@@ -27,6 +28,13 @@ P = ParamSpec("P")
 #: Tags of `to_dict` and the classes they stand for.
 registry: dict[str, type[Value]] = {}
 
+#: Tags of values that `import libmpm` leaves alone, and the modules that define them.
+_LATE = {
+    **dict.fromkeys(("DebrisField", "Placement"), "libmpm._src.studies.debris.field"),
+    **dict.fromkeys(("SpreadAngles", "UniformAngles"), "libmpm._src.studies.debris.laws"),
+    **dict.fromkeys(("Piece", "Prototype"), "libmpm._src.studies.debris.prototype"),
+    "Froude": "libmpm._src.studies.design.similitude",
+}
 
 #: Bytes of a name; file systems take 255, with ending and number.
 _LONGEST = 200
@@ -360,9 +368,11 @@ def _from_plain(item: Any, problems: list[str], name: str = "") -> Any:
         if "type" not in item:
             return parts
         tag = item["type"]
+        if isinstance(tag, str) and tag in _LATE:
+            importlib.import_module(_LATE[tag])
         if not isinstance(tag, str) or tag not in registry:
             where = f"{name}: " if name else ""
-            problems.append(f'{where}"type" is {shown(tag)}; {nearest(tag, registry)}')
+            problems.append(f'{where}"type" is {shown(tag)}; {nearest(tag, {**registry, **_LATE})}')
             return None
         try:
             return registry[tag](**parts)
