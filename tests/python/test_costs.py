@@ -173,6 +173,26 @@ def test_a_box_for_some_bodies_blocks_those_alone():
         scene.validate()
 
 
+@pytest.mark.parametrize("angle", [None, 0.0, 20.0])
+def test_a_box_that_stands_in_water_is_refused_at_any_angle(angle):
+    """An OrientedBox was accepted, at angle 0 too, where a Box was not."""
+    lower, size = (0.5, 0.0), (0.2, 0.5)
+    box = shapes.Box(lower=lower, upper=(0.7, 0.5))
+    if angle is not None:
+        box = shapes.OrientedBox(centre=(0.6, 0.25), size=size, angle=angle)
+
+    def scene(water, **how):
+        made = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))
+        made.add_body(name="water", shape=water, material=materials.TaitFluid(bulk_modulus=1e6))
+        made.add_boundary(name="box", shape=box, response=boundaries.Slip(), **how)
+        return made
+
+    pool = shapes.Box(lower=(0, 0), upper=(1, 0.5))
+    with pytest.raises(libmpm.SceneError, match=r"body 'water': reaches .* boundary 'box'"):
+        scene(pool).validate()
+    scene(pool - box).validate()
+
+
 def test_damping_with_a_transfer_that_carries_gradients_is_refused_in_its_own_words():
     scene = tank()
     box = shapes.Box(lower=(1.3, 0.1), upper=(1.6, 0.4))

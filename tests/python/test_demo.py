@@ -90,3 +90,10 @@ def test_the_picture_and_the_gauge_are_there(runs):
     assert (runs[0] / "report.png").stat().st_size > 50_000
     level = read_sensors(runs[0] / "sensors.h5")["gauge"].values
     assert 0.2 < np.nanmax(level) < 1.2
+
+
+def test_frames_are_enough_for_a_film_and_no_more():
+    """It wrote 357 of them, five times what its film shows."""
+    source = load_demo()
+    moments = round(source.settings.until / source.settings.frame_interval) + 1
+    assert moments * len(source.scene.bodies) < 100

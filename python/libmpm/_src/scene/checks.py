@@ -49,7 +49,7 @@ from libmpm._src.sensors.engine_sensors import (
     WaveGauge,
 )
 from libmpm._src.sensors.python_sensors import Sampled
-from libmpm._src.shapes.boxes import Box, DomainWalls, Solid, faces_of
+from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox, Solid, faces_of
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -60,6 +60,8 @@ __all__ = ["check_scene", "validate"]
 
 #: Part of a cell by which a shift of a face matters.
 _SHIFT = 0.01
+#: Cells by which a body may reach into a turned box, and points along an axis that are looked at.
+_DEEP, _LOOKED_AT = 0.25, 16
 
 
 def validate(scene: SceneData, *, strict: bool = False, stacklevel: int = 3) -> None:
@@ -94,6 +96,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
     solid = [b for b in scene.boundaries if _check_boundary(scene, b, problems, doubts)]
     _check_walls(scene, solid, problems)
     _check_blocked(scene, fitting, solid, problems)
+    _check_overlapped(scene, fitting, solid, problems)
     if scene.grid is None and len(solid) == len(scene.boundaries) and not problems:
         doubts += contradictions(scene)
         doubts += doubts_of_linear(scene)
@@ -226,6 +229,46 @@ def _check_blocked(
                     f"body '{body.name}': reaches {size} m into boundary '{boundary.name}', which "
                     f"blocks {planes} m; expected to end at its faces; shorten or split the body"
                 )
+
+
+def _check_overlapped(
+    scene: SceneData, bodies: list[Body], boundaries: list[Boundary], problems: list[str]
+) -> None:
+    """Refuse bodies in a turned box that stays, as in a box: what is inside never gets out."""
+    now = 0.0 if scene.start is None else scene.start.time
+    for boundary in boundaries:
+        first, last = boundary.window
+        own = boundary.shape
+        if not isinstance(own, OrientedBox) or not first <= now < last:
+            continue
+        if boundary.motion is not None or boundary.rotation or boundary.within is not None:
+            continue
+        if isinstance(boundary.response, Prescribed):
+            continue
+        for body in bodies:
+            if not isinstance(body.shape, Solid) or own.dimension != body.shape.dimension:
+                continue
+            if boundary.bodies and body.name not in boundary.bodies:
+                continue
+            deep = _overlap(own, body.shape) / scene.cell_size
+            if deep > _DEEP:
+                problems.append(
+                    f"body '{body.name}': reaches {deep:.3g} cells deep into boundary "
+                    f"'{boundary.name}', an OrientedBox that blocks it; expected to end at its "
+                    "faces; take it out of the body: shape - shapes.OrientedBox(...)"
+                )
+
+
+def _overlap(one: Solid, two: Solid) -> float:
+    """Return how deep the deepest of a lattice of points lies in both of two solids, m."""
+    ends = [np.asarray(s.bounds(), dtype=np.float64) for s in (one, two)]
+    low, high = np.maximum(ends[0][0], ends[1][0]), np.minimum(ends[0][1], ends[1][1])
+    if np.any(low >= high):
+        return 0.0
+    shares = (np.arange(_LOOKED_AT) + 0.5) / _LOOKED_AT
+    axes = [a + shares * (b - a) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))
+    return float(np.minimum(-one.distance(points), -two.distance(points)).max())
 
 
 def _check_sensor(
