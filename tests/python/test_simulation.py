@@ -189,3 +189,20 @@ def test_bad_precision_and_bad_arguments_are_named():
         simulate().step(-1)
     with pytest.raises(ValueError, match="not a number"):
         simulate().run(until=float("nan"))
+
+
+@pytest.mark.parametrize(
+    ("error", "status"), [(ValueError("mine"), "failed"), (SystemExit(3), "interrupted")]
+)
+def test_an_error_of_a_callback_is_in_the_record(core, tmp_path, error, status):
+    core.Engine.delay = 2e-3
+    sim = simulate(output=tmp_path / "out")
+
+    def callback(state):
+        raise error
+
+    with pytest.raises(type(error)):
+        sim.run(until=0.4, progress=callback)
+    text = (tmp_path / "out" / "log.json").read_text()
+    assert f'"{status}"' in text and '"finished"' not in text
+    assert f"{type(error).__name__}: {error}" in text

@@ -107,6 +107,11 @@ class Loop:
         except Error as error:
             status, message = "failed", str(error)
             raise
+        except BaseException as error:
+            # A callback's own error, or sys.exit in one: the run has not got to its end.
+            status = "interrupted" if isinstance(error, SystemExit) else "failed"
+            message = f"{type(error).__name__}: {error}"
+            raise
         finally:
             report.close()
             self._deadline = math.inf
