@@ -127,8 +127,13 @@ def jobs() -> list[Job]:
     column = {"bulk_modulus": 2.2e9, "flip": 0.8, "until": 0.3}
     first = [
         Job("dominoes", "dominoes plane ASFLIP", row, wave, fall, goes_on=True),
+        *(
+            Job("sloshing", f"sloshing plane slip {1000 * cell:g} mm, {gap:g} cells off",
+                slosh | {"gap": gap, "cell_size": cell}, said, period, on_device=False)
+            for cell in (0.2, 0.1)
+            for gap in (0.0, 0.5)
+        ),
         Job("sloshing", "sloshing plane slip", slosh | {"gap": 0.0}, said, period),
-        Job("sloshing", "sloshing plane slip half a cell off", slosh | {"gap": 0.5}, said, period),
         Job("elastic-column", "elastic column 2 mm", column | {"cell_size": 0.002}, tip),
         Job("elastic-column", "elastic column 4 mm", column | {"cell_size": 0.004}, tip),
         Job("buoyancy", "buoyancy plane 25 mm", cube | {"cell_size": 0.025}, follow, sink),

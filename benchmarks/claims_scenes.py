@@ -103,7 +103,18 @@ def sloshing(made: Made, p: Parameters) -> Values:
     fbar = FBar(form="two-volume", ratio=0.25)
     scene = case.build(full, cases.Options(method=method, fbar=fbar))
     sim = made(_unpressed(scene))
-    return dict(case.measure(sim, full))
+    first = _away(sim)
+    try:
+        return dict(case.measure(sim, full))
+    except ValueError:
+        # It has not swung through the middle, for want of time or of life.
+        return {"period": math.nan, "left_of_the_start": _away(sim) / first, "until": sim.time}
+
+
+def _away(sim: libmpm.Simulation) -> float:
+    """Return how far the water's middle is from the tank's along it, m."""
+    x = np.concatenate([body["position"][:, 0] for body in sim.particles.values()])
+    return float(x.mean()) - 1.6
 
 
 def _unpressed(scene: libmpm.Scene) -> libmpm.Scene:

@@ -17,6 +17,7 @@ from libmpm._src.advice.cases.bridges import CASES as _BRIDGES
 from libmpm._src.advice.cases.case import Bound, Case, CaseResult, Options
 from libmpm._src.advice.cases.decks import CASES as _DECKS
 from libmpm._src.advice.cases.fluids import CASES as _FLUIDS
+from libmpm._src.advice.cases.loads import CASES as _LOADS
 from libmpm._src.advice.cases.locking import CASES as _LOCKING
 from libmpm._src.advice.cases.solids import CASES as _SOLIDS
 from libmpm._src.advice.cases.waves import CASES as _WAVES
@@ -25,7 +26,7 @@ from libmpm._src.errors import SceneError
 
 __all__ = ["Bound", "Case", "CaseResult", "Options", "case", "names", "run"]
 
-_ALL = (*_SOLIDS, *_LOCKING, *_FLUIDS, *_WAVES, *_BRIDGES, *_DECKS)
+_ALL = (*_SOLIDS, *_LOCKING, *_FLUIDS, *_WAVES, *_BRIDGES, *_DECKS, *_LOADS)
 _CASES: dict[str, Case] = {c.name: c for c in _ALL}
 
 

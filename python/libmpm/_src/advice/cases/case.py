@@ -37,7 +37,8 @@ class Options:
 
     `method` replaces the case's `Method` but for what the case must prescribe (its docstring says
     so); `fbar` is that of its fluids, `solid_fbar` that of its solids. `walls` is what the walls of
-    "tank" and "vortex" do, `layer` the decay layer of the bed of "slope-basin".
+    "tank", "vortex", "gate", "slot" and both surges do, `layer` the decay layer of the bed of
+    "slope-basin".
     """
 
     method: Method | None = None
