@@ -50,6 +50,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import value
 from libmpm._src.materials.friction import Cone, FrictionalMaterial
 from libmpm._src.materials.material import Column, Entry, Material, Parameter
@@ -167,7 +168,13 @@ def render_class(material: dict[str, Any]) -> str:
         default = "" if p["default"] is None else f" = {number(p['default'])}"
         out.append(f"    {p['name']}: float{default}")
     if material["name"] in FRICTIONAL:
-        out.append("    cone: Cone | None = None")
+        wrapped = textwrap.wrap(CONE["meaning"], LINE - 12)
+        parts = [f"{part} " for part in wrapped[:-1]] + wrapped[-1:]
+        text = "\n".join(f"        {json.dumps(part, ensure_ascii=False)}" for part in parts)
+        out.append(
+            "    cone: Cone | None = given(\n"
+            f'{text},\n        default=None,\n        range="a name",\n    )'
+        )
     return "\n".join(out) + "\n"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import json
 import math
@@ -17,14 +16,14 @@ from python.conftest import make_scene
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
+from libmpm._src.base.declarations import FIXED, OWNER, TEXT, declared
 from libmpm._src.base.values import registry
 from libmpm._src.cli.commands import main
 from libmpm._src.materials.material import Material
 from libmpm._src.scene import scaling
 from libmpm._src.scene.run_file import RunFile, RunSettings, scale_run_file
-from libmpm._src.scene.scaling import HALF_POWERS, OUTSIDE, OWNER, TEXT, UNITS, VOLUME, Scaling
+from libmpm._src.scene.scaling import HALF_POWERS, OUTSIDE, VOLUME, Scaling
 from libmpm._src.scene.scene import HEAD
-from libmpm._src.scene.schema import documented
 
 # Units --------------------------------------------------------------------------------------------
 
@@ -43,52 +42,16 @@ def scene_kinds():
     }
 
 
-def test_every_field_of_every_value_has_a_unit():
-    missing, strange = [], []
-    kinds = scene_kinds()
-    for name, kind in kinds.items():
-        fields = [f.name for f in dataclasses.fields(kind)]
-        missing += [f"{name}.{f}" for f in fields if f not in UNITS.get(name, {})]
-        missing += [name] if not fields and name not in UNITS else []
-        strange += [f"{name}.{f}" for f in UNITS.get(name, {}) if f not in fields]
-    missing += [f"Scene.{key}" for key in HEAD if key not in UNITS["Scene"]]
-    fields = [f.name for f in dataclasses.fields(RunSettings)]
-    missing += [f"RunSettings.{key}" for key in fields if key not in UNITS["RunSettings"]]
-    strange += [n for n in UNITS if n not in kinds and n not in ("Scene", "RunSettings")]
-    assert not missing, f"give the units of {missing} in libmpm._src.scene.scaling.UNITS"
-    assert not strange, f"libmpm._src.scene.scaling.UNITS has entries of nothing: {strange}"
-
-
 def test_every_unit_is_known_and_no_number_goes_without():
     for name, kind in scene_kinds().items():
         hints = typing.get_type_hints(kind)
-        for field, unit in UNITS[name].items():
-            assert unit in (*HALF_POWERS, OWNER, VOLUME, scaling.FIXED), f"{name}.{field}: {unit}"
+        for field, says in declared(kind).items():
+            unit = says.scaled_as
+            assert unit in (*HALF_POWERS, OWNER, VOLUME, FIXED), f"{name}.{field}: {unit}"
             if unit == TEXT:
                 assert "float" not in str(hints[field]), f"{name}.{field} is a number: its unit?"
-
-
-#: Documented in words of another kind: made of m, of the dimension, or by their owner.
-DIFFERENT = {
-    "PointFile.scale",
-    "PointFile.volume",
-    "PointFile.particle_volume",
-    "SurfaceMesh.scale",
-}
-
-
-def test_units_are_those_of_the_documentation():
-    compared = 0
-    for name, kind in scene_kinds().items():
-        for field, row in documented(kind.__doc__).items():
-            unit, stated = UNITS[name].get(field), row.get("unit")
-            if stated not in HALF_POWERS or unit == OWNER or f"{name}.{field}" in DIFFERENT:
-                continue
-            compared += 1
-            # A shape is documented in m and has numbers of its own.
-            if not (unit == TEXT and stated == "m"):
-                assert HALF_POWERS[unit] == HALF_POWERS[stated], f"{name}.{field}: {unit}, {stated}"
-    assert compared > 80
+    for says in (*HEAD.values(), *declared(RunSettings).values()):
+        assert says.scaled_as in (*HALF_POWERS, FIXED)
 
 
 def test_every_unit_of_a_material_scales():
@@ -349,8 +312,8 @@ def test_a_ratio_that_is_none_is_refused(ratio):
 
 
 def test_a_value_without_units_is_refused(monkeypatch):
-    monkeypatch.delitem(UNITS, "WaveGauge")
-    with pytest.raises(libmpm.SceneError, match=r"WaveGauge.*UNITS"):
+    monkeypatch.setattr(scaling, "declared", lambda kind: {})
+    with pytest.raises(libmpm.SceneError, match=r"unit of TaitFluid|unit of \w+\.\w+ is not known"):
         make_scene().scaled(2)
 
 

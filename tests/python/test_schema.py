@@ -12,10 +12,10 @@ from python.conftest import make_scene
 from python.test_scaling import plane_scene, rich_scene
 
 import libmpm
-from libmpm import boundaries, cases, grids, materials, sensors, shapes
+from libmpm import boundaries, cases, grids, materials, sensors
 from libmpm._src.cli.demo import demo_file
 from libmpm._src.scene.run_file import RunFile, RunSettings, read_run_file
-from libmpm._src.scene.schema import documented, scene_schema, schema_text
+from libmpm._src.scene.schema import scene_schema, schema_text
 from python import fake_engine
 
 jsonschema = pytest.importorskip("jsonschema")
@@ -177,16 +177,6 @@ def test_a_value_is_in_the_schema_by_being_one():
         assert kinds
         assert kinds <= names(place)
     assert {"Box", "OrientedBox"} <= names(defined["bodies"]["properties"]["shape"])
-
-
-def test_tables_of_docstrings_are_read():
-    table = documented(shapes.Box.__doc__)
-    assert table["upper"]["unit"] == "m"
-    assert table["upper"]["meaning"].endswith("on every axis")
-    # A meaning that goes on in the next row.
-    assert documented(shapes.OrientedBox.__doc__)["angle"]["meaning"].endswith('about "z"')
-    assert documented("No table here.") == {}
-    assert documented(None) == {}
 
 
 def test_the_text_is_json_that_ends_with_a_line():

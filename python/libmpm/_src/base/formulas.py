@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.declarations import OWNER, given
 from libmpm._src.base.values import Checker, Value, nearest, sequence, shown, value
 from libmpm._src.errors import SceneError
 
@@ -54,11 +55,7 @@ _AXES = "xyz"
 class Field(Value):
     """A field of vectors given by a formula for each component.
 
-    ==========  ====  =========  ==============================================================
-    parameter   unit  shape      meaning
-    ==========  ====  =========  ==============================================================
-    components  text  (k,)       formulas of x, y and z in m, coordinates of the scene
-    ==========  ====  =========  ==============================================================
+    {fields}
 
     A formula has numbers, + - * / **, comparisons, pi, e, and sin, cos, tan, tanh, exp, log, sqrt,
     abs, min, max, where(condition, yes, no); velocities are in m/s, stresses in Pa:
@@ -68,7 +65,12 @@ class Field(Value):
 
     label: ClassVar[str] = "Field"
 
-    components: Sequence[str]
+    components: Sequence[str] = given(
+        "formulas of x, y and z in m, coordinates of the scene",
+        unit="its own",
+        shape="(k,)",
+        scales=OWNER,
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         items = sequence(self.components)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.arrays import real_array
+from libmpm._src.base.declarations import OWNER, given
 from libmpm._src.base.values import Checker, Value, shown, value
 
 __all__ = ["TimeTable", "check_vector_table", "constant", "largest"]
@@ -28,22 +29,20 @@ class TimeTable(Value):
 
     A table is stored in the scene, a function is not: use `sample` to convert one.
 
-    =========  ========  ==================  ==================================================
-    parameter  unit      shape               meaning
-    =========  ========  ==================  ==================================================
-    time       s         (n,)                strictly increasing, n ≥ 1 (n ≥ 2 for "repeat")
-    value      its own   (n,) or (n, k)      numbers or vectors, finite
-    end        -         -                   "hold", "repeat" or "zero"
-    =========  ========  ==================  ==================================================
+    {fields}
 
     Raises `SceneError` with every broken rule.
     """
 
     label: ClassVar[str] = "TimeTable"
 
-    time: Sequence[float] | npt.NDArray[Any]
-    value: Sequence[float] | Sequence[Sequence[float]] | npt.NDArray[Any]
-    end: Literal["hold", "repeat", "zero"] = "hold"
+    time: Sequence[float] | npt.NDArray[Any] = given(
+        'strictly increasing, n ≥ 1 (n ≥ 2 for "repeat")', unit="s", shape="(n,)"
+    )
+    value: Sequence[float] | Sequence[Sequence[float]] | npt.NDArray[Any] = given(
+        "numbers or vectors, finite", unit="its own", shape="(n,) or (n, k)", scales=OWNER
+    )
+    end: Literal["hold", "repeat", "zero"] = given('"hold", "repeat" or "zero"', default="hold")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         time = _array(check, "time", self.time)

@@ -20,6 +20,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, ClassVar, ParamSpec, TypeVar, dataclass_transform, overload
 
+from libmpm._src.base.declarations import declared, filled, given
 from libmpm._src.errors import ArgumentError, ModelWarning, SceneError
 
 T = TypeVar("T")
@@ -196,6 +197,31 @@ class Checker:
         result = tuple(self.number(f"{name}[{i}]", x, unit=unit) for i, x in enumerate(items))
         return result if len(self.problems) == before else ()
 
+    def given(self, name: str, owner: Any, item: Any = ..., *, remedy: str = "") -> Any:
+        """Return a field of a value as its declaration says: a vector, whole or other number.
+
+        `item` stands for the field's content where that has been turned into another.
+        """
+        says = declared(type(owner))[name]
+        item = getattr(owner, name) if item is ... else item
+        unit, remedy = "" if says.unit in ("-", "1") else says.unit, remedy or says.remedy
+        if says.lengths:
+            return self.vector(name, item, lengths=says.lengths, unit=unit)
+        lower = says.low if says.above is None else says.above
+        upper = says.high if says.below is None else says.below
+        if says.whole:
+            return self.integer(name, item, lower=int(lower or 0), remedy=remedy)
+        return self.number(
+            name,
+            item,
+            lower=-math.inf if lower is None else lower,
+            upper=math.inf if upper is None else upper,
+            lower_open=says.above is not None,
+            upper_open=says.below is not None,
+            unit=unit,
+            remedy=remedy,
+        )
+
     def choice(self, name: str, value: Any, choices: Sequence[str]) -> str:
         """Return `value` if it is one of the names."""
         if not isinstance(value, str) or value not in choices:
@@ -290,7 +316,9 @@ class Value:
 def value(cls: type[T], /) -> type[T]: ...
 @overload
 def value(*, kw_only: bool = True) -> Callable[[type[T]], type[T]]: ...
-@dataclass_transform(kw_only_default=True, frozen_default=True, eq_default=True)
+@dataclass_transform(
+    kw_only_default=True, frozen_default=True, eq_default=True, field_specifiers=(given,)
+)
 def value(cls: type[T] | None = None, /, *, kw_only: bool = True) -> Any:
     """Make a frozen, keyword-only dataclass that reports wrong keywords like other problems."""
 
@@ -300,6 +328,7 @@ def value(cls: type[T] | None = None, /, *, kw_only: bool = True) -> Any:
         unnamed = 0 if kw_only else len(dataclasses.fields(made))  # type: ignore[arg-type]
         checked = keywords_only(label, unnamed)(made.__init__)
         type.__setattr__(made, "__init__", checked)
+        made.__doc__ = filled(made.__doc__, declared(made))
         registry[made.__name__] = made  # type: ignore[assignment]
         return made
 

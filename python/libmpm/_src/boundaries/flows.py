@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, NamedTuple
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, value
 from libmpm._src.errors import SceneError
@@ -59,18 +60,7 @@ class Inflow(Flow):
     layer. New particles join `body`, which fills the zone at the start, with its material, their
     ids following its own; they start with ρ g depth below the level.
 
-    =============  =====  =========  ============================================================
-    parameter      unit   range      meaning
-    =============  =====  =========  ============================================================
-    body           -      a name     body that the particles join
-    face           -      a face     "x-" ... "z+"; no wall may stand there
-    velocity       m/s    ≥ 0        into the domain: a number or a `TimeTable` of numbers
-    level          m      level      surface of the water that comes in, along the vertical axis;
-                                     None = all of the face
-    bed            -      a Solid    what the layers stay out of; None = nothing
-    zone           cells  ≥ 2        thickness of the zone that is led
-    max_particles  1      > 0        of the body in all; None = 2³² - 257, as many as it can have
-    =============  =====  =========  ============================================================
+    {fields}
 
     Waves that come back from the domain meet the zone as they would a moving wall. Raises
     `SceneError`. Source: Yang (2016), laminar inflow, eq. 4.19.
@@ -78,13 +68,29 @@ class Inflow(Flow):
 
     label: ClassVar[str] = "boundaries.Inflow"
 
-    body: str
-    face: str
-    velocity: float | TimeTable
-    level: float | None = None
-    bed: Solid | None = None
-    zone: int = 3
-    max_particles: int | None = None
+    body: str = given("body that the particles join", range="a name")
+    face: str = given('"x-" ... "z+"; no wall may stand there', range="a face")
+    velocity: float | TimeTable = given(
+        "into the domain: a number or a `TimeTable` of numbers", unit="m/s", low=0
+    )
+    level: float | None = given(
+        "surface of the water that comes in, along the vertical axis; None = all of the face",
+        default=None,
+        unit="m",
+        range="level",
+        remedy="give the surface level",
+    )
+    bed: Solid | None = given(
+        "what the layers stay out of; None = nothing", default=None, range="a Solid"
+    )
+    zone: int = given("thickness of the zone that is led", default=3, unit="cells", low=2)
+    max_particles: int | None = given(
+        "of the body in all; None = 2³² - 257, as many as it can have",
+        default=None,
+        unit="1",
+        low=1,
+        whole=True,
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         self._check_face(check)
@@ -92,9 +98,9 @@ class Inflow(Flow):
             check.instance("bed", self.bed, (Solid,), "a Solid of libmpm.shapes or None")
         level, most = self.level, self.max_particles
         if level is not None:
-            level = check.number("level", level, unit="m", remedy="give the surface level")
+            level = check.given("level", self, level)
         if most is not None:
-            most = check.integer("max_particles", most, lower=1)
+            most = check.given("max_particles", self, most)
             if most > MOST_PARTICLES:
                 check.fail(f"max_particles is {most}; expected ≤ {MOST_PARTICLES}, all that one "
                            "body can have; use None")  # fmt: skip
@@ -114,23 +120,22 @@ class Outflow(Flow):
     Whatever `Method(leaving=...)` says of other faces, those that cross this one are taken out
     without a warning; `Simulation.outflow` has their number, mass and volume over time.
 
-    =========  =====  ======  ===============================================================
-    parameter  unit   range   meaning
-    =========  =====  ======  ===============================================================
-    face       -      a face  "x-" ... "z+"; no wall may stand there
-    velocity   m/s    ≥ 0     out of the domain, held in the `zone`: a number or a `TimeTable` of
-                              numbers, a pump that draws. None = nothing is held: a free overfall
-    zone       cells  ≥ 2     thickness of the zone that is led
-    =========  =====  ======  ===============================================================
+    {fields}
 
     Raises `SceneError`.
     """
 
     label: ClassVar[str] = "boundaries.Outflow"
 
-    face: str
-    velocity: float | TimeTable | None = None
-    zone: int = 3
+    face: str = given('"x-" ... "z+"; no wall may stand there', range="a face")
+    velocity: float | TimeTable | None = given(
+        "out of the domain, held in the `zone`: a number or a `TimeTable` of numbers, a "
+        "pump that draws. None = nothing is held: a free overfall",
+        default=None,
+        unit="m/s",
+        low=0,
+    )
+    zone: int = given("thickness of the zone that is led", default=3, unit="cells", low=2)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         self._check_face(check)
@@ -142,10 +147,13 @@ class Outflow(Flow):
 
 @value
 class PlacedFlow(Value):
-    """An inflow or outflow with its name in the scene."""
+    """An inflow or outflow with its name in the scene.
 
-    name: str
-    flow: Flow
+    {fields}
+    """
+
+    name: str = given("name among the flows", range="unique")
+    flow: Flow = given("`Inflow` or `Outflow`")
 
     def _label(self) -> str:
         return f"flow '{self.name}'"

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 
@@ -54,16 +55,7 @@ class Slip(Response):
 
     Material cannot come off such a face; use `Separable` where it may, or with friction.
 
-    =========  ====  ===================  ========================================================
-    parameter  unit  range                meaning
-    =========  ====  ===================  ========================================================
-    cell       -     "held" or "linear"   "held": the wall holds nodes, one by one, and the cells
-                                          beside it strain by half: their pressure in a flow is
-                                          wrong. "linear": the velocity towards the wall is linear
-                                          in its cell and meets the wall's in the plane of the wall
-                                          (`design/walls.md`, 7). With quadratic functions; for
-                                          slopes that water rests on keep "held".
-    =========  ====  ===================  ========================================================
+    {fields}
 
     Raises `SceneError`.
     """
@@ -71,7 +63,15 @@ class Slip(Response):
     label: ClassVar[str] = "boundaries.Slip"
     kind: ClassVar[str] = "slip"
 
-    cell: Literal["held", "linear"] = "held"
+    cell: Literal["held", "linear"] = given(
+        '"held": the wall holds nodes, one by one, and the cells beside it strain by half: '
+        'their pressure in a flow is wrong. "linear": the velocity towards the wall is '
+        "linear in its cell and meets the wall's in the plane of the wall "
+        "(`design/walls.md`, 7). With quadratic functions; for slopes that water rests on "
+        'keep "held".',
+        default="held",
+        range='"held" or "linear"',
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         _check_cell(check, self.cell)
@@ -82,13 +82,7 @@ class Slip(Response):
 class Separable(Response):
     """Material may leave but not enter: v·n ≥ 0, with Coulomb friction while pressed on.
 
-    =================  ====  =====  ===================================================
-    parameter          unit  range  meaning
-    =================  ====  =====  ===================================================
-    static_friction    1     ≥ 0    sticks while tangential ≤ static · normal impulse
-    dynamic_friction   1     ≥ 0    tangential = dynamic · normal impulse while sliding
-    cell               -            "held" or "linear", as of `Slip`
-    =================  ====  =====  ===================================================
+    {fields}
 
     With `cell` "linear" the reaction of a whole line of nodes decides whether material leaves, and
     friction is judged by that reaction. The static coefficient may not be below the dynamic one.
@@ -98,9 +92,13 @@ class Separable(Response):
     label: ClassVar[str] = "boundaries.Separable"
     kind: ClassVar[str] = "separable"
 
-    static_friction: float = 0.0
-    dynamic_friction: float = 0.0
-    cell: Literal["held", "linear"] = "held"
+    static_friction: float = given(
+        "sticks while tangential ≤ static · normal impulse", default=0.0, unit="1", low=0
+    )
+    dynamic_friction: float = given(
+        "tangential = dynamic · normal impulse while sliding", default=0.0, unit="1", low=0
+    )
+    cell: Literal["held", "linear"] = given('"held" or "linear", as of `Slip`', default="held")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         _check_cell(check, self.cell)
@@ -127,15 +125,21 @@ class Separable(Response):
 class Mirror(Response):
     """A plane of symmetry: what lies beyond it is the image of what lies before it.
 
+    {fields}
+
     The plane itself is held, not the nodes beside it, so that the cell at the wall strains like any
-    other (`design/walls.md`). For `DomainWalls` alone. `slip` lets material glide along the plane,
-    which is what symmetry is; without it the tangential velocity is reversed as well, which holds a
-    viscous fluid at the plane. A mirror neither rubs nor lets go. Raises `SceneError`.
+    other (`design/walls.md`). For `DomainWalls` alone. A mirror neither rubs nor lets go. Raises
+    `SceneError`.
     """
 
     label: ClassVar[str] = "boundaries.Mirror"
 
-    slip: bool = True
+    slip: bool = given(
+        "True: material glides along the plane, which is what symmetry is; False: the "
+        "tangential velocity is reversed as well, which holds a viscous fluid at the plane",
+        default=True,
+        range="bool",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("slip", self.slip, (bool,), "True or False")
@@ -151,15 +155,18 @@ class Mirror(Response):
 class Prescribed(Response):
     """A region of the flow with a given velocity: a pump, an inlet, a current.
 
+    {fields}
+
     Nodes inside the shape take the velocity of the boundary's `motion`, others are not touched.
-    `components` names the axes on which they do: "all" or some of "x", "y", "z". Raises
-    `SceneError`.
+    Raises `SceneError`.
     """
 
     label: ClassVar[str] = "boundaries.Prescribed"
     kind: ClassVar[str] = "prescribed"
 
-    components: Literal["all"] | Sequence[str] = "all"
+    components: Literal["all"] | Sequence[str] = given(
+        '"all", or the axes on which nodes take the velocity: some of "x", "y", "z"', default="all"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         if isinstance(self.components, str) and self.components == "all":
@@ -181,13 +188,7 @@ class Prescribed(Response):
 class DecayLayer(Value):
     """How the hold of a surface fades with the distance r of a node from it (Yang 2016, 4.26).
 
-    =========  =====  ==========  ============================================================
-    parameter  unit   range       meaning
-    =========  =====  ==========  ============================================================
-    function   -      a name      of s = r / (thickness Δx): "constrained" 1, "quadratic" (1-s)²,
-                                  "linear" 1-s, "flipped" 1-s², "cosine" (1+cos πs)/2, "free" 0
-    thickness  cells  > 0, ≤ 4    beyond it nodes are free
-    =========  =====  ==========  ============================================================
+    {fields}
 
     On and behind the surface all is held. The default holds nodes up to one cell off, so that on
     average over its places in the cells the impermeable surface is the stated one; functions that
@@ -196,18 +197,19 @@ class DecayLayer(Value):
 
     label: ClassVar[str] = "boundaries.DecayLayer"
 
-    function: Literal["constrained", "quadratic", "linear", "flipped", "cosine", "free"] = (
-        "constrained"
+    function: Literal["constrained", "quadratic", "linear", "flipped", "cosine", "free"] = given(
+        'of s = r / (thickness Δx): "constrained" 1, "quadratic" (1-s)², "linear" 1-s, '
+        '"flipped" 1-s², "cosine" (1+cos πs)/2, "free" 0',
+        default="constrained",
+        range="a name",
     )
-    thickness: float = 1.0
+    thickness: float = given("beyond it nodes are free", default=1.0, unit="cells", above=0, high=4)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         names = ("constrained", "quadratic", "linear", "flipped", "cosine", "free")
         return {
             "function": check.choice("function", self.function, names),
-            "thickness": check.number(
-                "thickness", self.thickness, lower=0, lower_open=True, upper=4, unit="cells"
-            ),
+            "thickness": check.given("thickness", self),
         }
 
 
@@ -237,13 +239,18 @@ def decay_thickness(cell: Sequence[float], normal: Sequence[float]) -> float:
 class Displacement(Value):
     """A shape that moves by a table of places: how far it is, in m, from where it is stated.
 
-    `table` has rows of (d,) m; its `end` is "hold" or "repeat". The velocity is the slope between
-    rows. Raises `SceneError`.
+    {fields}
+
+    The velocity is the slope between rows. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "boundaries.Displacement"
 
-    table: TimeTable
+    table: TimeTable = given(
+        "how far the shape is from where it is stated: `TimeTable` of rows (d,) that ends "
+        'with "hold" or "repeat"',
+        unit="m",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("table", self.table, (TimeTable,), "a TimeTable of vectors in m")
@@ -259,46 +266,57 @@ class Displacement(Value):
 class Travel(Value):
     """A shape that moves with a velocity: a vector (d,) or a `TimeTable` of vectors, m/s.
 
+    {fields}
+
     A `TimeTable` given as `motion` itself moves no shape: it is a velocity that its face has, like
     a conveyor's. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "boundaries.Travel"
 
-    velocity: Sequence[float] | TimeTable
+    velocity: Sequence[float] | TimeTable = given(
+        "of the shape: a vector, or a `TimeTable` of vectors", unit="m/s", shape="(2|3,)"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         if isinstance(self.velocity, TimeTable):
             return {}
-        return {"velocity": check.vector("velocity", self.velocity, unit="m/s")}
+        return {"velocity": check.given("velocity", self)}
 
 
 @value
 class Rotation(Value):
     """A shape that turns about a point: by a rate or by a table of angles, right-handed.
 
-    =========  ======  ===========  ==========================================================
-    parameter  unit    range        meaning
-    =========  ======  ===========  ==========================================================
-    about      m       (d,)         the fulcrum at time 0, relative to the scene's `origin`; it
-                                    goes where the shape's `motion` takes it
-    rate       rad/s   finite       a number or a `TimeTable` of numbers
-    angle      rad     a table      `TimeTable` of numbers, in place of `rate`
-    axis       -       name, (3,)   "x", "y", "z" or a direction; None = "z". Left out in 2D
-    =========  ======  ===========  ==========================================================
+    {fields}
 
     Raises `SceneError`.
     """
 
     label: ClassVar[str] = "boundaries.Rotation"
 
-    about: Sequence[float]
-    rate: float | TimeTable | None = None
-    angle: TimeTable | None = None
-    axis: str | Sequence[float] | None = None
+    about: Sequence[float] = given(
+        "the fulcrum at time 0, relative to the scene's `origin`; it goes where the shape's "
+        "`motion` takes it",
+        unit="m",
+        shape="(2|3,)",
+    )
+    rate: float | TimeTable | None = given(
+        "a number or a `TimeTable` of numbers", default=None, unit="rad/s"
+    )
+    angle: TimeTable | None = given(
+        "`TimeTable` of numbers, in place of `rate`", default=None, unit="rad", range="a table"
+    )
+    axis: str | Sequence[float] | None = given(
+        '"x", "y", "z" or a direction; None = "z". Left out in 2D',
+        default=None,
+        unit="1",
+        shape="(3,)",
+        range="or a name",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        about = check.vector("about", self.about, unit="m")
+        about = check.given("about", self)
         if (self.rate is None) == (self.angle is None):
             check.fail(
                 f"rate is {shown(self.rate)} with angle {self.angle!r}; expected one of the "
@@ -310,7 +328,7 @@ class Rotation(Value):
                 check.fail(f"{name} has rows of {table.components} numbers; expected plain numbers")
         found: dict[str, Any] = {"about": about}
         if self.rate is not None and not isinstance(self.rate, TimeTable):
-            found["rate"] = check.number("rate", self.rate, unit="rad/s")
+            found["rate"] = check.given("rate", self)
         if self.angle is not None:
             check.instance("angle", self.angle, (TimeTable,), "a TimeTable of angles in rad")
             if isinstance(self.angle, TimeTable) and self.angle.end == "zero":
@@ -322,7 +340,7 @@ class Rotation(Value):
         elif isinstance(self.axis, str):
             found["axis"] = check.choice("axis", self.axis, _AXES)
         elif self.axis is not None:
-            axis = check.vector("axis", self.axis, lengths=(3,))
+            axis = check.given("axis", self)
             if axis and not any(axis):
                 check.fail("axis is (0, 0, 0); expected a direction")
             found["axis"] = axis

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 
 __all__ = ["HIGHEST", "Basis", "ConsistentMass", "CubicPowellSabin", "Lagrange", "Linear"]
@@ -50,11 +51,7 @@ class Linear(Basis):
 class Lagrange(Basis):
     """Lagrange polynomials on the lattice of each triangle, continuous only.
 
-    =========  ====  ======  =============================================================
-    parameter  unit  range   meaning
-    =========  ====  ======  =============================================================
-    degree     -     1 to 5  polynomial degree p; (p + 1)(p + 2)/2 functions on a triangle
-    =========  ====  ======  =============================================================
+    {fields}
 
     From degree 2 on the functions are negative in places, so their mass cannot be lumped. Meant for
     comparisons. Raises `SceneError`. Source: de Koster (2018) eq. 3.11.
@@ -62,7 +59,9 @@ class Lagrange(Basis):
 
     label: ClassVar[str] = "grids.Lagrange"
 
-    degree: int = 2
+    degree: int = given(
+        "polynomial degree p; (p + 1)(p + 2)/2 functions on a triangle", default=2, low=1, high=5
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {"degree": degree_of(check, "degree", self.degree, 1)}
@@ -79,11 +78,7 @@ class PowellSabin(Basis):
     Each triangle is cut into six by an inner point and a point on every side, where the line
     between the inner points of neighbours crosses it (the middle of an outer edge).
 
-    =========  ====  ========  ===========================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ===========================================================
-    split      m     (m, 2)    inner point of every triangle of the mesh, or "incentre"
-    =========  ====  ========  ===========================================================
+    {fields}
 
     Incentres always do. Other points must lie inside their triangles, and the line between those of
     neighbours must cross the common side; `TriangularGrid` checks it. Raises `SceneError`.
@@ -92,7 +87,12 @@ class PowellSabin(Basis):
 
     label: ClassVar[str] = "grids.PowellSabin"
 
-    split: Literal["incentre"] | Sequence[Sequence[float]] = "incentre"
+    split: Literal["incentre"] | Sequence[Sequence[float]] = given(
+        'inner point of every triangle of the mesh, or "incentre"',
+        default="incentre",
+        unit="m",
+        shape="(m, 2)",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         if isinstance(self.split, str):
@@ -157,14 +157,7 @@ def _mass(kind: str, source: ConsistentMass | None = None) -> dict[str, Any]:
 class ConsistentMass(Mass):
     """The full mass matrix M_ij = Σ_p m_p φ_i φ_j, solved exactly or to a tolerance.
 
-    ================  ====  ========  ====================================================
-    parameter         unit  range     meaning
-    ================  ====  ========  ====================================================
-    solver            -     below     how M a = F is solved
-    tolerance         1     > 0, < 1  residual at which the iteration ends, parts of F
-    iterations        -     ≥ 1       most of them
-    deactivate_below  kg/m  ≥ 0       a function with M_ii below it is left out; 0: none
-    ================  ====  ========  ====================================================
+    {fields}
 
     Solvers: "direct" factorises M; "cg" is the method of conjugate gradients; "richardson" repeats
     a += M̃⁻¹ (F - M a) with the lumped M̃, which converges slowly. `tolerance` and `iterations`
@@ -175,32 +168,31 @@ class ConsistentMass(Mass):
 
     label: ClassVar[str] = "grids.ConsistentMass"
 
-    solver: Literal["direct", "cg", "richardson"] = "direct"
-    tolerance: float = 1e-10
-    iterations: int = 200
-    deactivate_below: float = 0.0
+    solver: Literal["direct", "cg", "richardson"] = given("how M a = F is solved", default="direct")
+    tolerance: float = given(
+        "residual at which the iteration ends, parts of F",
+        default=1e-10,
+        unit="1",
+        above=0,
+        below=1,
+        remedy="1e-10 is a good start",
+    )
+    iterations: int = given("most of them", default=200, low=1, whole=True)
+    deactivate_below: float = given(
+        "a function with M_ii below it is left out; 0: none",
+        default=0.0,
+        unit="kg/m",
+        low=0,
+        remedy="0 keeps every function",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        tolerance = check.number(
-            "tolerance",
-            self.tolerance,
-            lower=0,
-            upper=1,
-            lower_open=True,
-            upper_open=True,
-            remedy="1e-10 is a good start",
-        )
-        below = check.number(
-            "deactivate_below",
-            self.deactivate_below,
-            lower=0,
-            unit="kg/m",
-            remedy="0 keeps every function",
-        )
+        tolerance = check.given("tolerance", self)
+        below = check.given("deactivate_below", self)
         return {
             "solver": check.choice("solver", self.solver, ("direct", "cg", "richardson")),
             "tolerance": tolerance,
-            "iterations": check.integer("iterations", self.iterations, lower=1),
+            "iterations": check.given("iterations", self),
             "deactivate_below": below,
         }
 
@@ -229,15 +221,20 @@ class LumpedMass(Mass):
 class PartialMass(Mass):
     """Lumped for the functions between filled and empty elements, consistent for all others.
 
-    `form`: "symmetric" moves every M_ij with i or j among them to both diagonals and conserves
-    momentum; "rows" adds up their rows only, as published, and does not conserve it. The grid
-    should reach at least one layer of elements beyond a free surface. Needs functions that are
-    nowhere negative. Raises `SceneError`. Source: de Koster (2018) 5.4.
+    {fields}
+
+    The grid should reach at least one layer of elements beyond a free surface. Needs functions that
+    are nowhere negative. Raises `SceneError`. Source: de Koster (2018) 5.4.
     """
 
     label: ClassVar[str] = "grids.PartialMass"
 
-    form: Literal["symmetric", "rows"] = "symmetric"
+    form: Literal["symmetric", "rows"] = given(
+        '"symmetric" moves every M_ij with i or j among them to both diagonals and '
+        'conserves momentum; "rows" adds up their rows only, as published, and does not '
+        "conserve it",
+        default="symmetric",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {"form": check.choice("form", self.form, ("symmetric", "rows"))}

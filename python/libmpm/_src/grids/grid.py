@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.grids.bases import (
@@ -43,26 +44,24 @@ def _check_mass(check: Checker, mass: Any) -> None:
 class TriangularGrid(Value):
     """Functions on a mesh of triangles as the grid of a plane scene.
 
-    =========  =======================  ==================================================
-    parameter  default                  meaning
-    =========  =======================  ==================================================
-    mesh       -                        the `Mesh`; it must hold every place that a
-                                        particle will ever take, empty triangles do no harm
-    basis      `PowellSabin()`          or `Linear`, `Lagrange`, `CubicPowellSabin`
-    mass       None                     `ConsistentMass`, `LumpedMass` or `PartialMass`. None is
-                                        `PartialMass()`, which is consistent away from empty
-                                        triangles; with `Lagrange` of degree 2 and more
-                                        `ConsistentMass()`, the only one for it
-    =========  =======================  ==================================================
+    {fields}
 
     Raises `SceneError`. Source: de Koster (2018) 2 and 3.
     """
 
     label: ClassVar[str] = "grids.TriangularGrid"
 
-    mesh: Mesh
-    basis: Basis = PowellSabin()
-    mass: Mass | None = None
+    mesh: Mesh = given(
+        "the `Mesh`; it must hold every place that a particle will ever take, empty "
+        "triangles do no harm"
+    )
+    basis: Basis = given("or `Linear`, `Lagrange`, `CubicPowellSabin`", default=PowellSabin())
+    mass: Mass | None = given(
+        "`ConsistentMass`, `LumpedMass` or `PartialMass`. None is `PartialMass()`, which is "
+        "consistent away from empty triangles; with `Lagrange` of degree 2 and more "
+        "`ConsistentMass()`, the only one for it",
+        default=None,
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("mesh", self.mesh, (Mesh,), "a grids.Mesh, for instance Mesh.blocks(...)")
@@ -167,16 +166,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 class SplineGrid(Value):
     """Products of B-splines N_i(x) N_j(y) as the grid of a plane scene.
 
-    =========  ====  ==========  =========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  =========================================================
-    lower      m     (2,)        corner of the grid with the smallest coordinates
-    upper      m     (2,)        opposite corner, greater than `lower` on every axis
-    spans      -     (2,), ≥ 1   number of equal spans on each axis
-    degree     -     0 to 5      polynomial degree, one or (p_x, p_y)
-    mass       -     `Mass`      `ConsistentMass`, `LumpedMass` or `PartialMass`; None = the last
-    knots      m     (x, y)      open knot vectors instead of `spans`
-    =========  ====  ==========  =========================================================
+    {fields}
 
     An open knot vector does not fall, its ends are `lower` and `upper`, each p + 1 times, and an
     inner knot is there at most p times; at one of multiplicity r the functions have p - r
@@ -188,16 +178,30 @@ class SplineGrid(Value):
 
     label: ClassVar[str] = "grids.SplineGrid"
 
-    lower: Sequence[float]
-    upper: Sequence[float]
-    spans: Sequence[int] | None = None
-    degree: int | Sequence[int] = 2
-    mass: Mass | None = None
-    knots: Sequence[Sequence[float]] | None = None
+    lower: Sequence[float] = given(
+        "corner of the grid with the smallest coordinates", unit="m", shape="(2,)"
+    )
+    upper: Sequence[float] = given(
+        "opposite corner, greater than `lower` on every axis", unit="m", shape="(2,)"
+    )
+    spans: Sequence[int] | None = given(
+        "number of equal spans on each axis", default=None, shape="(2,)", low=1
+    )
+    degree: int | Sequence[int] = given(
+        "polynomial degree, one or (p_x, p_y)", default=2, low=0, high=5
+    )
+    mass: Mass | None = given(
+        "`ConsistentMass`, `LumpedMass` or `PartialMass`; None = the last",
+        default=None,
+        range="`Mass`",
+    )
+    knots: Sequence[Sequence[float]] | None = given(
+        "open knot vectors instead of `spans`", default=None, unit="m", range="(x, y)"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        lower = check.vector("lower", self.lower, lengths=(2,), unit="m")
-        upper = check.vector("upper", self.upper, lengths=(2,), unit="m")
+        lower = check.given("lower", self)
+        upper = check.given("upper", self)
         for a, (low, high) in enumerate(zip(lower, upper, strict=False)):
             if low >= high:
                 check.fail(

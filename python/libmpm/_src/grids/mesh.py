@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.arrays import real_array
+from libmpm._src.base.declarations import given
 from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, Value, keywords_only, shown, value
 from libmpm._src.errors import SceneError
@@ -31,12 +32,7 @@ _BESIDE = 1e-9
 class Mesh(Value):
     """A triangulation of a region of the plane.
 
-    =========  ====  ========  ===========================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ===========================================================
-    vertices   m     (n, 2)    positions, finite, no two the same, each used by a triangle
-    triangles  -     (m, 3)    vertex numbers 0 to n - 1 of the corners, m ≥ 1
-    =========  ====  ========  ===========================================================
+    {fields}
 
     Corners are counter-clockwise; a clockwise triangle is turned by exchanging its last two. Every
     triangle has an area, and an edge belongs to one triangle or to two on opposite sides of it.
@@ -47,8 +43,12 @@ class Mesh(Value):
 
     label: ClassVar[str] = "grids.Mesh"
 
-    vertices: Sequence[Sequence[float]] | npt.NDArray[Any]
-    triangles: Sequence[Sequence[int]] | npt.NDArray[Any]
+    vertices: Sequence[Sequence[float]] | npt.NDArray[Any] = given(
+        "positions, finite, no two the same, each used by a triangle", unit="m", shape="(n, 2)"
+    )
+    triangles: Sequence[Sequence[int]] | npt.NDArray[Any] = given(
+        "vertex numbers 0 to n - 1 of the corners, m ≥ 1", shape="(m, 3)"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         vertices = _vertices(check, self.vertices)

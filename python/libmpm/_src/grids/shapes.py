@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from libmpm._src.base.arrays import real_array
+from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable, check_vector_table
 from libmpm._src.base.values import Checker, Value, shown, value
 from libmpm._src.shapes.boxes import Shape, faces_of
@@ -39,12 +40,7 @@ def _points(check: Checker, name: str, given: Any, least: int) -> tuple[tuple[fl
 class Cells(Shape):
     """The triangles of the grid's mesh, or those inside a polygon, as a body.
 
-    =========  ====  ========  ==============================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ==============================================================
-    within     m     (k, 2)    corners of a polygon; triangles whose centre lies inside belong
-                               to the body. None = all
-    =========  ====  ========  ==============================================================
+    {fields}
 
     Every triangle is filled with the same number of particles, `particles_per_cell`, a square
     number k²: at the centres of k² equal triangles, each with its exact area. Equal numbers keep
@@ -53,7 +49,12 @@ class Cells(Shape):
 
     label: ClassVar[str] = "shapes.Cells"
 
-    within: Sequence[Sequence[float]] | None = None
+    within: Sequence[Sequence[float]] | None = given(
+        "corners of a polygon; triangles whose centre lies inside belong to the body. None = all",
+        default=None,
+        unit="m",
+        shape="(k, 2)",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         if self.within is None:
@@ -70,23 +71,26 @@ class Cells(Shape):
 class Points(Shape):
     """Given particles as a body.
 
-    =========  ====  ========  ==============================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ==============================================================
-    position   m     (n, 2)    where they are, inside the grid
-    volume     m²    (n,)      area of each; None = of its Voronoi cell
-    within     m     (k, 2)    corners of a polygon: Voronoi cells are cut at the outline of the
-                               triangles whose centres lie inside. None = all
-    =========  ====  ========  ==============================================================
+    {fields}
 
     Raises `SceneError`. Source: de Koster (2018) 2.3.
     """
 
     label: ClassVar[str] = "shapes.Points"
 
-    position: Sequence[Sequence[float]]
-    volume: Sequence[float] | None = None
-    within: Sequence[Sequence[float]] | None = None
+    position: Sequence[Sequence[float]] = given(
+        "where they are, inside the grid", unit="m", shape="(n, 2)"
+    )
+    volume: Sequence[float] | None = given(
+        "area of each; None = of its Voronoi cell", default=None, unit="m²", shape="(n,)"
+    )
+    within: Sequence[Sequence[float]] | None = given(
+        "corners of a polygon: Voronoi cells are cut at the outline of the triangles whose "
+        "centres lie inside. None = all",
+        default=None,
+        unit="m",
+        shape="(k, 2)",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         points = _points(check, "position", self.position, 1)
@@ -119,19 +123,18 @@ class Points(Shape):
 class Outline(Shape):
     """A part of the outline of the grid's mesh as a boundary.
 
-    =========  ====  ========  ==============================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ==============================================================
-    points     m     (k, 2)    a line of straight parts along the outline; the edges of the mesh
-                               that lie on it are held
-    =========  ====  ========  ==============================================================
+    {fields}
 
     Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Outline"
 
-    points: Sequence[Sequence[float]]
+    points: Sequence[Sequence[float]] = given(
+        "a line of straight parts along the outline; the edges of the mesh that lie on it are held",
+        unit="m",
+        shape="(k, 2)",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         points = _points(check, "points", self.points, 2)
@@ -154,12 +157,7 @@ class Outline(Shape):
 class Traction(Value):
     """A force on one face of a box-shaped body, carried by the particles along it.
 
-    =========  ====  ========  ==============================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ==============================================================
-    face       -     a name    "x-", "x+", "y-" or "y+" of the body's box at the start
-    value      Pa    (2,)      force per area, or a `TimeTable` of it
-    =========  ====  ========  ==============================================================
+    {fields}
 
     Each particle next to the face stands for an equal part of its length and keeps that force
     wherever it goes. Raises `SceneError`. Source: de Koster (2018) eq. 2.28.
@@ -167,12 +165,14 @@ class Traction(Value):
 
     label: ClassVar[str] = "Traction"
 
-    face: str
-    value: Sequence[float] | TimeTable
+    face: str = given('"x-", "x+", "y-" or "y+" of the body\'s box at the start', range="a name")
+    value: Sequence[float] | TimeTable = given(
+        "force per area, or a `TimeTable` of it", unit="Pa", shape="(2,)"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         face = check.choice("face", self.face, faces_of(2))
         if isinstance(self.value, TimeTable):
             check_vector_table(check, "value", self.value, 2, "Pa")
             return {"face": face}
-        return {"face": face, "value": check.vector("value", self.value, lengths=(2,), unit="Pa")}
+        return {"face": face, "value": check.given("value", self)}

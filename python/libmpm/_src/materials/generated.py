@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import value
 from libmpm._src.materials.friction import Cone, FrictionalMaterial
 from libmpm._src.materials.material import Column, Entry, Material, Parameter
@@ -837,7 +838,12 @@ class DruckerPrager(FrictionalMaterial):
     dilatancy_angle: float = 0.0
     tension_cutoff: float = 0.0
     volume_correction: float = 1.0
-    cone: Cone | None = None
+    cone: Cone | None = given(
+        "test in which the angles hold: triaxial compression or extension, or plane strain; None "
+        "= plane strain in 2D, compression in 3D",
+        default=None,
+        range="a name",
+    )
 
 
 @value
@@ -1013,7 +1019,12 @@ class CamClay(FrictionalMaterial):
     cohesion_ratio: float = 0.5
     hardening_factor: float = 0.8
     hardens: float = 1.0
-    cone: Cone | None = None
+    cone: Cone | None = given(
+        "test in which the angles hold: triaxial compression or extension, or plane strain; None "
+        "= plane strain in 2D, compression in 3D",
+        default=None,
+        range="a name",
+    )
 
 
 @value

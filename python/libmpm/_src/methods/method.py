@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, value
 from libmpm._src.methods.transfer import Kernel, Transfer, as_kernel, as_transfer
 
@@ -18,15 +19,7 @@ CROSSINGS = 35.0
 class Method(Value):
     """Choices that apply to the whole scene.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    cfl        1     > 0, ≤ 1    part of a cell that the fastest wave may cross in one step
-    time_step  s     > 0         fixed step; None = the stable one. Above it: refused
-    leaving    -     see below   what happens to a particle that leaves the domain
-    transfer   -     `Transfer`  how velocities go between particles and grid; or a scheme's name
-    kernel     -     `Kernel`    the functions between them; or their name
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     `leaving`: "stop" ends the run with an error, "freeze" keeps the particle at rest where it left,
     outside the computation, "delete" removes it. Every such particle is listed by id.
@@ -35,11 +28,27 @@ class Method(Value):
 
     label: ClassVar[str] = "Method"
 
-    cfl: float = 0.4
-    time_step: float | None = None
-    leaving: Literal["stop", "freeze", "delete"] = "stop"
-    transfer: Transfer | str = Transfer()
-    kernel: Kernel | str = Kernel()
+    cfl: float = given(
+        "part of a cell that the fastest wave may cross in one step",
+        default=0.4,
+        unit="1",
+        above=0,
+        high=1,
+    )
+    time_step: float | None = given(
+        "fixed step; None = the stable one. Above it: refused", default=None, unit="s", above=0
+    )
+    leaving: Literal["stop", "freeze", "delete"] = given(
+        "what happens to a particle that leaves the domain", default="stop"
+    )
+    transfer: Transfer | str = given(
+        "how velocities go between particles and grid; or a scheme's name",
+        default=Transfer(),
+        range="`Transfer`",
+    )
+    kernel: Kernel | str = given(
+        "the functions between them; or their name", default=Kernel(), range="`Kernel`"
+    )
 
     @property
     def transfer_choice(self) -> Transfer:
@@ -57,9 +66,7 @@ class Method(Value):
         step = self.time_step
         if step is not None:
             remedy = "use None for the stable step"
-            step = check.number(
-                "time_step", step, lower=0, lower_open=True, unit="s", remedy=remedy
-            )
+            step = check.given("time_step", self, step, remedy=remedy)
         transfer = as_transfer(check, self.transfer)
         kernel = as_kernel(check, self.kernel)
         if transfer.affine and not kernel.has_moments:
@@ -70,7 +77,7 @@ class Method(Value):
             )
         remedy = "an explicit step is unstable above 1; 0.4 is a safe start"
         return {
-            "cfl": check.number("cfl", self.cfl, lower=0, upper=1, lower_open=True, remedy=remedy),
+            "cfl": check.given("cfl", self, remedy=remedy),
             "time_step": step,
             "leaving": check.choice("leaving", self.leaving, ("stop", "freeze", "delete")),
             "transfer": transfer,
@@ -84,16 +91,7 @@ class FBar(Value):
 
     Each step the stored ratio moves by the part ψ towards the grid's average of it.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    form       -     see below   the recursion
-    time       s     > 0         relaxation time τ, ψ = 1 - exp(-Δt/τ); None = 35 Δx/c₀
-    ratio      1     > 0, ≤ 1    ψ itself, per step. The result then depends on the time step;
-                                 meant only to reproduce published runs
-    length     m     > 0         smoothing length ℓ of the forms with two volumes ("two-volume",
-                                 "split", "literal"), ψ = 4ℓ²/(Δx² + 4ℓ²)
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     Forms: "one-volume-gradient" stores one ratio and carries its gradient to the grid;
     "one-volume" does not carry it; "two-volume" stores the smoothed ratio beside the true one and
@@ -110,10 +108,25 @@ class FBar(Value):
 
     form: Literal[
         "one-volume-gradient", "one-volume", "two-volume", "stress-only", "split", "literal"
-    ] = "one-volume-gradient"
-    time: float | None = None
-    ratio: float | None = None
-    length: float | None = None
+    ] = given("the recursion", default="one-volume-gradient")
+    time: float | None = given(
+        "relaxation time τ, ψ = 1 - exp(-Δt/τ); None = 35 Δx/c₀", default=None, unit="s", above=0
+    )
+    ratio: float | None = given(
+        "ψ itself, per step. The result then depends on the time step; meant only to "
+        "reproduce published runs",
+        default=None,
+        unit="1",
+        above=0,
+        high=1,
+    )
+    length: float | None = given(
+        'smoothing length ℓ of the forms with two volumes ("two-volume", "split", '
+        '"literal"), ψ = 4ℓ²/(Δx² + 4ℓ²)',
+        default=None,
+        unit="m",
+        above=0,
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         two = ("two-volume", "split", "literal")

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, shown, value
 from libmpm._src.errors import NumericalError
 
@@ -26,16 +27,7 @@ class Smoothing(Value):
 
     The smoothed field q̂ replaces what particles store: q ← q̂(x) + Δt q̇.
 
-    ===========  ====  ==========  ===========================================================
-    parameter    unit  range       meaning
-    ===========  ====  ==========  ===========================================================
-    method       -     see below   the operator
-    gamma        1     0 to 1      share γ of the flux of "F0"; None = 1. The others find their own
-    field        -     see below   "volume" (fluids: 1 - J) or "strain" (LinearElastic: the total
-                                   one, component by component); None = what the material stores
-    flux_length  -     see below   of "F1": "face", the way from the centre of mass to the face, or
-                                   "inertia", √(I/m), which does not keep linear fields
-    ===========  ====  ==========  ===========================================================
+    {fields}
 
     With the mass m and centre of mass x_o of a cell's particles, q₀ = Σ m q / Σ m their mean,
     q₁ the slopes of their least squares, I the second moment of mass along an axis, and
@@ -61,16 +53,32 @@ class Smoothing(Value):
 
     label: ClassVar[str] = "Smoothing"
 
-    method: Literal["C0", "C1", "NB", "F0", "F0L1", "F0L2", "F0A", "F0AL1", "F0AL2", "F1"] = "F0AL1"
-    gamma: float | None = None
-    field: Literal["volume", "strain"] | None = None
-    flux_length: Literal["face", "inertia"] = "face"
+    method: Literal["C0", "C1", "NB", "F0", "F0L1", "F0L2", "F0A", "F0AL1", "F0AL2", "F1"] = given(
+        "the operator", default="F0AL1"
+    )
+    gamma: float | None = given(
+        'share γ of the flux of "F0"; None = 1. The others find their own',
+        default=None,
+        unit="1",
+        low=0,
+        high=1,
+    )
+    field: Literal["volume", "strain"] | None = given(
+        '"volume" (fluids: 1 - J) or "strain" (LinearElastic: the total one, component by '
+        "component); None = what the material stores",
+        default=None,
+    )
+    flux_length: Literal["face", "inertia"] = given(
+        'of "F1": "face", the way from the centre of mass to the face, or "inertia", '
+        "√(I/m), which does not keep linear fields",
+        default="face",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         method = check.choice("method", self.method, METHODS)
         gamma = self.gamma
         if gamma is not None:
-            gamma = check.number("gamma", gamma, lower=0, upper=1)
+            gamma = check.given("gamma", self, gamma)
             if method != "F0":
                 check.fail(
                     f"gamma is {gamma:g} with method '{method}', which has none to give; leave it "
@@ -104,16 +112,7 @@ class AssumedFields(Value):
     Against locking: σ̃ = Σ m σ / Σ m before the internal force, d̃ = Σ m d / Σ m before the state
     advances.
 
-    =========  ====  ==========  ===============================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===============================================================
-    over       -     see below   "cell", one mean a cell, or "node", lumped means at nodes,
-                                 interpolated: Σ m Nᵢ σ / Σ m Nᵢ
-    part       -     see below   "volumetric" (traces alone), "deviatoric" or "full" tensors
-    rate       -     bool        False: of the stress alone. Every particle is strained by its own
-                                 rate; where the law is linear in what it stores (LinearElastic),
-                                 σ̃ = C : ε̃ with the mean ε̃ of the strains
-    =========  ====  ==========  ===============================================================
+    {fields}
 
     In plane strain the trace is that of the plane. Cells as of `Smoothing`, which it goes with; by
     transfers without an affine part; on the CPU. One mean a cell leaves zero-energy modes.
@@ -125,9 +124,21 @@ class AssumedFields(Value):
 
     label: ClassVar[str] = "AssumedFields"
 
-    over: Literal["cell", "node"] = "cell"
-    part: Literal["volumetric", "deviatoric", "full"] = "volumetric"
-    rate: bool = True
+    over: Literal["cell", "node"] = given(
+        '"cell", one mean a cell, or "node", lumped means at nodes, interpolated: Σ m Nᵢ σ '
+        "/ Σ m Nᵢ",
+        default="cell",
+    )
+    part: Literal["volumetric", "deviatoric", "full"] = given(
+        '"volumetric" (traces alone), "deviatoric" or "full" tensors', default="volumetric"
+    )
+    rate: bool = given(
+        "False: of the stress alone. Every particle is strained by its own rate; where the "
+        "law is linear in what it stores (LinearElastic), σ̃ = C : ε̃ with the mean ε̃ of "
+        "the strains",
+        default=True,
+        range="bool",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("rate", self.rate, (bool,), "True or False")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, nearest, shown, value
 
 __all__ = ["KERNELS", "SCHEMES", "Kernel", "Transfer", "as_kernel", "as_transfer"]
@@ -27,24 +28,7 @@ class Transfer(Value):
     With v̂ the velocity that the grid gives a particle, r what of its own the grid cannot see:
     v ← v̂ + α r, x ← x + Δt (v̂ + β α r).
 
-    ==============  ====  =========  ===========================================================
-    parameter       unit  range      meaning
-    ==============  ====  =========  ===========================================================
-    scheme          -     see below  the transfer
-    flip            1     0 to 1     α of PIC-FLIP, AFLIP, SFLIP and ASFLIP; of NFLIP, None = 1
-    shift_max       1     0 to 1     β_max of SFLIP and ASFLIP
-    shift_min       1     0 to 1     β_min of SFLIP and ASFLIP, not above β_max
-    shift_rule      -     see below  "binary" or "smooth"
-    critical_ratio  1     > 0        J_c: above this volume ratio a particle counts as free
-    width           1     > 0        δ_c of the smooth rule
-    power           1     ≥ 1        b of the smooth rule
-    below           -     see below  β below J_c in the smooth rule: "min" (β_min) or "zero"
-    guard           -     bool       β = 0 (NFLIP, SFLIP, ASFLIP) for a particle one of whose
-                                     nodes' velocities a boundary has changed in this step
-    order           1     ≥ 1        k of XPIC and FMPM; 2 to 8 are of use
-    every           1     ≥ 1        of so many steps one filters, in XPIC and FMPM; the others
-                                     are FLIP
-    ==============  ====  =========  ===========================================================
+    {fields}
 
     Schemes: "PIC" keeps nothing; "FLIP" all of r, "PIC-FLIP" α of it; "APIC" keeps the affine part
     of the grid's velocity; "AFLIP" both; "NFLIP" moves with what it keeps (β = 1); "SFLIP" and
@@ -64,24 +48,49 @@ class Transfer(Value):
 
     scheme: Literal[
         "PIC", "FLIP", "PIC-FLIP", "APIC", "AFLIP", "NFLIP", "SFLIP", "ASFLIP", "XPIC", "FMPM"
-    ] = "APIC"
-    flip: float | None = None
-    shift_max: float = 0.0
-    shift_min: float = 0.0
-    shift_rule: Literal["binary", "smooth"] = "binary"
-    critical_ratio: float = 1.0
-    width: float = 0.01
-    power: float = 2.0
-    below: Literal["min", "zero"] = "min"
-    guard: bool = True
-    order: int = 2
-    every: int = 1
+    ] = given("the transfer", default="APIC")
+    flip: float | None = given(
+        "α of PIC-FLIP, AFLIP, SFLIP and ASFLIP; of NFLIP, None = 1",
+        default=None,
+        unit="1",
+        low=0,
+        high=1,
+    )
+    shift_max: float = given("β_max of SFLIP and ASFLIP", default=0.0, unit="1", low=0, high=1)
+    shift_min: float = given(
+        "β_min of SFLIP and ASFLIP, not above β_max", default=0.0, unit="1", low=0, high=1
+    )
+    shift_rule: Literal["binary", "smooth"] = given('"binary" or "smooth"', default="binary")
+    critical_ratio: float = given(
+        "J_c: above this volume ratio a particle counts as free", default=1.0, unit="1", above=0
+    )
+    width: float = given("δ_c of the smooth rule", default=0.01, unit="1", above=0)
+    power: float = given("b of the smooth rule", default=2.0, unit="1", low=1)
+    below: Literal["min", "zero"] = given(
+        'β below J_c in the smooth rule: "min" (β_min) or "zero"', default="min"
+    )
+    guard: bool = given(
+        "β = 0 (NFLIP, SFLIP, ASFLIP) for a particle one of whose nodes' velocities a "
+        "boundary has changed in this step",
+        default=True,
+        range="bool",
+    )
+    order: int = given(
+        "k of XPIC and FMPM; 2 to 8 are of use", default=2, unit="1", low=1, whole=True
+    )
+    every: int = given(
+        "of so many steps one filters, in XPIC and FMPM; the others are FLIP",
+        default=1,
+        unit="1",
+        low=1,
+        whole=True,
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         scheme = check.choice("scheme", self.scheme, SCHEMES)
         flip = self.flip
         if flip is not None:
-            flip = check.number("flip", flip, lower=0, upper=1)
+            flip = check.given("flip", self, flip)
             if scheme not in (*BLENDS, "NFLIP"):
                 check.fail(
                     f"flip is {flip:g} with scheme '{scheme}', which has none; leave it out, or "
@@ -92,8 +101,8 @@ class Transfer(Value):
                 f"scheme '{scheme}' without flip; expected the share α of it, 0 to 1; give for "
                 "instance flip=0.9"
             )
-        most = check.number("shift_max", self.shift_max, lower=0, upper=1)
-        least = check.number("shift_min", self.shift_min, lower=0, upper=1)
+        most = check.given("shift_max", self)
+        least = check.given("shift_min", self)
         if (most or least) and scheme not in SHIFTS:
             check.fail(
                 f"shift_max is {most:g} and shift_min {least:g} with scheme '{scheme}'; only "
@@ -101,8 +110,8 @@ class Transfer(Value):
             )
         if least > most:
             check.fail(f"shift_min is {least:g} above shift_max {most:g}; expected at most that")
-        order = check.integer("order", self.order, lower=1)
-        every = check.integer("every", self.every, lower=1)
+        order = check.given("order", self)
+        every = check.given("every", self)
         if scheme not in SWEEPS and not check.problems and (order, every) != (2, 1):
             check.fail(
                 f"order is {order} and every {every} with scheme '{scheme}'; they belong "
@@ -116,11 +125,9 @@ class Transfer(Value):
             "shift_max": most,
             "shift_min": least,
             "shift_rule": check.choice("shift_rule", self.shift_rule, ("binary", "smooth")),
-            "critical_ratio": check.number(
-                "critical_ratio", self.critical_ratio, lower=0, lower_open=True
-            ),
-            "width": check.number("width", self.width, lower=0, lower_open=True),
-            "power": check.number("power", self.power, lower=1),
+            "critical_ratio": check.given("critical_ratio", self),
+            "width": check.given("width", self),
+            "power": check.given("power", self),
             "below": check.choice("below", self.below, ("min", "zero")),
             "order": order,
             "every": every,
@@ -167,22 +174,7 @@ class Transfer(Value):
 class Kernel(Value):
     """The functions between particles and nodes.
 
-    ===========  ====  =========  ===============================================================
-    parameter    unit  range      meaning
-    ===========  ====  =========  ===============================================================
-    name         -     see below  the functions
-    gradient     -     see below  where velocity gradients and internal forces come from: "mls"
-                                  (first moments, MLS-MPM) or "kernel" (gradients of the
-                                  functions); None = "mls" for quadratic and cubic, else
-                                  "kernel"
-    boundary     -     bool       B-splines that end where the domain does (modified boundary
-                                  splines), for linear, quadratic and cubic ones
-    modified     -     bool       linear functions N deposit by others: N between 0.001 and
-                                  0.999, their slopes falling to zero within 0.5 % of a span
-                                  from its ends; nothing is almost massless, nothing jumps
-    moved_nodes  -     bool       velocity gradients by where the nodes go in the step,
-                                  L (I + Δt L)⁻¹: a rigid turn does not strain
-    ===========  ====  =========  ===============================================================
+    {fields}
 
     Names: B-splines "linear", "quadratic", "cubic"; "ugimp", the mean of the linear function over a
     particle that keeps its size, "cpgimp", over one that follows its stretch along each axis;
@@ -203,11 +195,34 @@ class Kernel(Value):
 
     label: ClassVar[str] = "Kernel"
 
-    name: Literal["linear", "quadratic", "cubic", "ugimp", "cpgimp", "cpdi", "ddmp"] = "quadratic"
-    gradient: Literal["mls", "kernel"] | None = None
-    boundary: bool = False
-    modified: bool = False
-    moved_nodes: bool = False
+    name: Literal["linear", "quadratic", "cubic", "ugimp", "cpgimp", "cpdi", "ddmp"] = given(
+        "the functions", default="quadratic"
+    )
+    gradient: Literal["mls", "kernel"] | None = given(
+        'where velocity gradients and internal forces come from: "mls" (first moments, '
+        'MLS-MPM) or "kernel" (gradients of the functions); None = "mls" for quadratic and '
+        'cubic, else "kernel"',
+        default=None,
+    )
+    boundary: bool = given(
+        "B-splines that end where the domain does (modified boundary splines), for linear, "
+        "quadratic and cubic ones",
+        default=False,
+        range="bool",
+    )
+    modified: bool = given(
+        "linear functions N deposit by others: N between 0.001 and 0.999, their slopes "
+        "falling to zero within 0.5 % of a span from its ends; nothing is almost massless, "
+        "nothing jumps",
+        default=False,
+        range="bool",
+    )
+    moved_nodes: bool = given(
+        "velocity gradients by where the nodes go in the step, L (I + Δt L)⁻¹: a rigid turn "
+        "does not strain",
+        default=False,
+        range="bool",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         name = check.choice("name", self.name, KERNELS)

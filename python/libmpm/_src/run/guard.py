@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, value
 from libmpm._src.boundaries.responses import Prescribed
@@ -21,44 +22,62 @@ __all__ = ["Guard", "as_guard", "opened_by"]
 class Guard(Value):
     """What a run watches about itself, and how much of it ends the run; None switches one off.
 
-    =========  ====  =======  ==============================================================
-    parameter  unit  range    meaning
-    =========  ====  =======  ==============================================================
-    every      1     ≥ 1      steps between two looks; None = 1000
-    energy     1     > 0      growth of the mechanical energy, in parts of what has been
-                              released, of scenes on which nothing from outside does work
-    volume     1     > 0      change of a body's mean volume ratio beyond what pressure does
-    packing    1     > 0      excess of the density at the nodes, in scenes of water alone, over
-                              that of the particles' own volumes
-    level      1     > 0      part of its height above the floor by which the middle of water may
-                              lie lower than its volume can in the domain, beside a tenth of a cell;
-                              more is a `ModelWarning`, once
-    mach       1     > 0      speed within a body, in parts of its sound speed
-    smoothing  1     > 0      energy that smoothing over cells takes from a body while a wave
-                              crosses 100 cells, in parts of the most that the body held and of
-                              what has been released; more is a `ModelWarning`, once a body
-    particles  -     -        whether particles are counted
-    =========  ====  =======  ==============================================================
+    {fields}
 
     A look never changes a bit of the run. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "Guard"
 
-    every: int | None = None
-    energy: float | None = 0.2
-    volume: float | None = 0.05
-    packing: float | None = 0.5
-    level: float | None = 0.05
-    mach: float | None = 1.0
-    smoothing: float | None = 0.2
-    particles: bool = True
+    every: int | None = given(
+        "steps between two looks; None = 1000", default=None, unit="1", low=1, whole=True
+    )
+    energy: float | None = given(
+        "growth of the mechanical energy, in parts of what has been released, of scenes on "
+        "which nothing from outside does work",
+        default=0.2,
+        unit="1",
+        above=0,
+    )
+    volume: float | None = given(
+        "change of a body's mean volume ratio beyond what pressure does",
+        default=0.05,
+        unit="1",
+        above=0,
+    )
+    packing: float | None = given(
+        "excess of the density at the nodes, in scenes of water alone, over that of the "
+        "particles' own volumes",
+        default=0.5,
+        unit="1",
+        above=0,
+    )
+    level: float | None = given(
+        "part of its height above the floor by which the middle of water may lie lower than "
+        "its volume can in the domain, beside a tenth of a cell; more is a `ModelWarning`, "
+        "once",
+        default=0.05,
+        unit="1",
+        above=0,
+    )
+    mach: float | None = given(
+        "speed within a body, in parts of its sound speed", default=1.0, unit="1", above=0
+    )
+    smoothing: float | None = given(
+        "energy that smoothing over cells takes from a body while a wave crosses 100 cells, "
+        "in parts of the most that the body held and of what has been released; more is a "
+        "`ModelWarning`, once a body",
+        default=0.2,
+        unit="1",
+        above=0,
+    )
+    particles: bool = given("whether particles are counted", default=True)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         remedy = "use None to leave it unwatched"
         found: dict[str, Any] = {}
         if self.every is not None:
-            found["every"] = check.integer("every", self.every, lower=1)
+            found["every"] = check.given("every", self)
         for name in ("energy", "volume", "packing", "level", "mach", "smoothing"):
             bound = getattr(self, name)
             if bound is not None:

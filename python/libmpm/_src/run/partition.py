@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, nearest, sequence, shown, value
 from libmpm._src.errors import SceneError
 from libmpm._src.scene.checks_sizes import block_edge
@@ -27,27 +28,7 @@ _CURVE = -1
 class Partition(Value):
     """How several ranks share a scene: in which order its blocks are cut, where, and when anew.
 
-    ===============  ====  =========  ==============================================================
-    parameter        unit  range      meaning
-    ===============  ====  =========  ==============================================================
-    cuts             -     see below  "x", "y" or "z": planes across that axis; "curve": pieces of a
-                                      Hilbert curve; None = planes across the longest axis of the
-                                      domain if, at the start, they cut through fewer faces of
-                                      blocks and are as even as the curve or `rebalance_above`;
-                                      else the curve; with `by` whatever parts the groups best
-    at               m     (n - 1,)   places along the axis of `cuts` at which n ranks begin to be
-                                      cut, ascending and inside the domain: planes at the borders of
-                                      blocks nearest to them; None = where loads are even
-    by               -     see below  what begins on a rank of its own: "body", "material" (all
-                                      bodies of an equal one), or the names of the bodies of each
-                                      rank, such as (("water",), ("deck", "pier")); None = nothing
-    weights          -     see below  "particles": the load of a block is its particles, and 16 for
-                                      having any; "measured": that times what it has cost its rank
-                                      of late, by the processor time of its own work (CPU)
-    rebalance_above  1     0, or ≥ 1  largest load of a rank over the mean one, above which a sort
-                                      cuts anew where that makes it 3 % less or better; 0 = at every
-                                      sort, at any price; None = never
-    ===============  ====  =========  ==============================================================
+    {fields}
 
     Blocks are of 64 cells: 8 x 8, or 4 x 4 x 4. Cuts lie between blocks; they have no say in the
     bits of a run. `at` and `by` say where they begin, and again where a run is resumed: they hold
@@ -64,11 +45,40 @@ class Partition(Value):
 
     label: ClassVar[str] = "Partition"
 
-    cuts: Literal["x", "y", "z", "curve"] | None = None
-    at: Sequence[float] | None = None
-    by: Literal["body", "material"] | Sequence[Sequence[str]] | None = None
-    weights: Literal["particles", "measured"] = "particles"
-    rebalance_above: float | None = 1.05
+    cuts: Literal["x", "y", "z", "curve"] | None = given(
+        '"x", "y" or "z": planes across that axis; "curve": pieces of a Hilbert curve; None '
+        "= planes across the longest axis of the domain if, at the start, they cut through "
+        "fewer faces of blocks and are as even as the curve or `rebalance_above`; else the "
+        "curve; with `by` whatever parts the groups best",
+        default=None,
+    )
+    at: Sequence[float] | None = given(
+        "places along the axis of `cuts` at which n ranks begin to be cut, ascending and "
+        "inside the domain: planes at the borders of blocks nearest to them; None = where "
+        "loads are even",
+        default=None,
+        unit="m",
+        shape="(n - 1,)",
+    )
+    by: Literal["body", "material"] | Sequence[Sequence[str]] | None = given(
+        'what begins on a rank of its own: "body", "material" (all bodies of an equal one), '
+        'or the names of the bodies of each rank, such as (("water",), ("deck", "pier")); '
+        "None = nothing",
+        default=None,
+    )
+    weights: Literal["particles", "measured"] = given(
+        '"particles": the load of a block is its particles, and 16 for having any; '
+        '"measured": that times what it has cost its rank of late, by the processor time of '
+        "its own work (CPU)",
+        default="particles",
+    )
+    rebalance_above: float | None = given(
+        "largest load of a rank over the mean one, above which a sort cuts anew where that "
+        "makes it 3 % less or better; 0 = at every sort, at any price; None = never",
+        default=1.05,
+        unit="1",
+        range="0, or ≥ 1",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         found: dict[str, Any] = {}

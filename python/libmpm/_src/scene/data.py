@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import numbers
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypeVar
 
+from libmpm._src.base.declarations import FIXED, Given, declared, documents
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, check_vector_table
 from libmpm._src.base.values import Checker, Value, keywords_only, plain, shown
@@ -37,6 +39,34 @@ SCHEMA = 1
 _WHOLE = 1e-6
 
 T = TypeVar("T", bound=Value)
+
+
+#: Arguments of `Scene`, in the order of its files.
+HEAD: dict[str, Given] = {
+    "name": Given("for titles and files", range="text"),
+    "dimension": Given(
+        "2 is plane strain of unit thickness; None = 3, 2 with a `grid`", range="2, 3"
+    ),
+    "cell_size": Given("edge Δx of the square or cubic cells of the grid", unit="m", above=0),
+    "lower": Given("lower corner of the domain, relative to `origin`", unit="m", shape="(d,)"),
+    "upper": Given("upper corner, a whole number of cells above `lower`", unit="m", shape="(d,)"),
+    "grid": Given(
+        "of `libmpm.grids`: triangles or splines in place of square cells, in 2D on the CPU; cell "
+        "size and corners come from it",
+        range="a grid",
+    ),
+    "origin": Given(
+        "world position of coordinate zero; None = zero. All coordinates of the scene are relative "
+        "to it",
+        unit="m",
+        shape="(d,)",
+    ),
+    "gravity": Given(
+        "vector or `TimeTable` of vectors; None = no gravity", unit="m/s²", shape="(d,)"
+    ),
+    "method": Given("numerical choices", range="`Method`"),
+    "start": Given("what the scene goes on from; set by `from_checkpoint` alone", scales=FIXED),
+}
 
 
 class SceneData:
@@ -225,6 +255,15 @@ class SceneData:
         """Inflows and outflows (`name`, `flow`) in the order in which they were added."""
         return tuple(self._flows.values())
 
+    @documents(
+        Body,
+        sampling=dataclasses.replace(
+            declared(Body)["sampling"],
+            meaning="`shapes.Columns`, `Jitter` or `PoissonDisk` in place of the plain lattice, "
+            'None; "default" is columns for fluids under gravity in a box without what is no box, '
+            "as `shapes.basin` makes it, else the lattice",
+        ),
+    )
     @keywords_only("Scene.add_body")
     def add_body(
         self,
@@ -249,41 +288,7 @@ class SceneData:
     ) -> str:
         """Add a body and return its name.
 
-        ==================  ====  ========  ==================================================
-        parameter           unit  range     meaning
-        ==================  ====  ========  ==================================================
-        name                -     unique    name among the bodies
-        shape               -     a shape   any solid of `libmpm.shapes`, exact total mass: boxes
-                                            by a lattice of their own, others by that of the cells;
-                                            a PointFile; on a `grid` Box, Cells or Points
-        material            -     material  a value of `libmpm.materials`
-        particles_per_cell  1     ≥ 1       None = 2 per axis
-        velocity            m/s   (d,)      at the start, or a `Field`; None = at rest
-        fbar                -     `FBar`    "default" is on for fluids, off for solids
-        hydrostatic         m     level     surface level against gravity, for instance z of the
-                                            surface: the body starts with ρ g depth below it
-        subtract_from       -     names     bodies that lose their particles inside this one
-        lattice             1     (d,)      particles of a box on each of its axes, in place of
-                                            particles_per_cell
-        stress              Pa    (k,)      Cauchy stress at the start, or a `Field`: xx, yy, xy, zz
-                                            of Hypoelastic in 2D; xx, yy, xy of LinearElastic in
-                                            2D, whose zz follows; xx, yy, zz, yz, xz, xy in 3D
-        tractions           -     -         `Traction` values on faces of a Box, on a `grid`
-        transfer            -     Transfer  of the scene's scheme, with a flip and shifts of its
-                                            own; None = that of the scene's `Method`
-        sampling            -     -         `shapes.Columns`, `Jitter` or `PoissonDisk` in place of
-                                            the plain lattice, None; "default" is columns for
-                                            fluids under gravity in a box without what is no box,
-                                            as `shapes.basin` makes it, else the lattice
-        smoothing           -     -         `Smoothing` of its state over cells, in place of F-bar
-        assumed             -     -         `AssumedFields`: means of its rate and stress
-        damping             1     ≥ 0       ratio ξ of numerical damping, of elastic solids:
-                                            σ_ij += 2 Δx ξ √(M ρ) d_ij, M the modulus of the
-                                            pressure wave (i = j) or the shear modulus (Yang 2016,
-                                            A.6); 1 is critical in one dimension
-        force               -     -         `PlacedForce`: a force by mass that changes with the
-                                            place, beside gravity
-        ==================  ====  ========  ==================================================
+        {fields}
 
         Raises `SceneError`; `validate` checks what concerns several objects.
         """
@@ -324,6 +329,7 @@ class SceneData:
         fluid = isinstance(material, Material) and material.table.stores_volume
         return Columns() if fluid and heavy and lattice is None and has_bed(shape) else None
 
+    @documents(Boundary)
     @keywords_only("Scene.add_boundary")
     def add_boundary(
         self,
@@ -341,22 +347,7 @@ class SceneData:
     ) -> str:
         """Add a boundary and return its name.
 
-        =========  =====  ============  ===================================================
-        parameter  unit   range         meaning
-        =========  =====  ============  ===================================================
-        name       -      unique        name among the boundaries
-        shape      -      a shape       `DomainWalls`, a rigid `Box` on cell faces or any other
-                                        Solid, which is a surface; on a `grid` also `Outline`
-        response   -      a response    one for all faces, or a dictionary by face
-        motion     -      a motion      `TimeTable` (m/s): a velocity that its face has;
-                                        `Displacement` or `Travel`: the shape moves; None = at rest
-        time       s      0 ≤ a < b     (start, end) of its action; None = always
-        layer      -      `DecayLayer`  of a surface; None = constrained, one cell
-        rotation   -      `Rotation`    of a surface; None = none
-        within     m      `Box`         acts on nodes inside it alone; None = everywhere
-        spacing    m      > 0           of the lattice of a surface's distances; None = cell_size
-        bodies     -      names         acts on the share of a node's mass that is theirs; () = all
-        =========  =====  ============  ===================================================
+        {fields}
 
         A `Box` with a layer, a rotation, a spacing or a motion of its shape is a surface too.
 
@@ -368,6 +359,7 @@ class SceneData:
         )  # fmt: skip
         return _insert(self._boundaries, "boundary", boundary.name, boundary)
 
+    @documents(PlacedSensor)
     @keywords_only("Scene.add_sensor")
     def add_sensor(self, *, name: str, sensor: Sensor) -> str:
         """Add a value of `libmpm.sensors` under a name unique among sensors; return the name.
@@ -376,6 +368,7 @@ class SceneData:
         """
         return _insert(self._sensors, "sensor", name, PlacedSensor(name=name, sensor=sensor))
 
+    @documents(PlacedFlow)
     @keywords_only("Scene.add_flow")
     def add_flow(self, *, name: str, flow: Flow) -> str:
         """Add a `boundaries.Inflow` or `Outflow` under a name unique among both; return the name.
@@ -427,13 +420,6 @@ class SceneData:
             f"{self.cell_size:g} m, {len(self._bodies)} bodies, {len(self._boundaries)} "
             f"boundaries, {len(self._sensors)} sensors>"
         )
-
-
-#: Arguments of `Scene`, in the order of its files.
-HEAD: tuple[str, ...] = (
-    "name", "dimension", "cell_size", "lower", "upper", "grid", "origin", "gravity", "method",
-    "start",
-)  # fmt: skip
 
 
 def _insert(placed: dict[str, T], kind: str, name: str, item: T) -> str:

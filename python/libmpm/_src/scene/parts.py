@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
@@ -26,25 +27,81 @@ __all__ = ["Body", "Boundary", "PlacedSensor"]
 
 @value
 class Body(Value):
-    """A body of the scene; see `Scene.add_body` for the fields."""
+    """A body of the scene; see `Scene.add_body` for the fields.
 
-    name: str
-    shape: Solid | PointFile | Cells | Points
-    material: Material
-    particles_per_cell: int
-    velocity: Sequence[float] | Field
-    fbar: FBar | Literal["default"] | None = "default"
-    hydrostatic: float | None = None
-    subtract_from: Sequence[str] = ()
-    lattice: Sequence[int] | None = None
-    stress: Sequence[float] | Field | None = None
-    tractions: Sequence[Traction] = ()
-    transfer: Transfer | None = None
-    sampling: Sampling | None = None
-    smoothing: Smoothing | None = None
-    assumed: AssumedFields | None = None
-    damping: float = 0.0
-    force: PlacedForce | None = None
+    {fields}
+    """
+
+    name: str = given("name among the bodies", range="unique")
+    shape: Solid | PointFile | Cells | Points = given(
+        "any solid of `libmpm.shapes`, exact total mass: boxes by a lattice of their own, "
+        "others by that of the cells; a PointFile; on a `grid` Box, Cells or Points",
+        range="a shape",
+    )
+    material: Material = given("a value of `libmpm.materials`", range="material")
+    particles_per_cell: int = given("None = 2 per axis", unit="1", low=1, whole=True)
+    velocity: Sequence[float] | Field = given(
+        "at the start, or a `Field`; None = at rest", unit="m/s", shape="(2|3,)"
+    )
+    fbar: FBar | Literal["default"] | None = given(
+        '"default" is on for fluids, off for solids', default="default", range="`FBar`"
+    )
+    hydrostatic: float | None = given(
+        "surface level against gravity, for instance z of the surface: the body starts with "
+        "ρ g depth below it",
+        default=None,
+        unit="m",
+        range="level",
+        remedy="give the surface level",
+    )
+    subtract_from: Sequence[str] = given(
+        "bodies that lose their particles inside this one", default=(), range="names"
+    )
+    lattice: Sequence[int] | None = given(
+        "particles of a box on each of its axes, in place of particles_per_cell",
+        default=None,
+        unit="1",
+        shape="(d,)",
+    )
+    stress: Sequence[float] | Field | None = given(
+        "Cauchy stress at the start, or a `Field`: xx, yy, xy, zz of Hypoelastic in 2D; xx, "
+        "yy, xy of LinearElastic in 2D, whose zz follows; xx, yy, zz, yz, xz, xy in 3D",
+        default=None,
+        unit="Pa",
+        shape="(3|4|6,)",
+    )
+    tractions: Sequence[Traction] = given(
+        "`Traction` values on faces of a Box, on a `grid`", default=()
+    )
+    transfer: Transfer | None = given(
+        "of the scene's scheme, with a flip and shifts of its own; None = that of the "
+        "scene's `Method`",
+        default=None,
+        range="Transfer",
+    )
+    sampling: Sampling | None = given(
+        "`shapes.Columns`, `Jitter` or `PoissonDisk` in place of the plain lattice, None; "
+        '"default" is columns for fluids under gravity in a box without what is no box, as '
+        "`shapes.basin` makes it, else the lattice",
+        default=None,
+    )
+    smoothing: Smoothing | None = given(
+        "`Smoothing` of its state over cells, in place of F-bar", default=None
+    )
+    assumed: AssumedFields | None = given(
+        "`AssumedFields`: means of its rate and stress", default=None
+    )
+    damping: float = given(
+        "ratio ξ of numerical damping, of elastic solids: σ_ij += 2 Δx ξ √(M ρ) d_ij, M the "
+        "modulus of the pressure wave (i = j) or the shear modulus (Yang 2016, A.6); 1 is "
+        "critical in one dimension",
+        default=0.0,
+        unit="1",
+        low=0,
+    )
+    force: PlacedForce | None = given(
+        "`PlacedForce`: a force by mass that changes with the place, beside gravity", default=None
+    )
 
     def _label(self) -> str:
         return f"body '{self.name}'"
@@ -67,7 +124,7 @@ class Body(Value):
                 check.instance(part, getattr(self, part), (kind,), f"{kind.__name__}(...) or None")
         level = self.hydrostatic
         if level is not None:
-            level = check.number("hydrostatic", level, unit="m", remedy="give the surface level")
+            level = check.given("hydrostatic", self, level)
         others = self.subtract_from
         if isinstance(others, str):
             others = (others,)
@@ -77,9 +134,9 @@ class Body(Value):
         remedy = "use 4 in 2D and 8 in 3D where nothing speaks for another number"
         velocity, stress = self.velocity, self.stress
         if not isinstance(velocity, Field):
-            velocity = check.vector("velocity", velocity, unit="m/s")
+            velocity = check.given("velocity", self, velocity)
         if stress is not None and not isinstance(stress, Field):
-            stress = check.vector("stress", stress, lengths=(3, 4, 6), unit="Pa")
+            stress = check.given("stress", self, stress)
         given = (self.tractions,) if isinstance(self.tractions, Traction) else self.tractions
         tractions = None if isinstance(given, str) else sequence(given)
         if tractions is None:
@@ -89,11 +146,9 @@ class Body(Value):
             check.instance(f"tractions[{i}]", traction, (Traction,), "Traction(face=, value=)")
         return {
             "name": check.text("name", self.name),
-            "particles_per_cell": check.integer(
-                "particles_per_cell", self.particles_per_cell, lower=1, remedy=remedy
-            ),
+            "particles_per_cell": check.given("particles_per_cell", self, remedy=remedy),
             "velocity": velocity,
-            "damping": check.number("damping", self.damping, lower=0),
+            "damping": check.given("damping", self),
             "hydrostatic": level,
             "subtract_from": tuple(check.text("subtract_from", name) for name in others),
             "lattice": self._lattice(check),
@@ -117,18 +172,43 @@ class Body(Value):
 
 @value
 class Boundary(Value):
-    """A boundary of the scene; see `Scene.add_boundary` for the fields."""
+    """A boundary of the scene; see `Scene.add_boundary` for the fields.
 
-    name: str
-    shape: Solid | DomainWalls | Outline
-    response: Response | Mapping[str, Response]
-    motion: TimeTable | Displacement | Travel | None = None
-    time: tuple[float, float] | None = None
-    layer: DecayLayer | None = None
-    rotation: Rotation | None = None
-    within: Box | None = None
-    spacing: float | None = None
-    bodies: Sequence[str] = ()
+    {fields}
+    """
+
+    name: str = given("name among the boundaries", range="unique")
+    shape: Solid | DomainWalls | Outline = given(
+        "`DomainWalls`, a rigid `Box` on cell faces or any other Solid, which is a surface; "
+        "on a `grid` also `Outline`",
+        range="a shape",
+    )
+    response: Response | Mapping[str, Response] = given(
+        "one for all faces, or a dictionary by face", range="a response"
+    )
+    motion: TimeTable | Displacement | Travel | None = given(
+        "`TimeTable` (m/s): a velocity that its face has; `Displacement` or `Travel`: the "
+        "shape moves; None = at rest",
+        default=None,
+        unit="m/s",
+        range="a motion",
+    )
+    time: tuple[float, float] | None = given(
+        "(start, end) of its action; None = always", default=None, unit="s", range="0 ≤ a < b"
+    )
+    layer: DecayLayer | None = given(
+        "of a surface; None = constrained, one cell", default=None, range="`DecayLayer`"
+    )
+    rotation: Rotation | None = given("of a surface; None = none", default=None, range="`Rotation`")
+    within: Box | None = given(
+        "acts on nodes inside it alone; None = everywhere", default=None, range="`Box`"
+    )
+    spacing: float | None = given(
+        "of the lattice of a surface's distances; None = cell_size", default=None, unit="m", above=0
+    )
+    bodies: Sequence[str] = given(
+        "acts on the share of a node's mass that is theirs; () = all", default=(), range="names"
+    )
 
     def _label(self) -> str:
         return f"boundary '{self.name}'"
@@ -154,7 +234,7 @@ class Boundary(Value):
                 check.instance(name, getattr(self, name), (kind,), f"{kind.__name__}(...)")
         spacing = self.spacing
         if spacing is not None:
-            spacing = check.number("spacing", spacing, lower=0, lower_open=True, unit="m")
+            spacing = check.given("spacing", self, spacing)
         if not self.is_surface:
             for name in ("layer", "rotation", "spacing"):
                 if getattr(self, name) is not None:
@@ -218,10 +298,13 @@ class Boundary(Value):
 
 @value
 class PlacedSensor(Value):
-    """A sensor with its name in the scene."""
+    """A sensor with its name in the scene.
 
-    name: str
-    sensor: Sensor
+    {fields}
+    """
+
+    name: str = given("name among the sensors", range="unique")
+    sensor: Sensor = given("a value of `libmpm.sensors`")
 
     def _label(self) -> str:
         return f"sensor '{self.name}'"

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.arrays import real_array
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, shown, value
 
 __all__ = ["PlacedForce"]
@@ -22,22 +23,18 @@ class PlacedForce(Value):
     particles, where they stand at the beginning of a step, and particles from the nodes:
     fᵢ = Σ m Nᵢ b(x). It is no part of the potential energy that sensors report.
 
-    =========  ====  =====  ==================================================================
-    parameter  unit  shape  meaning
-    =========  ====  =====  ==================================================================
-    axis       -     -      "x", "y" or "z": along which it changes
-    place      m     (n,)   strictly increasing, n ≥ 1
-    value      m/s²  (n,d)  acceleration at these places
-    =========  ====  =====  ==================================================================
+    {fields}
 
     On the CPU. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "PlacedForce"
 
-    axis: Literal["x", "y", "z"]
-    place: Sequence[float]
-    value: Sequence[Sequence[float]]
+    axis: Literal["x", "y", "z"] = given('"x", "y" or "z": along which it changes')
+    place: Sequence[float] = given("strictly increasing, n ≥ 1", unit="m", shape="(n,)")
+    value: Sequence[Sequence[float]] = given(
+        "acceleration at these places", unit="m/s²", shape="(n,d)"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         axis = check.choice("axis", self.axis, ("x", "y", "z"))

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from libmpm._src.base.declarations import TEXT, Given, about, declared, filled
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.output.settings import Output
-from libmpm._src.scene.scaling import TEXT, UNITS, Scaling
+from libmpm._src.scene.scaling import Scaling
 from libmpm._src.scene.scene import Scene
 from libmpm._src.scene.scene_file import read_json
 
@@ -30,17 +31,27 @@ def _are_names(given: Any) -> bool:
 class RunSettings:
     """The "run" key of a scene file.
 
-    `until` is the end in s; `frame_interval` and `checkpoint_interval` in s, None for none;
-    `attributes` as in `Output`; `filter` is the length in s of the moving mean behind the printed
-    peaks; `debris` names the bodies that `--without-debris` leaves out.
+    {fields}
     """
 
-    until: float | None = None
-    frame_interval: float | None = None
-    checkpoint_interval: float | None = None
-    attributes: dict[str, list[str]] | list[str] | None = None
-    filter: float = 0.0
-    debris: list[str] = field(default_factory=list)
+    until: float | None = field(default=None, metadata=about(Given("end", unit="s", low=0)))
+    frame_interval: float | None = field(
+        default=None, metadata=about(Given("between frames; None = none", unit="s", low=0))
+    )
+    checkpoint_interval: float | None = field(
+        default=None, metadata=about(Given("between checkpoints; None = none", unit="s", low=0))
+    )
+    attributes: dict[str, list[str]] | list[str] | None = field(
+        default=None, metadata=about(Given("what frames have beside positions, as in `Output`"))
+    )
+    filter: float = field(
+        default=0.0,
+        metadata=about(Given("length of the moving mean behind printed peaks", unit="s", low=0)),
+    )
+    debris: list[str] = field(
+        default_factory=list,
+        metadata=about(Given("names of the bodies that `--without-debris` leaves out")),
+    )
 
     @classmethod
     def from_dict(cls, data: Any) -> RunSettings:
@@ -94,6 +105,9 @@ class RunSettings:
         )
 
 
+RunSettings.__doc__ = filled(RunSettings.__doc__, declared(RunSettings))
+
+
 @dataclass(frozen=True)
 class RunFile:
     """A scene and how to run it."""
@@ -135,9 +149,10 @@ def without_debris(source: RunFile) -> RunFile:
 
 def scale_run_file(source: RunFile, scaling: Scaling) -> RunFile:
     """Return scene and "run" settings in similitude."""
+    known = declared(RunSettings)
     settings = {
         name: item
-        if (unit := UNITS["RunSettings"][name]) == TEXT
+        if (unit := known[name].unit) == TEXT
         else scaling.item(item, unit, f"run.{name}")
         for name, item in vars(source.settings).items()
     }

@@ -1,7 +1,6 @@
-"""`Scene.scaled`: Froude and Froude-Cauchy scaling, driven by the unit of every field.
+"""`Scene.scaled`: Froude and Froude-Cauchy scaling, driven by the declared unit of every field.
 
-`UNITS` is the one place where the fields of all values in a scene have their units; materials bring
-their own. A field without an entry cannot be scaled, and a test points it out.
+Materials bring theirs in a table. A field without a declaration cannot be scaled.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from libmpm._src.base.declarations import FIXED, OWNER, TEXT, declared
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.values import Checker, Value, shown
 from libmpm._src.errors import SceneError
@@ -20,17 +20,10 @@ from libmpm._src.materials.material import Material
 from libmpm._src.scene.data import HEAD, SceneData
 from libmpm._src.scene.scene_file import SceneReader
 
-__all__ = ["OUTSIDE", "OWNER", "TEXT", "UNITS", "Scaling", "scale_scene"]
+__all__ = ["HALF_POWERS", "OUTSIDE", "VOLUME", "Scaling", "scale_scene"]
 
 S = TypeVar("S", bound=SceneData)
 
-#: Unit of what is no quantity: names, choices, flags, whole numbers, and values with fields of
-#: their own.
-TEXT = "-"
-#: Unit of a table or formula, which its owner gives.
-OWNER = "owner"
-#: Unit of what lies in a file and cannot be scaled: a scene that has it is refused.
-FIXED = "fixed"
 #: Unit of a volume: m³, of which a plane scene has m².
 VOLUME = "mᵈ"
 
@@ -41,145 +34,6 @@ HALF_POWERS: dict[str, int] = {
     "m": 2, "m²": 4, "m³": 6, "m³/s": 5, "m²/s": 3, "1/m": -2,
     "s": 1, "1/s": -1, "rad/s": -1, "°/s": -1, "m/s": 1, "m/s²": 0, "rad/s²": -2,
     "kg": 6, "kg/m": 4, "kg/m³": 0, "N": 6, "N/m": 4, "J": 8, "Pa": 2, "Pa/s": 1,
-}  # fmt: skip
-
-#: Unit of every field, by the value's name. "Scene" and "RunSettings" are no values but described
-#: in the same manner.
-UNITS: dict[str, dict[str, str]] = {
-    "Scene": {
-        "name": TEXT, "dimension": TEXT, "cell_size": "m", "lower": "m", "upper": "m",
-        "grid": TEXT, "origin": "m", "gravity": "m/s²", "method": TEXT, "start": FIXED,
-    },
-    "RunSettings": {
-        "until": "s", "frame_interval": "s", "checkpoint_interval": "s", "attributes": TEXT,
-        "filter": "s", "debris": TEXT,
-    },
-    # parts of a scene
-    "Body": {
-        "name": TEXT, "shape": TEXT, "material": TEXT, "particles_per_cell": TEXT,
-        "velocity": "m/s", "fbar": TEXT, "hydrostatic": "m", "subtract_from": TEXT,
-        "lattice": TEXT, "stress": "Pa", "tractions": TEXT, "transfer": TEXT, "sampling": TEXT,
-        "smoothing": TEXT, "assumed": TEXT, "damping": "1", "force": TEXT,
-    },
-    "Boundary": {
-        "name": TEXT, "shape": TEXT, "response": TEXT, "motion": "m/s", "time": "s",
-        "layer": TEXT, "rotation": TEXT, "within": TEXT, "spacing": "m", "bodies": TEXT,
-    },
-    "PlacedSensor": {"name": TEXT, "sensor": TEXT},
-    "Start": {
-        "checkpoint": FIXED, "digest": TEXT, "time": "s", "step": TEXT, "bodies": TEXT,
-        "boundaries": TEXT, "sensors": TEXT, "time_step": "s", "tiles": TEXT, "axis": TEXT,
-    },
-    "RestoredBody": {
-        "name": TEXT, "first_id": TEXT, "ids": TEXT, "particle_mass": "kg", "stored_as": TEXT,
-    },
-    # tables and formulas
-    "TimeTable": {"time": "s", "value": OWNER, "end": TEXT},
-    "Field": {"components": OWNER},
-    "Traction": {"face": TEXT, "value": "Pa"},
-    # method
-    "Method": {
-        "cfl": "1", "time_step": "s", "leaving": TEXT, "transfer": TEXT, "kernel": TEXT,
-    },
-    "FBar": {"form": TEXT, "time": "s", "ratio": "1", "length": "m"},
-    "Transfer": {
-        "scheme": TEXT, "flip": "1", "shift_max": "1", "shift_min": "1", "shift_rule": TEXT,
-        "critical_ratio": "1", "width": "1", "power": "1", "below": TEXT, "guard": TEXT,
-        "order": TEXT, "every": TEXT,
-    },
-    "Kernel": {
-        "name": TEXT, "gradient": TEXT, "boundary": TEXT, "modified": TEXT, "moved_nodes": TEXT,
-    },
-    "Smoothing": {"method": TEXT, "gamma": "1", "field": TEXT, "flux_length": TEXT},
-    "AssumedFields": {"over": TEXT, "part": TEXT, "rate": TEXT},
-    "PlacedForce": {"axis": TEXT, "place": "m", "value": "m/s²"},
-    # shapes
-    "Box": {"lower": "m", "upper": "m"},
-    "OrientedBox": {"centre": "m", "size": "m", "angle": "degrees", "axis": TEXT},
-    "DomainWalls": {"faces": TEXT},
-    "Sphere": {"centre": "m", "radius": "m"},
-    "Cylinder": {"start": "m", "end": "m", "radius": "m"},
-    "Cone": {"start": "m", "end": "m", "radius": "m", "end_radius": "m"},
-    "Wedge": {"lower": "m", "upper": "m", "high": TEXT, "up": TEXT},
-    "HalfSpace": {"point": "m", "normal": "1"},
-    "Extrusion": {"profile": "m", "axis": TEXT, "lower": "m", "upper": "m"},
-    "HeightField": {"x": "m", "z": "m", "y": "m", "base": "m"},
-    "Union": {"parts": TEXT},
-    "Intersection": {"parts": TEXT},
-    "Difference": {"whole": TEXT, "without": TEXT},
-    "Moved": {"shape": TEXT, "by": "m"},
-    "Turned": {"shape": TEXT, "angle": "degrees", "axis": TEXT, "about": "m"},
-    "Repeated": {"shape": TEXT, "counts": TEXT, "spacing": "m"},
-    # The factor on a file's numbers makes them m, and takes the file along.
-    "PointFile": {
-        "file": TEXT, "volume": VOLUME, "particle_volume": VOLUME, "scale": "m", "offset": "m",
-        "sha256": TEXT,
-    },
-    "SurfaceMesh": {
-        "file": TEXT, "scale": "m", "offset": "m", "heal": TEXT, "sha256": TEXT,
-    },
-    "Columns": {"axis": TEXT},
-    "Jitter": {"share": "1", "seed": TEXT},
-    "PoissonDisk": {"seed": TEXT},
-    "Cells": {"within": "m"},
-    "Points": {"position": "m", "volume": "m²", "within": "m"},
-    "Outline": {"points": "m"},
-    # boundaries
-    "Sticky": {},
-    "Slip": {"cell": TEXT},
-    "Separable": {"static_friction": "1", "dynamic_friction": "1", "cell": TEXT},
-    "Mirror": {"slip": TEXT},
-    "Prescribed": {"components": TEXT},
-    "DecayLayer": {"function": TEXT, "thickness": "cells"},
-    "Displacement": {"table": "m"},
-    "Travel": {"velocity": "m/s"},
-    "Rotation": {"about": "m", "rate": "rad/s", "angle": "rad", "axis": "1"},
-    "PlacedFlow": {"name": TEXT, "flow": TEXT},
-    "Inflow": {
-        "body": TEXT, "face": TEXT, "velocity": "m/s", "level": "m", "bed": TEXT, "zone": "cells",
-        "max_particles": TEXT,
-    },
-    "Outflow": {"face": TEXT, "velocity": "m/s", "zone": "cells"},
-    # sensors
-    "LoadCell": {"boundary": TEXT, "faces": TEXT, "interval": "s", "reference": "m"},
-    "WaveGauge": {"position": "m", "interval": "s", "body": TEXT},
-    "VelocityProbe": {"position": "m", "interval": "s"},
-    "ParticleTracker": {"body": TEXT, "ids": TEXT, "interval": "s"},
-    "Energy": {"body": TEXT, "interval": "s"},
-    "ParticleSensor": {
-        "attribute": TEXT, "operation": TEXT, "body": TEXT, "direction": TEXT, "region": "m",
-        "interval": "s",
-    },
-    "GridSensor": {
-        "attribute": TEXT, "operation": TEXT, "direction": TEXT, "region": "m", "interval": "s",
-    },
-    "BodyTracker": {"body": TEXT, "quantities": TEXT, "interval": "s"},
-    "ContactForce": {"body": TEXT, "by": TEXT, "interval": "s"},
-    "AttributeTracker": {"body": TEXT, "ids": TEXT, "attributes": TEXT, "interval": "s"},
-    "PressureProbe": {
-        "position": "m", "radius": "m", "order": TEXT, "body": TEXT, "interval": "s",
-    },
-    "ElevationGauge": {
-        "position": "m", "radius": "m", "method": TEXT, "percentile": "%", "body": TEXT,
-        "interval": "s",
-    },
-    "ColumnGauge": {"position": "m", "width": "m", "bed": "m", "body": TEXT, "interval": "s"},
-    "Custom": {"function": TEXT, "columns": TEXT, "units": TEXT, "interval": "s"},
-    # grids of functions
-    "Mesh": {"vertices": "m", "triangles": TEXT},
-    "Linear": {},
-    "Lagrange": {"degree": TEXT},
-    "PowellSabin": {"split": "m"},
-    "CubicPowellSabin": {},
-    "ConsistentMass": {
-        "solver": TEXT, "tolerance": "1", "iterations": TEXT, "deactivate_below": "kg/m",
-    },
-    "LumpedMass": {},
-    "PartialMass": {"form": TEXT},
-    "TriangularGrid": {"mesh": TEXT, "basis": TEXT, "mass": TEXT},
-    "SplineGrid": {
-        "lower": "m", "upper": "m", "spans": TEXT, "degree": TEXT, "mass": TEXT, "knots": "m",
-    },
 }  # fmt: skip
 
 #: Values that never are part of a scene: recipes that make bodies, and ratios.
@@ -276,13 +130,14 @@ class Scaling:
         if isinstance(item, Material):
             return self._material(item)
         kind = type(item).__name__
-        known = UNITS.get(kind, {})
+        known = {name: says.scaled_as for name, says in declared(type(item)).items()}
         changed = {}
         for field in dataclasses.fields(item):  # type: ignore[arg-type]
             if field.name not in known:
                 raise SceneError(
-                    f"Scene.scaled: the unit of {kind}.{field.name} is not known; expected an "
-                    "entry in libmpm._src.scene.scaling.UNITS; add it, or leave the value out"
+                    f"Scene.scaled: the unit of {kind}.{field.name} is not known; expected a "
+                    "declaration of the field by libmpm._src.base.declarations.given; add it, or "
+                    "leave the value out"
                 )
             own = unit if known[field.name] == OWNER else known[field.name]
             changed[field.name] = self.item(getattr(item, field.name), own, f"{kind}.{field.name}")
@@ -308,8 +163,8 @@ class Scaling:
             return item
         if unit == TEXT:
             raise SceneError(
-                f"Scene.scaled: {label} is {shown(item)} and has no unit; expected one in "
-                "libmpm._src.scene.scaling.UNITS"
+                f"Scene.scaled: {label} is {shown(item)} and has no unit; expected one in its "
+                "declaration by libmpm._src.base.declarations.given"
             )
         return item * self.factor(unit)
 
@@ -336,7 +191,7 @@ class Scaling:
         data = scene.to_dict()
         for key in HEAD:
             if key in data:
-                made = self.item(getattr(scene, key), UNITS["Scene"][key], f"Scene.{key}")
+                made = self.item(getattr(scene, key), HEAD[key].scaled_as, f"Scene.{key}")
                 data[key] = made.to_dict() if isinstance(made, Value) else made
         for kind, parts in scene._parts().items():
             made = [self.value(part).to_dict() for part in parts]

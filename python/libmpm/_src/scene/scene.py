@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from libmpm._src.base.declarations import documents
 from libmpm._src.base.values import keywords_only
 from libmpm._src.scene.data import HEAD, SCHEMA, Body, Boundary, PlacedSensor, SceneData
 
@@ -17,25 +18,11 @@ if TYPE_CHECKING:
 __all__ = ["HEAD", "SCHEMA", "Body", "Boundary", "PlacedSensor", "Scene"]
 
 
+@documents(HEAD)
 class Scene(SceneData):
     """A simulation as plain values: domain, bodies, boundaries and sensors.
 
-    =========  ======  ==========  =======================================================
-    parameter  unit    range       meaning
-    =========  ======  ==========  =======================================================
-    dimension  -       2, 3        2 is plane strain of unit thickness; None = 3, 2 with a `grid`
-    cell_size  m       > 0         edge Δx of the square or cubic cells of the grid
-    lower      m       (d,)        lower corner of the domain, relative to `origin`
-    upper      m       (d,)        upper corner, a whole number of cells above `lower`
-    grid       -       a grid      of `libmpm.grids`: triangles or splines in place of square
-                                   cells, in 2D on the CPU; the three above come from it
-    origin     m       (d,)        world position of coordinate zero; None = zero. All
-                                   coordinates of the scene are relative to it
-    gravity    m/s²    (d,)        vector or `TimeTable` of vectors; None = no gravity
-    method     -       `Method`    numerical choices
-    name       -       text        for titles and files
-    start      -       -           what the scene goes on from; set by `from_checkpoint` alone
-    =========  ======  ==========  =======================================================
+    {fields}
 
     Scenes compare equal when all their values do, can be pickled, and round-trip through
     `to_dict`, `from_dict`, `save` and `load`. Raises `SceneError` with all problems.

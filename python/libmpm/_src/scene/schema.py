@@ -1,8 +1,8 @@
 """`libmpm schema`: the JSON Schema of scene files, made from the values themselves.
 
-Types come from the annotations of fields and arguments, meanings and units from the tables of the
-docstrings, ranges of materials from the core. A new value is in the schema as soon as it is
-defined.
+Types come from the annotations of fields and arguments; meanings, units and ranges from their
+declarations (`given`), those of materials from the core. A new value is in the schema as soon as it
+is defined.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import importlib
 import inspect
 import json
 import math
-import re
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -21,12 +20,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from libmpm._src.base.declarations import Given, declared
 from libmpm._src.base.values import Value, plain, registry
 from libmpm._src.materials.material import Material, Parameter
 from libmpm._src.scene.data import HEAD, SCHEMA, SceneData
 from libmpm._src.scene.scene import Scene
 
-__all__ = ["DRAFT", "documented", "scene_schema", "schema_text"]
+__all__ = ["DRAFT", "scene_schema", "schema_text"]
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -34,50 +34,8 @@ DRAFT = "https://json-schema.org/draft/2020-12/schema"
 _OPAQUE = {"Start"}
 
 _NOTHING: dict[str, Any] = {"not": {}}
-_NUMBER: dict[str, Any] = {"type": "number"}
 #: A file writes infinity, the mark of an open end, as null.
 _OPEN: dict[str, Any] = {"type": ["number", "null"]}
-
-
-# Docstrings ---------------------------------------------------------------------------------------
-
-
-def documented(text: str | None) -> dict[str, dict[str, str]]:
-    """Return parameter -> {column: text} of the first table in a docstring.
-
-    The table has rulers of "=" around its head and below its last row; a row without a name goes on
-    with the one before.
-    """
-    lines = inspect.cleandoc(text or "").splitlines()
-    rulers = [i for i, line in enumerate(lines) if re.fullmatch(r"=+( +=+)+", line.strip())]
-    if len(rulers) < 3:
-        return {}
-    first, second, last = rulers[:3]
-    starts = [m.start() for m in re.finditer(r"=+", lines[first])]
-    ends = [*starts[1:], None]
-
-    def cells(line: str) -> list[str]:
-        return [line[a:b].strip() for a, b in zip(starts, ends, strict=True)]
-
-    head = [cell for line in lines[first + 1 : second] for cell in cells(line)]
-    rows: dict[str, list[str]] = {}
-    name = ""
-    for line in lines[second + 1 : last]:
-        row = cells(line)
-        if row[0]:
-            name = row[0]
-            rows[name] = row
-        elif name:
-            rows[name] = [f"{a} {b}".strip() for a, b in zip(rows[name], row, strict=True)]
-    return {name: dict(zip(head, row, strict=True)) for name, row in rows.items()}
-
-
-def _description(entry: Mapping[str, str]) -> str:
-    """Return meaning, unit and range of a documented parameter in one line."""
-    meaning = entry.get("meaning", "")
-    details = [entry.get(key, "") for key in ("unit", "range", "shape")]
-    listed = ", ".join(d for d in details if d and d != "-" and d != "see below")
-    return f"{meaning} [{listed}]" if listed and meaning else meaning
 
 
 def _summary(kind: type) -> str:
@@ -192,7 +150,7 @@ def _of_value(name: str, kind: type[Value], of: _Types) -> dict[str, Any]:
     if name in _OPAQUE:
         return {"description": _summary(kind), "type": "object"}
     hints = typing.get_type_hints(kind)
-    table = documented(kind.__doc__)
+    known = declared(kind)
     numbers: dict[str, Parameter] = {}
     if issubclass(kind, Material):
         numbers = {p.name: p for p in kind.table.parameters}
@@ -202,14 +160,26 @@ def _of_value(name: str, kind: type[Value], of: _Types) -> dict[str, Any]:
         schema = dict(of.of(hints[field.name]))
         if field.name in numbers:
             schema |= _ranged(numbers[field.name])
-        elif text := _description(table.get(field.name, {})):
-            schema["description"] = text
+        elif field.name in known:
+            schema |= _said(known[field.name])
         if field.default is not dataclasses.MISSING:
             schema = _defaulted(schema, field.default)
         elif field.default_factory is dataclasses.MISSING:
             required.append(field.name)
         properties[field.name] = schema
     return _object(properties, required, _summary(kind))
+
+
+def _said(says: Given) -> dict[str, Any]:
+    """Return meaning, unit and range of a declared field; bounds are those of a number."""
+    found: dict[str, Any] = {"description": says.description()}
+    if says.shape:
+        return found
+    bounds = {
+        "minimum": says.low, "exclusiveMinimum": says.above,
+        "maximum": says.high, "exclusiveMaximum": says.below,
+    }  # fmt: skip
+    return found | {key: bound for key, bound in bounds.items() if bound is not None}
 
 
 def _ranged(parameter: Parameter) -> dict[str, Any]:
@@ -222,18 +192,18 @@ def _ranged(parameter: Parameter) -> dict[str, Any]:
     return found
 
 
-def _of_call(call: Any, of: _Types, only: Sequence[str] | None = None) -> dict[str, Any]:
-    """Return the arguments of a method as an object, with the table of its docstring."""
+def _of_call(call: Any, of: _Types, only: Mapping[str, Given] | None = None) -> dict[str, Any]:
+    """Return the arguments of a method as an object, with what is declared of them."""
     hints = typing.get_type_hints(call)
-    owner = documented(call.__doc__)
+    known: Mapping[str, Given] = call._declared if only is None else only
     properties: dict[str, Any] = {}
     required: list[str] = []
     for name, parameter in list(inspect.signature(call).parameters.items())[1:]:
         if only is not None and name not in only:
             continue
         schema = dict(of.of(hints[name]))
-        if text := _description(owner.get(name, {})):
-            schema["description"] = text
+        if name in known:
+            schema |= _said(known[name])
         if parameter.default is inspect.Parameter.empty:
             required.append(name)
         else:
@@ -249,10 +219,7 @@ def _run(of: _Types) -> dict[str, Any]:
     hints = typing.get_type_hints(RunSettings)
     properties = {}
     for field in dataclasses.fields(RunSettings):
-        schema = of.of(hints[field.name])
-        if schema.get("type") == "number" or _NUMBER in schema.get("anyOf", []):
-            schema = schema | {"minimum": 0}
-        properties[field.name] = schema
+        properties[field.name] = of.of(hints[field.name]) | _said(declared(RunSettings)[field.name])
     return _object(properties, [], "how `libmpm run` treats the scene")
 
 
@@ -264,10 +231,6 @@ def scene_schema() -> dict[str, Any]:
     """
     of = _Types()
     head = _of_call(Scene.__init__, of, HEAD)
-    table = documented(Scene.__doc__)
-    for name, schema in head["properties"].items():
-        if text := _description(table.get(name, {})):
-            schema["description"] = text
     adders = [name.removeprefix("add_") for name in vars(SceneData) if name.startswith("add_")]
     parts = {_plural(name): _of_call(getattr(Scene, f"add_{name}"), of) for name in adders}
     properties: dict[str, Any] = {

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from libmpm._src.base.declarations import FIXED, given
 from libmpm._src.base.file_digest import file_digest
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.errors import CheckpointError
@@ -22,14 +23,20 @@ __all__ = ["RestoredBody", "Start", "digest_of"]
 class RestoredBody(Value):
     """A body of the run before: its ids are first_id ≤ id < first_id + ids.
 
+    {fields}
+
     Bodies of one number `stored_as` are stored as one in the checkpoint.
     """
 
-    name: str
-    first_id: int
-    ids: int
-    particle_mass: float
-    stored_as: int
+    name: str = given("name of the body")
+    first_id: int = given("its first particle id", low=0, whole=True)
+    ids: int = given("how many ids it has", low=0, whole=True)
+    particle_mass: float = given("mass of one of its particles", unit="kg", above=0)
+    stored_as: int = given(
+        "number under which the checkpoint has it; bodies of one number are stored as one",
+        low=0,
+        whole=True,
+    )
 
     def _label(self) -> str:
         return "Start: a body" if not isinstance(self.name, str) else f"Start: body '{self.name}'"
@@ -37,12 +44,10 @@ class RestoredBody(Value):
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
             "name": check.text("name", self.name),
-            "first_id": check.integer("first_id", self.first_id),
-            "ids": check.integer("ids", self.ids),
-            "particle_mass": check.number(
-                "particle_mass", self.particle_mass, lower=0, lower_open=True, unit="kg"
-            ),
-            "stored_as": check.integer("stored_as", self.stored_as),
+            "first_id": check.given("first_id", self),
+            "ids": check.given("ids", self),
+            "particle_mass": check.given("particle_mass", self),
+            "stored_as": check.given("stored_as", self),
         }
 
 
@@ -50,28 +55,30 @@ class RestoredBody(Value):
 class Start(Value):
     """Where a scene goes on from; made by `Scene.from_checkpoint`.
 
-    `checkpoint` is the file and `digest` the SHA-256 of its content, `time` (s) and `step` the
-    moment it was written. Of the scene's bodies, boundaries and sensors the first ones are the
-    run's own: `bodies` in order, so many `boundaries` and so many `sensors`. `time_step` (s) is
-    what that run was asked for, None the stable one. With `tiles` > 1 that many copies of its
-    domain lie side by side along `axis`.
+    {fields}
     """
 
     label: ClassVar[str] = "Start"
 
-    checkpoint: str
-    digest: str
-    time: float
-    step: int
-    bodies: Sequence[RestoredBody]
-    boundaries: int
-    sensors: int
-    time_step: float | None = None
-    tiles: int = 1
-    axis: str | None = None
+    checkpoint: str = given("the file", scales=FIXED)
+    digest: str = given("SHA-256 of its content", range="64 digits")
+    time: float = given("at which it was written", unit="s", low=0)
+    step: int = given("at which it was written", low=0, whole=True)
+    bodies: Sequence[RestoredBody] = given(
+        "bodies of the run before, in order: the first of the scene"
+    )
+    boundaries: int = given("how many of the first boundaries are the run's own", low=0, whole=True)
+    sensors: int = given("how many of the first sensors are the run's own", low=0, whole=True)
+    time_step: float | None = given(
+        "what that run was asked for; None = the stable one", default=None, unit="s", above=0
+    )
+    tiles: int = given(
+        "copies of its domain side by side along `axis`", default=1, low=1, whole=True
+    )
+    axis: str | None = given('"x", "y" or "z"; None where there is one copy', default=None)
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        tiles = check.integer("tiles", self.tiles, lower=1)
+        tiles = check.given("tiles", self)
         if tiles > 1 or self.axis is not None:
             check.choice("axis", self.axis, ("x", "y", "z"))
         for name in ("checkpoint", "digest"):
@@ -82,14 +89,14 @@ class Start(Value):
             bodies = []
         step = self.time_step
         if step is not None:
-            step = check.number("time_step", step, lower=0, lower_open=True, unit="s")
+            step = check.given("time_step", self, step)
         return {
             "tiles": tiles,
             "bodies": tuple(bodies),
-            "time": check.number("time", self.time, lower=0, unit="s"),
-            "step": check.integer("step", self.step),
-            "boundaries": check.integer("boundaries", self.boundaries),
-            "sensors": check.integer("sensors", self.sensors),
+            "time": check.given("time", self),
+            "step": check.given("step", self),
+            "boundaries": check.given("boundaries", self),
+            "sensors": check.given("sensors", self),
             "time_step": step,
         }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, shown, value
 from libmpm._src.sensors.engine_sensors import check_interval
 from libmpm._src.sensors.python_sensors import Sampled
@@ -16,17 +17,7 @@ __all__ = ["ColumnGauge"]
 class ColumnGauge(Sampled):
     """Level of the material over a place, and its mean velocity, from hat-weighted particles.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    position   m     (1|2,)      horizontal place: every axis but that of gravity, in order;
-                                 None = all particles count alike
-    width      m     > 0         half width l of the hat; None = 1 cell
-    bed        m     level       where the column stands; None = lower end of the domain along
-                                 gravity
-    body       -     a name      the body whose particles count; None = all
-    interval   s     ≥ 0         time between samples; 0 = every step
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     Columns "level", m in the world, "velocity_x" and so on, m/s:
 
@@ -45,16 +36,32 @@ class ColumnGauge(Sampled):
     label: ClassVar[str] = "sensors.ColumnGauge"
     kind: ClassVar[str] = "column-gauge"
 
-    position: Sequence[float] | None = None
-    width: float | None = None
-    bed: float | None = None
-    body: str | None = None
-    interval: float = 0.0
+    position: Sequence[float] | None = given(
+        "horizontal place: every axis but that of gravity, in order; None = all particles "
+        "count alike",
+        default=None,
+        unit="m",
+        shape="(1|2,)",
+    )
+    width: float | None = given(
+        "half width l of the hat; None = 1 cell", default=None, unit="m", above=0
+    )
+    bed: float | None = given(
+        "where the column stands; None = lower end of the domain along gravity",
+        default=None,
+        unit="m",
+        range="level",
+        remedy="give the level of the bed",
+    )
+    body: str | None = given(
+        "the body whose particles count; None = all", default=None, range="a name"
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         width, bed, place = self.width, self.bed, self.position
         if place is not None:
-            place = check.vector("position", place, lengths=(1, 2), unit="m")
+            place = check.given("position", self, place)
         elif width is not None:
             check.fail(
                 f"width is {shown(width)} without a position, where all particles count "
@@ -62,9 +69,9 @@ class ColumnGauge(Sampled):
                 "out or give a position"
             )
         if width is not None:
-            width = check.number("width", width, lower=0, lower_open=True, unit="m")
+            width = check.given("width", self, width)
         if bed is not None:
-            bed = check.number("bed", bed, unit="m", remedy="give the level of the bed")
+            bed = check.given("bed", self, bed)
         return {
             "position": place,
             "width": width,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.shapes.boxes import check_faces
 
@@ -48,14 +49,7 @@ class LoadCell(Sensor):
     A sample is the mean over its interval, so no impact falls between samples; positive in the
     direction in which the boundary is pushed. N and N·m, per metre of thickness in 2D.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    boundary   -     a name      the boundary of the scene that carries the cell
-    faces      -     names       faces of that boundary that are measured; "all" = each
-    interval   s     ≥ 0         time between samples; 0 = every step
-    reference  m     (2|3,)      point of the moments; None = centre of the box or domain
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     Raises `SceneError`.
     """
@@ -63,10 +57,17 @@ class LoadCell(Sensor):
     label: ClassVar[str] = "sensors.LoadCell"
     kind: ClassVar[str] = "load-cell"
 
-    boundary: str
-    faces: Literal["all"] | Sequence[str] = "all"
-    interval: float = 0.0
-    reference: Sequence[float] | None = None
+    boundary: str = given("the boundary of the scene that carries the cell", range="a name")
+    faces: Literal["all"] | Sequence[str] = given(
+        'faces of that boundary that are measured; "all" = each', default="all", range="names"
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
+    reference: Sequence[float] | None = given(
+        "point of the moments; None = centre of the box or domain",
+        default=None,
+        unit="m",
+        shape="(2|3,)",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         reference = self.reference
@@ -74,9 +75,7 @@ class LoadCell(Sensor):
             "boundary": check.text("boundary", self.boundary),
             "faces": check_faces(check, self.faces),
             "interval": check_interval(check, self.interval),
-            "reference": (
-                None if reference is None else check.vector("reference", reference, unit="m")
-            ),
+            "reference": (None if reference is None else check.given("reference", self, reference)),
         }
 
 
@@ -84,13 +83,7 @@ class LoadCell(Sensor):
 class WaveGauge(Sensor):
     """Height of the free surface in a column of cells, in m.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    position   m     (1|2,)      horizontal place: every axis but that of gravity, in order
-    interval   s     ≥ 0         time between samples; 0 = every step
-    body       -     a name      the body whose surface counts; None = all
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     Raises `SceneError`.
     """
@@ -98,13 +91,17 @@ class WaveGauge(Sensor):
     label: ClassVar[str] = "sensors.WaveGauge"
     kind: ClassVar[str] = "wave-gauge"
 
-    position: Sequence[float]
-    interval: float = 0.0
-    body: str | None = None
+    position: Sequence[float] = given(
+        "horizontal place: every axis but that of gravity, in order", unit="m", shape="(1|2,)"
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
+    body: str | None = given(
+        "the body whose surface counts; None = all", default=None, range="a name"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
-            "position": check.vector("position", self.position, lengths=(1, 2), unit="m"),
+            "position": check.given("position", self),
             "interval": check_interval(check, self.interval),
             "body": _body(check, self.body),
         }
@@ -114,12 +111,7 @@ class WaveGauge(Sensor):
 class VelocityProbe(Sensor):
     """Velocity of the material at a fixed point, in m/s.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    position   m     (2|3,)      the point, inside the domain
-    interval   s     ≥ 0         time between samples; 0 = every step
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     The mean of the velocities of the nodes around the point that carry mass, by the scene's
     functions there; of functions that average over a particle (GIMP, CPDI) by the linear ones, for
@@ -129,12 +121,12 @@ class VelocityProbe(Sensor):
     label: ClassVar[str] = "sensors.VelocityProbe"
     kind: ClassVar[str] = "velocity-probe"
 
-    position: Sequence[float]
-    interval: float = 0.0
+    position: Sequence[float] = given("the point, inside the domain", unit="m", shape="(2|3,)")
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
-            "position": check.vector("position", self.position, unit="m"),
+            "position": check.given("position", self),
             "interval": check_interval(check, self.interval),
         }
 
@@ -143,14 +135,7 @@ class VelocityProbe(Sensor):
 class ParticleTracker(Sensor):
     """Position and velocity of chosen particles of one body.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    body       -     a name      the body that the particles belong to
-    ids        -     ≥ 0         ids of the scene, as ``sim.particles[body]["id"]`` lists them;
-                                 "all" follows every particle of the body
-    interval   s     ≥ 0         time between samples; 0 = every step
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     The velocity is that of ``sim.particles[body]["velocity"]``: the one that the particle stores
     where its transfer makes it store one, else what the grid gives it. Raises `SceneError`.
@@ -159,9 +144,13 @@ class ParticleTracker(Sensor):
     label: ClassVar[str] = "sensors.ParticleTracker"
     kind: ClassVar[str] = "tracker"
 
-    body: str
-    ids: Literal["all"] | Sequence[int]
-    interval: float = 0.0
+    body: str = given("the body that the particles belong to", range="a name")
+    ids: Literal["all"] | Sequence[int] = given(
+        'ids of the scene, as ``sim.particles[body]["id"]`` lists them; "all" follows every '
+        "particle of the body",
+        low=0,
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         ids: Any = self.ids
@@ -184,15 +173,16 @@ class ParticleTracker(Sensor):
 class Energy(Sensor):
     """Kinetic, elastic, potential and dissipated energy, in J (J/m in 2D).
 
-    `body` names one body, None sums over all; `interval` is in seconds, ≥ 0, 0 = every step.
+    {fields}
+
     Raises `SceneError`.
     """
 
     label: ClassVar[str] = "sensors.Energy"
     kind: ClassVar[str] = "energy"
 
-    body: str | None = None
-    interval: float = 0.0
+    body: str | None = given("name of a body; None = the sum over all", default=None)
+    interval: float = given("between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.sensors.engine_sensors import Sensor, check_interval
 from libmpm._src.sensors.reductions import DIRECTIONS, OPERATIONS
@@ -69,17 +70,7 @@ def _direction(check: Checker, direction: str | None) -> None:
 class ParticleSensor(Sampled):
     """One number from an attribute of all particles in a region: sum, mean, largest, ...
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    attribute  -     a name      library name ("Pressure", "StressCauchy_XX", ...) or an
-                                 attribute of the engine ("velocity", ...)
-    operation  -     see below   what becomes of the particles' values
-    body       -     a name      the body that the particles belong to; None = all
-    direction  -     see below   of "position" and "velocity": the component; None = each
-    region     m     a solid     coordinates of the scene; its surface belongs to it; None = all
-    interval   s     ≥ 0         time between samples; 0 = every step
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     Operations: "sum", "mean", "min", "max", "std", "variance" (of the values, divided by their
     number), "range" (largest less smallest), "count". Of no particle count and sum are 0, all
@@ -93,12 +84,25 @@ class ParticleSensor(Sampled):
     label: ClassVar[str] = "sensors.ParticleSensor"
     kind: ClassVar[str] = "particles"
 
-    attribute: str
-    operation: Operation = "max"
-    body: str | None = None
-    direction: Direction | None = None
-    region: Solid | None = None
-    interval: float = 0.0
+    attribute: str = given(
+        'library name ("Pressure", "StressCauchy_XX", ...) or an attribute of the engine '
+        '("velocity", ...)',
+        range="a name",
+    )
+    operation: Operation = given("what becomes of the particles' values", default="max")
+    body: str | None = given(
+        "the body that the particles belong to; None = all", default=None, range="a name"
+    )
+    direction: Direction | None = given(
+        'of "position" and "velocity": the component; None = each', default=None
+    )
+    region: Solid | None = given(
+        "coordinates of the scene; its surface belongs to it; None = all",
+        default=None,
+        unit="m",
+        range="a solid",
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         _direction(check, self.direction)
@@ -115,16 +119,7 @@ class ParticleSensor(Sampled):
 class GridSensor(Sampled):
     """One number from all nodes with mass in a region of the grid: sum, mean, largest, ...
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    attribute  -     see below   quantity of the nodes
-    operation  -     see below   as of `ParticleSensor`
-    direction  -     see below   component of a vector, with "+" or "-" only the values of that
-                                 sign; None = each component
-    region     m     a solid     coordinates of the scene; its surface belongs to it; None = all
-    interval   s     ≥ 0         time between samples; 0 = every step
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     Nodes are the centres of cells. Attributes, per node:
 
@@ -151,11 +146,20 @@ class GridSensor(Sampled):
 
     attribute: Literal[
         "force", "momentum", "velocity", "acceleration", "mass", "volume", "jbar"
-    ] = "force"
-    operation: Operation = "sum"
-    direction: Direction | None = None
-    region: Solid | None = None
-    interval: float = 0.0
+    ] = given("quantity of the nodes", default="force")
+    operation: Operation = given("as of `ParticleSensor`", default="sum")
+    direction: Direction | None = given(
+        'component of a vector, with "+" or "-" only the values of that sign; None = each '
+        "component",
+        default=None,
+    )
+    region: Solid | None = given(
+        "coordinates of the scene; its surface belongs to it; None = all",
+        default=None,
+        unit="m",
+        range="a solid",
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         _direction(check, self.direction)
@@ -177,13 +181,7 @@ class GridSensor(Sampled):
 class BodyTracker(Sampled):
     """Motion and loads of one body as a whole.
 
-    ==========  ====  ==========  ==========================================================
-    parameter   unit  range       meaning
-    ==========  ====  ==========  ==========================================================
-    body        -     a name      the body
-    quantities  -     see below   what is recorded, in this order
-    interval    s     ≥ 0         time between samples; 0 = every step
-    ==========  ====  ==========  ==========================================================
+    {fields}
 
     - "centroid", m, in the world, and "velocity", m/s: means weighted by mass;
     - "orientation": the rotation that takes the body best from where it was at the first sample to
@@ -213,12 +211,12 @@ class BodyTracker(Sampled):
     label: ClassVar[str] = "sensors.BodyTracker"
     kind: ClassVar[str] = "body"
 
-    body: str
-    quantities: Sequence[str] = (
+    body: str = given("the body", range="a name")
+    quantities: Sequence[str] = given("what is recorded, in this order", default=(
         "centroid", "velocity", "orientation", "angular_velocity", "extent", "momentum",
         "contact_force",
-    )  # fmt: skip
-    interval: float = 0.0
+    ))  # fmt: skip
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         given = self.quantities
@@ -241,13 +239,7 @@ class BodyTracker(Sampled):
 class ContactForce(Sampled):
     """Force of one body on another through the nodes that they share, in N (N/m in 2D).
 
-    =========  ====  ======  ===============================================================
-    parameter  unit  range   meaning
-    =========  ====  ======  ===============================================================
-    body       -     a name  the body that the force acts on
-    by         -     a name  the other body that it comes from
-    interval   s     ≥ 0     time between samples; 0 = every step
-    =========  ====  ======  ===============================================================
+    {fields}
 
     A sample is the mean over one step, the one after the first at or past its time: at each node
     m_b m_c (u_c - u_b) / (m Δt) of the bodies' own masses and velocities, so that forces of a pair
@@ -259,9 +251,9 @@ class ContactForce(Sampled):
     label: ClassVar[str] = "sensors.ContactForce"
     kind: ClassVar[str] = "contact-force"
 
-    body: str
-    by: str
-    interval: float = 0.0
+    body: str = given("the body that the force acts on", range="a name")
+    by: str = given("the other body that it comes from", range="a name")
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
@@ -275,14 +267,7 @@ class ContactForce(Sampled):
 class AttributeTracker(Sampled):
     """Any attributes of chosen particles of one body, by their ids.
 
-    ==========  ====  ==========  ==========================================================
-    parameter   unit  range       meaning
-    ==========  ====  ==========  ==========================================================
-    body        -     a name      the body that the particles belong to
-    ids         -     ≥ 0         ids of the scene, as ``sim.particles[body]["id"]`` lists them
-    attributes  -     names       library names, or attributes of the engine
-    interval    s     ≥ 0         time between samples; 0 = every step
-    ==========  ====  ==========  ==========================================================
+    {fields}
 
     Columns are called "Pressure:17" for particle 17; of one that has left they are not-a-number. A
     sample reads the attributes of the whole body; `ParticleTracker` does positions and velocities
@@ -292,10 +277,12 @@ class AttributeTracker(Sampled):
     label: ClassVar[str] = "sensors.AttributeTracker"
     kind: ClassVar[str] = "attributes"
 
-    body: str
-    ids: Sequence[int]
-    attributes: Sequence[str]
-    interval: float = 0.0
+    body: str = given("the body that the particles belong to", range="a name")
+    ids: Sequence[int] = given(
+        'ids of the scene, as ``sim.particles[body]["id"]`` lists them', low=0
+    )
+    attributes: Sequence[str] = given("library names, or attributes of the engine", range="names")
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         items = sequence(self.ids)
@@ -322,17 +309,7 @@ class AttributeTracker(Sampled):
 class PressureProbe(Sampled):
     """Pressure at a fixed point, in Pa, from the particles around it.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    position   m     (2|3,)      the point, inside the domain, also on a wall
-    radius     m     > 0         half width of the quadratic B-spline that weighs the
-                                 particles; None = 1.5 cells, the support of a node
-    order      -     0, 1        1: the straight line of least squares at the point, which does
-                                 not lag at walls; 0: the weighted mean
-    body       -     a name      the body whose particles count; None = all
-    interval   s     ≥ 0         time between samples; 0 = every step
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     Particles weigh by their volume too. With fewer than 2(d + 1) of them in reach, or all of them
     on a plane, order 1 becomes 0; without any the place is dry, not-a-number. A sample reads
@@ -342,20 +319,35 @@ class PressureProbe(Sampled):
     label: ClassVar[str] = "sensors.PressureProbe"
     kind: ClassVar[str] = "pressure-probe"
 
-    position: Sequence[float]
-    radius: float | None = None
-    order: int = 1
-    body: str | None = None
-    interval: float = 0.0
+    position: Sequence[float] = given(
+        "the point, inside the domain, also on a wall", unit="m", shape="(2|3,)"
+    )
+    radius: float | None = given(
+        "half width of the quadratic B-spline that weighs the particles; None = 1.5 cells, "
+        "the support of a node",
+        default=None,
+        unit="m",
+        above=0,
+    )
+    order: int = given(
+        "1: the straight line of least squares at the point, which does not lag at walls; "
+        "0: the weighted mean",
+        default=1,
+        range="0, 1",
+    )
+    body: str | None = given(
+        "the body whose particles count; None = all", default=None, range="a name"
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         radius = self.radius
         if radius is not None:
-            radius = check.number("radius", radius, lower=0, lower_open=True, unit="m")
+            radius = check.given("radius", self, radius)
         if type(self.order) is not int or self.order not in (0, 1):
             check.fail(f"order is {shown(self.order, 40)}; expected 0 (mean) or 1 (straight line)")
         return {
-            "position": check.vector("position", self.position, unit="m"),
+            "position": check.given("position", self),
             "radius": radius,
             "body": _optional(check, "body", self.body),
             "interval": check_interval(check, self.interval),
@@ -366,16 +358,7 @@ class PressureProbe(Sampled):
 class ElevationGauge(Sampled):
     """Height of the material above a place, in m of the world, from the particles there.
 
-    ==========  ====  ==========  ==========================================================
-    parameter   unit  range       meaning
-    ==========  ====  ==========  ==========================================================
-    position    m     (1|2,)      horizontal place: every axis but that of gravity, in order
-    radius      m     > 0         particles nearer than this, horizontally, count; None = 1 cell
-    method      -     see below   "max" or "percentile"
-    percentile  %     0 to 100    share of the mass that lies below, for "percentile"
-    body        -     a name      the body whose surface counts; None = all
-    interval    s     ≥ 0         time between samples; 0 = every step
-    ==========  ====  ==========  ==========================================================
+    {fields}
 
     "max" is the highest particle and half its width, V^(1/d)/2; a single drop counts. "percentile"
     is the height below which that share of the mass in the column lies, half a width added: it
@@ -388,25 +371,40 @@ class ElevationGauge(Sampled):
     label: ClassVar[str] = "sensors.ElevationGauge"
     kind: ClassVar[str] = "elevation-gauge"
 
-    position: Sequence[float]
-    radius: float | None = None
-    method: Literal["max", "percentile"] = "max"
-    percentile: float | None = None
-    body: str | None = None
-    interval: float = 0.0
+    position: Sequence[float] = given(
+        "horizontal place: every axis but that of gravity, in order", unit="m", shape="(1|2,)"
+    )
+    radius: float | None = given(
+        "particles nearer than this, horizontally, count; None = 1 cell",
+        default=None,
+        unit="m",
+        above=0,
+    )
+    method: Literal["max", "percentile"] = given('"max" or "percentile"', default="max")
+    percentile: float | None = given(
+        'share of the mass that lies below, for "percentile"',
+        default=None,
+        unit="%",
+        low=0,
+        high=100,
+    )
+    body: str | None = given(
+        "the body whose surface counts; None = all", default=None, range="a name"
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         radius, share = self.radius, self.percentile
         if radius is not None:
-            radius = check.number("radius", radius, lower=0, lower_open=True, unit="m")
+            radius = check.given("radius", self, radius)
         method = check.choice("method", self.method, ("max", "percentile"))
         if (share is None) == (method == "percentile"):
             need = "expected 0 to 100 %" if share is None else "expected it with 'percentile' only"
             check.fail(f"percentile is {shown(share)} with method '{method}'; {need}")
         elif share is not None:
-            share = check.number("percentile", share, lower=0, upper=100, unit="%")
+            share = check.given("percentile", self, share)
         return {
-            "position": check.vector("position", self.position, lengths=(1, 2), unit="m"),
+            "position": check.given("position", self),
             "radius": radius,
             "method": method,
             "percentile": share,
@@ -419,14 +417,7 @@ class ElevationGauge(Sampled):
 class Custom(Sampled):
     """Numbers of one's own: whatever a function reads from the simulation.
 
-    =========  ====  ==========  ===========================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ===========================================================
-    function   -     a callable  called with the `Simulation`; returns one number a column
-    columns    -     names       of the numbers, at least one
-    units      -     texts       of the columns; None = "1"
-    interval   s     ≥ 0         time between samples; 0 = every step
-    =========  ====  ==========  ===========================================================
+    {fields}
 
     The function may read the simulation and must not advance it. For a resumed run to have the
     same series it must depend on nothing else.
@@ -439,10 +430,12 @@ class Custom(Sampled):
     label: ClassVar[str] = "sensors.Custom"
     kind: ClassVar[str] = "custom"
 
-    function: Callable[[Any], Any] | str
-    columns: Sequence[str]
-    units: Sequence[str] | None = None
-    interval: float = 0.0
+    function: Callable[[Any], Any] | str = given(
+        "called with the `Simulation`; returns one number a column", range="a callable"
+    )
+    columns: Sequence[str] = given("of the numbers, at least one", range="names")
+    units: Sequence[str] | None = given('of the columns; None = "1"', default=None, range="texts")
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         if not callable(self.function) and not isinstance(self.function, str):

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.oriented_boxes import AXES, TurnedBox, rotation
 from libmpm._src.shapes.solid import Array, Bounds, Shape, Solid, box_distance, dot, from_box
@@ -55,12 +56,7 @@ def _moved(
 class Box(Solid):
     """A box with faces normal to the axes, a rectangle in 2D.
 
-    =========  ====  ========  ===========================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ===========================================================
-    lower      m     (2|3,)    corner with the smallest coordinates
-    upper      m     (2|3,)    opposite corner, greater than `lower` on every axis
-    =========  ====  ========  ===========================================================
+    {fields}
 
     Coordinates are relative to the scene's `origin`. As a body the box is used exactly; as a
     boundary its faces move to the nearest cell faces, which the plan shows. Raises `SceneError`.
@@ -68,12 +64,14 @@ class Box(Solid):
 
     label: ClassVar[str] = "shapes.Box"
 
-    lower: Sequence[float]
-    upper: Sequence[float]
+    lower: Sequence[float] = given("corner with the smallest coordinates", unit="m", shape="(2|3,)")
+    upper: Sequence[float] = given(
+        "opposite corner, greater than `lower` on every axis", unit="m", shape="(2|3,)"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        lower = check.vector("lower", self.lower, unit="m")
-        upper = check.vector("upper", self.upper, unit="m")
+        lower = check.given("lower", self)
+        upper = check.given("upper", self)
         if lower and upper and len(lower) != len(upper):
             check.fail(
                 f"lower has {len(lower)} and upper {len(upper)} numbers; expected as many as "
@@ -131,15 +129,7 @@ class Box(Solid):
 class OrientedBox(Solid):
     """A box turned by an angle, a turned rectangle in 2D, for bodies.
 
-    =========  =======  ========  ===========================================================
-    parameter  unit     shape     meaning
-    =========  =======  ========  ===========================================================
-    centre     m        (2|3,)    middle of the box, relative to the scene's `origin`
-    size       m        (2|3,)    edge lengths along its own axes, > 0
-    angle      degrees  finite    by which its own axes are turned, by the right-hand rule;
-                                  from x to y in 2D and about "z"
-    axis       -        a name    "x", "y" or "z"; None = "z". Left out in 2D
-    =========  =======  ========  ===========================================================
+    {fields}
 
     A body is filled by a lattice along the box's own axes, with as many particles as an equal `Box`
     and the exact total mass; the lattice is turned in double precision, exactly at multiples of 90
@@ -148,14 +138,21 @@ class OrientedBox(Solid):
 
     label: ClassVar[str] = "shapes.OrientedBox"
 
-    centre: Sequence[float]
-    size: Sequence[float]
-    angle: float
-    axis: str | None = None
+    centre: Sequence[float] = given(
+        "middle of the box, relative to the scene's `origin`", unit="m", shape="(2|3,)"
+    )
+    size: Sequence[float] = given("edge lengths along its own axes, > 0", unit="m", shape="(2|3,)")
+    angle: float = given(
+        'by which its own axes are turned, by the right-hand rule; from x to y in 2D and about "z"',
+        unit="degrees",
+    )
+    axis: str | None = given(
+        '"x", "y" or "z"; None = "z". Left out in 2D', default=None, range="a name"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        centre = check.vector("centre", self.centre, unit="m")
-        size = check.vector("size", self.size, unit="m")
+        centre = check.given("centre", self)
+        size = check.given("size", self)
         if centre and size and len(centre) != len(size):
             check.fail(
                 f"centre has {len(centre)} and size {len(size)} numbers; expected as many as the "
@@ -173,7 +170,7 @@ class OrientedBox(Solid):
             axis = check.choice("axis", axis, AXES)
         elif len(size) == 3:
             axis = "z"
-        angle = check.number("angle", self.angle, unit="degrees")
+        angle = check.given("angle", self)
         return {"centre": centre, "size": size, "angle": angle, "axis": axis}
 
     @property
@@ -246,13 +243,17 @@ class OrientedBox(Solid):
 class DomainWalls(Shape):
     """Walls on faces of the scene's domain, impermeable exactly at `Scene.lower` and `upper`.
 
-    `faces` is "all" or some of "x-", "x+", "y-", "y+", "z-", "z+". Through a face without a wall
+    {fields}
+
+    Through a face without a wall
     particles leave the domain; `Method.leaving` says what happens then. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.DomainWalls"
 
-    faces: Literal["all"] | Sequence[str] = "all"
+    faces: Literal["all"] | Sequence[str] = given(
+        '"all", or some of "x-", "x+", "y-", "y+", "z-", "z+"', default="all"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {"faces": check_faces(check, self.faces)}

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.solid import Array, Bounds, Corner, Solid, box_distance
 
@@ -24,14 +25,16 @@ EXAMPLE = "a solid of libmpm.shapes, for instance shapes.Box(lower=..., upper=..
 
 @value
 class Union(Solid):
-    """What is in any of several solids: `a | b`. `parts` are the solids, one or more.
+    """What is in any of several solids: `a | b`.
+
+    {fields}
 
     The distance is exact outside; inside, where parts overlap, a lower bound. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Union"
 
-    parts: Sequence[Solid]
+    parts: Sequence[Solid] = given("the solids, one or more")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {"parts": _parts(check, self.parts, Union)}
@@ -67,14 +70,16 @@ class Union(Solid):
 
 @value
 class Intersection(Solid):
-    """What is in all of several solids: `a & b`. `parts` are the solids, one or more.
+    """What is in all of several solids: `a & b`.
+
+    {fields}
 
     The distance is a lower bound of the true one. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Intersection"
 
-    parts: Sequence[Solid]
+    parts: Sequence[Solid] = given("the solids, one or more")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {"parts": _parts(check, self.parts, Intersection)}
@@ -109,13 +114,15 @@ class Intersection(Solid):
 class Difference(Solid):
     """One solid without another: `whole - without`.
 
+    {fields}
+
     The distance is a lower bound of the true one. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Difference"
 
-    whole: Solid
-    without: Solid
+    whole: Solid = given("the solid that is cut")
+    without: Solid = given("the solid that is taken away")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("whole", self.whole, (Solid,), EXAMPLE)

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.arrays import real_array
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, shown, value
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.esri_grid import read_esri
@@ -29,15 +30,7 @@ _PIECE = 4096
 class HeightField(Solid):
     """What lies below a bed: a profile in 2D, a raster in 3D.
 
-    =========  ====  ==============  ========================================================
-    parameter  unit  shape           meaning
-    =========  ====  ==============  ========================================================
-    x          m     (n,)            rising places along x, two or more
-    y          m     (m,)            rising places along y; left out in 2D
-    z          m     (n,) | (n, m)   height of the bed at x, or at x and y; in 2D along the
-                                     second axis, y
-    base       m     below all z     bottom of the solid; None = none
-    =========  ====  ==============  ========================================================
+    {fields}
 
     Between its points the bed is linear in 2D and bilinear in 3D. Without a `base` it is a bed
     without bottom that goes on level beyond its edges. With one it is a block with upright sides
@@ -48,10 +41,18 @@ class HeightField(Solid):
 
     label: ClassVar[str] = "shapes.HeightField"
 
-    x: Sequence[float]
-    z: Sequence[float] | Sequence[Sequence[float]]
-    y: Sequence[float] | None = None
-    base: float | None = None
+    x: Sequence[float] = given("rising places along x, two or more", unit="m", shape="(n,)")
+    z: Sequence[float] | Sequence[Sequence[float]] = given(
+        "height of the bed at x, or at x and y; in 2D along the second axis, y",
+        unit="m",
+        shape="(n,) | (n, m)",
+    )
+    y: Sequence[float] | None = given(
+        "rising places along y; left out in 2D", default=None, unit="m", shape="(m,)"
+    )
+    base: float | None = given(
+        "bottom of the solid; None = none", default=None, unit="m", range="below all z"
+    )
 
     @classmethod
     def from_list(
@@ -123,7 +124,7 @@ class HeightField(Solid):
             return {}
         base = self.base
         if base is not None:
-            base = check.number("base", base, unit="m")
+            base = check.given("base", self, base)
             if base >= float(z.min()):
                 check.fail(
                     f"base is {base:g} with the lowest height {float(z.min()):g}; expected below "

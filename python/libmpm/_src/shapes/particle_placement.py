@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, value
 from libmpm._src.shapes.oriented_boxes import AXES
 
@@ -18,11 +19,7 @@ class Sampling(Value):
 class Columns(Sampling):
     """Columns of points, each divided evenly between the surfaces that its line crosses.
 
-    =========  ====  ======  ==================================================================
-    parameter  unit  range   meaning
-    =========  ====  ======  ==================================================================
-    axis       -     a name  along which the columns stand, "x", "y" or "z"; None = that of gravity
-    =========  ====  ======  ==================================================================
+    {fields}
 
     Lines stand as far apart as the points of the lattice. A length l of one inside the solid takes
     n = round(l / spacing) points at (k + 1/2) l / n from its lower end, and none where it is
@@ -34,7 +31,11 @@ class Columns(Sampling):
 
     label: ClassVar[str] = "shapes.Columns"
 
-    axis: str | None = None
+    axis: str | None = given(
+        'along which the columns stand, "x", "y" or "z"; None = that of gravity',
+        default=None,
+        range="a name",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         if self.axis is not None:
@@ -46,24 +47,24 @@ class Columns(Sampling):
 class Jitter(Sampling):
     """A lattice whose points are moved at random, each within its own slice.
 
-    =========  ====  ===========  =========================================================
-    parameter  unit  range        meaning
-    =========  ====  ===========  =========================================================
-    share      1     0 < s ≤ 1    of the spacing: a point moves by up to half of it either way
-                                  on every axis, evenly distributed
-    seed       1     0 .. 2^63-1  of the random numbers
-    =========  ====  ===========  =========================================================
+    {fields}
 
     The move follows from the seed and the number of the lattice point alone. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Jitter"
 
-    share: float
-    seed: int
+    share: float = given(
+        "of the spacing: a point moves by up to half of it either way on every axis, evenly "
+        "distributed",
+        unit="1",
+        above=0,
+        high=1,
+    )
+    seed: int = given("of the random numbers", unit="1", range="0 .. 2^63-1")
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        share = check.number("share", self.share, lower=0, lower_open=True, upper=1)
+        share = check.given("share", self)
         return {"share": share, "seed": _seed(check, self.seed)}
 
 
@@ -71,11 +72,7 @@ class Jitter(Sampling):
 class PoissonDisk(Sampling):
     """Points at random, none too close to another: Poisson-disk sampling (Bridson 2007).
 
-    =========  ====  ===========  =========================================================
-    parameter  unit  range        meaning
-    =========  ====  ===========  =========================================================
-    seed       1     0 .. 2^63-1  of the random numbers
-    =========  ====  ===========  =========================================================
+    {fields}
 
     On average `particles_per_cell`, no two closer than about 0.8 of the spacing of the lattice with
     as many. One periodic tile of about a thousand points, made by SciPy, is repeated.
@@ -84,7 +81,7 @@ class PoissonDisk(Sampling):
 
     label: ClassVar[str] = "shapes.PoissonDisk"
 
-    seed: int
+    seed: int = given("of the random numbers", unit="1", range="0 .. 2^63-1")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {"seed": _seed(check, self.seed)}

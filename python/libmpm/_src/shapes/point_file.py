@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.file_digest import file_state
 from libmpm._src.base.values import Checker, value
 from libmpm._src.errors import SceneError
@@ -24,17 +25,7 @@ _ENDINGS = (".npy", ".csv", ".txt", ".xyz")
 class PointFile(Shape):
     """Particles at the positions of a file, for bodies.
 
-    ===============  ======  ==========  =====================================================
-    parameter        unit    shape       meaning
-    ===============  ======  ==========  =====================================================
-    file             -       a path      .npy with an array (n, 2 | 3); .csv, .txt or .xyz with
-                                         a row for every particle, a line of names allowed
-    volume           m³      > 0         of all particles together (m² in 2D), or
-    particle_volume  m³      > 0         of each; one of the two
-    scale            1       > 0         factor on the positions of the file
-    offset           m       (2|3,)      added to them after that; None = zero
-    sha256           -       64 digits   of the file; None = as it is now, then kept in the scene
-    ===============  ======  ==========  =====================================================
+    {fields}
 
     All particles of a body have one volume. The scene refers to the file, which must stay where it
     is, unchanged. Raises `SceneError`.
@@ -42,16 +33,30 @@ class PointFile(Shape):
 
     label: ClassVar[str] = "shapes.PointFile"
 
-    file: str
-    volume: float | None = None
-    particle_volume: float | None = None
-    scale: float = 1.0
-    offset: Sequence[float] | None = None
-    sha256: str | None = None
+    file: str = given(
+        ".npy with an array (n, 2 | 3); .csv, .txt or .xyz with a row for every particle, a "
+        "line of names allowed",
+        range="a path",
+    )
+    volume: float | None = given(
+        "of all particles together (m² in 2D), or", default=None, unit="m³", above=0, scales="mᵈ"
+    )
+    particle_volume: float | None = given(
+        "of each; one of the two", default=None, unit="m³", above=0, scales="mᵈ"
+    )
+    scale: float = given(
+        "factor on the positions of the file", default=1.0, unit="1", above=0, scales="m"
+    )
+    offset: Sequence[float] | None = given(
+        "added to them after that; None = zero", default=None, unit="m", shape="(2|3,)"
+    )
+    sha256: str | None = given(
+        "of the file; None = as it is now, then kept in the scene", default=None, range="64 digits"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         file, digest = check_file(check, self.file, self.sha256)
-        scale = check.number("scale", self.scale, lower=0, lower_open=True)
+        scale = check.given("scale", self)
         given = {}
         for name in ("volume", "particle_volume"):
             one = getattr(self, name)

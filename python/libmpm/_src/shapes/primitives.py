@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.polygon import polygon_distance
 from libmpm._src.shapes.solid import (
@@ -33,24 +34,21 @@ __all__ = ["Cone", "Cylinder", "HalfSpace", "Sphere"]
 class Sphere(Solid):
     """A ball; a disc in 2D.
 
-    =========  ====  ========  ==========================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ==========================================
-    centre     m     (2|3,)    middle, relative to the scene's `origin`
-    radius     m     > 0       radius
-    =========  ====  ========  ==========================================
+    {fields}
 
     Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Sphere"
 
-    centre: Sequence[float]
-    radius: float
+    centre: Sequence[float] = given(
+        "middle, relative to the scene's `origin`", unit="m", shape="(2|3,)"
+    )
+    radius: float = given("radius", unit="m", above=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
-            "centre": check.vector("centre", self.centre, unit="m"),
+            "centre": check.given("centre", self),
             "radius": _radius(check, "radius", self.radius),
         }
 
@@ -124,13 +122,7 @@ class _AboutAxis(Solid):
 class Cylinder(_AboutAxis):
     """A circular cylinder about any axis, in 3D.
 
-    =========  ====  =====  ==========================================================
-    parameter  unit  shape  meaning
-    =========  ====  =====  ==========================================================
-    start      m     (3,)   middle of one end, relative to the scene's `origin`
-    end        m     (3,)   middle of the other end
-    radius     m     > 0    radius
-    =========  ====  =====  ==========================================================
+    {fields}
 
     In 2D take a `Sphere` for a section across it, an `OrientedBox` for one along it. Raises
     `SceneError`.
@@ -138,9 +130,11 @@ class Cylinder(_AboutAxis):
 
     label: ClassVar[str] = "shapes.Cylinder"
 
-    start: Sequence[float]
-    end: Sequence[float]
-    radius: float
+    start: Sequence[float] = given(
+        "middle of one end, relative to the scene's `origin`", unit="m", shape="(3,)"
+    )
+    end: Sequence[float] = given("middle of the other end", unit="m", shape="(3,)")
+    radius: float = given("radius", unit="m", above=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         ends = self._ends(check, "a Sphere (across it) or an OrientedBox (along it)")
@@ -163,29 +157,26 @@ class Cylinder(_AboutAxis):
 class Cone(_AboutAxis):
     """A circular cone or truncated cone about any axis, in 3D.
 
-    ==========  ====  =====  =========================================================
-    parameter   unit  shape  meaning
-    ==========  ====  =====  =========================================================
-    start       m     (3,)   middle of the first end, relative to the scene's `origin`
-    end         m     (3,)   middle of the other end: the tip where `end_radius` is 0
-    radius      m     > 0    radius at `start`
-    end_radius  m     ≥ 0    radius at `end`
-    ==========  ====  =====  =========================================================
+    {fields}
 
     In 2D take an `Extrusion` of its section. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Cone"
 
-    start: Sequence[float]
-    end: Sequence[float]
-    radius: float
-    end_radius: float = 0.0
+    start: Sequence[float] = given(
+        "middle of the first end, relative to the scene's `origin`", unit="m", shape="(3,)"
+    )
+    end: Sequence[float] = given(
+        "middle of the other end: the tip where `end_radius` is 0", unit="m", shape="(3,)"
+    )
+    radius: float = given("radius at `start`", unit="m", above=0)
+    end_radius: float = given("radius at `end`", default=0.0, unit="m", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return self._ends(check, "an Extrusion of its section") | {
             "radius": _radius(check, "radius", self.radius),
-            "end_radius": check.number("end_radius", self.end_radius, lower=0, unit="m"),
+            "end_radius": check.given("end_radius", self),
         }
 
     def bounds(self) -> Bounds:
@@ -213,24 +204,23 @@ class Cone(_AboutAxis):
 class HalfSpace(Solid):
     """Everything on one side of a plane (of a line in 2D), without end.
 
-    =========  ====  ========  =======================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  =======================================================
-    point      m     (2|3,)    any point of the plane, relative to the scene's `origin`
-    normal     -     (2|3,)    points out of the solid; any length but 0
-    =========  ====  ========  =======================================================
+    {fields}
 
     A body of it needs a `Box` around: `HalfSpace(...) & Box(...)`. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.HalfSpace"
 
-    point: Sequence[float]
-    normal: Sequence[float]
+    point: Sequence[float] = given(
+        "any point of the plane, relative to the scene's `origin`", unit="m", shape="(2|3,)"
+    )
+    normal: Sequence[float] = given(
+        "points out of the solid; any length but 0", unit="1", shape="(2|3,)"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        point = check.vector("point", self.point, unit="m")
-        normal = check.vector("normal", self.normal)
+        point = check.given("point", self)
+        normal = check.given("normal", self)
         if point and normal and len(point) != len(normal):
             check.fail(
                 f"point has {len(point)} and normal {len(normal)} numbers; expected as many as "

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.oriented_boxes import AXES
 from libmpm._src.shapes.polygon import area, crossing, polygon_distance
@@ -64,30 +65,29 @@ class _Prism(Solid):
 class Wedge(_Prism):
     """A box cut along the diagonal of two of its faces: a ramp, a right-angled prism.
 
-    =========  ====  ========  =============================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  =============================================================
-    lower      m     (2|3,)    lower corner of the box around it
-    upper      m     (2|3,)    upper corner of the box around it
-    high       -     a face    "x-", "x+", ... : where the ramp is highest; at the opposite face
-                               it is down to nothing
-    up         -     a face    which way is up: the ramp stands on the opposite face; None =
-                               "y+" in 2D, "z+" in 3D
-    =========  ====  ========  =============================================================
+    {fields}
 
     Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Wedge"
 
-    lower: Sequence[float]
-    upper: Sequence[float]
-    high: str = "x+"
-    up: str | None = None
+    lower: Sequence[float] = given("lower corner of the box around it", unit="m", shape="(2|3,)")
+    upper: Sequence[float] = given("upper corner of the box around it", unit="m", shape="(2|3,)")
+    high: str = given(
+        '"x-", "x+", ... : where the ramp is highest; at the opposite face it is down to nothing',
+        default="x+",
+        range="a face",
+    )
+    up: str | None = given(
+        'which way is up: the ramp stands on the opposite face; None = "y+" in 2D, "z+" in 3D',
+        default=None,
+        range="a face",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        lower = check.vector("lower", self.lower, unit="m")
-        upper = check.vector("upper", self.upper, unit="m")
+        lower = check.given("lower", self)
+        upper = check.given("upper", self)
         if lower and upper and len(lower) != len(upper):
             check.fail(
                 f"lower has {len(lower)} and upper {len(upper)} numbers; expected as many as "
@@ -133,27 +133,27 @@ class Wedge(_Prism):
 class Extrusion(_Prism):
     """A profile of straight edges, in 3D drawn out along an axis.
 
-    =========  ====  ========  ==============================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ==============================================================
-    profile    m     (n, 2)    corners of a polygon in either sense, n ≥ 3, that does not cross
-                               itself; a last corner equal to the first is left out. In 3D in
-                               the plane of the two other axes, in their order: (y, z), (x, z)
-                               or (x, y)
-    axis       -     a name    "x", "y" or "z", along which it is drawn out; left out in 2D
-    lower      m     number    one end along the axis; left out in 2D
-    upper      m     > lower   other end along the axis; left out in 2D
-    =========  ====  ========  ==============================================================
+    {fields}
 
     Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Extrusion"
 
-    profile: Sequence[Sequence[float]]
-    axis: str | None = None
-    lower: float | None = None
-    upper: float | None = None
+    profile: Sequence[Sequence[float]] = given(
+        "corners of a polygon in either sense, n ≥ 3, that does not cross itself; a last "
+        "corner equal to the first is left out. In 3D in the plane of the two other axes, "
+        "in their order: (y, z), (x, z) or (x, y)",
+        unit="m",
+        shape="(n, 2)",
+    )
+    axis: str | None = given(
+        '"x", "y" or "z", along which it is drawn out; left out in 2D', default=None, range="a name"
+    )
+    lower: float | None = given("one end along the axis; left out in 2D", default=None, unit="m")
+    upper: float | None = given(
+        "other end along the axis; left out in 2D", default=None, unit="m", range="> lower"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         profile = _profile(check, self.profile)
@@ -167,8 +167,8 @@ class Extrusion(_Prism):
                 "lower and upper in 3D, and none of them in 2D"
             )
             return {"profile": profile}
-        lower = check.number("lower", self.lower, unit="m")
-        upper = check.number("upper", self.upper, unit="m")
+        lower = check.given("lower", self)
+        upper = check.given("upper", self)
         if upper <= lower:
             check.fail(f"upper is {upper:g} with lower {lower:g}; expected upper > lower")
         axis = check.choice("axis", self.axis, AXES)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.file_digest import file_state
 from libmpm._src.base.values import Checker, value
 from libmpm._src.errors import SceneError
@@ -23,19 +24,7 @@ __all__ = ["SurfaceMesh"]
 class SurfaceMesh(Solid):
     """What a surface mesh in a file encloses, in 3D. As `shapes.Mesh`.
 
-    =========  ====  ========  ==============================================================
-    parameter  unit  shape     meaning
-    =========  ====  ========  ==============================================================
-    file       -     a path    .stl, .obj, .ply or .off, read by trimesh; what else meshio reads
-                               (.inp, .msh, .vtk, .vtu, ...): its triangles and quadrilaterals, or
-                               the outside of its solid elements
-    scale      1     > 0       factor on the coordinates of the file, to m
-    offset     m     (3,)      added to them after that; None = zero
-    heal       -     a name    "winding" takes an open or badly oriented mesh: inside is where
-                               the triangles wind around a point more than half (Jacobson et
-                               al. 2013); None = refused
-    sha256     -     digits    64, of the file; None = as it is now, then kept in the scene
-    =========  ====  ========  ==============================================================
+    {fields}
 
     Corners that are equal are one. The magnitude of the distance is exact, to the triangles; the
     sign follows from winding numbers. A mesh that is inside out as a whole is turned round. Of a
@@ -47,18 +36,34 @@ class SurfaceMesh(Solid):
 
     label: ClassVar[str] = "shapes.Mesh"
 
-    file: str
-    scale: float = 1.0
-    offset: Sequence[float] | None = None
-    heal: str | None = None
-    sha256: str | None = None
+    file: str = given(
+        ".stl, .obj, .ply or .off, read by trimesh; what else meshio reads (.inp, .msh, "
+        ".vtk, .vtu, ...): its triangles and quadrilaterals, or the outside of its solid "
+        "elements",
+        range="a path",
+    )
+    scale: float = given(
+        "factor on the coordinates of the file, to m", default=1.0, unit="1", above=0, scales="m"
+    )
+    offset: Sequence[float] | None = given(
+        "added to them after that; None = zero", default=None, unit="m", shape="(3,)"
+    )
+    heal: str | None = given(
+        '"winding" takes an open or badly oriented mesh: inside is where the triangles wind '
+        "around a point more than half (Jacobson et al. 2013); None = refused",
+        default=None,
+        range="a name",
+    )
+    sha256: str | None = given(
+        "64, of the file; None = as it is now, then kept in the scene", default=None, range="digits"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         file, digest = check_file(check, self.file, self.sha256)
-        scale = check.number("scale", self.scale, lower=0, lower_open=True)
+        scale = check.given("scale", self)
         offset: tuple[float, ...] = (0.0, 0.0, 0.0)
         if self.offset is not None:
-            offset = check.vector("offset", self.offset, lengths=(3,), unit="m")
+            offset = check.given("offset", self)
         if self.heal is not None:
             check.choice("heal", self.heal, ("winding",))
         if digest is not None and not check.problems:

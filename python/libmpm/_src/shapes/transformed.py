@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.combined import EXAMPLE, check_length, least, shifted
 from libmpm._src.shapes.oriented_boxes import AXES, Matrix, rotation
@@ -20,16 +21,19 @@ __all__ = ["Moved", "Repeated", "Turned"]
 
 @value
 class Moved(Solid):
-    """A solid moved by (d,) m: `shape.moved(by)`. As exact as the solid. Raises `SceneError`."""
+    """A solid moved by (d,) m: `shape.moved(by)`. As exact as the solid. Raises `SceneError`.
+
+    {fields}
+    """
 
     label: ClassVar[str] = "shapes.Moved"
 
-    shape: Solid
-    by: Sequence[float]
+    shape: Solid = given("the solid")
+    by: Sequence[float] = given("how far", unit="m", shape="(2|3,)")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("shape", self.shape, (Solid,), EXAMPLE)
-        by = check.vector("by", self.by, unit="m")
+        by = check.given("by", self)
         check_length(check, "by", by, self.shape)
         return {"by": by}
 
@@ -59,27 +63,27 @@ class Moved(Solid):
 class Turned(Solid):
     """A solid turned about a fulcrum: `shape.turned(angle, axis, about)`.
 
-    =========  =======  ========  ==========================================================
-    parameter  unit     shape     meaning
-    =========  =======  ========  ==========================================================
-    shape      -        a solid   what is turned
-    angle      degrees  finite    by the right-hand rule; from x to y in 2D
-    axis       -        a name    "x", "y" or "z"; None = "z". Left out in 2D
-    about      m        (d,)      the fulcrum, which stays; None = the middle of its `bounds`
-    =========  =======  ========  ==========================================================
+    {fields}
 
     As exact as the solid. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Turned"
 
-    shape: Solid
-    angle: float
-    axis: str | None = None
-    about: Sequence[float] | None = None
+    shape: Solid = given("what is turned", range="a solid")
+    angle: float = given("by the right-hand rule; from x to y in 2D", unit="degrees")
+    axis: str | None = given(
+        '"x", "y" or "z"; None = "z". Left out in 2D', default=None, range="a name"
+    )
+    about: Sequence[float] | None = given(
+        "the fulcrum, which stays; None = the middle of its `bounds`",
+        default=None,
+        unit="m",
+        shape="(2|3,)",
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        angle = check.number("angle", self.angle, unit="degrees")
+        angle = check.given("angle", self)
         check.instance("shape", self.shape, (Solid,), EXAMPLE)
         if check.problems:
             return {}
@@ -100,7 +104,7 @@ class Turned(Solid):
                     "give about=(...) in m"
                 )
         else:
-            about = check.vector("about", about, unit="m")
+            about = check.given("about", self, about)
             check_length(check, "about", about, self.shape)
         return {"angle": angle, "axis": axis, "about": about}
 
@@ -166,22 +170,18 @@ def _copies(item: Any) -> int:
 class Repeated(Solid):
     """Copies of a solid in rows: `shape.repeated(counts, spacing)`.
 
-    =========  ====  =======  ==========================================================
-    parameter  unit  shape    meaning
-    =========  ====  =======  ==========================================================
-    shape      -     a solid  the first copy, with the smallest coordinates
-    counts     1     (d,)     copies on each axis, ≥ 1
-    spacing    m     (d,)     from one copy to the next on each axis, > 0
-    =========  ====  =======  ==========================================================
+    {fields}
 
     The distance is exact where copies do not overlap, as exact as the solid. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "shapes.Repeated"
 
-    shape: Solid
-    counts: Sequence[int]
-    spacing: Sequence[float]
+    shape: Solid = given("the first copy, with the smallest coordinates", range="a solid")
+    counts: Sequence[int] = given("copies on each axis, ≥ 1", unit="1", shape="(d,)")
+    spacing: Sequence[float] = given(
+        "from one copy to the next on each axis, > 0", unit="m", shape="(2|3,)"
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("shape", self.shape, (Solid,), EXAMPLE)
@@ -190,7 +190,7 @@ class Repeated(Solid):
             check.fail(f"counts is {shown(self.counts)}; expected 2 or 3 whole numbers ≥ 1")
             given = []
         counts = tuple(check.integer(f"counts[{a}]", n, lower=1) for a, n in enumerate(given))
-        spacing = check.vector("spacing", self.spacing, unit="m")
+        spacing = check.given("spacing", self)
         for a, x in enumerate(spacing):
             if x <= 0:
                 check.fail(f"spacing[{a}] is {x:g}; expected > 0 m, from one copy to the next")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, value
 from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic_files import write_json
@@ -33,34 +34,31 @@ __all__ = ["DebrisField", "Placement"]
 class Placement(Value):
     """How a field was made.
 
-    ===========  ====================  ====================================================
-    parameter    unit                  meaning
-    ===========  ====================  ====================================================
-    kind         -                     "ordered", "random", or "given" by hand
-    seed         1                     of the random numbers; None = none were drawn
-    angles       -                     law of the angles
-    interval     degrees               of the angles, as drawn for this field
-    attempts     1                     places drawn for pieces, in all restarts together
-    outside      1                     of these, with a corner outside of the footprint
-    too_close    1                     of these, nearer to another piece than the clearance
-    restarts     1                     times the field was begun again
-    skipped      1                     combinations of count, size and porosity passed over
-    rejected     1                     samples that could not be placed, before this one
-    ===========  ====================  ====================================================
+    {fields}
     """
 
     label: ClassVar[str] = "debris.Placement"
 
-    kind: Literal["ordered", "random", "given"] = "given"
-    seed: int | None = None
-    angles: Angles | None = None
-    interval: tuple[float, float] | None = None
-    attempts: int = 0
-    outside: int = 0
-    too_close: int = 0
-    restarts: int = 0
-    skipped: int = 0
-    rejected: int = 0
+    kind: Literal["ordered", "random", "given"] = given(
+        '"ordered", "random", or "given" by hand', default="given"
+    )
+    seed: int | None = given(
+        "of the random numbers; None = none were drawn", default=None, unit="1", low=0, whole=True
+    )
+    angles: Angles | None = given("law of the angles", default=None)
+    interval: tuple[float, float] | None = given(
+        "of the angles, as drawn for this field", default=None, unit="degrees", shape="(2,)"
+    )
+    attempts: int = given("places drawn for pieces, in all restarts together", default=0, unit="1")
+    outside: int = given("of these, with a corner outside of the footprint", default=0, unit="1")
+    too_close: int = given(
+        "of these, nearer to another piece than the clearance", default=0, unit="1"
+    )
+    restarts: int = given("times the field was begun again", default=0, unit="1")
+    skipped: int = given(
+        "combinations of count, size and porosity passed over", default=0, unit="1"
+    )
+    rejected: int = given("samples that could not be placed, before this one", default=0, unit="1")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         found: dict[str, Any] = {
@@ -69,11 +67,11 @@ class Placement(Value):
         }
         check.choice("kind", self.kind, ("ordered", "random", "given"))
         if self.seed is not None:
-            found["seed"] = check.integer("seed", self.seed)
+            found["seed"] = check.given("seed", self)
         if self.angles is not None:
             check.instance("angles", self.angles, (Angles,), "a law such as debris.UniformAngles()")
         if self.interval is not None:
-            found["interval"] = check.vector("interval", self.interval, lengths=(2,))
+            found["interval"] = check.given("interval", self)
         return found
 
 
@@ -81,18 +79,7 @@ class Placement(Value):
 class DebrisField(Value):
     """Pieces of debris in the plan, x along the flow, y across it, and how they were placed.
 
-    ==========  =======  =======  ==============================================================
-    parameter   unit     range    meaning
-    ==========  =======  =======  ==============================================================
-    prototypes  -        -        kinds of debris
-    pieces      -        -        `debris.Piece` values; no two may overlap
-    corner      m        (2,)     lower corner of the footprint
-    footprint   m        > 0      (lx, ly), edges of the rectangle that porosity refers to
-    rotation    degrees  -        of the whole about the middle of the footprint: pieces are
-                                  where they stand, the footprint is turned by it
-    clearance   m        ≥ 0      gap in the plan that every two pieces were given
-    placement   -        -        how the field was made
-    ==========  =======  =======  ==============================================================
+    {fields}
 
     Made by `ordered` and `random`, or from pieces of your own, such as those of a photograph.
     Those of your own lie in the footprint, or its porosity would be wrong, and keep the clearance:
@@ -101,13 +88,24 @@ class DebrisField(Value):
 
     label: ClassVar[str] = "debris.Field"
 
-    prototypes: Sequence[Prototype]
-    pieces: Sequence[Piece]
-    corner: Sequence[float] = (0.0, 0.0)
-    footprint: Sequence[float]
-    rotation: float = 0.0
-    clearance: float = 0.0
-    placement: Placement = Placement()
+    prototypes: Sequence[Prototype] = given("kinds of debris")
+    pieces: Sequence[Piece] = given("`debris.Piece` values; no two may overlap")
+    corner: Sequence[float] = given(
+        "lower corner of the footprint", default=(0.0, 0.0), unit="m", shape="(2,)"
+    )
+    footprint: Sequence[float] = given(
+        "(lx, ly), edges of the rectangle that porosity refers to", unit="m", shape="(2,)", above=0
+    )
+    rotation: float = given(
+        "of the whole about the middle of the footprint: pieces are where they stand, the "
+        "footprint is turned by it",
+        default=0.0,
+        unit="degrees",
+    )
+    clearance: float = given(
+        "gap in the plan that every two pieces were given", default=0.0, unit="m", low=0
+    )
+    placement: Placement = given("how the field was made", default=Placement())
 
     def _check(self, check: Checker) -> dict[str, Any]:
         prototypes = check_prototypes(self.label, self.prototypes)
@@ -115,7 +113,7 @@ class DebrisField(Value):
         if pieces is None or not all(isinstance(p, Piece) for p in pieces):
             check.fail("pieces is no sequence of debris.Piece(x=, y=, angle=)")
             pieces = []
-        footprint = check.vector("footprint", self.footprint, lengths=(2,), unit="m")
+        footprint = check.given("footprint", self)
         for a, edge in enumerate(footprint):
             if edge <= 0:
                 check.fail(f"footprint[{a}] is {edge:g}; expected > 0 m")
@@ -128,9 +126,9 @@ class DebrisField(Value):
         check.instance("placement", self.placement, (Placement,), "debris.Placement()")
         if not check.problems:
             check_apart(check, prototypes, pieces)
-        corner = check.vector("corner", self.corner, lengths=(2,), unit="m")
-        turn = check.number("rotation", self.rotation, unit="degrees")
-        clearance = check.number("clearance", self.clearance, lower=0, unit="m")
+        corner = check.given("corner", self)
+        turn = check.given("rotation", self)
+        clearance = check.given("clearance", self)
         # The other kinds are made so that both hold.
         if not check.problems and pieces and self.placement.kind == "given":
             rectangles = seen(prototypes, pieces)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.errors import SceneError
 
@@ -90,13 +91,15 @@ class Angles(Value):
 class UniformAngles(Angles):
     """Angles uniform between `low` and `high`, degrees against the flow, low ≤ high.
 
+    {fields}
+
     The default is every angle that a rectangle has. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "debris.UniformAngles"
 
-    low: float = -90.0
-    high: float = 90.0
+    low: float = given("smallest angle, against the flow", default=-90.0, unit="degrees")
+    high: float = given("largest angle, not below `low`", default=90.0, unit="degrees")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         low, high = span(check, "(low, high)", (self.low, self.high), unit="degrees")
@@ -111,14 +114,24 @@ class UniformAngles(Angles):
 class SpreadAngles(Angles):
     """Angles uniform within `mean` ± `spread`, degrees against the flow.
 
+    {fields}
+
     Each is a number, or (low, high) from which one is drawn, uniform, for the whole field; spread
     ≥ 0. The standard deviation of the angles tends to spread / √3. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "debris.SpreadAngles"
 
-    mean: float | tuple[float, float]
-    spread: float | tuple[float, float]
+    mean: float | tuple[float, float] = given(
+        "middle of the angles, against the flow: a number, or (low, high) from which one is "
+        "drawn for the whole field",
+        unit="degrees",
+    )
+    spread: float | tuple[float, float] = given(
+        "half of their width: a number, or (low, high) from which one is drawn for the whole field",
+        unit="degrees",
+        low=0,
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import Material
@@ -15,16 +16,7 @@ __all__ = ["Piece", "Prototype", "check_prototypes"]
 class Prototype(Value):
     """A kind of debris: a rectangular prism of one material.
 
-    ==================  ====  ========  ========================================================
-    parameter           unit  range     meaning
-    ==================  ====  ========  ========================================================
-    length              m     > 0       edge that the angle of a piece refers to
-    width               m     > 0       horizontal edge across it
-    height              m     > 0       vertical edge
-    material            -     material  a value of `libmpm.materials`
-    name                -     text      for tables and legends
-    particles_per_cell  1     ≥ 1       None = 2 per axis
-    ==================  ====  ========  ========================================================
+    {fields}
 
     The set 𝔻 = {ρ, E, A, L} of Bonus (2023) 10.1 is in material, width, height and length. Raises
     `SceneError`.
@@ -32,12 +24,14 @@ class Prototype(Value):
 
     label: ClassVar[str] = "debris.Prototype"
 
-    length: float
-    width: float
-    height: float
-    material: Material
-    name: str = "debris"
-    particles_per_cell: int | None = None
+    length: float = given("edge that the angle of a piece refers to", unit="m", above=0)
+    width: float = given("horizontal edge across it", unit="m", above=0)
+    height: float = given("vertical edge", unit="m", above=0)
+    material: Material = given("a value of `libmpm.materials`", range="material")
+    name: str = given("for tables and legends", default="debris", range="text")
+    particles_per_cell: int | None = given(
+        "None = 2 per axis", default=None, unit="1", low=1, whole=True
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("material", self.material, (Material,), "a value of libmpm.materials")
@@ -46,7 +40,7 @@ class Prototype(Value):
             for edge in ("length", "width", "height")
         }
         if self.particles_per_cell is not None:
-            number = check.integer("particles_per_cell", self.particles_per_cell, lower=1)
+            number = check.given("particles_per_cell", self)
             found["particles_per_cell"] = number
         return found | {"name": check.text("name", self.name)}
 
@@ -70,28 +64,25 @@ class Prototype(Value):
 class Piece(Value):
     """A piece of debris in a field.
 
-    =========  =======  =====  ==================================================================
-    parameter  unit     range  meaning
-    =========  =======  =====  ==================================================================
-    prototype  1        ≥ 0    number of its prototype in the field
-    x, y       m        -      middle in the plan; x is along the flow
-    angle      degrees  -      of the long edge against x, counterclockwise
-    elevation  m        -      of the bottom above that of the field
-    =========  =======  =====  ==================================================================
+    {fields}
 
     Raises `SceneError`.
     """
 
     label: ClassVar[str] = "debris.Piece"
 
-    prototype: int = 0
-    x: float
-    y: float
-    angle: float = 0.0
-    elevation: float = 0.0
+    prototype: int = given(
+        "number of its prototype in the field", default=0, unit="1", low=0, whole=True
+    )
+    x: float = given("middle of its plan, along the flow", unit="m")
+    y: float = given("middle of its plan, across the flow", unit="m")
+    angle: float = given(
+        "of the long edge against x, counterclockwise", default=0.0, unit="degrees"
+    )
+    elevation: float = given("of the bottom above that of the field", default=0.0, unit="m")
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        found: dict[str, Any] = {"prototype": check.integer("prototype", self.prototype)}
+        found: dict[str, Any] = {"prototype": check.given("prototype", self)}
         for name, unit in (("x", "m"), ("y", "m"), ("angle", "degrees"), ("elevation", "m")):
             found[name] = check.number(name, getattr(self, name), unit=unit)
         return found

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, value
 from libmpm._src.studies.design.formula import Example, Numbers, Symbol, formula
 
@@ -43,11 +44,7 @@ def _power(name: str) -> Any:
 class Froude(Value):
     """Froude similitude with equal density and gravity: prototype over model of every quantity.
 
-    =========  ====  =====  ========================================================
-    parameter  unit  range  meaning
-    =========  ====  =====  ========================================================
-    scale      1     > 0    λ = prototype length / model length, 40 for a 1:40 model
-    =========  ====  =====  ========================================================
+    {fields}
 
     `length` λ, `velocity` and `time` λ^½, `mass` and `force` λ³, `impulse` and `power` λ^3.5,
     `pressure` λ. `stiffness` λ and `sound_speed` λ^½ are what the materials must have besides for
@@ -58,11 +55,13 @@ class Froude(Value):
 
     label: ClassVar[str] = "design.Froude"
 
-    scale: float
+    scale: float = given(
+        "λ = prototype length / model length, 40 for a 1:40 model", unit="1", above=0
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         remedy = "prototype over model, 40 for a 1:40 model"
-        return {"scale": check.number("scale", self.scale, lower=0, lower_open=True, remedy=remedy)}
+        return {"scale": check.given("scale", self, remedy=remedy)}
 
     length = _power("length")
     velocity = _power("velocity")
