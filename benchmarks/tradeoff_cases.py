@@ -211,6 +211,12 @@ def _weight(p: Parameters, start: float) -> float:
     return 0.5 * DENSITY * p["gravity"] * depth**2 * p["width"] * depth / p["cells"]
 
 
+#: Options of the cases of loads.
+LOADS = (
+    BASELINE, "PIC", "FLIP", "AFLIP 0.95", "F-bar one-volume-gradient", "F-bar two-volume",
+    "double precision", "linear walls",
+)  # fmt: skip
+
 MEASURED: tuple[Measured, ...] = (
     Measured(
         case=cases.case("vortex"), kind="water", cfl=0.4, energy=_flow,
@@ -341,6 +347,42 @@ MEASURED: tuple[Measured, ...] = (
         shown={}, state="dam break on a dry bed", only=SHORT,
         finest=4.0, stiffest=1.0, bulk_modulus=9.81e5, head=DENSITY * GRAVITY,
         speed=2 * math.sqrt(GRAVITY), judged=("gate", "outflow"),
+    ),
+    Measured(
+        case=cases.case("surge-load"), kind="water", cfl=0.3,
+        sizes={"small": {"cells": 8, "wall": "held"}, "device": {"cells": 16, "wall": "held"}},
+        expected={"load": 1.0, "still": 1.0},
+        shown={}, boundary="walls", changes=False,
+        state="bore that a wall stops", only=LOADS,
+        bulk_modulus=200 * DENSITY * GRAVITY, head=DENSITY * GRAVITY, speed=0.32,
+        judged=("load",),
+    ),
+    Measured(
+        case=cases.case("surge-debris-load"), kind="water", cfl=0.3, mixed=True,
+        sizes={"small": {"cells": 8, "wall": "held"}, "device": {"cells": 16, "wall": "held"}},
+        expected={"load": 1.0, "still": 1.0},
+        shown={}, boundary="walls", changes=False,
+        state="bore that brings a block to a wall", only=LOADS,
+        bulk_modulus=200 * DENSITY * GRAVITY, head=DENSITY * GRAVITY, speed=0.32,
+        judged=("load",),
+    ),
+    Measured(
+        case=cases.case("gate"), kind="water", cfl=0.3,
+        sizes={"small": {"cells": 4, "wall": "held"}, "device": {"cells": 8, "wall": "held"}},
+        expected={"discharge": 1.0},
+        shown={}, boundary="walls", changes=False,
+        state="stream under a gate of few cells", only=LOADS,
+        bulk_modulus=160 * DENSITY * GRAVITY, head=0.8 * DENSITY * GRAVITY,
+        speed=math.sqrt(1.6 * GRAVITY),
+    ),
+    Measured(
+        case=cases.case("slot"), kind="water", cfl=0.3,
+        sizes={"small": {"cells": 4, "wall": "held"}, "device": {"cells": 8, "wall": "held"}},
+        expected={"discharge": 1.0},
+        shown={}, boundary="walls", changes=False,
+        state="stream through a slot of few cells", only=LOADS,
+        bulk_modulus=180 * DENSITY * GRAVITY, head=0.9 * DENSITY * GRAVITY,
+        speed=math.sqrt(0.8 * GRAVITY),
     ),
     Measured(
         case=FLOATING_CASE, kind="water", cfl=0.4, mixed=True,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from libmpm._src.advice.facts import LOCKS, Facts
 from libmpm._src.base.formulas import Field
+from libmpm._src.scene.checks_loads import narrow_gap, weighed
 
 __all__ = ["FLOATING", "RULES", "Match", "Rule", "matches", "unmatched"]
 
@@ -102,6 +103,14 @@ def _swings(f: Facts) -> bool:
     return _dry(f) and free and not any(rule(f) for rule in others)
 
 
+def _loads(f: Facts) -> bool:
+    return bool(f.water) and f.gravity > 0 and not f.at_rest and bool(weighed(f.scene))
+
+
+def _chokes(f: Facts) -> bool:
+    return _loads(f) and narrow_gap(f)
+
+
 def _floats(f: Facts) -> bool:
     return bool(f.water) and any(not f.submerged(b) for b in f.solids)
 
@@ -123,6 +132,16 @@ RULES: tuple[Rule, ...] = (
     Rule("dam-break", "water", "water that falls, flows in or moves, and walls", _released),
     Rule("ritter", "water", "water that falls, flows in or moves, on a bed", _released),
     Rule("vortex", "water", "water that moves and fills the domain", _turns),
+    Rule(
+        "surge-load", "water", "water that flows or is driven, and a load cell",
+        lambda f: _loads(f) and not f.solids,
+    ),
+    Rule(
+        "surge-debris-load", "water", "water that carries solids, and a load cell",
+        lambda f: _loads(f) and bool(f.solids),
+    ),
+    Rule("gate", "water", "a gap of few cells beside or under what is weighed", _chokes),
+    Rule("slot", "water", "a gap of few cells beside or under what is weighed", _chokes),
     Rule(
         FLOATING, "water", "elastic bodies at the surface of water, or beside it",
         _floats,

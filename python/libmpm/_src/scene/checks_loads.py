@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary
 
-__all__ = ["doubtful_loads", "weighed"]
+__all__ = ["doubtful_loads", "narrow_gap", "weighed"]
 
 Floats = npt.NDArray[np.float64]
 
@@ -91,6 +91,17 @@ def weighed(scene: SceneData) -> list[Boundary]:
     """Return the boundaries that carry a load cell."""
     names = {s.sensor.boundary for s in scene.sensors if isinstance(s.sensor, LoadCell)}
     return [b for b in scene.boundaries if b.name in names]
+
+
+def narrow_gap(facts: Facts) -> bool:
+    """Return whether a weighed structure has a gap of few cells beside or under it."""
+    for boundary in weighed(facts.scene):
+        if not isinstance(boundary.shape, Solid) or boundary.motion is not None:
+            continue
+        low, high = _inside(facts.scene, boundary.shape)
+        if np.all(low < high) and _gap(facts, boundary, low, high)[0] < _GAP:
+            return True
+    return False
 
 
 def _of_flow(facts: Facts, boundary: Boundary) -> list[str]:

@@ -17,7 +17,7 @@ import numpy as np
 from libmpm._src.advice.cases.case import Bound, Case, Options
 from libmpm._src.advice.cases.choices import advance, fluid_fbar, method_of, solid_choices
 from libmpm._src.base.time_tables import TimeTable
-from libmpm._src.boundaries.responses import Displacement, Response, Separable, Slip
+from libmpm._src.boundaries.responses import Displacement, Separable, Slip
 from libmpm._src.materials.generated import FixedCorotated, TaitFluid
 from libmpm._src.run.simulation import Simulation
 from libmpm._src.scene.scene import Scene
@@ -30,10 +30,6 @@ Parameters = Mapping[str, Any]
 
 _WATER, _GRAVITY = 1000.0, 9.81  # kg/m³, m/s²
 _CONTRACTED = 0.61  # of a sharp edge's jet: Kirchhoff's π/(π + 2)
-
-
-def _walls(options: Options, own: Response) -> Response:
-    return own if options.walls is None else options.walls
 
 
 def _water(depth: float) -> TaitFluid:
@@ -64,7 +60,7 @@ def _gate(p: Parameters, options: Options) -> Scene:
     """Water behind a plate that is raised by `cells` cells, and flows out over a dry bed."""
     dx = _OPENING / p["cells"]
     scene: Scene = _scene(p, options, "gate", (8.0, 1.2), dx)
-    response = _walls(options, Separable(cell="linear"))
+    response = options.walls or Separable(cell=p["wall"])
     scene.add_body(
         name="water",
         shape=Box(lower=(0.0, 0.0), upper=(_POOL, _HEAD)),
@@ -104,7 +100,7 @@ def _slot(p: Parameters, options: Options) -> Scene:
     thick = max(2, round(p["cells"] / 2)) * dx
     right = _BASIN + thick
     scene: Scene = _scene(p, options, "slot", (round((right + _BASIN) / dx) * dx, 1.2), dx)
-    response = _walls(options, Separable(cell="linear"))
+    response = options.walls or Separable(cell=p["wall"])
     sides = ((0.0, _BASIN), (right, scene.upper[0]))
     for name, (first, last), level in zip(("high", "low"), sides, _LEVELS, strict=True):
         scene.add_body(
@@ -174,7 +170,7 @@ def _surge(p: Parameters, options: Options, debris: bool = False) -> Scene:
     """
     dx = _STILL / p["cells"]
     scene: Scene = _scene(p, options, "surge-load", (_LENGTH, 2.5), dx)
-    response = _walls(options, Slip(cell="linear"))
+    response = options.walls or Slip(cell=p["wall"])
     scene.add_body(
         name="water",
         shape=Box(lower=(_START, 0.0), upper=(_LENGTH, _STILL)),
@@ -237,12 +233,12 @@ def _surge_debris(p: Parameters, options: Options) -> Scene:
 _ENERGY = "energy equation, jet contracted to π/(π + 2)"
 _MOMENTUM = "mass and momentum: ½ ρ g h₃² behind the bore that comes back"
 _FLOWS: dict[str, dict[str, Any]] = {
-    "reduced": {"cells": 4, "flip": 0.95},
-    "full": {"cells": 16, "flip": 0.95},
+    "reduced": {"cells": 4, "flip": 0.95, "wall": "linear"},
+    "full": {"cells": 16, "flip": 0.95, "wall": "linear"},
 }
 _SURGES: dict[str, dict[str, Any]] = {
-    "reduced": {"cells": 8, "flip": 0.95},
-    "full": {"cells": 32, "flip": 0.95},
+    "reduced": {"cells": 8, "flip": 0.95, "wall": "linear"},
+    "full": {"cells": 32, "flip": 0.95, "wall": "linear"},
 }
 _COARSE = f"{_ENERGY}; 0.88 and 0.95 with four cells in the opening"
 _DISCHARGE = {
