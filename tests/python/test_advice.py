@@ -382,7 +382,7 @@ def test_speeds_of_flows_and_boundaries_count(asked):
 
 @pytest.mark.parametrize(
     ("case", "changes", "expected"),
-    [("dam-break", {}, ["dam-break", "ritter"]), ("ritter", {}, ["dam-break", "ritter"]),
+    [("dam-break", {}, ["dam-break", "ritter", "surge-load"]), ("ritter", {}, ["dam-break", "ritter"]),
      ("tank", {}, ["hydrostatic"]), ("tank", {"jitter": 0.1, "cells": 6}, ["tank"]),
      ("slope-basin", {}, ["hydrostatic", "slope-basin"]), ("sloshing", {}, ["sloshing"]),
      ("vortex", {}, ["vortex"]), ("beam", {}, ["beam"]), ("incline", {}, ["incline"])],
@@ -448,7 +448,11 @@ def test_water_that_a_checkpoint_left_is_not_at_rest(tmp_path):
     simulation = libmpm.Simulation(scene, device="cpu", threads=1)
     simulation.step(2)
     simulation.save_checkpoint(tmp_path / "a.h5")
-    assert names(libmpm.Scene.from_checkpoint(tmp_path / "a.h5")) == ["dam-break", "ritter"]
+    assert names(libmpm.Scene.from_checkpoint(tmp_path / "a.h5")) == [
+        "dam-break",
+        "ritter",
+        "surge-load",
+    ]
 
 
 def test_rules_and_the_shipped_atlas_know_the_same_cases():
@@ -609,4 +613,4 @@ def test_dam_break_runs_as_well_as_is_said():
 def test_values_are_plain():
     advice = case_scene("dam-break").advise(device="cpu")
     assert dataclasses.is_dataclass(advice.settings)
-    assert {r.case for r in advice.lines} <= {"dam-break", "ritter"}
+    assert {r.case for r in advice.lines} <= {"dam-break", "ritter", "surge-load"}
