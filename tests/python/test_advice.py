@@ -382,7 +382,8 @@ def test_speeds_of_flows_and_boundaries_count(asked):
 
 @pytest.mark.parametrize(
     ("case", "changes", "expected"),
-    [("dam-break", {}, ["dam-break", "ritter", "surge-load"]), ("ritter", {}, ["dam-break", "ritter"]),
+    [("dam-break", {}, ["dam-break", "ritter", "surge-load"]),
+     ("ritter", {}, ["dam-break", "ritter"]),
      ("tank", {}, ["hydrostatic"]), ("tank", {"jitter": 0.1, "cells": 6}, ["tank"]),
      ("slope-basin", {}, ["hydrostatic", "slope-basin"]), ("sloshing", {}, ["sloshing"]),
      ("vortex", {}, ["vortex"]), ("beam", {}, ["beam"]), ("incline", {}, ["incline"])],
