@@ -73,7 +73,7 @@ def until(
     return 4 * length / math.sqrt(modulus / density)
 
 
-def response(case: libmpm.studies.Case) -> dict[str, float]:
+def response(case: libmpm.studies.StudyCase) -> dict[str, float]:
     """Return plateau, impulse and the force over (6.10)."""
     p = dict(case.parameters)
     found = block_pulse(case, p, p["length"])  # type: ignore[arg-type]  # reads sensors alone

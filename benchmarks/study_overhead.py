@@ -41,7 +41,7 @@ def speck(bulk_modulus: float) -> libmpm.Scene:
     return scene
 
 
-def kinetic(case: libmpm.studies.Case) -> dict[str, float]:
+def kinetic(case: libmpm.studies.StudyCase) -> dict[str, float]:
     """The last kinetic energy, J/m."""
     return {"kinetic": case.sensors["energy"].values[-1, 0]}
 

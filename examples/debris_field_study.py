@@ -37,7 +37,7 @@ def scene(seed: int) -> libmpm.Scene:
     return made
 
 
-def response(case: libmpm.studies.Case) -> dict[str, float]:
+def response(case: libmpm.studies.StudyCase) -> dict[str, float]:
     """Return what the table holds of a case."""
     load = case.sensors["load"]
     return {"peak": -load.peak("force_x").value, "impulse": -load.impulse("force_x")}

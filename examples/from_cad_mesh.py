@@ -39,7 +39,7 @@ def scene(path: Path) -> libmpm.Scene:
     )
     free = boundaries.Separable()
     made.add_boundary(name="walls", shape=shapes.DomainWalls(), response=free)
-    made.add_boundary(name="pier", shape=shapes.Mesh(file=path), response=free)
+    made.add_boundary(name="pier", shape=shapes.SurfaceMesh(file=path), response=free)
     made.add_sensor(name="load", sensor=sensors.LoadCell(boundary="pier", interval=2e-3))
     return made
 

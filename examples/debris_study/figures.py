@@ -25,7 +25,7 @@ def angle_curve(ax: Any, angle: Any, largest: Any, first: Any, broadside: float)
     ax.legend(fontsize="small")
 
 
-def plans(axes: Iterable[Any], fields: Mapping[str, debris.Field]) -> None:
+def plans(axes: Iterable[Any], fields: Mapping[str, debris.DebrisField]) -> None:
     """Draw fields to scale, one in each of the axes, with their names."""
     for ax, (name, field) in zip(axes, fields.items(), strict=False):
         field.draw(ax)

@@ -96,11 +96,11 @@ class InAir:
         )
         return debris.Prototype(length=LENGTH, width=WIDTH, height=HEIGHT, material=solid)
 
-    def array(self, angle: float = 0.0, count: int = 1, gap: float = GAP) -> debris.Field:
+    def array(self, angle: float = 0.0, count: int = 1, gap: float = GAP) -> debris.DebrisField:
         """Return a row of blocks side by side, the whole turned by degrees against the flow."""
         return debris.ordered(self.block(), rows=1, columns=count, clearance=gap, rotation=angle)
 
-    def field(self, seed: int) -> debris.Field:
+    def field(self, seed: int) -> debris.DebrisField:
         """Return a random field: count, size, mean angle and spread are drawn, all uniform."""
         most = self.blocks
         return debris.random(
@@ -116,7 +116,7 @@ class InAir:
 
     # Scenes -------------------------------------------------------------------------------------
 
-    def scene(self, field: debris.Field) -> libmpm.Scene:
+    def scene(self, field: debris.DebrisField) -> libmpm.Scene:
         """Return the scene in which a field moves along x into the wall at x = 0."""
         dx = self.cell_size
         corners = field.rectangles().corners().reshape(-1, 2)
@@ -139,20 +139,20 @@ class InAir:
         scene.add_sensor(name="load", sensor=load)
         return scene
 
-    def until(self, field: debris.Field) -> float:
+    def until(self, field: debris.DebrisField) -> float:
         """Return the end of a run, s."""
         extent = np.ptp(field.rectangles().corners()[..., 0])
         return float((extent + AFTER) / SPEED)
 
     # Responses ----------------------------------------------------------------------------------
 
-    def load(self, case: studies.Case) -> analysis.Signal:
+    def load(self, case: studies.StudyCase) -> analysis.Signal:
         """Return the force on the wall, N: that per metre of the plan times the height."""
         found = analysis.Signal.from_series(case.sensors["load"], "force_x")
         value = HEIGHT * found.value
         return analysis.Signal(found.time, value, sampling="mean", start=found.start)
 
-    def response(self, case: studies.Case, field: debris.Field) -> dict[str, float]:
+    def response(self, case: studies.StudyCase, field: debris.DebrisField) -> dict[str, float]:
         """Return loads, in N and parts of v A √(ρE), and impulses, in N·s and parts of m v."""
         load = self.load(case)
         found = analysis.responses(load, cutoff=self.cutoff)
@@ -164,7 +164,7 @@ class InAir:
             "turned_back": found["impulse"] / momentum,
         }
 
-    def plateau(self, case: studies.Case) -> float:
+    def plateau(self, case: studies.StudyCase) -> float:
         """Return the mean load, N, over the middle of the bar's pulse 2L √(ρ/E) after arrival."""
         load = self.load(case)
         length = 2 * LENGTH * (DENSITY / self.youngs_modulus) ** 0.5
@@ -176,7 +176,7 @@ class InAir:
     def ordered(self, folder: Path, rows: list[dict[str, Any]]) -> libmpm.Study:
         """Return the study of arrays; rows have angle, count and gap."""
 
-        def response(case: studies.Case) -> dict[str, float]:
+        def response(case: studies.StudyCase) -> dict[str, float]:
             found = self.response(case, self.array(**case.parameters))
             return found | {"plateau": self.plateau(case) / self.head_on}
 
@@ -191,11 +191,11 @@ class InAir:
 
     def angles(self, folder: Path) -> libmpm.Study:
         """Return the study of one block at nine angles."""
-        return self.ordered(folder, studies.grid({"angle": ANGLES}))
+        return self.ordered(folder, studies.full_factorial({"angle": ANGLES}))
 
     def arrays(self, folder: Path, gap: float = GAP) -> libmpm.Study:
         """Return the study of one, two and four blocks in the front row at 0 and 45 degrees."""
-        rows = studies.grid({"angle": [0.0, 45.0], "count": [1, 2, 4], "gap": [gap]})
+        rows = studies.full_factorial({"angle": [0.0, 45.0], "count": [1, 2, 4], "gap": [gap]})
         return self.ordered(folder, rows)
 
     def random(self, folder: Path, number: int, **options: Any) -> libmpm.Study:
@@ -204,7 +204,7 @@ class InAir:
         `options` are those of `Simulation`, for all cases.
         """
 
-        def response(case: studies.Case) -> dict[str, float]:
+        def response(case: studies.StudyCase) -> dict[str, float]:
             field = self.field(**case.parameters)
             measures: dict[str, Any] = {**field.metadata(thetas=(75,))}
             return {key: float(measures[key]) for key in MEASURES} | self.response(case, field)

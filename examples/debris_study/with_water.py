@@ -92,7 +92,7 @@ class Flume:
         long, wide, high = self.block
         return debris.Prototype(length=long, width=wide, height=high, material=solid)
 
-    def field(self, seed: int) -> debris.Field:
+    def field(self, seed: int) -> debris.DebrisField:
         """Return a random field: count and angles are drawn."""
         return debris.random(
             self.prototype(),
@@ -161,13 +161,13 @@ class Flume:
             )
         return scene
 
-    def load(self, case: studies.Case) -> analysis.Signal:
+    def load(self, case: studies.StudyCase) -> analysis.Signal:
         """Return the force on the box along the flow, N, beyond that of the still water."""
         found = analysis.Signal.from_series(case.sensors["load"], "force_x")
         still = found.plateau(0, self.release)
         return analysis.Signal(found.time, found.value - still, sampling="mean", start=found.start)
 
-    def response(self, case: studies.Case) -> dict[str, float]:
+    def response(self, case: studies.StudyCase) -> dict[str, float]:
         """Return peaks and impulse of the load along the flow, and the field's measures."""
         found = analysis.responses(self.load(case), cutoff=CUTOFF)
         kept = ("f_max", "t_max", "f_first", "t_first", "impulse", "cutoff")

@@ -1,7 +1,7 @@
 """Fields of debris: ordered arrays, random fields, their measures and their pictures."""
 
-from libmpm._src.studies.debris.field import DebrisField as Field
-from libmpm._src.studies.debris.field import Placement
+from libmpm._src.moved import renamed
+from libmpm._src.studies.debris.field import DebrisField, Placement
 from libmpm._src.studies.debris.laws import Angles, SpreadAngles, UniformAngles
 from libmpm._src.studies.debris.mesh import Tetrahedra
 from libmpm._src.studies.debris.metadata import save_metadata
@@ -9,9 +9,12 @@ from libmpm._src.studies.debris.ordered import ordered
 from libmpm._src.studies.debris.prototype import Piece, Prototype
 from libmpm._src.studies.debris.random import PlacementError, random
 
+#: Names of version 0.1; `libmpm.Field` is a formula.
+__getattr__ = renamed(__name__, {"Field": "DebrisField"})
+
 __all__ = [
     "Angles",
-    "Field",
+    "DebrisField",
     "Piece",
     "Placement",
     "PlacementError",

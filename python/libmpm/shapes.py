@@ -1,9 +1,9 @@
 """Geometry of bodies and boundaries.
 
 Solids have an inside, a signed distance and bounds: `Box`, `OrientedBox`, `Sphere`, `Cylinder`,
-`Cone`, `Wedge`, `HalfSpace`, `Extrusion`, `HeightField`, `Mesh`. They are put together by `a | b`,
-`a & b` and `a - b` (`Union`, `Intersection`, `Difference`), moved, turned and repeated by methods
-(`Moved`, `Turned`, `Repeated`). `basin` is what water fills above a bed,
+`Cone`, `Wedge`, `HalfSpace`, `Extrusion`, `HeightField`, `SurfaceMesh`. They are put together by
+`a | b`, `a & b` and `a - b` (`Union`, `Intersection`, `Difference`), moved, turned and repeated by
+methods (`Moved`, `Turned`, `Repeated`). `basin` is what water fills above a bed,
 `afloat` puts a body where it floats. `PointFile` takes the
 particles of a body from a file; `Columns`, `Jitter` and `PoissonDisk` are ways to place those of
 a solid.
@@ -13,6 +13,7 @@ a solid.
 """
 
 from libmpm._src.grids.shapes import Cells, Outline, Points
+from libmpm._src.moved import renamed
 from libmpm._src.shapes.afloat import Afloat, afloat
 from libmpm._src.shapes.basin import basin
 from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox
@@ -26,8 +27,8 @@ from libmpm._src.shapes.solid import Shape, Solid
 from libmpm._src.shapes.surface_mesh import SurfaceMesh
 from libmpm._src.shapes.transformed import Moved, Repeated, Turned
 
-#: What a surface mesh encloses; files name it "SurfaceMesh", as "Mesh" is that of `libmpm.grids`.
-Mesh = SurfaceMesh
+#: Names of version 0.1; `libmpm.grids.Mesh` is one of triangles in the plane.
+__getattr__ = renamed(__name__, {"Mesh": "SurfaceMesh"})
 
 __all__ = [
     "Afloat",
@@ -43,7 +44,6 @@ __all__ = [
     "HeightField",
     "Intersection",
     "Jitter",
-    "Mesh",
     "Moved",
     "OrientedBox",
     "Outline",

@@ -121,7 +121,7 @@ _READERS: dict[str, Callable[[Path], Any]] = {
     "stroke.csv": lambda path: boundaries.stroke_from_file(path),
     "mesh.off": lambda path: grids.Mesh.load(path),
     "study.py": _script,
-    "field.json": lambda path: debris.Field.load(path),
+    "field.json": lambda path: debris.DebrisField.load(path),
     "atlas.json": lambda path: read_atlas(path),
 }
 #: Beside the readers that the library uses: whoever hands over what was read already.

@@ -67,58 +67,60 @@ def test_fields_round_trip(tmp_path: Path) -> None:
     law = debris.SpreadAngles(mean=(0, 20), spread=30)
     field = debris.random(BOXES, count=8, footprint=(1, 0.8), clearance=0.02, seed=5, angles=law)
     for one in (field, debris.ordered(BAR, rows=2, columns=3, clearance=0.1, rotation=10)):
-        assert debris.Field.from_dict(one.to_dict()) == one
+        assert debris.DebrisField.from_dict(one.to_dict()) == one
         one.save(tmp_path / "field.json")
-        assert debris.Field.load(tmp_path / "field.json") == one
+        assert debris.DebrisField.load(tmp_path / "field.json") == one
         assert pickle.loads(pickle.dumps(one)) == one
     assert field.placement.angles == law
     (tmp_path / "field.json").write_text("{")
-    assert "not JSON" in refused(debris.Field.load, tmp_path / "field.json")[0]
-    assert 'expected "type": "DebrisField"' in refused(debris.Field.from_dict, {})[0]
+    assert "not JSON" in refused(debris.DebrisField.load, tmp_path / "field.json")[0]
+    assert 'expected "type": "DebrisField"' in refused(debris.DebrisField.from_dict, {})[0]
 
 
 def test_pieces_of_your_own() -> None:
     pieces = [debris.Piece(x=0, y=0, angle=30), debris.Piece(x=0.3, y=0.4), debris.Piece(x=2, y=2)]
-    field = debris.Field(prototypes=BAR, pieces=pieces, footprint=(4, 4), corner=(-1, -1))
+    field = debris.DebrisField(prototypes=BAR, pieces=pieces, footprint=(4, 4), corner=(-1, -1))
     assert len(field) == 3
     assert field.placement.kind == "given"
     found = refused(
-        debris.Field,
+        debris.DebrisField,
         prototypes=[BAR],
         footprint=(3, 3),
         pieces=[pieces[0], debris.Piece(x=0.1, y=0.02, angle=-30)],
     )
-    assert found[0].startswith("debris.Field: pieces 0 and 1 overlap by 0.")
+    assert found[0].startswith("debris.DebrisField: pieces 0 and 1 overlap by 0.")
     wrong = debris.Piece(prototype=1, x=0, y=0)
-    found = refused(debris.Field, prototypes=BAR, footprint=(3, 0), pieces=[wrong])
+    found = refused(debris.DebrisField, prototypes=BAR, footprint=(3, 0), pieces=[wrong])
     assert "footprint[1] is 0; expected > 0 m" in found[0]
     assert "pieces[0].prototype is 1; expected 0 to 0" in found[1]
     # One above the other is no overlap.
     stack = [debris.Piece(x=0, y=0), debris.Piece(x=0.1, y=0, elevation=0.05)]
-    debris.Field(prototypes=BAR, pieces=stack, footprint=(1, 1), corner=(-0.5, -0.5), clearance=0.1)
+    debris.DebrisField(
+        prototypes=BAR, pieces=stack, footprint=(1, 1), corner=(-0.5, -0.5), clearance=0.1
+    )
 
 
 def test_pieces_of_your_own_lie_in_the_footprint() -> None:
     frame: dict[str, Any] = {"prototypes": BAR, "footprint": (0.5, 0.3)}
     touching = [debris.Piece(x=0.25, y=0.05), debris.Piece(x=0.25, y=0.25)]
-    field = debris.Field(pieces=touching, clearance=0.1, **frame)
+    field = debris.DebrisField(pieces=touching, clearance=0.1, **frame)
     assert field.metadata()["n"] == pytest.approx(1 - 0.1 / 0.15)
     # Its footprint goes with it.
     assert len(field.moved((3, -4)).turned(37.3).moved((1e3, 0))) == 2
     out = [debris.Piece(x=0.25, y=0.03), debris.Piece(x=0.25, y=0.25, angle=0.0)]
-    found = refused(debris.Field, pieces=out, **frame)
+    found = refused(debris.DebrisField, pieces=out, **frame)
     assert found == [
-        "debris.Field: pieces[0] reaches 0.02 m out of the footprint; expected all of it inside, "
-        "or the porosity is wrong; move it, or give another corner or a larger footprint"
+        "debris.DebrisField: pieces[0] reaches 0.02 m out of the footprint; expected all of it "
+        "inside, or the porosity is wrong; move it, or give another corner or a larger footprint"
     ]
-    found = refused(debris.Field, pieces=touching, rotation=90, **frame)
+    found = refused(debris.DebrisField, pieces=touching, rotation=90, **frame)
     assert [p.partition(" out of")[0] for p in found] == [
-        f"debris.Field: pieces[{i}] reaches 0.1 m" for i in (0, 1)
+        f"debris.DebrisField: pieces[{i}] reaches 0.1 m" for i in (0, 1)
     ]
-    found = refused(debris.Field, pieces=touching, clearance=0.11, **frame)
+    found = refused(debris.DebrisField, pieces=touching, clearance=0.11, **frame)
     assert found == [
-        "debris.Field: pieces 0 and 1 are 0.1 m apart; expected ≥ 0.11 m, the clearance; move one "
-        "of them, or give a smaller clearance"
+        "debris.DebrisField: pieces 0 and 1 are 0.1 m apart; expected ≥ 0.11 m, the clearance; move "
+        "one of them, or give a smaller clearance"
     ]
 
 
@@ -129,7 +131,7 @@ def test_seeds_of_numpy_can_be_saved(tmp_path: Path) -> None:
             debris.ordered(BOXES, rows=2, columns=2, clearance=0.1, seed=seed, shares=(1, 1)),
         ):
             field.save(tmp_path / "field.json")
-            assert debris.Field.load(tmp_path / "field.json") == field
+            assert debris.DebrisField.load(tmp_path / "field.json") == field
             assert type(field.placement.seed) is int
     assert type(debris.Placement(seed=np.int64(3)).seed) is int
 
@@ -259,7 +261,7 @@ def test_unequal_layers_cover_their_union() -> None:
         debris.Piece(x=0, y=0),
         debris.Piece(prototype=1, x=0.25, y=0, angle=30, elevation=0.05),
     ]
-    field = debris.Field(
+    field = debris.DebrisField(
         prototypes=(BAR, small), pieces=pieces, footprint=(1, 1), corner=(-0.3, -0.3)
     )
     expected = shapely.union_all(polygons(field)).area

@@ -91,7 +91,7 @@ def test_the_debris_set_is_among_the_measures(tmp_path: Path) -> None:
     assert found["angles"] == law.to_dict()
     field.save(tmp_path / "field.json")
     assert json.loads((tmp_path / "field.json").read_text())["metadata"] == found
-    assert debris.Field.load(tmp_path / "field.json") == field
+    assert debris.DebrisField.load(tmp_path / "field.json") == field
     debris.save_metadata([field], tmp_path / "fields.csv")
     with (tmp_path / "fields.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
@@ -110,7 +110,7 @@ def test_report(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "new" / "field").iterdir()) == sorted(
         p.name for p in paths.values()
     )
-    assert debris.Field.load(paths["field"]) == field
+    assert debris.DebrisField.load(paths["field"]) == field
     read = json.loads(paths["metadata"].read_text())
     assert read == field.metadata(width=0.4, flow=10)
     assert json.loads(paths["angles"].read_text()) == field.angle_data(bins=9, flow=10)
@@ -122,7 +122,7 @@ def test_report(tmp_path: Path) -> None:
 def test_wrong_arguments_of_measures(tmp_path: Path) -> None:
     field = debris.ordered(BAR, rows=1, columns=2, clearance=0.1)
     assert refused(field.share_below, "15") == [
-        "debris.Field.share_below: theta is '15'; expected a number in degrees"
+        "debris.DebrisField.share_below: theta is '15'; expected a number in degrees"
     ]
     assert "theta is nan" in refused(field.share_above, math.nan)[0]
     assert "thetas is 15; expected several angles" in refused(field.metadata, thetas=15)[0]

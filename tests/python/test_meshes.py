@@ -83,7 +83,7 @@ def test_few_triangles_need_no_tree(count: int) -> None:
 def test_a_box_is_a_box(ending: str, tmp_path: Path) -> None:
     path = tmp_path / f"box.{ending}"
     trimesh.creation.box(extents=(1, 2, 3)).export(path)
-    mesh = shapes.Mesh(file=path, offset=(0.5, 1, 1.5))
+    mesh = shapes.SurfaceMesh(file=path, offset=(0.5, 1, 1.5))
     box = shapes.Box(lower=(0, 0, 0), upper=(1, 2, 3))
     p = np.random.default_rng(0).uniform(-1, 4, (3000, 3))
     assert mesh.distance(p) == pytest.approx(box.distance(p), abs=1e-12)
@@ -102,11 +102,11 @@ def test_a_plain_installation_reads_meshes(
 ) -> None:
     ball.export(tmp_path / f"ball.{ending}")
     shutil.copy(tmp_path / f"ball.{ending}", tmp_path / f"plain.{ending}")
-    with_trimesh = shapes.Mesh(file=tmp_path / f"ball.{ending}")
+    with_trimesh = shapes.SurfaceMesh(file=tmp_path / f"ball.{ending}")
     expected = with_trimesh.volume(), with_trimesh.report()
     monkeypatch.setitem(sys.modules, "trimesh", None)
     monkeypatch.setattr(mesh_file, "find_spec", lambda name: None)
-    plain = shapes.Mesh(file=tmp_path / f"plain.{ending}")
+    plain = shapes.SurfaceMesh(file=tmp_path / f"plain.{ending}")
     assert plain.volume() == pytest.approx(expected[0], rel=1e-6)
     assert plain.report() == expected[1]
 
@@ -114,7 +114,7 @@ def test_a_plain_installation_reads_meshes(
 def test_a_ball_is_a_ball(ball: trimesh.Trimesh, tmp_path: Path) -> None:
     path = tmp_path / "ball.stl"
     ball.export(path)
-    mesh = shapes.Mesh(file=path, scale=2.0)
+    mesh = shapes.SurfaceMesh(file=path, scale=2.0)
     sphere = shapes.Sphere(centre=(0, 0, 0), radius=1.0)
     p = np.random.default_rng(0).uniform(-2, 2, (1500, 3))
     # Edges are 0.16 long: the triangles lie up to e²/(6 R) within the ball.
@@ -127,7 +127,7 @@ def test_meshes_that_are_inside_out_are_turned(ball: trimesh.Trimesh, tmp_path: 
     turned = ball.copy()
     turned.invert()
     turned.export(tmp_path / "ball.ply")
-    mesh = shapes.Mesh(file=tmp_path / "ball.ply")
+    mesh = shapes.SurfaceMesh(file=tmp_path / "ball.ply")
     assert mesh.volume() == pytest.approx(ball.volume, rel=1e-6)
     assert np.array_equal(mesh.distance([(0, 0, 0), (0, 0, 1)]) < 0, [True, False])
 
@@ -138,8 +138,8 @@ def test_open_meshes_are_refused_or_healed(tmp_path: Path) -> None:
     torn.update_faces(np.arange(len(torn.faces)) != 100)
     torn.export(tmp_path / "torn.stl")
     with pytest.raises(libmpm.SceneError, match=r"3 open edges among 319 triangles.*heal=.winding"):
-        shapes.Mesh(file=tmp_path / "torn.stl")
-    mesh = shapes.Mesh(file=tmp_path / "torn.stl", heal="winding")
+        shapes.SurfaceMesh(file=tmp_path / "torn.stl")
+    mesh = shapes.SurfaceMesh(file=tmp_path / "torn.stl", heal="winding")
     assert mesh.volume() is None
     assert not (mesh | shapes.Sphere(centre=(0, 0, 0), radius=0.1)).bounding
     p = np.random.default_rng(0).uniform(-1, 1, (2000, 3))
@@ -154,8 +154,8 @@ def test_wrong_orientations_are_reported_and_healed(ball: trimesh.Trimesh, tmp_p
     dirty.faces[50] = dirty.faces[50][::-1]
     dirty.export(tmp_path / "dirty.stl")
     with pytest.raises(libmpm.SceneError, match="3 edges whose triangles are oriented differently"):
-        shapes.Mesh(file=tmp_path / "dirty.stl")
-    mesh = shapes.Mesh(file=tmp_path / "dirty.stl", heal="winding")
+        shapes.SurfaceMesh(file=tmp_path / "dirty.stl")
+    mesh = shapes.SurfaceMesh(file=tmp_path / "dirty.stl", heal="winding")
     assert mesh.report()["flipped_edges"] == 3
     assert np.array_equal(mesh.distance([(0, 0, 0), (0, 0, 1)]) < 0, [True, False])
 
@@ -164,7 +164,7 @@ def test_overlapping_parts_count_once(tmp_path: Path) -> None:
     one, two = (trimesh.creation.box(extents=(1, 1, 1)) for _ in range(2))
     two.apply_translation((0.5, 0.25, 0.1))
     trimesh.util.concatenate([one, two]).export(tmp_path / "both.ply")
-    mesh = shapes.Mesh(file=tmp_path / "both.ply")
+    mesh = shapes.SurfaceMesh(file=tmp_path / "both.ply")
     assert mesh.report()["parts"] == 2
     assert mesh.volume() is None
     assert counted_volume(mesh) == pytest.approx(2 - 0.5 * 0.75 * 0.9, rel=2e-3)
@@ -180,7 +180,7 @@ def test_finite_elements_give_their_outside(kind: str, tmp_path: Path) -> None:
         cells = np.concatenate([cells[:, list(t)] for t in six])
     path = tmp_path / "brick.vtu"
     meshio.write_points_cells(path, corners, [(kind, cells)])
-    mesh = shapes.Mesh(file=path)
+    mesh = shapes.SurfaceMesh(file=path)
     p = np.random.default_rng(0).uniform(-1, 3, (1000, 3))
     box = shapes.Box(lower=(0, 0, 0), upper=(1, 1, 2))
     assert mesh.volume() == pytest.approx(2.0)
@@ -192,7 +192,7 @@ def test_a_body_of_a_mesh(ball: trimesh.Trimesh, tmp_path: Path) -> None:
 
     ball.export(tmp_path / "ball.stl")
     scene = libmpm.Scene(cell_size=0.1, lower=(0, 0, 0), upper=(2, 2, 2))
-    mesh = shapes.Mesh(file=tmp_path / "ball.stl", offset=(1, 1, 1))
+    mesh = shapes.SurfaceMesh(file=tmp_path / "ball.stl", offset=(1, 1, 1))
     scene.add_body(name="ball", shape=mesh, material=libmpm.materials.TaitFluid(density=1000.0))
     body = lower(scene)["bodies"][0]
     assert body["particle_mass"] * body["count"] == pytest.approx(1000 * ball.volume, rel=1e-6)
@@ -203,9 +203,9 @@ def test_a_body_of_a_mesh(ball: trimesh.Trimesh, tmp_path: Path) -> None:
 
 def test_files_that_are_no_meshes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(libmpm.SceneError, match=r"file '.*none.stl' cannot be read"):
-        shapes.Mesh(file=tmp_path / "none.stl")
+        shapes.SurfaceMesh(file=tmp_path / "none.stl")
     (tmp_path / "text.vtk").write_text("not a mesh")
     with pytest.raises(libmpm.SceneError, match="cannot be read as a mesh"):
-        shapes.Mesh(file=tmp_path / "text.vtk")
+        shapes.SurfaceMesh(file=tmp_path / "text.vtk")
     with pytest.raises(libmpm.SceneError, match=r"choose|did you mean"):
-        shapes.Mesh(file=tmp_path / "text.vtk", heal="wind")
+        shapes.SurfaceMesh(file=tmp_path / "text.vtk", heal="wind")

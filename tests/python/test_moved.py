@@ -125,3 +125,19 @@ def test_smoothing_is_part_of_methods():
     with pytest.warns(DeprecationWarning, match="part of libmpm.methods"):
         old = importlib.import_module("libmpm.smoothing")
     assert old.smooth is libmpm.methods.smooth
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("shapes", "Mesh", "SurfaceMesh"), ("debris", "Field", "DebrisField"),
+        ("studies", "Case", "StudyCase"), ("studies", "grid", "full_factorial"),
+    ],
+)  # fmt: skip
+def test_names_that_meant_two_things_warn(module, old, new):
+    place = importlib.import_module(f"libmpm.{module}")
+    with pytest.warns(DeprecationWarning, match=f"libmpm.{module}.{new} since"):
+        assert getattr(place, old) is getattr(place, new)
+    assert old not in place.__all__ and new in place.__all__
+    with pytest.raises(AttributeError, match="no_such"):
+        _ = place.no_such

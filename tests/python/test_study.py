@@ -59,7 +59,9 @@ def test_a_case_is_named_by_what_decides_its_results(tmp_path):
 
 
 def test_rows_may_carry_options_of_the_run(tmp_path):
-    rows = studies.grid({"gravity": [5.0], "precision": ["single", "double"], "threads": [1, 2]})
+    rows = studies.full_factorial(
+        {"gravity": [5.0], "precision": ["single", "double"], "threads": [1, 2]}
+    )
     study = make(tmp_path, rows, run_axes=("precision", "threads"))
     assert len({case.hash for case in study.cases}) == 4
     result = run(study)
@@ -197,7 +199,7 @@ def test_rows_that_come_to_the_same_case_share_it(tmp_path, counted):
         above = case.sensors["energy"].values[-1, 0] > case.parameters["threshold"]
         return {"above": bool(above)}
 
-    rows = studies.grid({"gravity": [5.0], "threshold": [0.0, 1e9, 0]})
+    rows = studies.full_factorial({"gravity": [5.0], "threshold": [0.0, 1e9, 0]})
     result = run(make(tmp_path, rows, factory, response=response))
     assert len(counted) == 1
     assert len(set(result["case"])) == 1
@@ -523,7 +525,7 @@ def test_rows_with_equal_trunks_share_one_run(tmp_path, counted):
         return block(gravity=gravity, velocity=velocity)
 
     trunk = libmpm.studies.Trunk(lambda gravity: block(gravity=gravity), until=2 * UNTIL)
-    rows = studies.grid({"gravity": [5.0, 10.0], "velocity": [0.1, 0.2, 0.3]})
+    rows = studies.full_factorial({"gravity": [5.0, 10.0], "velocity": [0.1, 0.2, 0.3]})
 
     def fresh(folder):
         return make(folder, rows, factory, trunk=trunk)
@@ -574,7 +576,7 @@ def test_a_failed_trunk_fails_its_rows_only(tmp_path):
     def options(gravity):
         return {"time_step": 1.0} if gravity == 3.0 else {}
 
-    rows = studies.grid({"gravity": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2]})
+    rows = studies.full_factorial({"gravity": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2]})
     trunk = libmpm.studies.Trunk(water, until=UNTIL)
     result = run(make(tmp_path, rows, factory, trunk=trunk, options=options))
     assert result["status"].tolist() == ["finished"] * 2 + ["failed"] * 4

@@ -204,7 +204,7 @@ def test_rows_of_one_case_are_written_at_once(tmp_path, monkeypatch):
     def factory(mark):
         return block()
 
-    rows = studies.grid({"mark": range(30)})
+    rows = studies.full_factorial({"mark": range(30)})
     assert rows[7] == {"mark": 7}
     study = make(
         tmp_path, rows, factory, response=lambda case: {"twice": 2 * case.parameters["mark"]}

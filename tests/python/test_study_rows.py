@@ -43,7 +43,9 @@ def test_every_wrong_entry_is_named():
     assert "row 2 is 3; expected a mapping" in said[2]
     assert "row 3 has the name 4; expected a text" in said[3]
     assert "row 4: a[1] is inf" in said[4]
-    with pytest.raises(libmpm.SceneError, match=r"one mapping.*write \[row\].*studies.grid"):
+    with pytest.raises(
+        libmpm.SceneError, match=r"one mapping.*write \[row\].*studies.full_factorial"
+    ):
         take_rows("Study", {"a": [1, 2]})
     for wrong in ("depth", 3):
         with pytest.raises(libmpm.SceneError, match="expected mappings"):
@@ -98,7 +100,7 @@ def test_a_sobol_sequence_is_balanced_and_wants_a_power_of_two():
 
 
 def test_a_grid_has_every_combination():
-    rows = studies.grid({"a": [1, 2], "b": np.array([0.5, 1.5]), "c": ["x"]})
+    rows = studies.full_factorial({"a": [1, 2], "b": np.array([0.5, 1.5]), "c": ["x"]})
     assert rows == [
         {"a": 1, "b": 0.5, "c": "x"},
         {"a": 1, "b": 1.5, "c": "x"},
@@ -114,12 +116,12 @@ def test_wrong_ranges_are_named():
     for part in ("n is 0", "'a' is (2, 1); expected (low, high)", "'b'[1] is 'x'", "'c' is 4"):
         assert part in said
     with pytest.raises(libmpm.SceneError, match="'a' is 3; expected a list"):
-        studies.grid({"a": 3})
+        studies.full_factorial({"a": 3})
     for wrong in ({}, 3):
         with pytest.raises(libmpm.SceneError, match="expected names"):
             studies.sobol(wrong, 2, seed=1)
         with pytest.raises(libmpm.SceneError, match="expected names"):
-            studies.grid(wrong)
+            studies.full_factorial(wrong)
 
 
 # Locks ----------------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ def polygon(x: float, y: float, angle: float, length: float, width: float) -> An
     return shapely.affinity.translate(box, x, y)
 
 
-def polygons(field: debris.Field) -> list[Any]:
+def polygons(field: debris.DebrisField) -> list[Any]:
     """The pieces of a field in the plan."""
     kinds = [field.prototypes[p.prototype] for p in field.pieces]
     return [
@@ -48,7 +48,7 @@ def polygons(field: debris.Field) -> list[Any]:
     ]
 
 
-def distances(field: debris.Field) -> npt.NDArray[np.float64]:
+def distances(field: debris.DebrisField) -> npt.NDArray[np.float64]:
     """The gaps between the pieces in the plan, infinite on the diagonal."""
     shapes = np.array(polygons(field))
     found = shapely.distance(shapes[:, None], shapes[None, :])

@@ -183,7 +183,7 @@ def _judge_shape(broken: Broken) -> str:
         d = 2 if points else 3
         scene = libmpm.Scene(dimension=d, cell_size=0.1, lower=(-1,) * d, upper=(1,) * d)
         file = str(broken.path)
-        shape = shapes.PointFile(file=file, volume=0.1) if points else shapes.Mesh(file=file)
+        shape = shapes.PointFile(file=file, volume=0.1) if points else shapes.SurfaceMesh(file=file)
         law = libmpm.materials.FixedCorotated(**SOLID)
         scene.add_body(name="b", shape=shape, material=law)
         scene.validate()

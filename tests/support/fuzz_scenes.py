@@ -244,7 +244,7 @@ def _files(folder: Path) -> list[libmpm.Scene]:
     one = _scene(3, name="mesh")
     one.add_body(
         name="stone",
-        shape=shapes.Mesh(file=str(folder / "tetra.stl"), scale=0.5, offset=(0.3, 0.3, 0.3)),
+        shape=shapes.SurfaceMesh(file=str(folder / "tetra.stl"), scale=0.5, offset=(0.3, 0.3, 0.3)),
         material=materials.FixedCorotated(**SOLID),
     )
     two = _scene(2, name="points")

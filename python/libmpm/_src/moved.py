@@ -10,7 +10,7 @@ import importlib.abc
 import importlib.machinery
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -204,5 +204,21 @@ def forward(folder: str) -> Callable[[str], Any]:
             raise AttributeError(f"module '{_ROOT}{folder}' has no attribute '{name}'")
         _warn(f"{_ROOT}{folder}.{name}", f"{_ROOT}{module}.{name}")
         return getattr(importlib.import_module(_ROOT + module), name)
+
+    return get
+
+
+def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
+    """Return the `__getattr__` of a public module that had names which meant two things."""
+
+    def get(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module '{module}' has no attribute '{name}'")
+        warnings.warn(
+            f"{module}.{name} is {module}.{names[name]} since libmpm 0.2; the old name goes in 0.3",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return getattr(sys.modules[module], names[name])
 
     return get

@@ -76,7 +76,7 @@ class Surface:
 @functools.lru_cache(maxsize=8)
 def read_surface(path: str, size: int, changed: int) -> Surface:
     """Return the surface in a file of this size and time of change; raises `SceneError`."""
-    what = f"shapes.Mesh: file '{path}'"
+    what = f"shapes.SurfaceMesh: file '{path}'"
     flat = Path(path).suffix.lower() in _SURFACES and find_spec("trimesh") is not None
     try:
         corners, faces = (

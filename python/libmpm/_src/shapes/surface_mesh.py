@@ -22,7 +22,7 @@ __all__ = ["SurfaceMesh"]
 
 @value
 class SurfaceMesh(Solid):
-    """What a surface mesh in a file encloses, in 3D. As `shapes.Mesh`.
+    """What a surface mesh in a file encloses, in 3D. As `shapes.SurfaceMesh`.
 
     {fields}
 
@@ -34,7 +34,7 @@ class SurfaceMesh(Solid):
     `pip install libmpm[mesh]`. Raises `SceneError`.
     """
 
-    label: ClassVar[str] = "shapes.Mesh"
+    label: ClassVar[str] = "shapes.SurfaceMesh"
 
     file: str = given(
         ".stl, .obj, .ply or .off, read by trimesh; what else meshio reads (.inp, .msh, "

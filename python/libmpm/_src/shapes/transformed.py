@@ -200,7 +200,8 @@ class Repeated(Solid):
         if copies > _MOST_COPIES:
             check.fail(
                 f"counts is {counts}, {copies} copies of a solid in all; expected ≤ "
-                f"{_MOST_COPIES}, as each is looked at; use fewer, or a shapes.Mesh of the whole"
+                f"{_MOST_COPIES}, as each is looked at; use fewer, or a "
+                "shapes.SurfaceMesh of the whole"
             )
         return {"counts": counts, "spacing": spacing}
 

@@ -16,7 +16,7 @@ from libmpm._src.output.series import Series
 from libmpm._src.run.guard import opened_by
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.engine_sensors import Energy
-from libmpm._src.studies.study.case import Case
+from libmpm._src.studies.study.case import StudyCase
 
 __all__ = ["Metrics", "energy_drift", "take_metrics", "with_energy"]
 
@@ -55,11 +55,11 @@ _KNOWN: Mapping[str, Callable[[Array], float]] = {
 class Metrics:
     """The results that rows are compared by; made by `take_metrics`."""
 
-    def __init__(self, functions: Mapping[str, Callable[[Case], Any]]) -> None:
+    def __init__(self, functions: Mapping[str, Callable[[StudyCase], Any]]) -> None:
         """Take functions of a case, each with the name of its number."""
         self._functions = dict(functions)
 
-    def of(self, case: Case, taken: Sequence[str]) -> Numbers:
+    def of(self, case: StudyCase, taken: Sequence[str]) -> Numbers:
         """Return the numbers of a finished case, all finite; raises `SceneError` otherwise.
 
         `taken` are names that a result may not have.
@@ -101,7 +101,7 @@ def take_metrics(check: Checker, given: Any, scene: Scene | None) -> Metrics:
     """
     if isinstance(given, str) or callable(given):
         given = [given]
-    functions: dict[str, Callable[[Case], Any]] = {}
+    functions: dict[str, Callable[[StudyCase], Any]] = {}
     if isinstance(given, Mapping):
         pairs = list(given.items())
     elif isinstance(given, list | tuple):
@@ -141,7 +141,7 @@ def _name_of(item: Any) -> str:
     return name if name and name != "<lambda>" else "metric"
 
 
-def _column(check: Checker, text: str, scene: Scene | None) -> Callable[[Case], float]:
+def _column(check: Checker, text: str, scene: Scene | None) -> Callable[[StudyCase], float]:
     """Return what reads ``sensor/component/how``, or ``sensor/how`` of a single component."""
     sensor, *middle, how = text.split("/")
     if not sensor or len(middle) > 1 or how not in _KNOWN:
@@ -151,7 +151,7 @@ def _column(check: Checker, text: str, scene: Scene | None) -> Callable[[Case], 
         known = [s.name for s in scene.sensors]
         check.fail(f"metrics has '{text}': no sensor '{sensor}'; {nearest(sensor, known)}")
 
-    def read(case: Case) -> float:
+    def read(case: StudyCase) -> float:
         series = case.sensors.get(sensor)
         if series is None:
             raise SceneError(
@@ -206,7 +206,7 @@ def with_energy(scene: Scene, until: float) -> Scene:
     return made
 
 
-def energy_drift(case: Case) -> float | None:
+def energy_drift(case: StudyCase) -> float | None:
     """Return the change of the energy of a finished case, as a part of its largest energy.
 
     The change is that of kinetic + elastic + potential energy from the first sample to the mean of

@@ -11,7 +11,7 @@ from typing import Any
 
 from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.errors import SceneError
-from libmpm._src.studies.study.case import Case
+from libmpm._src.studies.study.case import StudyCase
 
 __all__ = ["Finest", "Known", "errors_of", "finest", "take_reference"]
 
@@ -94,7 +94,7 @@ def take_reference(
     return None
 
 
-def finest(cases: Sequence[Case], numbers_: Sequence[int], reference: Finest) -> int | None:
+def finest(cases: Sequence[StudyCase], numbers_: Sequence[int], reference: Finest) -> int | None:
     """Return which of the cases `numbers_` is the finest, or None if there is none.
 
     The smallest cell; then most particles, the finest precision, the largest bulk modulus among the
@@ -108,7 +108,7 @@ def finest(cases: Sequence[Case], numbers_: Sequence[int], reference: Finest) ->
     return min(wanted, key=lambda i: (*fineness(cases[i]), i), default=None)
 
 
-def fineness(case: Case) -> tuple[float, ...]:
+def fineness(case: StudyCase) -> tuple[float, ...]:
     """Return what orders cases from the finest on."""
     modulus = case.parameters.get("bulk_modulus")
     stiff = float(modulus) if isinstance(modulus, numbers.Real) else 0.0

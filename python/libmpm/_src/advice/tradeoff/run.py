@@ -16,7 +16,7 @@ from libmpm._src.advice.tradeoff.result import TradeOff
 from libmpm._src.advice.tradeoff.table import make_table
 from libmpm._src.base.values import Checker, keywords_only
 from libmpm._src.scene.scene import Scene
-from libmpm._src.studies.study.parameter_samples import grid
+from libmpm._src.studies.study.parameter_samples import full_factorial
 from libmpm._src.studies.study.study import Study
 
 __all__ = ["tradeoff"]
@@ -55,7 +55,7 @@ def tradeoff(
                           pipeline, threads, time_step, shared_device)
     until           s     end of every run, > 0, or a callable of those parameters of a row
                           that it names
-    metrics         -     what is compared: functions of a `studies.Case` that return a number
+    metrics         -     what is compared: functions of a `studies.StudyCase` that return a number
                           or a mapping of names to numbers; names ``sensor/component/how``
                           (``sensor/how`` of a sensor with one component), how = last, peak
                           (of the largest magnitude), largest, least, mean, rms or settled
@@ -118,7 +118,7 @@ def tradeoff(
     check.instance("one_at_a_time", one_at_a_time, (bool,), "True or False")
     check.finish()
     assert against is not None
-    rows = singly(axes) if one_at_a_time else grid(axes)
+    rows = singly(axes) if one_at_a_time else full_factorial(axes)
     how = {"device": device, "threads": threads, "progress": progress}
     if executor is None:
         how["workers"] = workers

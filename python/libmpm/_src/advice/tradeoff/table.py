@@ -14,7 +14,7 @@ from libmpm._src.advice.tradeoff.reference import Finest, Known, errors_of, fine
 from libmpm._src.advice.tradeoff.result import COLUMNS, TradeOff
 from libmpm._src.base.values import warned_already
 from libmpm._src.errors import Error, ModelWarning, SceneError
-from libmpm._src.studies.study.case import Case
+from libmpm._src.studies.study.case import StudyCase
 from libmpm._src.studies.study.rows import describe
 
 __all__ = ["make_table"]
@@ -23,7 +23,7 @@ Row = dict[str, Any]
 
 
 def make_table(
-    cases: Sequence[Sequence[Case]],
+    cases: Sequence[Sequence[StudyCase]],
     metrics: Metrics,
     reference: Finest | Known,
     clock: str,
@@ -85,7 +85,7 @@ def make_table(
 
 
 def _tell_finer(
-    cases: Sequence[Case], which: int, found: Mapping[int, Any], reference: Any
+    cases: Sequence[StudyCase], which: int, found: Mapping[int, Any], reference: Any
 ) -> None:
     """Warn where a finer row than the reference has failed."""
     for number, case in enumerate(cases):
@@ -105,7 +105,7 @@ def _tell_finer(
                 )
 
 
-def _costs(case: Case, repeats: Sequence[Case]) -> Row:
+def _costs(case: StudyCase, repeats: Sequence[StudyCase]) -> Row:
     """Return what a case has cost, as far as its run has come."""
     if case.folder is None:
         return {}
@@ -133,7 +133,7 @@ def _costs(case: Case, repeats: Sequence[Case]) -> Row:
     return made
 
 
-def _per_second(case: Case, key: str) -> float | None:
+def _per_second(case: StudyCase, key: str) -> float | None:
     """Return seconds of a run's clock for a simulated second."""
     record = case.record
     spent, end = record.get(key), record.get("time")

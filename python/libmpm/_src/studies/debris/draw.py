@@ -66,7 +66,7 @@ def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Any:
     ax = _axes(ax, projection="polar")
     if ax.name != "polar":
         raise SceneError(
-            "debris.Field.rose: ax has straight axes; expected polar ones; make them with "
+            "debris.DebrisField.rose: ax has straight axes; expected polar ones; make them with "
             'subplots(subplot_kw={"projection": "polar"})'
         )
     edges = np.radians(data["edges"])

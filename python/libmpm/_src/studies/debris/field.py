@@ -86,7 +86,7 @@ class DebrisField(Value):
     side by side in the plan, above each other not. Raises `SceneError`. Source: Bonus (2023) 10.
     """
 
-    label: ClassVar[str] = "debris.Field"
+    label: ClassVar[str] = "debris.DebrisField"
 
     prototypes: Sequence[Prototype] = given("kinds of debris")
     pieces: Sequence[Piece] = given("`debris.Piece` values; no two may overlap")
@@ -150,7 +150,7 @@ class DebrisField(Value):
     def __repr__(self) -> str:
         """Return a line with the field's size."""
         size = " × ".join(f"{edge:g}" for edge in self.footprint)
-        return f"<debris.Field: {len(self)} pieces in {size} m, {self.placement.kind}>"
+        return f"<debris.DebrisField: {len(self)} pieces in {size} m, {self.placement.kind}>"
 
     # Geometry ------------------------------------------------------------------------------
 
@@ -395,7 +395,7 @@ class DebrisField(Value):
             raise SceneError(f"{path}: cannot be read: {error}; correct the path") from error
         except (ValueError, RecursionError, MemoryError) as error:
             raise SceneError(
-                f"{path}: not JSON: {error}; write it with debris.Field.save"
+                f"{path}: not JSON: {error}; write it with debris.DebrisField.save"
             ) from error
         kept = data if isinstance(data, Mapping) else {}
         found: DebrisField = cls.from_dict({k: v for k, v in kept.items() if k != "metadata"})

@@ -86,7 +86,7 @@ def mesh(field: DebrisField, *, edge: float | None, elevation: float) -> Tetrahe
 
 def save_mesh(field: DebrisField, path: Path, *, edge: float | None, elevation: float) -> None:
     """Write the tetrahedra to a file; see `DebrisField.save_mesh`."""
-    meshio = need("meshio", "debris.Field.save_mesh", "studies")
+    meshio = need("meshio", "debris.DebrisField.save_mesh", "studies")
     found = mesh(field, edge=edge, elevation=elevation)
     known = meshio.extension_to_filetypes
     if not any(path.name.lower().endswith(suffix) for suffix in known):

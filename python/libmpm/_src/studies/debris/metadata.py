@@ -209,8 +209,8 @@ def save_metadata(fields: Iterable[DebrisField], path: str | Path, **options: An
     """Write the metadata of fields to a file, one row a field.
 
     A path that ends in .json gets a list of dictionaries, any other a CSV file in which what is
-    undefined stays empty and lists are texts in JSON. `options` go to `debris.Field.metadata`.
-    Raises `SceneError`, `OutputError`.
+    undefined stays empty and lists are texts in JSON. `options` go to
+    `debris.DebrisField.metadata`. Raises `SceneError`, `OutputError`.
     """
     rows = [field.metadata(**options) for field in fields]
     if not rows:

@@ -22,21 +22,21 @@ from libmpm._src.studies.study.shared_files import LOCK, RESPONSE, sweep_shared,
 from libmpm._src.studies.study.table import COLUMNS
 
 __all__ = [
-    "Case",
     "Found",
     "Response",
+    "StudyCase",
     "compute_response",
     "recorded_responses",
     "status_of",
     "store_responses",
 ]
 
-Response = Callable[["Case"], Mapping[str, Any]]
+Response = Callable[["StudyCase"], Mapping[str, Any]]
 #: Name -> number or None, and what went wrong.
 Found = tuple[dict[str, Any], str]
 
 
-class Case:
+class StudyCase:
     """One row of a study and what its simulation has left in its folder.
 
     Made by `Study.cases`, and handed to a study's `response`. Rows that describe the same
@@ -90,7 +90,7 @@ class Case:
     def __repr__(self) -> str:
         """Return the row and how it stands."""
         inside = ", ".join(f"{k}={v!r}" for k, v in self.parameters.items())
-        return f"<Case {self.hash or '?'} {self.status}: {inside}>"
+        return f"<StudyCase {self.hash or '?'} {self.status}: {inside}>"
 
 
 def status_of(folder: Path, record: Mapping[str, Any]) -> str:
@@ -101,7 +101,7 @@ def status_of(folder: Path, record: Mapping[str, Any]) -> str:
     return status
 
 
-def compute_response(case: Case, response: Response) -> Found:
+def compute_response(case: StudyCase, response: Response) -> Found:
     """Return the numbers of a finished case, and what went wrong if anything did."""
     label = "response"
     taken = {*case.parameters, *COLUMNS}
@@ -131,7 +131,7 @@ def compute_response(case: Case, response: Response) -> Found:
     return numbers_, "; ".join(problems)
 
 
-def store_responses(folder: Path, found: Sequence[tuple[Case, Found]]) -> None:
+def store_responses(folder: Path, found: Sequence[tuple[StudyCase, Found]]) -> None:
     """Keep the responses of rows in ``response.json``, beside those of others that share it."""
     sweep_shared(folder / RESPONSE)
     before = _entries(read_responses(folder))

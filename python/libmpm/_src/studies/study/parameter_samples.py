@@ -10,7 +10,7 @@ from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.errors import SceneError
 
-__all__ = ["grid", "latin_hypercube", "sobol"]
+__all__ = ["full_factorial", "latin_hypercube", "sobol"]
 
 Ranges = Mapping[str, Sequence[float]]
 
@@ -51,12 +51,12 @@ def sobol(ranges: Ranges, n: int, seed: int) -> list[dict[str, float]]:
     return _rows(names, qmc.scale(points, low, high))
 
 
-def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
+def full_factorial(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
     """Return every combination of the values of each parameter; the last name changes fastest.
 
     `values` gives name -> list of values. Raises `SceneError`.
     """
-    check = Checker("studies.grid")
+    check = Checker("studies.full_factorial")
     if not isinstance(values, Mapping) or not values:
         check.fail(f"values is {shown(values, 60)}; expected names with lists of values")
         check.finish()

@@ -36,7 +36,7 @@ def take_rows(label: str, rows: Any) -> list[dict[str, Any]]:
     if isinstance(rows, Mapping):
         raise SceneError(
             f"{label}: rows is one mapping; expected a sequence of mappings, one a case; write "
-            "[row], or studies.grid(...) for all combinations of lists"
+            "[row], or studies.full_factorial(...) for all combinations of lists"
         )
     problems: list[str] = []
     taken = []

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from libmpm._src.studies.study.case import Case
+from libmpm._src.studies.study.case import StudyCase
 
 __all__ = ["StudyStatus"]
 
@@ -19,9 +19,9 @@ class StudyStatus:
 
     folder: Path
     """The study's folder."""
-    cases: tuple[Case, ...]
+    cases: tuple[StudyCase, ...]
     """One case a row."""
-    trunks: tuple[Case, ...] = ()
+    trunks: tuple[StudyCase, ...] = ()
     """What the cases share, of the same form."""
 
     @property
@@ -47,7 +47,7 @@ class StudyStatus:
         return "\n".join(lines)
 
 
-def _running(case: Case) -> str:
+def _running(case: StudyCase) -> str:
     record = case.record
     time, until = (record.get(name) or 0.0 for name in ("time", "until"))
     device, host, pid, beat = (

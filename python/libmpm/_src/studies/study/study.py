@@ -18,9 +18,9 @@ from libmpm._src.output.settings import Output
 from libmpm._src.scene.scene import Scene
 from libmpm._src.studies.study import pool
 from libmpm._src.studies.study.case import (
-    Case,
     Found,
     Response,
+    StudyCase,
     compute_response,
     recorded_responses,
     store_responses,
@@ -53,7 +53,7 @@ class Study:
     until                s      end of every case, > 0, or a callable of those parameters of a
                                 row that it names
     response             -      ``response(case)`` returns a mapping of names to numbers, from
-                                the `Case` and its sensors, None where there is no number; None
+                                the `StudyCase` and its sensors, None where there is no number; None
                                 for `response` = costs only
     trunk                -      a `Trunk` that cases share; None = none
     options              -      options of `Simulation` (device, precision, pipeline, threads,
@@ -174,8 +174,8 @@ class Study:
         self._rows += taken
 
     @property
-    def cases(self) -> list[Case]:
-        """One `Case` a row: its parameters, hash, folder and status, as of now.
+    def cases(self) -> list[StudyCase]:
+        """One `StudyCase` a row: its parameters, hash, folder and status, as of now.
 
         Calls the factory for rows that are new. While the trunk of a row has not run, its scene and
         therefore its hash are not known.
@@ -199,15 +199,15 @@ class Study:
             self._plans += map(self._planner.start, self._rows[len(self._plans) :])
         return self._plans
 
-    def _case(self, plan: Plan) -> Case:
+    def _case(self, plan: Plan) -> StudyCase:
         folder = self._folder / CASES / plan.hash if plan.hash else None
-        return Case(copy.deepcopy(plan.row), plan.hash, folder, plan.error)
+        return StudyCase(copy.deepcopy(plan.row), plan.hash, folder, plan.error)
 
     def status(self) -> StudyStatus:
         """Return how the rows stand, read from the folder now."""
         cases = tuple(self.cases)
         names = dict.fromkeys(plan.trunk for plan in self._plans if plan.trunk)
-        trunks = tuple(Case({}, name, self._folder / TRUNKS / name) for name in names)
+        trunks = tuple(StudyCase({}, name, self._folder / TRUNKS / name) for name in names)
         return StudyStatus(self._folder, cases, trunks)
 
     def __repr__(self) -> str:
