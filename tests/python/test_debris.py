@@ -119,8 +119,8 @@ def test_pieces_of_your_own_lie_in_the_footprint() -> None:
     ]
     found = refused(debris.DebrisField, pieces=touching, clearance=0.11, **frame)
     assert found == [
-        "debris.DebrisField: pieces 0 and 1 are 0.1 m apart; expected ≥ 0.11 m, the clearance; move "
-        "one of them, or give a smaller clearance"
+        "debris.DebrisField: pieces 0 and 1 are 0.1 m apart; expected ≥ 0.11 m, the clearance; "
+        "move one of them, or give a smaller clearance"
     ]
 
 

@@ -22,7 +22,7 @@ __all__ = ["SurfaceMesh"]
 
 @value
 class SurfaceMesh(Solid):
-    """What a surface mesh in a file encloses, in 3D. As `shapes.SurfaceMesh`.
+    """What a surface mesh in a file encloses, in 3D.
 
     {fields}
 
