@@ -10,10 +10,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from attack import report
+from attack import bars, report
 from attack.base import CASE, Defect, isolated
 from attack.catalogue import ATTACKS
 from attack.work import commit, work
@@ -25,6 +26,8 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "build" / "attack"
 #: Seconds of a turn: a worker runs one attack for so long.
 _TURN = 90.0
+#: The same towards the aims, where a worker is dealt anew more often.
+_BAR_TURN = 20.0
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -37,7 +40,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--cases", type=int, help="so many of each attack at most")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="counts and kept inputs")
     parser.add_argument("--replay", type=Path, help="run a kept case again, or print its defect")
+    parser.add_argument("--bars", action="store_true", help="run to the aims of all attacks that "
+                        "have one, see attack.bars")  # fmt: skip
+    parser.add_argument("--results", type=Path, help="also write attacks.json to this folder, "
+                        "every few seconds")  # fmt: skip
     parser.add_argument("--write", action="store_true", help="write docs/reliability.md")
+    parser.add_argument("--collect", type=Path, nargs="+", default=[], metavar="FILE",
+                        help="with --write: attacks.json of other machines too")  # fmt: skip
     parser.add_argument("--work", nargs=4, metavar=("ATTACK", "SECONDS", "CASES", "SEED"),
                         help=argparse.SUPPRESS)  # fmt: skip
     return parser
@@ -53,12 +62,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.replay:
         return _replay(given.replay)
     if given.write:
-        report.write(given.folder)
+        report.write(given.folder, given.collect)
         return 0
     before = report.counted(given.folder)
-    _run(given)
+    bars.stopped_by_signals()
+    try:
+        _run(given)
+    except KeyboardInterrupt:
+        print("stopped; what was counted is kept")
     found = report.counted(given.folder)
-    print(report.table(found))
+    if given.results:
+        bars.save(found, given.results, given.folder / "kept")
+    print(report.table(found), flush=True)
+    if given.bars:
+        for name, units in bars.done(found).items():
+            print(f"{name}: {units:,} of {bars.GOALS[name]:,} {ATTACKS[name].unit}")
     fresh = report.defects(found)[len(report.defects(before)) :]
     for defect in fresh:
         print(f"\n{defect}")
@@ -69,7 +87,9 @@ def _run(given: argparse.Namespace) -> None:
     """Deal turns to workers until the time is over."""
     folder = given.folder
     folder.mkdir(parents=True, exist_ok=True)
-    names = [n for n in given.only or ATTACKS if not _absent(n, folder)]
+    names = [n for n in given.only or (bars.GOALS if given.bars else ATTACKS)
+             if not _absent(n, folder)]  # fmt: skip
+    save = bars.Saver(given.results)
     shares = {n: ATTACKS[n].share for n in names}
     end = time.monotonic() + 60 * given.minutes
     total = 60 * given.minutes * given.workers
@@ -88,21 +108,27 @@ def _run(given: argparse.Namespace) -> None:
                     raise SystemExit(f"{one[1]} cannot begin, see above")
                 spent[one[1]] += time.monotonic() - one[2]
             remaining = end - time.monotonic()
+            found = report.counted(folder) if given.bars or given.results else []
+            save(found)
             due = [n for n in names if left[n] > 0]
+            if given.bars:
+                counts = Counter(b[1] for b in busy)
+                first = bars.choose(due, found, counts, given.workers, bars.ready(names, folder))
+                due = [first] if first else []
             if (remaining <= 0 or not due) and not busy:
                 return
             if len(busy) < given.workers and remaining > 0 and due:
                 running = {n: sum(time.monotonic() - b[2] for b in busy if b[1] == n) for n in due}
                 name = min(due, key=lambda n: (spent[n] + running[n]) / shares[n])
                 fair = total * shares[name] / sum(shares.values()) / given.workers
-                seconds = min(_TURN, fair, remaining)
+                seconds = min(*((_BAR_TURN,) if given.bars else (_TURN, fair)), remaining)
                 call = [sys.executable, "-m", "tests.attack", "--folder", str(folder), "--work",
                         name, str(seconds), str(left[name]), given.seed]  # fmt: skip
                 if given.cases is not None:
                     left[name] = 0
                 child = subprocess.Popen(call, cwd=ROOT, env=environment)
                 busy.append((child, name, time.monotonic()))
-            time.sleep(0.05)
+            time.sleep(0.2 if given.bars and not len(busy) < given.workers else 0.05)
     finally:
         for child, _, _ in busy:
             child.terminate()

@@ -54,6 +54,7 @@ class Forged(Attack):
     unit = "checkpoints"
     share = 2.0
     limit = 150.0
+    batch = 20
 
     def prepare(self) -> None:
         """Save checkpoints of scenes of all kinds, in both precisions as far as they are built."""

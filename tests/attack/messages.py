@@ -51,7 +51,8 @@ class Messages(Attack):
         if found.returncode:
             raise Defect(f"exit code {found.returncode}\n{(found.stdout + found.stderr)[-4000:]}")
         sanitized = "under the sanitizers" if "asan" in program.parts else "without sanitizers"
-        counted = sum(map(int, re.findall(r"(\d+) messages", found.stdout))) or _MANY
+        counts = re.findall(r"(\d+) refused +(\d+) read", found.stdout)
+        counted = sum(int(refused) + int(read) for refused, read in counts)
         return {f"messages {sanitized}": counted}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +51,14 @@ def table(found: Counts) -> str:
     return "\n".join(lines)
 
 
-def write(folder: Path) -> None:
-    """Add what was counted to the lines of results, and write the tables of the page."""
+def write(folder: Path, collected: Sequence[Path] = ()) -> None:
+    """Add what was counted to the lines of results, and write the tables of the page.
+
+    `collected` are files of records (`attacks.json`) that came from other machines.
+    """
     lines = [json.loads(x) for x in LINES.read_text().splitlines()] if LINES.exists() else []
-    for one in counted(folder):
+    others = [one for path in collected for one in json.loads(path.read_text())]
+    for one in [*counted(folder), *others]:
         key = {k: one[k] for k in ("attack", "seed", "commit")}
         same = [line for line in lines if key.items() <= line.items()]
         if not same or one.get("file") not in same[0]["files"]:

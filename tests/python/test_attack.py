@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from attack import bars, report
 from attack.base import Attack, Defect, run_cases
 from attack.catalogue import ATTACKS
 
@@ -81,3 +83,37 @@ def test_crashes_hangs_and_raw_errors_are_seen_and_kept(tmp_path):
         "messages",
         "folders",
     ]
+
+
+def _record(name, units, seconds):
+    outcomes = {"kills": units} if name == "kills" else {"messages under the sanitizers": units}
+    return {
+        "attack": name, "seed": "1", "commit": "c", "cases": units, "outcomes": outcomes,
+        "defects": [], "seconds": seconds, "file": f"{name}-1-1",
+    }  # fmt: skip
+
+
+def test_workers_are_dealt_to_the_aim_that_is_furthest_away():
+    names, ready = list(bars.GOALS), dict.fromkeys(bars.GOALS, True)
+    met = [_record(n, bars.GOALS[n], 10.0) for n in names]
+    assert bars.choose(names, met, {}, 16, ready) == ""
+    open_ = [r for r in met if r["attack"] != "forged"]
+    assert bars.choose(names, open_, {"inputs": 3}, 16, ready) == "forged"
+    # Others would wait for the one that makes what its cases share.
+    assert bars.choose(names, open_, {"forged": 1}, 16, ready | {"forged": False}) == ""
+    slow = [_record("kills", 1, 1000.0)]
+    assert bars.choose(["kills", "inputs"], slow, {"kills": 1}, 16, ready) == "kills"
+    assert bars.choose(["kills", "inputs"], slow, {"kills": 6}, 16, ready) == "inputs"
+
+
+def test_counts_of_another_machine_join_the_page_once(tmp_path, monkeypatch):
+    lines, page = tmp_path / "lines.jsonl", tmp_path / "page.md"
+    page.write_text(f"before {report._BEGIN} old {report._END} after")
+    monkeypatch.setattr(report, "LINES", lines)
+    monkeypatch.setattr(report, "PAGE", page)
+    bars.save([_record("kills", 2000, 9.0), _record("inputs", 50_000, 9.0)], tmp_path / "there")
+    for _ in range(2):
+        report.write(tmp_path / "nothing", [tmp_path / "there" / "attacks.json"])
+    found = [json.loads(line) for line in lines.read_text().splitlines()]
+    assert [(f["attack"], f["cases"]) for f in found] == [("kills", 2000), ("inputs", 50_000)]
+    assert "50,000" in page.read_text() and "old" not in page.read_text()
