@@ -17,6 +17,8 @@ from libmpm._src.grids.grid import SplineGrid, TriangularGrid
 from libmpm._src.run import backends
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from libmpm._core import Basis
     from libmpm._src.grids.projection import Projection
 
@@ -195,7 +197,7 @@ class Functions:
 
         return project(self, field, position, weight, mass)
 
-    def plot(self, number: int, ax: Any = None, **style: Any) -> Any:
+    def plot(self, number: int, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw one function as filled contours into matplotlib axes, and return the axes.
 
         `number` is 0 to count - 1; `style` goes to ``Axes.tricontourf`` or ``contourf``. New axes
@@ -203,21 +205,21 @@ class Functions:
         """
         return plots.plot_function(self, number, ax, **style)
 
-    def plot_mesh(self, ax: Any = None, **style: Any) -> Any:
+    def plot_mesh(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the cells' edges; `style` goes to ``LineCollection``."""
         return plots.plot_mesh(self, ax, **style)
 
-    def plot_split(self, ax: Any = None, **style: Any) -> Any:
+    def plot_split(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the triangles and their six pieces; raises `SceneError` if not Powell-Sabin."""
         return plots.plot_split(self, ax, **style)
 
-    def plot_control_triangles(self, ax: Any = None, **style: Any) -> Any:
+    def plot_control_triangles(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the vertices' control triangles; raises `SceneError` if not Powell-Sabin."""
         return plots.plot_control_triangles(self, ax, **style)
 
     def plot_particles(
-        self, position: npt.ArrayLike, values: npt.ArrayLike | None = None, ax: Any = None
-    ) -> Any:
+        self, position: npt.ArrayLike, values: npt.ArrayLike | None = None, ax: Axes | None = None
+    ) -> Axes:
         """Draw the cells and particles (n, 2) in m, coloured by their values (n,) if given."""
         return plots.plot_particles(position, values, self.plot_mesh(ax))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,9 @@ from libmpm._src.base.values import Checker, Value, keywords_only, shown, value
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import sources
 from libmpm._src.grids.sources import Arrays, Floats, Numbers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Mesh", "pairs"]
 
@@ -253,7 +256,7 @@ class Mesh(Value):
             f"{_SLIVER:g} or more, since slivers make the method unstable; move or remove vertices"
         ]
 
-    def plot(self, ax: Any = None, **style: Any) -> Any:
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the edges into matplotlib axes, new ones by default, and return the axes.
 
         `style` goes to ``Axes.triplot``, for instance ``color="k", linewidth=0.5``.

@@ -12,6 +12,9 @@ from libmpm._src.errors import SceneError
 from libmpm._src.grids.grid import TriangularGrid
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.contour import ContourSet
+
     from libmpm._src.grids.functions import Functions
 
 __all__ = [
@@ -32,7 +35,7 @@ _A_SPAN = 16
 _THIN = {"color": "0.6", "linewidth": 0.5}
 
 
-def plot_mesh(functions: Functions, ax: Any = None, **style: Any) -> Any:
+def plot_mesh(functions: Functions, ax: Axes | None = None, **style: Any) -> Axes:
     """Draw the edges of all cells and return the axes; `style` goes to ``LineCollection``."""
     grid = functions.grid
     if isinstance(grid, TriangularGrid):
@@ -47,7 +50,7 @@ def plot_mesh(functions: Functions, ax: Any = None, **style: Any) -> Any:
     return _draw_lines(ax, lines, _THIN | style)
 
 
-def plot_split(functions: Functions, ax: Any = None, **style: Any) -> Any:
+def plot_split(functions: Functions, ax: Axes | None = None, **style: Any) -> Axes:
     """Draw the triangles and the lines that cut each into six, de Koster (2018) 3.5.1."""
     inner, sides = _powell_sabin(functions, functions.split)
     assert isinstance(functions.grid, TriangularGrid)  # others have no split
@@ -58,7 +61,7 @@ def plot_split(functions: Functions, ax: Any = None, **style: Any) -> Any:
     return _draw_lines(ax, lines.reshape(-1, 2, 2), dashed | style)
 
 
-def plot_control_triangles(functions: Functions, ax: Any = None, **style: Any) -> Any:
+def plot_control_triangles(functions: Functions, ax: Axes | None = None, **style: Any) -> Axes:
     """Draw the mesh and the control triangle of each vertex; `style` goes to ``PolyCollection``."""
     from matplotlib.collections import PolyCollection
 
@@ -70,7 +73,7 @@ def plot_control_triangles(functions: Functions, ax: Any = None, **style: Any) -
     return ax
 
 
-def plot_function(functions: Functions, number: int, ax: Any = None, **style: Any) -> Any:
+def plot_function(functions: Functions, number: int, ax: Axes | None = None, **style: Any) -> Axes:
     """Draw function `number`, 0 to count - 1, over the mesh and return the axes."""
     check = Checker("grids.Functions.plot")
     number = check.integer("number", number)
@@ -82,7 +85,9 @@ def plot_function(functions: Functions, number: int, ax: Any = None, **style: An
     return plot_field(functions, coefficients, ax, **style)
 
 
-def plot_field(functions: Functions, coefficients: Floats, ax: Any = None, **style: Any) -> Any:
+def plot_field(
+    functions: Functions, coefficients: Floats, ax: Axes | None = None, **style: Any
+) -> Axes:
     """Draw Σ c_i φ_i as filled contours over the mesh and return the axes.
 
     `coefficients` (count,); `style` goes to ``Axes.tricontourf`` or ``contourf``.
@@ -93,7 +98,7 @@ def plot_field(functions: Functions, coefficients: Floats, ax: Any = None, **sty
             "project it alone"
         )
     ax = _axes(ax)
-    look = {"levels": 16, "cmap": "viridis"} | style
+    look: dict[str, Any] = {"levels": 16, "cmap": "viridis"} | style
 
     def values(position: Floats) -> Floats:
         here = functions.evaluate(position)
@@ -111,7 +116,9 @@ def plot_field(functions: Functions, coefficients: Floats, ax: Any = None, **sty
         fine = UniformTriRefiner(Triangulation(x, y, triangles))
         found = fine.refine_triangulation(subdiv=cuts)
         position = np.column_stack([found.x, found.y]) + low
-        drawn = ax.tricontourf(*position.T, found.triangles, values(position), **look)
+        drawn: ContourSet = ax.tricontourf(
+            position[:, 0], position[:, 1], found.triangles, values(position), **look
+        )
     else:
         each = int(np.clip(np.sqrt(_POINTS / functions.grid.cells), 1, _A_SPAN))
         x, y = (_finer(breaks, each) for breaks in _breaks(functions))
@@ -122,8 +129,8 @@ def plot_field(functions: Functions, coefficients: Floats, ax: Any = None, **sty
 
 
 def plot_particles(
-    position: npt.ArrayLike, values: npt.ArrayLike | None = None, ax: Any = None
-) -> Any:
+    position: npt.ArrayLike, values: npt.ArrayLike | None = None, ax: Axes | None = None
+) -> Axes:
     """Draw particles (n, 2) in m, coloured by values (n,) if given, and return the axes."""
     places = np.asarray(position, dtype=np.float64)
     if places.ndim != 2 or places.shape[1] != 2:
@@ -134,13 +141,13 @@ def plot_particles(
             f"expected ({len(places)},)"
         )
     ax = _axes(ax)
-    drawn = ax.scatter(*places.T, c="tab:blue" if values is None else values, s=4)
+    drawn = ax.scatter(places[:, 0], places[:, 1], c="tab:blue" if values is None else values, s=4)
     if values is not None:
         ax.figure.colorbar(drawn, ax=ax)
     return ax
 
 
-def _axes(ax: Any) -> Any:
+def _axes(ax: Axes | None) -> Axes:
     """Return the given axes, or new ones with equal scales."""
     if ax is None:
         import matplotlib.pyplot as plt
@@ -150,7 +157,7 @@ def _axes(ax: Any) -> Any:
     return ax
 
 
-def _draw_lines(ax: Any, lines: Floats, style: dict[str, Any]) -> Any:
+def _draw_lines(ax: Axes | None, lines: Floats, style: dict[str, Any]) -> Axes:
     from matplotlib.collections import LineCollection
 
     ax = _axes(ax)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,9 @@ from libmpm._src.errors import SceneError
 from libmpm._src.grids import plots
 from libmpm._src.grids.bases import Lagrange
 from libmpm._src.grids.functions import Evaluation, Field, Functions, places, sampled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Projection", "project"]
 
@@ -135,7 +138,7 @@ class Projection:
             whole += _square(wanted, weight[rows])
         return math.sqrt(difference), math.sqrt(whole)
 
-    def plot(self, ax: Any = None, **style: Any) -> Any:
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw a field of one column as `Functions.plot` draws a function; return the axes."""
         return plots.plot_field(self._functions, self._coefficients, ax, **style)
 

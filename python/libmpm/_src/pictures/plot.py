@@ -16,6 +16,8 @@ from libmpm._src.pictures.panel import Dots, Panel, height_of, is_fluid, legend_
 from libmpm._src.pictures.preview import vertical_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from libmpm._src.run.running import Particles, Running
     from libmpm._src.scene.data import SceneData
 
@@ -109,7 +111,7 @@ def plot(
     limits: tuple[float, float] | None = None,
     most: int = common.MOST,
     axes: Any = None,
-) -> Any:
+) -> Figure:
     """See `Simulation.plot`."""
     scene = simulation.scene
     vertical = vertical_of(scene)

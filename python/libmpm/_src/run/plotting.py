@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from libmpm._src.base.values import keywords_only
 from libmpm._src.output.html import simulation_html
 from libmpm._src.run.device_arrays import DeviceArrays
 from libmpm._src.run.running import Running
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["Shown"]
 
@@ -54,7 +57,7 @@ class Shown:
         limits: tuple[float, float] | None = None,
         most: int = 200_000,
         axes: Any = None,
-    ) -> Any:
+    ) -> Figure:
         """Return a figure of the particles as they are now, coloured by an attribute.
 
         =========  ====  ===========  =========================================================

@@ -10,6 +10,8 @@ from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from libmpm._src.advice.tradeoff.result import TradeOff
 
 __all__ = ["plot"]
@@ -19,14 +21,14 @@ _MARKS = "os^Dv<>Pph8X"
 _NAMED = 12
 
 
-def plot(table: TradeOff, *, by: str | None, axes: Any) -> Any:
+def plot(table: TradeOff, *, by: str | None, axes: Any) -> Figure:
     """See `TradeOff.plot`."""
     if by is None:
         several = [p for p in table.parameters if len({short(r.get(p)) for r in table.rows}) > 1]
         by = several[0] if several else table.parameters[0]
     elif by not in table.parameters:
         raise SceneError(f"TradeOff.plot: by is {shown(by)}; {nearest(str(by), table.parameters)}")
-    picture: Any
+    picture: Figure
     if axes is None:
         from libmpm._src.pictures.figures import Picture
 

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
@@ -18,6 +18,9 @@ from libmpm._src.base.values import Checker, from_plain, keywords_only, plain
 from libmpm._src.errors import OutputError, SceneError
 from libmpm._src.output.atomic_files import write_json
 from libmpm._src.studies.study.table import StudyResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["COLUMNS", "FILE", "TradeOff"]
 
@@ -243,7 +246,7 @@ class TradeOff:
     # Looking --------------------------------------------------------------------------------------
 
     @keywords_only("TradeOff.plot")
-    def plot(self, *, by: str | None = None, axes: Any = None) -> Any:
+    def plot(self, *, by: str | None = None, axes: Any = None) -> Figure:
         """Return a figure of error over time, both logarithmic, with the front.
 
         `by` names a parameter whose values get colours of their own; None = the first one with

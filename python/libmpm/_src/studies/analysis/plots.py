@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from libmpm._src.studies.analysis.record import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["POINTS", "THIN", "axes", "diagonal"]
 
@@ -13,7 +16,7 @@ POINTS: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 4, "colo
 THIN: dict[str, Any] = {"color": "0.6", "linewidth": 0.8}
 
 
-def axes(ax: Any, x: str, y: str) -> Any:
+def axes(ax: Axes | None, x: str, y: str) -> Axes:
     """Return the given axes, or new ones, with labels."""
     if ax is None:
         from matplotlib import pyplot as plt

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from libmpm._src.studies.analysis.layout import number
 from libmpm._src.studies.analysis.record import Floats
 from libmpm._src.studies.analysis.residuals import LEAST_VALUES, ResidualTests, residual_tests
 from libmpm._src.studies.analysis.tables import Missing, Table, columns, sample
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["MODELS", "Prediction", "Regression", "regression"]
 
@@ -251,14 +254,14 @@ class Regression:
         head, *rows = self._rows()
         return f"<p>{html.escape(self._caption())}</p>{html_table(rows, head)}"
 
-    def plot_residuals(self, ax: Any = None, **style: Any) -> Any:
+    def plot_residuals(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw residuals over fitted responses and return the axes; `style` goes to the points."""
         ax = plots.axes(ax, f"fitted {self.response}", "residual")
         ax.axhline(0.0, **plots.THIN)
         ax.plot(self.fitted, self.residuals, **(plots.POINTS | style))
         return ax
 
-    def plot_qq(self, ax: Any = None, **style: Any) -> Any:
+    def plot_qq(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw sorted residuals over normal quantiles, which follow the line if normal."""
         stats = need("scipy.stats", f"{self.label}.plot_qq", "studies")
         (quantile, value), (slope, middle, _) = stats.probplot(self.residuals)
@@ -267,7 +270,7 @@ class Regression:
         ax.plot(quantile, value, **(plots.POINTS | style))
         return ax
 
-    def plot_parity(self, ax: Any = None, **style: Any) -> Any:
+    def plot_parity(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw fitted over observed responses, with the line on which they are equal."""
         ax = plots.axes(ax, f"observed {self.response}", f"fitted {self.response}")
         plots.diagonal(ax, self.observed, self.fitted)

@@ -14,6 +14,8 @@ from libmpm._src.studies.analysis.peaks import Peak, local_maxima
 from libmpm._src.studies.analysis.record import Floats, Record, crossing, from_series
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from libmpm._src.output.series import Series
 
 __all__ = ["Signal", "responses"]
@@ -376,7 +378,7 @@ class Signal(Record):
         first, last = self.significant_interval(low=low, high=high)
         return last - first
 
-    def plot(self, ax: Any = None, **style: Any) -> Any:
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the signal into matplotlib axes and return them; `style` goes to the line."""
         from libmpm._src.studies.analysis.plots import axes
 

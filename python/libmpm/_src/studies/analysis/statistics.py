@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,9 @@ from libmpm._src.studies.analysis import plots
 from libmpm._src.studies.analysis.layout import number
 from libmpm._src.studies.analysis.record import Floats, numbers
 from libmpm._src.studies.analysis.tables import Missing, Table, sample
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["BoxPlot", "Correlation", "Parity", "box_plot", "correlation", "parity"]
 
@@ -73,7 +76,9 @@ class BoxPlot:
         head, *rows = self._rows()
         return html_table(rows, head)
 
-    def plot(self, ax: Any = None, *, position: float = 1.0, name: str = "", **style: Any) -> Any:
+    def plot(
+        self, ax: Axes | None = None, *, position: float = 1.0, name: str = "", **style: Any
+    ) -> Axes:
         """Draw the box at `position` into matplotlib axes and return them.
 
         The whiskers end at the last values inside the bounds. `style` goes to ``Axes.bxp``.
@@ -161,7 +166,7 @@ class Correlation:
         head, *rows = self._rows()
         return html_table(rows, head)
 
-    def plot(self, ax: Any = None, **style: Any) -> Any:
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the matrix in colours, with its numbers, and return the axes."""
         ax = plots.axes(ax, "", "")
         look: dict[str, Any] = {"vmin": -1.0, "vmax": 1.0, "cmap": "RdBu_r"} | style
@@ -270,7 +275,7 @@ class Parity:
         head, *rows = self._rows()
         return html_table(rows, head)
 
-    def plot(self, ax: Any = None, **style: Any) -> Any:
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the pairs, the line of equality and the fitted line, and return the axes."""
         ax = plots.axes(ax, "measured", "simulated")
         plots.diagonal(ax, self.measured, self.simulated)

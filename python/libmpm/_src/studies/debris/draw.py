@@ -10,6 +10,8 @@ from libmpm._src.errors import SceneError
 from libmpm._src.studies.debris.metadata import angle_data
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from libmpm._src.studies.debris.field import DebrisField
 
 __all__ = ["cumulative", "draw", "figure", "histogram", "rose"]
@@ -104,7 +106,7 @@ def cumulative(field: DebrisField, ax: Any, *, flow: float) -> Any:
     return ax
 
 
-def figure(field: DebrisField, *, bins: int, flow: float) -> Any:
+def figure(field: DebrisField, *, bins: int, flow: float) -> Figure:
     """Return a figure of the four pictures."""
     import matplotlib.pyplot as plt
 

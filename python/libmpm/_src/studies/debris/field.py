@@ -22,6 +22,8 @@ from libmpm._src.studies.debris.prototype import Piece, Prototype, check_prototy
 from libmpm._src.studies.debris.rectangles import Rectangles, gaps, obliquity, rounded
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from libmpm._src.base.formulas import Field
     from libmpm._src.methods.method import FBar
     from libmpm._src.scene.scene import Scene
@@ -462,7 +464,7 @@ class DebrisField(Value):
 
         return cumulative(self, ax, flow=flow)
 
-    def figure(self, *, bins: int = 6, flow: float = 0.0) -> Any:
+    def figure(self, *, bins: int = 6, flow: float = 0.0) -> Figure:
         """Return a matplotlib figure of plan, rose, histogram and cumulative curve."""
         from libmpm._src.studies.debris.draw import figure
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,9 @@ from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic_files import replacing
 from libmpm._src.studies.analysis import plots
 from libmpm._src.studies.design.arrays import Floats, numbers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "METHODS",
@@ -168,7 +171,7 @@ class Exceedance:
         first = [int(np.sum(curve > wanted)) for curve in (middle, low, high)]
         return LoadAt(loads[first[0] + 1], loads[first[1]], loads[first[2] + 1])
 
-    def plot(self, ax: Any = None, **style: Any) -> Any:
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the rate, or without rates the probability, with its band and return the axes.
 
         `style` goes to ``Axes.plot``.
