@@ -221,3 +221,13 @@ def test_what_leaves_the_wall_that_it_stands_on_is_warned_of(more):
         if doubted:
             assert "wall y-" in doubts[0]
             assert "0.25 m longer" in doubts[0]
+
+
+def test_a_bed_that_walls_cover_whole_acts_where_they_do():
+    scene = tank(2)
+    bed = Box(lower=(-1, -1), upper=(5, 0))
+    boundary = libmpm._src.scene.parts.Boundary(
+        name="bed", shape=bed, response=Slip(), layer=libmpm.boundaries.DecayLayer()
+    )
+    at = fields(scene, boundary)
+    assert at(np.array((8, 2))) == pytest.approx(2)

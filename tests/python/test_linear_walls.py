@@ -68,3 +68,26 @@ def test_what_failed_in_a_flume_is_said(bed, transfer, words):
     said = [w for w in flume(bed, transfer).plan(until=0.1).warnings if "linear" in w]
     assert bool(said) == bool(words)
     assert all(word in said[0] for word in words)
+
+
+@pytest.mark.parametrize("height", [0.126, 0.226, 0.28])
+@pytest.mark.parametrize("cell", ["held", "linear"])
+def test_a_floor_within_the_bed_holds_nothing(height, cell, device):
+    """Water that swings above a bed up to 2.8 cells over the floor stays above the bed."""
+    bed = libmpm.shapes.HalfSpace(point=(0.0, height), normal=(0.0, 1.0))
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0.0, 0.0), upper=(4.0, 2.5), gravity=(0.0, -9.81)
+    )
+    within = libmpm.shapes.Box(lower=(0.0, 0.0), upper=(4.0, 2.5))
+    scene.add_body(
+        name="water", shape=libmpm.shapes.basin(level=1.5, bed=bed, within=within),
+        material=libmpm.materials.TaitFluid(bulk_modulus=1e6), hydrostatic=1.5,
+        sampling=libmpm.shapes.Columns(), velocity=(0.4, 0.0),
+    )  # fmt: skip
+    scene.add_boundary(name="bed", shape=bed, response=libmpm.boundaries.Slip(cell=cell))
+    walls = libmpm.boundaries.Slip(cell="linear")
+    scene.add_boundary(name="walls", shape=libmpm.shapes.DomainWalls(), response=walls)
+    simulation = libmpm.Simulation(scene, device=device)
+    simulation.run(until=4.0, progress=False)
+    lowest = np.asarray(simulation.particles["water"]["position"])[:, 1].min()
+    assert lowest > height - 0.05 * scene.cell_size

@@ -41,6 +41,12 @@ struct SurfaceView {
     MPM_INLINE bool along(const SurfaceView& other) const {
         return known && axis >= 0 && axis == other.axis && away == other.away;
     }
+    /// Does it see another face? Neighbours before a round body see normals that differ by less.
+    MPM_INLINE bool turned_from(const SurfaceView& other) const {
+        double along = 0;
+        for (int a = 0; known && a < D; ++a) along += normal[a] * other.normal[a];
+        return known && along < 0.8;
+    }
     /// No particle before the surface reaches a node further behind it.
     MPM_INLINE bool deep() const {
         double reach = 0;
@@ -78,6 +84,10 @@ struct SurfaceLine {
         }
         axis = here.axis;
         sign = here.away;
+        if (beside_edge(all, s, cell)) {
+            state = here.distance < 1 ? held : away;
+            return;
+        }
         const double before = before_wall(all, s, cell, here, room);
         if (before < 1.5) {
             state = here.distance < 1 ? held : away;
@@ -103,6 +113,26 @@ struct SurfaceLine {
             return;
         }
         state = here.distance < 1 ? held : away;
+    }
+    /// Does another face meet this one within two cells of the line? Splines there do not vanish on
+    /// it, and what even pressure does to their nodes is not along its normal.
+    MPM_INLINE bool beside_edge(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                                const std::int64_t (&cell)[D]) const {
+        std::int64_t foot[D], there[D];
+        for (int step = 0; step < 5; ++step) {
+            moved_along<D>(cell, axis, -step * sign, foot);
+            const SurfaceView<D> inside(all, s, foot);
+            if (!inside.known) return false;
+            if (inside.distance >= 0) continue;
+            for (int t = 0; t < D; ++t)
+                for (int by = -2; by < 3; ++by) {
+                    if (t == axis || by == 0) continue;
+                    moved_along<D>(foot, t, by, there);
+                    if (SurfaceView<D>(all, s, there).turned_from(inside)) return true;
+                }
+            return false;
+        }
+        return false;
     }
     /// Distance of the first node on the way out that stands right before another wall, up to 4.
     template <class Room>

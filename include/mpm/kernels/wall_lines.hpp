@@ -132,6 +132,29 @@ MPM_INLINE double surface_before(const BoundaryView<D>& all, const WallPlane<D>&
     return least;
 }
 
+/// Does a wall across an axis lie inside a body whose surface faces the same way? Then nothing is
+/// before it on this row; its lines would take the nodes of those towards the surface. Of `cell`, a
+/// node at `place`.
+template <int D>
+MPM_INLINE bool inside_surface(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
+                               const std::int64_t (&cell)[D], std::int64_t place) {
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface == 0 || r.share != 0 || r.limited ||
+            r.law[0].response == Response::prescribed)
+            continue;
+        std::int64_t there[D];
+        moved_along<D>(cell, axis, -place * wall.sign, there);
+        const SurfaceView<D> seen(all, all.surfaces[r.surface - 1], there);
+        // The node right before the wall stands half a cell off it; what lies on it changes
+        // nothing.
+        if (seen.known && (seen.axis < 0 || (seen.axis == axis && seen.away == wall.sign)) &&
+            seen.distance < 0.45)
+            return true;
+    }
+    return false;
+}
+
 /// The line on which a node is across an axis. Where two claim it, the first that is defined does.
 template <int D>
 MPM_INLINE WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
@@ -144,6 +167,7 @@ MPM_INLINE WallLine find_line(const BoundaryView<D>& all, int axis, const std::i
             const WallPlane<D> wall(r, f);
             const std::int64_t place = wall.place(cell[axis]);
             if (place < -1 || place > 1 || !on_rows(r, axis, cell)) continue;
+            if (inside_surface(all, wall, axis, cell, place)) continue;
             int room = room_before(all, wall, axis, cell);
             const double surface = surface_before(all, wall, axis, cell, place);
             if (surface < 3.5 && room > 3) room = 3;

@@ -76,6 +76,10 @@ class Covers:
     places: Array
     close: float
 
+    def nothing(self) -> Covers:
+        """Return what covers no face."""
+        return Covers("[]", (), self.places, self.close)
+
     def clear(self, which: int, points: Array) -> Array:
         """Return by how much points of the surface stand off a cover, at worst, m (n,)."""
         worst = np.full(len(points), -np.inf)

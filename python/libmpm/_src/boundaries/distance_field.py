@@ -92,10 +92,12 @@ def distance_field(scene: SceneData, boundary: Boundary) -> DistanceField:
         band = max(band, 4 * scene.cell_size + spacing)
     region = _region(scene, boundary, band)
     # The same shape is asked for by the plan, the check and the engine.
-    covers = covers_of(scene, boundary)
-    key = json.dumps(boundary.shape.to_dict(), sort_keys=True) + covers.key
-    found = _sampled(_Shape(key, boundary.shape, covers), scene.lower, spacing, band,
-                     _DEPTH * scene.cell_size, region)  # fmt: skip
+    covers, found = covers_of(scene, boundary), None
+    # What walls cover whole acts where they do.
+    for seen in (covers, covers.nothing()):
+        key = json.dumps(boundary.shape.to_dict(), sort_keys=True) + seen.key
+        found = found or _sampled(_Shape(key, boundary.shape, seen), scene.lower, spacing, band,
+                                  _DEPTH * scene.cell_size, region)  # fmt: skip
     if found is None:
         raise SceneError(
             f"boundary '{boundary.name}': no part of {type(boundary.shape).__name__} is within "
