@@ -222,3 +222,41 @@ def test_a_failed_checkpoint_leaves_the_old_one(tmp_path, monkeypatch):
     shutil.rmtree(tmp_path)
     with pytest.raises(libmpm.OutputError):
         sim.save_checkpoint(path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"volumes": ["%s%n"]},
+        {"volumes": []},
+        {"particles": [1, 2, 3]},
+        {"seen": 3},
+        {"smoothing": {"water": [1.0]}},
+        {"unheard": 0},
+        {"speed": None},
+    ],
+)
+def test_what_a_guard_remembers_is_checked(tmp_path, change):
+    sim = simulate()
+    sim.step(3)
+    path = tmp_path / "state.npz"
+    sim.save_checkpoint(path)
+    found = checkpoints.load_checkpoint(path)
+    assert found.header["watch"]["step"] >= 0
+    found.header["watch"] |= change
+    checkpoints.save_checkpoint(path, found)
+    with pytest.raises(libmpm.CheckpointError, match=f"watch.*{next(iter(change))}"):
+        libmpm.Simulation.resume(path).step(1)
+
+
+@pytest.mark.parametrize("body_of", [[[0], [0]], [0.5], [-1], [2**40]])
+def test_numbers_of_bodies_are_checked(tmp_path, body_of):
+    sim = simulate()
+    sim.step(3)
+    path = tmp_path / "state.npz"
+    sim.save_checkpoint(path)
+    found = checkpoints.load_checkpoint(path)
+    found.state["body_of"] = np.array(body_of)
+    checkpoints.save_checkpoint(path, found)
+    with pytest.raises(libmpm.CheckpointError, match="body_of has"):
+        libmpm.Simulation.resume(path).step(1)

@@ -355,3 +355,11 @@ def test_voronoi_areas_refuse() -> None:
     points = [(0.2, 0.2), (0.3, 0.2), (0.2, 0.2)]
     assert "points 0, 2 have the place of another" in refused(voronoi_areas, points, notched())[0]
     assert "shape (2,)" in refused(voronoi_areas, (0.0, 0.0), notched())[0]
+
+
+def test_problems_of_a_mesh_file_name_the_file(tmp_path):
+    pytest.importorskip("meshio")
+    path = tmp_path / "dyke.off"
+    path.write_text("OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n")
+    with pytest.raises(libmpm.SceneError, match=r"dyke\.off.*not finite"):
+        Mesh.load(path)

@@ -71,3 +71,9 @@ def test_all_problems_at_once() -> None:
     with pytest.raises(libmpm.SceneError) as caught:
         TimeTable([1.0, 0.0], [1.0], "never")
     assert len(caught.value.problems) == 3
+
+
+@pytest.mark.parametrize("function", [len, lambda t: "x", lambda t: 1 / t, lambda t: {1: 2}])
+def test_functions_that_give_no_numbers_are_named(function):
+    with pytest.raises(libmpm.SceneError, match=r"TimeTable.sample: function\(0\) gives"):
+        TimeTable.sample(function, dt=0.1, until=1.0)

@@ -13,6 +13,7 @@ import math
 import numbers
 import random
 import signal
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
@@ -444,10 +445,17 @@ def shown(document: Any, most: int = 20_000) -> str:
     """A document as JSON where it can be, to be fed in again."""
     if isinstance(document, str):
         return document
+    digits = sys.get_int_max_str_digits()
+    sys.set_int_max_str_digits(0)  # Python writes no whole number of thousands of digits
     try:
         return json.dumps(document, default=repr)[:most]
     except (TypeError, ValueError, RecursionError):
-        return repr(document)[:most] if not _deep(document) else "[" * 5000
+        with contextlib.suppress(RecursionError):
+            if not _deep(document):
+                return repr(document)[:most]
+        return "[" * 5000
+    finally:
+        sys.set_int_max_str_digits(digits)
 
 
 def _deep(item: Any, depth: int = 0) -> bool:

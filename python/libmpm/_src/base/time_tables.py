@@ -12,6 +12,7 @@ import numpy.typing as npt
 from libmpm._src.base.arrays import real_array
 from libmpm._src.base.declarations import OWNER, given
 from libmpm._src.base.values import Checker, Value, shown, value
+from libmpm._src.errors import SceneError
 
 __all__ = ["TimeTable", "check_vector_table", "constant", "largest"]
 
@@ -98,7 +99,17 @@ class TimeTable(Value):
         # The small allowance keeps 0.3 / 0.1 = 2.9999999999999996 and its like at the exact row.
         rows = math.ceil(until / dt - 1e-9) + 1
         times = [i * dt for i in range(max(rows, 1))]
-        return cls(times, [np.asarray(function(t), dtype=float).tolist() for t in times], end)
+        rows_of = []
+        for t in times:
+            try:
+                rows_of.append(np.asarray(function(t), dtype=float).tolist())
+            except Exception as error:
+                check.fail(
+                    f"function({t:g}) gives {type(error).__name__}: {error}; expected a number or "
+                    "a row of numbers at each time; correct the function"
+                )
+                raise SceneError(check.problems) from error
+        return cls(times, rows_of, end)
 
     @property
     def components(self) -> int:

@@ -154,7 +154,12 @@ class Mesh(Value):
         points are ignored, vertices that no triangle uses are dropped. Needs meshio:
         ``pip install libmpm[triangular]``. Raises `SceneError`, also without meshio.
         """
-        return cls._of(sources.read(path))
+        arrays = sources.read(path)
+        try:
+            return cls._of(arrays)
+        except SceneError as error:
+            label = f"grids.Mesh.load: file '{path}'"
+            raise SceneError(f"{label}: {problem}" for problem in error.problems) from error
 
     @classmethod
     def _of(cls, arrays: Arrays) -> Mesh:

@@ -68,9 +68,21 @@ class Checkpoint:
         return self.memory.get(sensor, {})
 
     def stored_as(self) -> dict[str, list[int]]:
-        """Return the entry of a specification by which an engine takes bodies as the state does."""
+        """Return the entry of a specification by which an engine takes bodies as the state does.
+
+        Raises `CheckpointError` where it is no list of numbers of bodies.
+        """
         found = self.state.get("body_of")
-        return {} if found is None else {"stored_as": np.asarray(found).tolist()}
+        if found is None:
+            return {}
+        array = np.asarray(found)
+        wrong = array.dtype.kind not in "iu" or array.ndim != 1
+        if wrong or np.any(array < 0) or np.any(array > len(array)):
+            raise CheckpointError(
+                f"body_of has shape {array.shape} and type {array.dtype}; expected a number of a "
+                "body for every body; the checkpoint is damaged, use an older one"
+            )
+        return {"stored_as": array.tolist()}
 
 
 def checkpoint_path(folder: Path, step: int) -> Path:

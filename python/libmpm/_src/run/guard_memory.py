@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 __all__ = ["Memory"]
 
@@ -51,3 +53,56 @@ class Memory:
     smoothing: dict[str, list[float]] = field(default_factory=dict)
     #: Bodies that have been warned of for it.
     smooths: list[str] = field(default_factory=list)
+
+    @classmethod
+    def restored(cls, saved: Mapping[str, Any], bodies: int) -> Memory:
+        """Return what a checkpoint has kept; raises `ValueError` for what no guard remembers."""
+        if not isinstance(saved, Mapping):
+            raise ValueError(f"watch is {saved!r:.60}; expected what a guard remembers")
+        types = {f.name: str(f.type) for f in fields(cls)}
+        for key, value in saved.items():
+            if key not in types:
+                raise ValueError(f"watch has '{key}', which no guard remembers")
+            if not _IS[types[key]](value):
+                raise ValueError(f"watch.{key} is {value!r:.60}; expected {types[key]}")
+            by_body = key in ("volumes", "particles", "supplied")
+            if by_body and len(value) not in (0, bodies):
+                raise ValueError(f"watch.{key} has {len(value)} entries; expected {bodies}, or 0")
+        made = cls(**saved)
+        if made.step >= 0 and not len(made.volumes) == len(made.particles) == bodies:
+            raise ValueError(f"watch has no volumes or particles of {bodies} bodies after its look")
+        return made
+
+
+def _whole(item: Any) -> bool:
+    return isinstance(item, int) and not isinstance(item, bool) and abs(item) < 1 << 62
+
+
+def _real(item: Any) -> bool:
+    return (isinstance(item, float) and not math.isnan(item)) or _whole(item)
+
+
+def _all(item: Any, kind: type, test: Callable[[Any], bool]) -> bool:
+    entries: Any = item.values() if isinstance(item, dict) else item
+    return type(item) is kind and all(test(one) for one in entries)
+
+
+def _row(item: Any) -> bool:
+    return _all(item, list, _real) and len(item) == 4
+
+
+def _text(item: Any) -> bool:
+    return isinstance(item, str)
+
+
+#: Type of an entry, as it is written above -> whether a plain value is one.
+_IS: dict[str, Callable[[Any], bool]] = {
+    "int": _whole,
+    "float": _real,
+    "bool": lambda v: isinstance(v, bool),
+    "list[float | None]": lambda v: _all(v, list, lambda x: x is None or _real(x)),
+    "list[int]": lambda v: _all(v, list, _whole),
+    "list[str]": lambda v: _all(v, list, _text),
+    "dict[str, float]": lambda v: _all(v, dict, _real),
+    "dict[str, list[float]]": lambda v: _all(v, dict, _row),
+}

@@ -80,8 +80,8 @@ class Watch:
         """Take up the watch, with what a saved run remembers."""
         self._simulation = simulation
         self._guard = guard
-        self._memory = Memory(**memory) if memory else Memory()
         scene = simulation.scene
+        self._memory = Memory.restored(memory, len(scene.bodies)) if memory else Memory()
         self.every = guard.every or EVERY
         self._closed = not opened_by(scene)
         self._gravity = float(np.linalg.norm(initial_gravity(scene)))
