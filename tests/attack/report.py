@@ -81,13 +81,17 @@ def write(folder: Path, collected: Sequence[Path] = ()) -> None:
 
 
 def _tables(lines: Counts) -> str:
-    """Return a row an attack and commit, and the defects that were seen, by commit."""
+    """Return a row an attack and commit; of commits with defects the latest of an attack alone."""
     rows = ["| attack | commit | cases | outcomes | defects |", "| --- | --- | --- | --- | --- |"]
     whats = {name: kind.what for name, kind in ATTACKS.items()}
     seen: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for line in lines:
         seen.setdefault((line["attack"], line["commit"]), []).append(line)
+    latest = {name: commit for name, commit in seen}
     for (name, commit), mine in seen.items():
+        # Defects of earlier sources stand in the lines of results alone.
+        if latest[name] != commit and any(line["defects"] for line in mine):
+            continue
         outcomes: Counter[str] = Counter()
         for line in mine:
             outcomes.update(_short(line["outcomes"]))
