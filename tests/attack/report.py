@@ -87,7 +87,7 @@ def _tables(lines: Counts) -> str:
     seen: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for line in lines:
         seen.setdefault((line["attack"], line["commit"]), []).append(line)
-    latest = dict(seen)  # the last commit of each attack
+    latest = dict(list(seen))  # attack -> its last commit
     for (name, commit), mine in seen.items():
         # Defects of earlier sources stand in the lines of results alone.
         if latest[name] != commit and any(line["defects"] for line in mine):
