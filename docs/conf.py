@@ -2,8 +2,19 @@
 
 import os
 import re
+import sys
+from pathlib import Path
 
 from sphinx.ext import napoleon
+
+# In a source tree whose modules have been built in place, the pages and the kernels of the
+# notebooks are of that tree; else of the package that is installed.
+_tree = Path(__file__).resolve().parent.parent / "python"
+if any((_tree / "libmpm").glob("_core.*.so")):
+    sys.path.insert(0, str(_tree))
+    os.environ["PYTHONPATH"] = os.pathsep.join(
+        [str(_tree), *filter(None, [os.environ.get("PYTHONPATH")])]
+    )
 
 project = "libmpm"
 copyright = "the libmpm authors"
