@@ -36,7 +36,9 @@ wheel=$(echo "$work"/repaired/libmpm-*manylinux*.whl)
 for part in libmpm/data/surge.json libmpm/__main__.py libmpm/py.typed libmpm/_core.pyi; do
   grep -q "^$part " "$work/content" || { echo "the wheel lacks $part" >&2; exit 1; }
 done
-if strange=$(grep -E '\.(hpp|cuh|a|cmake)  *[0-9]' "$work/content"); then
+grep -q '^libmpm/include/mpm/kernels/cpu/added_material.hpp ' "$work/content" ||
+  { echo "the wheel lacks the headers of materials" >&2; exit 1; }
+if strange=$(grep -E '\.(hpp|cuh|a|cmake)  *[0-9]' "$work/content" | grep -v '^libmpm/include/mpm/'); then
   printf 'the wheel holds what only a build needs:\n%s\n' "$strange" >&2
   exit 1
 fi

@@ -6,6 +6,7 @@
 #include "engine_binding.hpp"
 #include "mpm/exec/rank_processes.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
+#include "mpm/solver/added_materials.hpp"
 #include "mpm/solver/functions_engine.hpp"
 #include "smoothing_binding.hpp"
 
@@ -113,6 +114,8 @@ PYBIND11_MODULE(_core, m) {
     mpm::python::bind_smoothing(m);
     m.def("material_table", &mpm::python::material_table,
           "Descriptions of all materials and their parameters.");
+    m.def("add_material", &mpm::add_cpu_material, py::arg("path"),
+          "Loads the library of a material that was compiled for itself; returns its name.");
     m.def(
         "build_info",
         [] {

@@ -234,6 +234,8 @@ inline void bind_columns(py::module_& m) {
         .def("dlpack", &ColumnHandle::dlpack, py::arg("versioned"), py::arg("copied"));
 }
 
+using Reals = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Ids = py::array_t<std::uint64_t, py::array::c_style | py::array::forcecast>;
 using Factory = std::function<std::unique_ptr<Engine>(const Spec&)>;
 using Planner = std::function<Plan(const Spec&, const BackendTraits&)>;
 
@@ -402,6 +404,24 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             },
             py::arg("body"), py::arg("names"), py::arg("origin"))
         .def(
+            "assign",
+            [](Handle& h, int body, const Ids& ids, const Reals& change, const Reals& state,
+               const Reals& pressure) {
+                Assignment given;
+                given.body = body;
+                given.id.assign(ids.data(), ids.data() + ids.size());
+                given.change.assign(change.data(), change.data() + change.size());
+                given.state.assign(state.data(), state.data() + state.size());
+                given.width = state.ndim() == 2 ? int(state.shape(1)) : 0;
+                given.pressure.assign(pressure.data(), pressure.data() + pressure.size());
+                ask(h, [&](Engine& e) {
+                    e.assign(given);
+                    ++h.generation;
+                });
+            },
+            py::arg("body"), py::arg("ids"), py::arg("change"), py::arg("state"),
+            py::arg("pressure"))
+        .def(
             "grid",
             [](Handle& h, const std::string& name) {
                 Array a = ask(h, [&](Engine& e) { return e.grid(name); });
@@ -469,6 +489,7 @@ inline py::list material_table() {
             py::dict c;
             c["name"] = m.columns[k].name;
             c["components"] = m.columns[k].components[1];
+            c["components_2d"] = m.columns[k].components[0];
             c["meaning"] = m.columns[k].meaning;
             c["unit"] = m.columns[k].unit;
             columns.append(c);

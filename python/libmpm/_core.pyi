@@ -7,7 +7,7 @@ import numpy
 import numpy.typing
 import typing
 import typing_extensions
-__all__: list[str] = ['Basis', 'Column', 'Engine', 'Processes', 'build_info', 'equation_of_state', 'material_table', 'plan', 'smooth_points']
+__all__: list[str] = ['Basis', 'Column', 'Engine', 'Processes', 'add_material', 'build_info', 'equation_of_state', 'material_table', 'plan', 'smooth_points']
 class Column:
     """
     Numbers one after another in the memory of an engine's device.
@@ -33,6 +33,8 @@ class Engine:
     A simulation on one device, built from a spec (design/engine-contract.md).
     """
     def __init__(self, spec: dict) -> None:
+        ...
+    def assign(self, body: typing.SupportsInt | typing.SupportsIndex, ids: typing.Annotated[numpy.typing.ArrayLike, numpy.uint64], change: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], state: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], pressure: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> None:
         ...
     def attribute(self, body: typing.SupportsInt | typing.SupportsIndex, name: str) -> typing.Any:
         ...
@@ -163,6 +165,10 @@ class Basis:
     @property
     def name(self) -> str:
         ...
+def add_material(path: str) -> str:
+    """
+    Loads the library of a material that was compiled for itself; returns its name.
+    """
 def build_info() -> dict:
     """
     How this library was built and what it will use.

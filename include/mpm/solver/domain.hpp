@@ -71,6 +71,7 @@ public:
                     const std::vector<double>& origin, IdRange ids) override;
     DenseColumn duplicate(const DenseColumn& column) override;
     void copy_out(const DenseColumn& column, void* to) override;
+    void assign(const Assignment& given) override;
     Array grid(const std::string& name) override;
     NodalSums sums() override;
     Condition condition(int samples) override;
@@ -473,6 +474,7 @@ private:
 }  // namespace mpm
 
 #include "mpm/solver/domain_devices.hpp"
+#include "mpm/solver/domain_assign.hpp"
 #include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_migrate.hpp"
 #include "mpm/solver/domain_migrate_devices.hpp"

@@ -164,6 +164,17 @@ struct IdRange {
     }
 };
 
+/// What particles of one body are given at the boundary of a step; rows as in `id`.
+struct Assignment {
+    int body = 0;
+    std::vector<std::uint64_t> id;  // (n,), each once
+    std::vector<double> change;     // (n, dimension) added to their velocities, m/s, or none
+    // (n, width) in place of the first `width` numbers that their material stores, or none
+    std::vector<double> state;
+    int width = 0;
+    std::vector<double> pressure;  // (n,) Pa, of fluids, or none
+};
+
 class Engine {
 public:
     Engine() = default;
@@ -190,6 +201,9 @@ public:
                             const std::vector<double>& origin, IdRange ids = {});
     virtual DenseColumn duplicate(const DenseColumn& column);
     virtual void copy_out(const DenseColumn& column, void* to);
+    /// Changes particles and, by what these add to them, nodal sums. What is refused leaves the
+    /// engine as it was.
+    virtual void assign(const Assignment& given);
     virtual Array grid(const std::string& name) = 0;
     virtual NodalSums sums() = 0;
     /// At a halt; the volumes from about `samples` particles.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "mpm/kernels/model_headers.inc"
+#include "mpm/solver/added_materials.hpp"
 #include "mpm/solver/domain.hpp"
 #include "mpm/solver/rank_scene.hpp"
 #include "mpm/solver/ranks.hpp"
@@ -15,6 +16,8 @@ BodyOps<X, T, D> find_body_ops(const std::string& name, Smoothing s) {
     if (name == Model::name) return body_ops<X, T, D, Model>(s);
 #include "mpm/kernels/models.inc"
 #undef MPM_MODEL
+    const auto& added = added_ops<X, T, D>();
+    if (const auto found = added.find(name); found != added.end()) return found->second(s);
     throw SceneError("material '" + name + "' has no form for this backend");
 }
 

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <new>
 
+#include "mpm/core/error.hpp"
 #include "mpm/solver/engine.hpp"
 
 namespace mpm {
@@ -50,6 +51,12 @@ Gathered Engine::gather(int body, const std::vector<std::string>& names,
         }
     }
     return out;
+}
+
+void Engine::assign(const Assignment& /*given*/) {
+    throw SceneError(
+        "particles are given values while the simulation runs on functions over cells or on "
+        "several ranks, which is not built; take square cells and one device");
 }
 
 DenseColumn Engine::duplicate(const DenseColumn& column) {

@@ -1,16 +1,42 @@
-// The list of materials, from the one place that names them (src/kernels/models.cmake).
+// The list of materials, from the one place that names them (src/kernels/models.cmake), and those
+// that were added since.
+#include "mpm/core/error.hpp"
 #include "mpm/kernels/model_headers.inc"
+#include "mpm/solver/added_materials.hpp"
 #include "mpm/solver/plan.hpp"
 
 namespace mpm {
 
-const std::vector<MaterialInfo>& materials() {
-    static const std::vector<MaterialInfo> all = {
-#define MPM_MODEL(Model) describe_material<Model>(),
+namespace {
+
+/// Entries are pointed at, so that they may not move.
+constexpr std::size_t most_materials = 1024;
+
+std::vector<MaterialInfo>& list() {
+    static std::vector<MaterialInfo> all = [] {
+        std::vector<MaterialInfo> built;
+        built.reserve(most_materials);
+#define MPM_MODEL(Model) built.push_back(describe_material<Model>());
 #include "mpm/kernels/models.inc"
 #undef MPM_MODEL
-    };
+        return built;
+    }();
     return all;
+}
+
+}  // namespace
+
+const std::vector<MaterialInfo>& materials() { return list(); }
+
+void add_material(const MaterialInfo& info) {
+    for (const MaterialInfo& m : list())
+        if (std::string(m.name) == info.name)
+            throw SceneError("material '" + std::string(info.name) +
+                             "' is there already; give the new law another name");
+    if (list().size() == most_materials)
+        throw SceneError("material '" + std::string(info.name) + "' is one more than the " +
+                         std::to_string(most_materials) + " that a process may have");
+    list().push_back(info);
 }
 
 }  // namespace mpm

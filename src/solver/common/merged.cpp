@@ -181,6 +181,12 @@ public:
     }
     DenseColumn duplicate(const DenseColumn& column) override { return inner_->duplicate(column); }
     void copy_out(const DenseColumn& column, void* to) override { inner_->copy_out(column, to); }
+    void assign(const Assignment& given) override {
+        Assignment all = given;
+        all.body = body_of_.at(std::size_t(given.body));
+        columns_ = {};
+        inner_->assign(all);
+    }
     Array grid(const std::string& name) override { return inner_->grid(name); }
     NodalSums sums() override { return inner_->sums(); }
     Condition condition(int samples) override {

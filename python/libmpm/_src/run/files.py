@@ -14,6 +14,7 @@ from libmpm._src.output.rank_files import open_together
 from libmpm._src.output.settings import Output
 from libmpm._src.output.writer import Writer
 from libmpm._src.run import backends
+from libmpm._src.run.acting import Actions
 from libmpm._src.run.assembly import Assembly
 from libmpm._src.run.guard import Guard
 from libmpm._src.run.partition import Partition, recorded_partition
@@ -35,6 +36,7 @@ class Files:
         turns: Turns,
         shared: SharedRanks,
         assembly: Assembly,
+        actions: Actions,
         output: Output | None,
     ) -> None:
         """Take the parts of `run`; nothing is written yet."""
@@ -42,6 +44,7 @@ class Files:
         self._turns = turns
         self._shared = shared
         self._assembly = assembly
+        self._actions = actions
         self.output = output
         #: What writes into the folder; None before the first step and where there is no folder.
         self.writer: Writer | None = None
@@ -135,6 +138,7 @@ class Files:
             "output": None if self.output is None else self.output.to_dict(),
             "guard": None if guard is None else guard.to_dict(),
             "watch": None if watch is None else watch.memory(),
+            "actions": self._actions.memory(),
         }
         sensors = [(s.time, s.values, list(s.components), list(s.units)) for s in run.series()]
         state = dict(engine.save()) | assembly.traffic.state()

@@ -120,6 +120,10 @@ class Watch:
             if policy != "freeze" and memory.particles:
                 memory.particles[body] -= len(ids)
 
+    def acted(self) -> None:
+        """Take note that a program has changed particles: energies are counted anew."""
+        self._memory.changed = True
+
     def look(self) -> None:
         """Look if it is time to. Raises `NumericalError` for what may not be."""
         self.refuse()

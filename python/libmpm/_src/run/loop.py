@@ -13,6 +13,7 @@ from libmpm._src.base.log import LOG, TIP
 from libmpm._src.base.values import warn
 from libmpm._src.boundaries.flow_layers import OUTFLOW
 from libmpm._src.errors import Error, ModelWarning, NumericalError
+from libmpm._src.run.acting import Actions
 from libmpm._src.run.assembly import Assembly
 from libmpm._src.run.fault_messages import describe_fault, describe_removed, removed_rows
 from libmpm._src.run.files import Files
@@ -35,7 +36,13 @@ class Loop:
     """The run loop of one simulation, and what it has cost."""
 
     def __init__(
-        self, run: Running, turns: Turns, shared: SharedRanks, assembly: Assembly, files: Files
+        self,
+        run: Running,
+        turns: Turns,
+        shared: SharedRanks,
+        assembly: Assembly,
+        files: Files,
+        actions: Actions,
     ) -> None:
         """Take the parts of `run`."""
         self._run = run
@@ -43,6 +50,7 @@ class Loop:
         self._shared = shared
         self._assembly = assembly
         self._files = files
+        self._actions = actions
         self._deadline = math.inf
         #: The end of the last `run`, s.
         self.until = math.inf
@@ -126,6 +134,7 @@ class Loop:
     def _advance(self, steps: int, until: float, report: Progress) -> None:
         """Advance `steps` (-1: no limit) or to `until`, serving whatever falls due."""
         with self._shared.together():
+            self._actions.require()
             # Nothing is lost by Ctrl-C while the engine is made; from the folder's first file on it
             # waits for a step's end, or the frame and the samples of the start would be missing.
             with self._turns:
@@ -143,6 +152,7 @@ class Loop:
             if self._assembly.watch is not None:
                 self._assembly.watch.look()
             self._assembly.measurements.service()
+            self._actions.service()
             if self._files.writer is not None:
                 self._files.writer.service()
         while steps != 0 and engine.time < until:
@@ -165,10 +175,10 @@ class Loop:
         watch, writer = self._assembly.watch, self._files.writer
         # The engine stops at the first boundary past the target and never shortens a step, so
         # targets of samples, frames and checkpoints leave the bits alone.
-        target = min(until, measured.next_time())
+        target = min(until, measured.next_time(), self._actions.next_time())
         if writer is not None:
             target = min(target, writer.next_time())
-        most = measured.limit(steps)
+        most = self._actions.limit(measured.limit(steps))
         if watch is not None:
             most = watch.limit(most)
         began, busy = clock.perf_counter(), clock.process_time()
@@ -188,6 +198,7 @@ class Loop:
         if watch is not None:
             watch.look()
         measured.service()
+        self._actions.service()
         if writer is not None:
             writer.service()
         return done

@@ -17,6 +17,7 @@ from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
 from libmpm._src.output.settings import Output
 from libmpm._src.run import backends
+from libmpm._src.run.acting import Acting, Actions
 from libmpm._src.run.assembly import Assembly, select
 from libmpm._src.run.engine_spec import check_backend, choose_precision, lower, world_offset
 from libmpm._src.run.files import Files, recorded
@@ -35,7 +36,7 @@ from libmpm._src.sensors.custom_functions import with_functions
 __all__ = ["Simulation"]
 
 
-class Simulation(Shown):
+class Simulation(Shown, Acting):
     """Runs a scene on one device.
 
     Parameters
@@ -124,8 +125,11 @@ class Simulation(Shown):
             guard=as_guard(guard), turns=self._turns, shared=self._shared,
         )  # fmt: skip
         output = Output(output) if isinstance(output, str | Path) else output
-        self._files = Files(self, self._turns, self._shared, self._assembly, output)
-        self._loop = Loop(self, self._turns, self._shared, self._assembly, self._files)
+        self._actions = Actions(self, self._turns, self._assembly)
+        self._files = Files(self, self._turns, self._shared, self._assembly, self._actions, output)
+        self._loop = Loop(
+            self, self._turns, self._shared, self._assembly, self._files, self._actions
+        )
         self.particles = ParticlesView(self)
         self.grid = GridView(self)
         self.sensors = SensorsView(self)
@@ -345,21 +349,13 @@ class Simulation(Shown):
         """The compiled engine; made when first asked for."""
         return self._assembly.engine
 
-    def __copy__(self) -> Simulation:
-        """Refuse: two objects would share one engine and one output folder."""
+    def __reduce__(self) -> Any:
+        """Refuse to be copied or pickled: two would share one engine and one output folder."""
         raise Error(
             "a Simulation cannot be copied or pickled, because it owns an engine and its output "
             "folder; continue from a checkpoint, Simulation.resume(sim.save_checkpoint(path)), or "
             "make another one of the same scene"
         )
-
-    def __deepcopy__(self, memo: Any) -> Simulation:
-        """Refuse, as `copy.copy`."""
-        return self.__copy__()
-
-    def __reduce__(self) -> Any:
-        """Refuse, as `copy.copy`."""
-        return self.__copy__()
 
     def flow_series(self) -> list[Series]:
         """Return the series of all inflows and outflows."""
@@ -466,6 +462,7 @@ class Simulation(Shown):
         simulation._assembly.displaced = dict(source.header.get("displaced", {}))
         simulation._files.settings = source.header.get("run") or {}
         simulation._files.recorded = source.header
+        simulation._actions.recorded = source.header.get("actions") or {}
         return simulation
 
     def recorded_output(self) -> Output | None:
