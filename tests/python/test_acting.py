@@ -180,7 +180,7 @@ def test_a_spring_swings_with_its_period():
 
 
 def wind(arrays):
-    return np.from_dlpack(arrays.position) * [0.5, -0.25]
+    return arrays.position.to_numpy() * [0.5, -0.25]
 
 
 @pytest.mark.parametrize("interval", [0, 0.013])
@@ -281,3 +281,36 @@ def test_a_push_into_water_is_no_energy_from_nowhere():
     sim = begun(made, guard=libmpm.Guard(every=20))
     sim.add_force("wind", "b", lambda a: np.tile([20.0, 0.0], (len(a["id"]), 1)), interval=0.005)
     assert sim.run(until=0.2, progress=False)
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("precision", ["single", "mixed", "double"])
+@pytest.mark.parametrize("transfer", TRANSFERS)
+def test_a_device_is_assigned_as_the_cpu_is(tmp_path, transfer, precision):
+    """Fixed-point sums are put in and taken out to their last bit, which is 2^-24 of the largest."""
+    within = {"single": 1e-5, "mixed": 1e-5, "double": 1e-11}[precision]
+    made = scene(transfer, velocity=(0.3, -0.2))
+    sim = libmpm.Simulation(made, device="cuda", precision=precision)
+    sim.step(9)
+    n, each = len(sim.particles["b"]), sim.particles["b"]["mass"][0]
+    change = np.random.default_rng(1).normal(size=(n, 2))
+    before, whole = momentum(sim), mass(sim)
+    sim.assign("b", velocity_change=change)
+    assert mass(sim) == pytest.approx(whole, rel=within)
+    given = each * change.sum(axis=0)
+    np.testing.assert_allclose(momentum(sim) - before, given, atol=within * n * each)
+    sim.step(9)
+    np.testing.assert_allclose(momentum(sim) - before, given, atol=10 * within * n * each)
+
+    runs = []
+    for resumes in (False, True):
+        run = libmpm.Simulation(scene(transfer), device="cuda", precision=precision)
+        run.add_force("wind", "b", wind, interval=0.013)
+        if resumes:
+            run.run(until=0.047, progress=False)
+            run.save_checkpoint(tmp_path / "c.npz")
+            run = libmpm.Simulation.resume(tmp_path / "c.npz")
+            run.add_force("wind", "b", wind, interval=0.013)
+        run.run(until=0.1, progress=False)
+        runs.append(bits(run))
+    assert runs[0] == runs[1]

@@ -96,22 +96,18 @@ def choose_precision(scene: SceneData, precision: str) -> str:
 
 def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
     """Return the device of a scene: the CPU for grids of functions, else as asked for."""
-    added = [b for b in scene.bodies if b.material.added]
-    if added and device == "auto":
-        return "cpu"
+    added = [body for body in scene.bodies if body.material.added]
     if added and "cuda" in str(device):
         raise SceneError(
-            f"body '{added[0].name}': {added[0].material.label} was compiled from a header at run "
-            f"time, which is for the CPU; device is {shown(device)}; use 'cpu', or build the law "
-            "into the library (docs/extending.md)"
+            f"body '{added[0].name}': {added[0].material.label} was compiled at run time, for the "
+            f"CPU; device is {shown(device)}; use 'cpu', or build it in (docs/extending.md)"
         )
-    if scene.grid is None or device == "cpu":
+    if (scene.grid is None and not added) or device == "cpu":
         return device
-    if device != "auto":
+    if scene.grid is not None and device != "auto":
         raise SceneError(
             f"device is {shown(device)} on a grid of functions, which is built for the CPU "
-            "alone; use "
-            "'cpu' or 'auto'"
+            "alone; use 'cpu' or 'auto'"
         )
     return "cpu"
 
