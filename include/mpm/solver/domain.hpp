@@ -473,8 +473,8 @@ private:
 
 }  // namespace mpm
 
-#include "mpm/solver/domain_devices.hpp"
 #include "mpm/solver/domain_assign.hpp"
+#include "mpm/solver/domain_devices.hpp"
 #include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_migrate.hpp"
 #include "mpm/solver/domain_migrate_devices.hpp"
