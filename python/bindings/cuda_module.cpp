@@ -4,12 +4,15 @@
 
 #include "engine_binding.hpp"
 #include "mpm/exec/cuda_devices.hpp"
+#include "mpm/solver/added_materials.hpp"
 
 namespace py = pybind11;
 
 PYBIND11_MODULE(_cuda, m) {
     m.doc() = "Compiled core of libmpm: CUDA backend.";
     mpm::python::bind_engine(m, mpm::make_cuda_engine, mpm::plan_scene);
+    m.def("add_material", &mpm::add_cuda_material, py::arg("path"),
+          "Loads the library of a material that was compiled for itself; returns its name.");
     m.def(
         "build_info",
         [] {

@@ -1,4 +1,4 @@
-"""Reference cases with known answers, to be run on one's own machine or with one's own choices.
+"""Reference cases with known answers, to be run on your machine or with your choices.
 
 >>> import libmpm.cases
 >>> result = libmpm.cases.run("sloshing", device="cuda")  # doctest: +SKIP

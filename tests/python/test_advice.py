@@ -353,10 +353,10 @@ def test_loads_on_what_is_a_few_cells_thick(asked):
             cell = libmpm.sensors.LoadCell(boundary="deck", interval=0.01)
             scene.add_sensor(name="load", sensor=cell)
         said = asked(scene, BASE).warnings
-        return [w for w in said if "is 2 cells thick and weighed: with APIC" in w]
+        return [w for w in said if "carries a load cell and is 2 cells thick: APIC" in w]
 
     (text,) = said(2)
-    assert "with APIC" in text and "transfer 'FLIP'" in text
+    assert "APIC over-predicts" in text and "transfer 'FLIP'" in text
     assert not said(2, weighed=False)
     assert not said(2, method=libmpm.Method(transfer="FLIP"))
     assert not said(5)

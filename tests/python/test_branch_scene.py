@@ -107,7 +107,7 @@ def test_particles_that_have_left(tmp_path, leaving, waiting):
         warnings.simplefilter("always")
         branch.step(0)
     left = int(outside.sum())
-    text = f"had set aside {{'block': {left}}} particles that left its domain"
+    text = f"parent run removed {{'block': {left}}} particles that left its domain"
     # Files of other tests may be closed, with a warning, while this one listens.
     told = [str(w.message) for w in found if issubclass(w.category, libmpm.ModelWarning)]
     assert [text in message for message in told] == ([True] if left else [])

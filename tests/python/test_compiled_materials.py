@@ -3,6 +3,7 @@
 Expected duration: 60 s on two cores, most of it the compiler's.
 """
 
+import importlib
 import os
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 
 import libmpm
 from libmpm import materials, shapes
+from support.devices import need_device
 
 ROOT = Path(__file__).resolve().parents[2]
 HEADERS = ROOT / "include/mpm/physics/material"
@@ -48,7 +50,8 @@ def moved(law, dimension, precision, **more):
         name="b", shape=shapes.Box(lower=(0.3,) * dimension, upper=(0.7,) * dimension),
         material=law(**SOFT),
     )  # fmt: skip
-    sim = libmpm.Simulation(scene, device="cpu", precision=precision, threads=2, **more)
+    more = {"device": "cpu", "threads": 2} | more
+    sim = libmpm.Simulation(scene, precision=precision, **more)
     x = sim.particles["b"]["position"] - 0.5
     sim.particles["b"]["velocity"] = 0.3 * np.sin(7 * x) + 0.2 * x[:, ::-1]
     sim.step(30)
@@ -127,11 +130,33 @@ def test_a_file_that_is_no_library_is_refused(tmp_path):
         core.add_material(str(tmp_path / "a.so"))
 
 
-def test_on_a_cuda_device_it_is_refused_by_name(cache):
+def thing(law):
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))
+    scene.add_body(
+        name="b", shape=shapes.Box(lower=(0.3, 0.3), upper=(0.7, 0.7)), material=law(**SOFT)
+    )
+    return scene
+
+
+def test_on_a_cuda_device_it_needs_nvcc(cache, monkeypatch):
     law = materials.from_header(copied(False), cache=cache)
-    with pytest.raises(libmpm.SceneError, match=r"body 'b': materials.CopiedPhased was compiled"):
-        scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))
-        scene.add_body(
-            name="b", shape=shapes.Box(lower=(0.3, 0.3), upper=(0.7, 0.7)), material=law(**SOFT)
-        )
-        libmpm.Simulation(scene, device="cuda:0")
+    compiled = importlib.import_module("libmpm._src.materials.compiled")
+    monkeypatch.setattr(compiled, "find_nvcc", lambda: None)
+    with pytest.raises(libmpm.Error, match=r"body 'b': materials.CopiedPhased .* needs nvcc"):
+        libmpm.Simulation(thing(law), device="cuda:0")
+    assert libmpm.Simulation(thing(law), device="auto").device == "cpu"
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("fused", [True, False])
+@pytest.mark.parametrize("precision", ["single", "mixed", "double"])
+def test_on_a_device_the_formula_of_a_built_in_law_has_its_bits(cache, fused, precision):
+    need_device()
+    law = materials.from_header(copied(fused), cache=cache)
+    for dimension in (2, 3):
+        for pipeline in ("auto", "phased") if fused else ("phased",):
+            way = {"device": "cuda", "pipeline": pipeline}
+            found = moved(law, dimension, precision, **way)
+            expected = moved(materials.LinearElastic, dimension, precision, **way)
+            for name, values in expected.items():
+                np.testing.assert_array_equal(found[name], values)

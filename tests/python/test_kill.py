@@ -86,7 +86,7 @@ def test_a_kill_loses_at_most_the_frame_in_flight(tmp_path, whole, seed):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         # A doubt about the scene, not about its files: said at every start.
-        warnings.filterwarnings("ignore", "boundary 'walls' is weighed in water")
+        warnings.filterwarnings("ignore", "boundary 'walls' carries a load cell in water")
         again = libmpm.Simulation.resume(tmp_path, output=output(tmp_path))
     again.run(until=UNTIL, progress=False)
     again.close()

@@ -340,7 +340,7 @@ def test_a_scene_that_goes_on_from_a_checkpoint_keeps_its_choices(tmp_path):
     scene = libmpm.Scene.from_checkpoint(tmp_path / "trunk.npz")
     for name, value in VALUES.items():
         with pytest.raises(
-            SceneError, match=f"'{name}' cannot be varied of this scene: it goes on"
+            SceneError, match=f"'{name}' cannot be varied of this scene: it continues"
         ):
             run(scene, {name: [value[0]]})
     # Options of a run can be, and time counts from where it begins.

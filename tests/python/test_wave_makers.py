@@ -80,7 +80,7 @@ def test_run_may_begin_and_end_within_the_file(tmp_path: Path) -> None:
 
 def test_columns_the_other_way_about_are_found_out(tmp_path: Path) -> None:
     rows = paddle()
-    with pytest.raises(SceneError, match="other way about"):
+    with pytest.raises(SceneError, match="columns are swapped"):
         stroke_from_file(write(tmp_path / "a.csv", rows[:, [0, 2, 1]]))
     wrong = rows * (1, 1, 1.2)
     with pytest.raises(SceneError, match="misses the velocities by 1"):

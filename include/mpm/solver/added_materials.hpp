@@ -27,5 +27,6 @@ std::map<std::string, FindAdded<X, T, D>>& added_ops() {
 /// Loads the library at `path`; returns the name of its material. Raises `SceneError` for a file
 /// that is none, or was compiled from other headers.
 std::string add_cpu_material(const std::string& path);
+std::string add_cuda_material(const std::string& path);
 
 }  // namespace mpm

@@ -34,7 +34,7 @@ def load(
     motion_folder  -     a folder  where motion files of paddles are; None = that of the file.
                                    A file is found by its path there, or by its name alone
     checkpoint     -     a file    of a run of this library, or its folder, that takes the place
-                                   of the checkpoint which the scene goes on from
+                                   of the checkpoint which the scene continues from
     =============  ====  ========  =============================================================
 
     Axes stay as they are, y up. Both generations of key names are read, case and separators do not

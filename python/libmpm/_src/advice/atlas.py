@@ -136,7 +136,7 @@ def parse(data: Mapping[str, Any]) -> Atlas:
     """Return the atlas of a file's contents; raises `Error`."""
     if data.get("format") != _FORMAT:
         raise Error(
-            f"atlas: format is {data.get('format')!r}; expected {_FORMAT}; write it anew with "
+            f"atlas: format is {data.get('format')!r}; expected {_FORMAT}; write it again with "
             "benchmarks/tradeoff.py write"
         )
     lines: Iterable[Mapping[str, Any]] = data["lines"]
@@ -147,7 +147,7 @@ def parse(data: Mapping[str, Any]) -> Atlas:
 
 @functools.cache
 def _read(path: str) -> Atlas:
-    with reading(Path(path), "atlas", "write it anew with benchmarks/tradeoff.py write"):
+    with reading(Path(path), "atlas", "write it again with benchmarks/tradeoff.py write"):
         return parse(json.loads(Path(path).read_text(encoding="utf-8")))
 
 

@@ -3,8 +3,8 @@
 1. A setting counts where every case that fits has a row of it, with whatever cells, so that nothing
    is put together that was not measured, but for water and solids: each takes F-bar and particles
    from rows of its own cases; transfer, kernel, precision and part of the stable step are shared.
-2. Rows that lose much more energy than the baseline are left out: they are right by accident. So
-   are steps that a particle alone does not bear.
+2. Rows that lose much more energy than the baseline are left out: their errors cancel. So are
+   steps at which an isolated particle is unstable.
 3. Rows of more cells than the scene has ask for smaller cells, by a whole factor m; that costs
    m^(d+1). Coarser rows give way to finer ones of the same setting, up to the scene's cells.
 4. Of the settings within the error the cheapest is taken. Costs within a quarter count as equal,

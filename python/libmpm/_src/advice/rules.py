@@ -140,8 +140,8 @@ RULES: tuple[Rule, ...] = (
         "surge-debris-load", "water", "water that carries solids, and a load cell",
         lambda f: _loads(f) and bool(f.solids),
     ),
-    Rule("gate", "water", "a gap of few cells beside or under what is weighed", _chokes),
-    Rule("slot", "water", "a gap of few cells beside or under what is weighed", _chokes),
+    Rule("gate", "water", "a gap of few cells beside or under a box with a load cell", _chokes),
+    Rule("slot", "water", "a gap of few cells beside or under a box with a load cell", _chokes),
     Rule(
         FLOATING, "water", "elastic bodies at the surface of water, or beside it",
         _floats,

@@ -90,7 +90,7 @@ def keywords_only(
             extra = len(args) - own - positional
             if extra > 0:
                 problems.append(
-                    f"{label}: {extra} argument(s) without a name too many; "
+                    f"{label}: takes keyword arguments only ({extra} positional given too many); "
                     f"write them as keywords: {', '.join(names)}"
                 )
             for key in kwargs:

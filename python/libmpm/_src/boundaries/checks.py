@@ -124,7 +124,7 @@ def _check_mirror(check: Checker, scene: SceneData, boundary: Boundary) -> None:
         )
     if any(getattr(b.fbar, "form", "") == "split" for b in scene.bodies):
         check.fail(
-            "response is Mirror with FBar(form='split'), whose average is made anew without "
+            "response is Mirror with FBar(form='split'), whose average is made again without "
             "mirrored nodes; expected another form, or Slip"
         )
     if method.transfer_choice.stores_velocity and any(b.force is not None for b in scene.bodies):

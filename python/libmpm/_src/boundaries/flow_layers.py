@@ -243,8 +243,8 @@ def check_flows(scene: SceneData, problems: list[str], doubts: list[str]) -> Non
         _check_tracker(scene, one.name, one.sensor, problems)
     if scene.start is not None and any(_of_kind(scene, Inflow)):
         problems.append(
-            "flows: the scene goes on from a checkpoint, which one with an Inflow cannot; expected "
-            "a run of its own; use Simulation.resume to go on with the same scene"
+            "flows: the scene continues from a checkpoint, which one with an Inflow cannot; "
+            "expected a run of its own; use Simulation.resume to go on with the same scene"
         )
 
 

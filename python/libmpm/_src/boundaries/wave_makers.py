@@ -178,7 +178,7 @@ def _compare(check: Checker, time: Array, position: Array, velocity: Array) -> N
         return
     remedy = "give columns=('time', 'position'), which leaves the velocities out"
     if misses(velocity, position) <= _AGREE:
-        remedy = "the columns are the other way about; give columns with the two names exchanged"
+        remedy = "the columns are swapped; give columns with the two names exchanged"
     check.fail(
         f"the slope of the positions misses the velocities by {100 * off:.3g} % rms; expected "
         f"≤ {100 * _AGREE:g} %; {remedy}"

@@ -42,7 +42,7 @@ class ExitCode(enum.IntEnum):
     INPUT = 2
     #: The state became unusable, or some cases of a study failed.
     NUMERICAL = 3
-    #: A result cannot be written; go on from the last checkpoint once there is space.
+    #: A result cannot be written; continue from the last checkpoint once there is space.
     OUTPUT = 4
     #: No such device, or not enough memory.
     DEVICE = 5
@@ -188,7 +188,7 @@ def _run_source(
             return ExitCode.DONE
         if results.checkpoints:
             return _go_on(folder, None, until, arguments)
-        # What was cut off before its first checkpoint has nothing to go on from.
+        # What was cut off before its first checkpoint has nothing to continue from.
         overwrite = True
     simulation = start(
         source, folder, overwrite=overwrite, guard=not arguments.no_guard,

@@ -59,7 +59,7 @@ def _add_writing(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-picture", action="store_true", help="do not draw report.png")
     parser.add_argument(
         "--no-guard", action="store_true",
-        help="do not look for energy from nowhere, crushed volumes and lost particles",
+        help="disable run-time checks (energy growth, volume change, particle loss)",
     )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     parser.add_argument(
@@ -111,7 +111,9 @@ def parser() -> argparse.ArgumentParser:
     importer.add_argument("-o", "--output", type=Path, required=True, help="scene file to write")
     importer.add_argument("--cell-size", type=float, help="m; default: that of the file")
     importer.add_argument("--motion-folder", type=Path, help="of motion files; default: the file's")
-    importer.add_argument("--checkpoint", type=Path, help="that stands for the file's own")
+    importer.add_argument(
+        "--checkpoint", type=Path, help="checkpoint to use instead of the one named in the file"
+    )
 
     demo = commands.add_parser("demo", help="a surge carries debris into a raised box")
     demo.add_argument("-o", "--output", type=Path, default=Path("libmpm-demo"), help="folder")
@@ -126,7 +128,7 @@ def parser() -> argparse.ArgumentParser:
     existing.add_argument("--overwrite", action="store_true", help="replace earlier results")
     existing.add_argument(
         "--continue", dest="go_on", action="store_true",
-        help="go on from the folder's newest checkpoint if it has one, else start; nothing is "
+        help="continue from the folder's newest checkpoint if it has one, else start; nothing is "
         "done to a finished run. A job that is submitted again and again needs no other command",
     )  # fmt: skip
     run.add_argument("--without-debris", action="store_true", help="leave out its debris bodies")
@@ -168,7 +170,9 @@ def parser() -> argparse.ArgumentParser:
     export.add_argument("-o", "--output", type=Path, help="folder; default: RUN/export")
     export.add_argument("--body", nargs="+", help="names of bodies; default: all")
     export.add_argument(
-        "--attributes", nargs="+", help="beside the position; of a checkpoint any, of frames theirs"
+        "--attributes",
+        nargs="+",
+        help="attributes to export besides position (frames: only stored ones)",
     )
     export.add_argument("--from", dest="first", type=float, help="first time, s")
     export.add_argument("--until", type=float, help="last time, s")

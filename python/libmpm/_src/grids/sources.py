@@ -140,7 +140,9 @@ def read(path: str | os.PathLike[str]) -> Arrays:
         # meshio looks for the line of counts without end.
         lines = Path(path).read_bytes().splitlines()[1:]
         if not any(line and not line.startswith(b"#") for line in lines):
-            raise SceneError(f"{label} is cut; expected counts, vertices, triangles; write it anew")
+            raise SceneError(
+                f"{label} is cut; expected counts, vertices, triangles; write it again"
+            )
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):

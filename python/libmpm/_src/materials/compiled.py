@@ -1,4 +1,4 @@
-"""`materials.from_header`: a law of one's own, a short C++ header compiled at run time.
+"""`materials.from_header`: a custom law, a short C++ header compiled at run time.
 
 The header is what `include/mpm/physics/material/*.hpp` are (docs/extending.md): the compiler makes
 of it the instances that a built-in law has, in a shared library that is kept in a folder and loaded
@@ -18,6 +18,8 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,22 +28,43 @@ from libmpm._src.base.values import value
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.materials.material import Column, Entry, Material, Parameter
 
-__all__ = ["from_header"]
+__all__ = ["device_for", "find_nvcc", "from_header", "load_on_devices"]
 
 #: As of the library itself (cmake/MpmFlags.cmake): the same formula gives the same bits.
-FLAGS = (
-    "-std=c++20", "-O3", "-DNDEBUG", "-fPIC", "-fvisibility=hidden", "-fvisibility-inlines-hidden",
-    "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fopenmp",
-    "-DEIGEN_MAX_STATIC_ALIGN_BYTES=16", "-Wall", "-Wextra", "-Wno-psabi",
+_ARITHMETIC = (
+    "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fPIC",
+    "-fvisibility=hidden", "-fvisibility-inlines-hidden", "-Wno-psabi",
 )  # fmt: skip
+_COMMON = ("-std=c++20", "-O3", "-DNDEBUG", "-DEIGEN_MAX_STATIC_ALIGN_BYTES=16", "-shared")
+FLAGS = {
+    "cpu": (*_COMMON, *_ARITHMETIC, "-fopenmp", "-Wall", "-Wextra"),
+    "cuda": (*_COMMON, "--expt-relaxed-constexpr", "-Xcompiler=" + ",".join(_ARITHMETIC)),
+}
 
-_UNIT = """#include "mpm/kernels/cpu/added_material.hpp"
+_UNIT = {
+    "cpu": """#include "mpm/kernels/cpu/added_material.hpp"
 #include "law.hpp"
 MPM_ADDED_MATERIAL(mpm::{name})
-"""
+""",
+    "cuda": """#include "mpm/kernels/cuda/added_material.cuh"
+#include "law.hpp"
+MPM_ADDED_CUDA_MATERIAL(mpm::{name})
+""",
+}
 
-#: Laws that this process has loaded: name -> key of the compiled library and the class.
-_LOADED: dict[str, tuple[str, type[Material]]] = {}
+
+@dataclass
+class _Loaded:
+    """A law that this process has."""
+
+    text: str
+    key: str
+    made: type[Material]
+    folder: Path
+    on_devices: bool = False
+
+
+_LOADED: dict[str, _Loaded] = {}
 
 
 def from_header(
@@ -64,7 +87,8 @@ def from_header(
     leaves it to the phased pipeline, in some seconds. The class is like those of
     `libmpm.materials`: keyword arguments by the header's table of parameters, checked by its
     ranges, in SI units. A process that reads a scene file with it, a worker of a study say, calls
-    this first. CPU only: a simulation with it on a CUDA device is refused by name.
+    this first. The first simulation with it on a CUDA device compiles it for that, by ``nvcc``;
+    without one it is refused by name, and device "auto" is the CPU.
 
     Raises `SceneError` for a header that does not say its name, whose name is taken, or that does
     not compile (with what the compiler says), and `Error` without a compiler or its headers.
@@ -72,11 +96,11 @@ def from_header(
     text = _text(header)
     name = _name(text)
     found = _compiler(compiler, name)
-    folders = [_headers(name), _eigen(name)]
-    key = _key(text, found, folders[0])
+    command = [found, *FLAGS["cpu"]]
+    key = _key(text, command, _UNIT["cpu"])
     if name in _LOADED:
-        if _LOADED[name][0] == key:
-            return _LOADED[name][1]
+        if _LOADED[name].key == key:
+            return _LOADED[name].made
         raise SceneError(
             f"material '{name}' has been compiled from another header in this process; expected "
             "one law of a name; give it another name, or begin a new process"
@@ -85,17 +109,53 @@ def from_header(
         raise SceneError(
             f"material '{name}' is built in; expected another name for a law of your own"
         )
-    library = _folder(cache) / f"{name}-{key}.so"
-    with open(library.with_suffix(".lock"), "w", encoding="ascii") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # processes of a study wait for the first of them
-        if not library.is_file():
-            _compile(name, text, found, folders, library)
+    folder = _folder(cache)
     core = importlib.import_module("libmpm._core")
-    core.add_material(str(library))
+    core.add_material(str(_library(name, text, "cpu", command, key, folder)))
     entry = next(m for m in core.material_table() if m["name"] == name)
     made = _class(entry)
-    _LOADED[name] = key, made
+    _LOADED[name] = _Loaded(text, key, made, folder)
     return made
+
+
+def find_nvcc() -> str | None:
+    """Return the CUDA compiler: the environment's ``CUDACXX``, ``nvcc``, or where it usually is."""
+    homes = [os.environ.get(name) for name in ("CUDA_PATH", "CUDA_HOME")]
+    places = [f"{home}/bin/nvcc" for home in [*homes, "/usr/local/cuda"] if home]
+    for one in [os.environ.get("CUDACXX"), "nvcc", *places]:
+        path = shutil.which(one) if one else None
+        if path:
+            return path
+    return None
+
+
+def device_for(bodies: Mapping[str, str], device: str | Sequence[str]) -> str | Sequence[str]:
+    """Return the device of a scene with such laws, name of the body -> label of its law.
+
+    Without the compiler of CUDA devices "auto" is the CPU, and a CUDA device refused by name.
+    """
+    if find_nvcc() is not None:
+        return device
+    if "cuda" in str(device):
+        body, label = next(iter(bodies.items()))
+        raise Error(
+            f"body '{body}': {label} was compiled at run time, which on a CUDA device needs nvcc; "
+            "none is on PATH, nor named by CUDACXX; install the CUDA toolkit, or use device='cpu'"
+        )
+    return "cpu" if device == "auto" else device
+
+
+def load_on_devices(name: str, module: Any, capability: str) -> None:
+    """Compile a law for CUDA devices of a capability ("9.0"), once, and give it to their module."""
+    law = _LOADED[name]
+    if law.on_devices:
+        return
+    nvcc = find_nvcc()
+    assert nvcc is not None
+    command = [nvcc, *FLAGS["cuda"], f"-arch=sm_{capability.replace('.', '')}"]
+    key = _key(law.text, command, _UNIT["cuda"])
+    module.add_material(str(_library(name, law.text, "cuda", command, key, law.folder)))
+    law.on_devices = True
 
 
 def _text(header: str | Path) -> str:
@@ -154,13 +214,15 @@ def _eigen(name: str) -> Path:
     )
 
 
-def _key(text: str, compiler: str, headers: Path) -> str:
+def _key(text: str, command: list[str], unit: str) -> str:
+    """Return what tells apart all that a compiled law is made of."""
     core = importlib.import_module("libmpm._core")
-    asked = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
+    asked = subprocess.run([command[0], "--version"], capture_output=True, text=True, check=False)
     digest = hashlib.sha256()
-    for part in (text, asked.stdout, str(core.build_info()["version"]), *FLAGS, _UNIT):
+    for part in (text, asked.stdout, str(core.build_info()["version"]), *command[1:], unit):
         digest.update(part.encode() + b"\0")
-    for file in sorted(headers.rglob("*.hpp")):
+    headers = _headers(_name(text))
+    for file in sorted([*headers.rglob("*.hpp"), *headers.rglob("*.cuh")]):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:20]
 
@@ -178,17 +240,26 @@ def _folder(cache: str | Path | None) -> Path:
     return folder
 
 
-def _compile(name: str, text: str, compiler: str, folders: list[Path], library: Path) -> None:
-    LOG.info("material %s is compiled by %s; once, some tens of seconds", name, compiler)
+def _library(name: str, text: str, kind: str, command: list[str], key: str, folder: Path) -> Path:
+    """Return the compiled library of a law, made where it is not there yet."""
+    library = folder / f"{name}-{kind}-{key}.so"
+    with open(library.with_suffix(".lock"), "w", encoding="ascii") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # processes of a study wait for the first of them
+        if not library.is_file():
+            _compile(name, text, kind, command, library)
+    return library
+
+
+def _compile(name: str, text: str, kind: str, command: list[str], library: Path) -> None:
+    LOG.info("material %s is compiled by %s; once, some tens of seconds", name, command[0])
     version = importlib.import_module("libmpm._core").build_info()["version"]
-    more = [f'-DLIBMPM_VERSION="{version}"', *(f"-I{folder}" for folder in folders[:1])]
-    more += [f"-isystem{folder}" for folder in folders[1:]]
     with tempfile.TemporaryDirectory(dir=library.parent) as place:
         work = Path(place)
         (work / "law.hpp").write_text(text, encoding="utf-8")
-        unit, made = work / "law.cpp", work / "law.so"
-        unit.write_text(_UNIT.format(name=name), encoding="utf-8")
-        command = [compiler, *FLAGS, "-shared", *more, f"-I{work}", str(unit), "-o", str(made)]
+        unit, made = work / ("law.cpp" if kind == "cpu" else "law.cu"), work / "law.so"
+        unit.write_text(_UNIT[kind].format(name=name), encoding="utf-8")
+        command = [*command, f'-DLIBMPM_VERSION="{version}"', f"-I{_headers(name)}", f"-I{work}"]
+        command += ["-isystem", str(_eigen(name)), str(unit), "-o", str(made)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             said = [line for line in done.stderr.splitlines() if "error" in line] or [done.stderr]

@@ -92,7 +92,7 @@ class Material(Value):
     """Base of all materials. `table` holds the entry of the compiled core."""
 
     table: ClassVar[Entry]
-    #: Whether the law was compiled at run time (`materials.from_header`), for the CPU alone.
+    #: Whether the law was compiled at run time (`materials.from_header`).
     added: ClassVar[bool] = False
 
     def _check(self, check: Checker) -> dict[str, Any]:

@@ -51,7 +51,7 @@ class Actions:
         self._assembly = assembly
         self._all: dict[str, _Action] = {}
         self._busy = False
-        #: Of the checkpoint that the simulation goes on from: name -> interval and last call, s.
+        #: Of the checkpoint that the simulation continues from: name -> interval and last call, s.
         self.recorded: Mapping[str, Any] = {}
 
     def add(self, name: str, interval: float, call: Callable[[float], object]) -> None:
@@ -306,7 +306,7 @@ class Acting:
         has the same bits. Refused where it cannot be exact: bodies that are smoothed over cells, a
         stored state beside F-bar's second volume, several ranks, grids of functions, and a change
         that would take particles through half a cell in the coming step. Raises `SceneError`;
-        nothing is changed then. The guard counts energies anew afterwards.
+        nothing is changed then. The guard counts energies again afterwards.
         """
         with self._turns:
             self._actions.assign(body, velocity, velocity_change, pressure, stored, ids)

@@ -40,7 +40,7 @@ def select(
 ) -> tuple[backends.Backend, int]:
     """Return the backend that a scene runs on, and the threads of this process."""
     if ranks is None:
-        return backends.select(choose_device(scene, device)), threads
+        return _with_laws(scene, backends.select(choose_device(scene, device))), threads
     if ranks != "processes":
         raise SceneError(f"ranks is {shown(ranks)}; expected 'processes' or None")
     backend = backends.select_process(choose_device(scene, device))
@@ -52,7 +52,19 @@ def select(
                 "as processes; take ranks of one process, device=['cpu', 'cpu'], or a sensor "
                 "of the engine"
             )
-    return backend, backend.link.threads(threads)
+    return _with_laws(scene, backend), backend.link.threads(threads)
+
+
+def _with_laws(scene: SceneData, backend: backends.Backend) -> backends.Backend:
+    """Give a backend the laws of a scene that were compiled at run time."""
+    added = sorted({body.material.table.name for body in scene.bodies if body.material.added})
+    if added and backend.kind == "cuda":
+        from libmpm._src.materials import compiled
+
+        capability = str(backend.module.devices()[backend.index]["compute_capability"])
+        for name in added:
+            compiled.load_on_devices(name, backend.module, capability)
+    return backend
 
 
 class Assembly:
@@ -80,7 +92,7 @@ class Assembly:
         self.guard = guard
         #: Arrays given for the particles of bodies.
         self.initial = Initial()
-        #: The checkpoint to go on from, until the engine is made.
+        #: The checkpoint to continue from, until the engine is made.
         self.restored: checkpoints.Checkpoint | None = None
         #: Particles of restored bodies whose place new bodies have taken, by body.
         self.displaced: dict[str, int] = {}
@@ -234,8 +246,8 @@ class Assembly:
         left = {name: n for name, n in state.frozen.items() if n}
         if left:
             warnings.warn(
-                f"the run before had set aside {left} particles that left its domain; they are "
-                "not part of this one",
+                f"the parent run removed {left} particles that left its domain; they are not "
+                "restored",
                 ModelWarning, stacklevel=6,
             )  # fmt: skip
 

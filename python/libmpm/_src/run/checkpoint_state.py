@@ -1,4 +1,4 @@
-"""The state of a checkpoint taken apart, for a run with other bodies that goes on from it."""
+"""The state of a checkpoint taken apart, for a run with other bodies that continues from it."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def _version_of(path: str) -> tuple[int, int] | None:
 
 
 def snapshot(scene: SceneData) -> Snapshot:
-    """Return the state that a scene goes on from, tiled where it is; the last one is kept."""
+    """Return the state that a scene continues from, tiled where it is; the last one is kept."""
     start = scene.start
     assert start is not None
     cells = 0 if start.axis is None else scene.cells["xyz".index(start.axis)] // start.tiles

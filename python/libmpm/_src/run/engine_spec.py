@@ -96,15 +96,14 @@ def choose_precision(scene: SceneData, precision: str) -> str:
 
 def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
     """Return the device of a scene: the CPU for grids of functions, else as asked for."""
-    added = [body for body in scene.bodies if body.material.added]
-    if added and "cuda" in str(device):
-        raise SceneError(
-            f"body '{added[0].name}': {added[0].material.label} was compiled at run time, for the "
-            f"CPU; device is {shown(device)}; use 'cpu', or build it in (docs/extending.md)"
-        )
-    if (scene.grid is None and not added) or device == "cpu":
+    added = {body.name: body.material.label for body in scene.bodies if body.material.added}
+    if added:
+        from libmpm._src.materials.compiled import device_for
+
+        device = device_for(added, device)
+    if scene.grid is None or device == "cpu":
         return device
-    if scene.grid is not None and device != "auto":
+    if device != "auto":
         raise SceneError(
             f"device is {shown(device)} on a grid of functions, which is built for the CPU "
             "alone; use 'cpu' or 'auto'"
@@ -198,7 +197,7 @@ def lower(
 
 
 def _added(scene: SceneData, time_step: float | None, with_particles: bool) -> dict[str, Any]:
-    """Return what only some scenes have: a grid of functions, or another run to go on from."""
+    """Return what only some scenes have: a grid of functions, or another run to continue from."""
     if scene.grid is not None:
         return {"grid": scene.grid.specification()}
     start = scene.start
@@ -231,7 +230,7 @@ def _hollow(specification: dict[str, Any]) -> None:
 
 
 def _restored(scene: SceneData, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:
-    """Return a body that goes on from another run, without those that new bodies displace."""
+    """Return a body that continues from another run, without those that new bodies displace."""
     result: dict[str, Any] = {
         "name": body.name,
         "material": body.material.table.name,

@@ -169,7 +169,7 @@ def recorded(
     ranks: str | None,
     partition: Partition | Literal["same"] | None,
 ) -> tuple[checkpoints.Checkpoint, dict[str, Any]]:
-    """Return a checkpoint and the arguments of the simulation that goes on from it.
+    """Return a checkpoint and the arguments of the simulation that continues from it.
 
     The others are as those of `Simulation.resume`.
     """

@@ -96,7 +96,7 @@ class Watch:
         smoothed = [i for i, body in enumerate(scene.bodies) if body.smoothing is not None]
         self._smoothed = smoothed if guard.smoothing is not None else []
         #: What smoothing had taken in processes before this one, kg, by body: the engine's record
-        #: begins anew in each.
+        #: begins again in each.
         self._taken = {name: row[0] for name, row in self._memory.smoothing.items()}
         #: Why the run may not go on; empty while it may.
         self.broken = ""
@@ -121,7 +121,7 @@ class Watch:
                 memory.particles[body] -= len(ids)
 
     def acted(self) -> None:
-        """Take note that a program has changed particles: energies are counted anew."""
+        """Take note that a program has changed particles: energies are counted again."""
         self._memory.changed = True
 
     def look(self) -> None:

@@ -52,7 +52,7 @@ class Initial:
         if simulation.steps > 0 or scene.start is not None:
             raise SceneError(
                 f"{label}: {name} is set at step {simulation.steps} of a scene "
-                f"{'that goes on from a checkpoint' if scene.start is not None else 'that has run'}"
+                f"that {'has run' if scene.start is None else 'continues from a checkpoint'}"
                 "; expected a simulation before its first step: afterwards the grid holds the "
                 "particles' momentum and stress already; make a new Simulation"
             )

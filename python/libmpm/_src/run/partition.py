@@ -26,7 +26,7 @@ _CURVE = -1
 
 @value
 class Partition(Value):
-    """How several ranks share a scene: in which order its blocks are cut, where, and when anew.
+    """How several ranks share a scene: in which order its blocks are cut, where, and when again.
 
     {fields}
 
@@ -73,7 +73,7 @@ class Partition(Value):
         default="particles",
     )
     rebalance_above: float | None = given(
-        "largest load of a rank over the mean one, above which a sort cuts anew where that "
+        "largest load of a rank over the mean one, above which a sort cuts again where that "
         "makes it 3 % less or better; 0 = at every sort, at any price; None = never",
         default=1.05,
         unit="1",

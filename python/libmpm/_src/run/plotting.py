@@ -1,4 +1,4 @@
-"""What a simulation shows: device arrays, pictures, tables. Looking never changes a run."""
+"""What a simulation shows: device arrays, pictures, tables; none of it has side effects."""
 
 from __future__ import annotations
 

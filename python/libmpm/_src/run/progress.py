@@ -1,4 +1,4 @@
-"""Progress of a run: a bar in the terminal or notebook, or a callable of one's own."""
+"""Progress of a run: a bar in the terminal or notebook, or a custom callable."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class State:
     """Where a run stands: `time` and `until` in s, `steps` done, `rate` in particle-steps/s.
 
     `elapsed` is the wall time since the run began, s; `pace` how many seconds are simulated in a
-    second of it, and `remaining` the wall time to `until` at that pace, s. Both are not-a-number
+    second of it, and `remaining` the wall time to `until` at that pace, s. Both are NaN
     before there is anything to measure.
     """
 

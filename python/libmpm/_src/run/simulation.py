@@ -65,7 +65,7 @@ class Simulation(Shown, Acting):
         None: by `device` alone, whatever has started this process.
     partition
         Where several ranks share the scene: how its blocks are cut, where at the start, and when
-        anew, a `Partition`.
+        again, a `Partition`.
         None has it chosen. The results have the same bits with any.
     shared_device
         True where other simulations run on the same CUDA device at the same time: together they
@@ -212,7 +212,7 @@ class Simulation(Shown, Acting):
 
     @property
     def first_step(self) -> int:
-        """Steps at which the scene begins: those of the checkpoint that it goes on from, or 0."""
+        """Steps at which the scene begins: those of the checkpoint that it continues from, or 0."""
         return 0 if self._scene.start is None else self._scene.start.step
 
     @property

@@ -65,7 +65,7 @@ def doubtful_loads(scene: SceneData) -> list[str]:
 
 
 def _soft(facts: Facts) -> list[str]:
-    """Return which weighed water is so soft that its load is off by more than 5 % by that alone.
+    """Return which water is so soft that a load is off by more than 5 % by that alone.
 
     The side force of a tank is off by (2/3) ρ g H/K, what is stopped by (v/c)²/2.
     """
@@ -94,7 +94,7 @@ def weighed(scene: SceneData) -> list[Boundary]:
 
 
 def narrow_gap(facts: Facts) -> bool:
-    """Return whether a weighed structure has a gap of few cells beside or under it."""
+    """Return whether a structure with a load cell has a gap of few cells beside or under it."""
     for boundary in weighed(facts.scene):
         if not isinstance(boundary.shape, Solid) or boundary.motion is not None:
             continue
@@ -114,24 +114,25 @@ def _of_flow(facts: Facts, boundary: Boundary) -> list[str]:
         scheme = scene.method.transfer_choice.scheme
         if 0 < across <= _THIN * _SLACK and scheme in _LOSING:
             found.append(
-                f"boundary '{name}' is {across:.3g} cells thick and weighed: with {scheme}, which "
-                "loses shear in every step, water that flows round 2 to 4 cells pressed 3 to 10 "
-                "times too hard, the more the stiffer it is; transfer 'FLIP' (docs/bridges.md), or "
-                "more cells"
+                f"boundary '{name}' carries a load cell and is {across:.3g} cells thick: {scheme} "
+                "over-predicts the load of a flow round 2 to 4 cells 3 to 10 times (its "
+                "dissipation grows with the bulk modulus); expected more cells; use transfer "
+                "'FLIP' (docs/bridges.md) or refine"
             )
         elif 0 < across < _THIN:
             found.append(
-                f"boundary '{name}' is {across:.3g} cells thick and weighed: the load of a flow on "
-                f"fewer than {_THIN:g} cells was measured to change by a quarter with the water's "
-                f"stiffness; expected {_THIN:g} cells or more; use cell_size ≤ "
+                f"boundary '{name}' carries a load cell and is {across:.3g} cells thick: the load "
+                f"of a flow on fewer than {_THIN:g} cells was measured to change by a quarter with "
+                f"the water's stiffness; expected {_THIN:g} cells or more; use cell_size ≤ "
                 f"{across * scene.cell_size / _THIN:.3g} m"
             )
         gap, face = _gap(facts, boundary, low, high)
         if gap < _GAP:
             found.append(
-                f"boundary '{name}' is weighed, and the gap at its face '{face}' is {gap:.3g} "
-                "cells wide: a flow through 2.5 and 5 cells below a box was choked, the load 2.4 "
-                f"to 6.7 and 2.8 to 4.3 times the measured one; expected {_GAP:g} cells or more; "
+                f"boundary '{name}' carries a load cell, and the gap at its face '{face}' is "
+                f"{gap:.3g} cells wide: a flow through 2.5 and 5 cells below a box was choked, "
+                "the load 2.4 to 6.7 and 2.8 to 4.3 times the measured one; "
+                f"expected {_GAP:g} cells or more; "
                 f"use cell_size ≤ {gap * scene.cell_size / _GAP:.3g} m, or take the load for an "
                 "upper bound"
             )
@@ -141,8 +142,8 @@ def _of_flow(facts: Facts, boundary: Boundary) -> list[str]:
         word = "linear cells" if linear else "held nodes"
         remedy = "" if linear else ', or response cell="linear", with which 8 cells do'
         found.append(
-            f"boundary '{name}' is weighed in water up to {deep:.3g} cells deep: with {word} the "
-            f"force of a bore was within 8 % from {_DEEP[linear]:g} cells on"
+            f"boundary '{name}' carries a load cell in water up to {deep:.3g} cells deep: with "
+            f"{word} the force of a bore was within 8 % from {_DEEP[linear]:g} cells on"
             f"{'' if linear else ' (34 % too much with 8)'}; expected that many; use cell_size ≤ "
             f"{deep * scene.cell_size / _DEEP[linear]:.3g} m{remedy}"
         )

@@ -110,9 +110,9 @@ def faster_than_water(scene: SceneData) -> list[str]:
     fluids = {b.name for b in scene.bodies if b.material.table.needs == "volume"}
     water = max((speeds[name] for name in fluids), default=0.0)
     return [
-        f"body '{name}': its waves ({speed:.3g} m/s, water {water:.3g}) cost "
-        f"{speed / water:.2g} times the steps; "
-        f"youngs_modulus × {(water / speed) ** 2:.2g} costs none"
+        f"body '{name}': its wave speed of {speed:.3g} m/s shortens the time step "
+        f"{speed / water:.2g}-fold against water's {water:.3g} m/s; "
+        f"youngs_modulus × {(water / speed) ** 2:.2g} would not"
         for name, speed in speeds.items()
         if name not in fluids and 0 < water < speed
     ]

@@ -65,7 +65,7 @@ HEAD: dict[str, Given] = {
         "vector or `TimeTable` of vectors; None = no gravity", unit="m/s²", shape="(d,)"
     ),
     "method": Given("numerical choices", range="`Method`"),
-    "start": Given("what the scene goes on from; set by `from_checkpoint` alone", scales=FIXED),
+    "start": Given("what the scene continues from; set by `from_checkpoint` alone", scales=FIXED),
 }
 
 
@@ -227,7 +227,7 @@ class SceneData:
 
     @property
     def start(self) -> Start | None:
-        """The checkpoint that the scene goes on from; None of a scene of its own."""
+        """The checkpoint that the scene continues from; None of a scene of its own."""
         return self._start
 
     @property

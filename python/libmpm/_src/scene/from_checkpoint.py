@@ -1,4 +1,4 @@
-"""`Scene.from_checkpoint`: scenes that go on from a checkpoint of another run.
+"""`Scene.from_checkpoint`: scenes that continue from a checkpoint of another run.
 
 Restored bodies keep their particles, their material's numbers and the velocities and averages that
 the grid had. What is added deposits as at any start; design/branches.md says why this is exact.
@@ -31,7 +31,7 @@ _THROUGH = 1e-6
 def scene_from_checkpoint(
     path: Path, tiles: int, axis: str | None, *, read: Callable[[dict[str, Any]], S]
 ) -> S:
-    """Return the scene of a checkpoint, which goes on from there; see `Scene.from_checkpoint`.
+    """Return the scene of a checkpoint, which continues from there; see `Scene.from_checkpoint`.
 
     `read` makes scenes of dictionaries.
     """

@@ -114,7 +114,7 @@ def planes(scene: SceneData) -> list[Plane]:
 
 
 def new_bodies(scene: SceneData) -> list[Body]:
-    """Return the bodies that the run which the scene goes on from did not have."""
+    """Return the bodies that the run which the scene continues from did not have."""
     return [b for b in scene.bodies if scene.start is None or not scene.start.restored(b.name)]
 
 

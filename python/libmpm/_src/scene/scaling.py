@@ -182,9 +182,9 @@ class Scaling:
         """Return the scene with everything scaled; raises `SceneError`."""
         if scene.start is not None:
             raise SceneError(
-                f"Scene.scaled: the scene goes on from {scene.start.checkpoint}, whose particles "
+                f"Scene.scaled: the scene continues from {scene.start.checkpoint}, whose particles "
                 "cannot be scaled; expected a scene of its own; scale the scene that wrote the "
-                "checkpoint, run it, and go on from there"
+                "checkpoint, run it, and continue from there"
             )
         if scene.dimension != self.dimension:
             return dataclasses.replace(self, dimension=scene.dimension).scene(scene)

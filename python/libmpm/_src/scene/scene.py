@@ -82,8 +82,9 @@ class Scene(SceneData):
         cases      -     names    of the atlas that the scene is like; None = those whose rules fit
         =========  ====  =======  =============================================================
 
-        The scene is held against the atlas's cases by what it has (`docs/advice.md` lists the
-        rules); of the settings measured on all of them the cheapest within the error is proposed.
+        The scene is matched to benchmark cases of the atlas by its features (`docs/advice.md`
+        lists the rules); of the settings measured on all of them the cheapest within the error is
+        proposed.
         Warnings say where the scene leaves the range of the measurements, and what no case covers.
         Nothing is run. Raises `SceneError`.
         """
@@ -107,7 +108,7 @@ class Scene(SceneData):
         Lengths × λ; velocities, times and intervals × λ^½; masses and forces × λ³; given stresses
         and tractions × λ; density, gravity and angles stay. Kept are v/√(gL) (Froude) always,
         ρv²/K (Cauchy, and with it v/c and the number of steps) with `cauchy`, ρvL/μ (Reynolds)
-        with `reynolds` alone. A scene that goes on from a checkpoint is refused. Raises
+        with `reynolds` alone. A scene that continues from a checkpoint is refused. Raises
         `SceneError`. Source: Bonus (2023) eq. 7.2 and 7.3, `froude_scaling`.
         """
         from libmpm._src.scene.scaling import scale_scene
@@ -147,7 +148,7 @@ class Scene(SceneData):
     @classmethod
     @keywords_only("Scene.from_checkpoint", 1)
     def from_checkpoint(cls, path: str | Path, *, tiles: int = 1, axis: str | None = None) -> Scene:
-        """Return a scene that goes on from a checkpoint: water once, debris many times.
+        """Return a scene that continues from a checkpoint: water once, debris many times.
 
         Bodies, boundaries and sensors may be added to it. New bodies take the place of the
         particles of the bodies in their `subtract_from`, which are counted

@@ -1,4 +1,4 @@
-"""`Start`: where a scene goes on from, a checkpoint of another run."""
+"""`Start`: where a scene continues from, a checkpoint of another run."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class RestoredBody(Value):
 
 @value
 class Start(Value):
-    """Where a scene goes on from; made by `Scene.from_checkpoint`.
+    """Where a scene continues from; made by `Scene.from_checkpoint`.
 
     {fields}
     """
@@ -109,9 +109,9 @@ class Start(Value):
         found = digest_of(Path(self.checkpoint))
         if found != self.digest:
             raise CheckpointError(
-                f"{self.checkpoint} is not the checkpoint that the scene goes on from: its SHA-256 "
-                f"begins with {found[:12]}, that of the scene with {self.digest[:12]}; make the "
-                "scene again with Scene.from_checkpoint"
+                f"{self.checkpoint} is not the checkpoint that the scene continues from: its "
+                f"SHA-256 begins with {found[:12]}, that of the scene with {self.digest[:12]}; "
+                "make the scene again with Scene.from_checkpoint"
             )
 
     def as_it_was(

@@ -3,7 +3,7 @@
 At a node each body b has a mass m_b and a velocity u_b of its own, momentum and the impulse of its
 own stress over m_b; the node takes V = Σ m_b u_b / m. What b gets there from c is the impulse
 m_b m_c / m (u_c - u_b): opposite for the two of a pair, and over all c the whole exchange
-m_b (V - u_b). The grid keeps sums over all bodies, so u_b is worked out anew: particles take
+m_b (V - u_b). The grid keeps sums over all bodies, so u_b is worked out again: particles take
 velocity and slope from the nodes of one step (APIC, quadratic splines) and leave them with their
 stress at the nodes of the next.
 """

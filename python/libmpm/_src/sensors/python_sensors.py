@@ -74,7 +74,7 @@ class ParticleSensor(Sampled):
 
     Operations: "sum", "mean", "min", "max", "std", "variance" (of the values, divided by their
     number), "range" (largest less smallest), "count". Of no particle count and sum are 0, all
-    others not-a-number. Directions: "x", "y", "z", with "+" or "-" only the values of that sign.
+    others NaN. Directions: "x", "y", "z", with "+" or "-" only the values of that sign.
     Positions are in the world. Raises `SceneError`.
 
     A sample reads the attribute of the bodies' particles, and their positions if there is a region.
@@ -134,7 +134,7 @@ class GridSensor(Sampled):
     - "volume" Σ N_ip V_p, m³; "jbar" Σ N_ip V_p / Σ N_ip V_p⁰, with the functions of the deposit
       (linear, quadratic, cubic; else quadratic ones).
 
-    Of no node count and sum are 0, all others not-a-number. In 2D per metre of thickness. Square
+    Of no node count and sum are 0, all others NaN. In 2D per metre of thickness. Square
     cells only. A sample reads the whole grid; "volume" and "jbar" all particles as well. Raises
     `SceneError`.
 
@@ -269,7 +269,7 @@ class AttributeTracker(Sampled):
 
     {fields}
 
-    Columns are called "Pressure:17" for particle 17; of one that has left they are not-a-number. A
+    Columns are called "Pressure:17" for particle 17; of one that has left they are NaN. A
     sample reads the attributes of the whole body; `ParticleTracker` does positions and velocities
     without that. Raises `SceneError`.
     """
@@ -312,7 +312,7 @@ class PressureProbe(Sampled):
     {fields}
 
     Particles weigh by their volume too. With fewer than 2(d + 1) of them in reach, or all of them
-    on a plane, order 1 becomes 0; without any the place is dry, not-a-number. A sample reads
+    on a plane, order 1 becomes 0; without any the place is dry, NaN. A sample reads
     positions, volumes and pressures of the bodies. Raises `SceneError`.
     """
 
@@ -415,7 +415,7 @@ class ElevationGauge(Sampled):
 
 @value
 class Custom(Sampled):
-    """Numbers of one's own: whatever a function reads from the simulation.
+    """Custom numbers: whatever a function reads from the simulation.
 
     {fields}
 
@@ -423,7 +423,7 @@ class Custom(Sampled):
     same series it must depend on nothing else.
 
     No file holds a function: `Scene.save` refuses the scene. A run with it works, and its
-    ``scene.json`` and checkpoints keep the function's name; to go on from them give it again,
+    ``scene.json`` and checkpoints keep the function's name; to continue from them give it again,
     ``Simulation.resume(path, functions={"<sensor>": function})``. Raises `SceneError`.
     """
 

@@ -29,7 +29,7 @@ DIRECTIONS = ("x", "x+", "x-", "y", "y+", "y-", "z", "z+", "z-")
 
 
 def reduce(values: Array, operation: str) -> float:
-    """Return one number of values (n,); of none a count or sum is 0, all others not-a-number."""
+    """Return one number of values (n,); of none a count or sum is 0, all others NaN."""
     if len(values) == 0:
         return 0.0 if operation in ("sum", "count") else float("nan")
     return OPERATIONS[operation](values)

@@ -1,1 +1,1 @@
-"""Speed for accuracy: what numerical choices cost and what they gain, on a scene of one's own."""
+"""Speed for accuracy: what numerical choices cost and what they gain, on a scene of yours."""

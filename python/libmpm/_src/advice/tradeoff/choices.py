@@ -241,7 +241,7 @@ def unknown(name: str, also: tuple[str, ...] = ()) -> str:
 def refusal(name: str, scene: Scene) -> str:
     """Return why a scene has not the choice `name` of `CHOICES`; empty if it has."""
     if scene.start is not None:
-        why = "it goes on from a checkpoint, whose state has its own; vary the run that wrote it"
+        why = "it continues from a checkpoint, whose state has its own; vary the run that wrote it"
     else:
         why = CHOICES[name].bar(scene)
     return why and f"'{name}' cannot be varied of this scene: {why}"

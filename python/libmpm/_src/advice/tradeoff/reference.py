@@ -1,4 +1,4 @@
-"""What results are held against: known values, or the finest of the runs."""
+"""What results are compared with: known values, or the finest of the runs."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def tradeoff(
     one_at_a_time   -     False: all combinations; True: the first values, and each other value
                           beside the first ones of all other axes
     options         -     options of `Simulation` of all rows
-    folder          -     where it all lies: a sweep that was stopped goes on from there, and
+    folder          -     where it all lies: a sweep that was stopped continues from there, and
                           `TradeOff.load` reads its table; None = a temporary one
     device          -     of rows that name none, as in `studies.Study.run`, like the next three
     threads         1     CPU threads of a run; 0 = the default

@@ -347,7 +347,7 @@ class _Builder:
             scene.add_sensor(name=name, sensor=sensor)
 
     def _continued(self, bodies: Sequence[BodyRecord], made: Sequence[Made]) -> Imported:
-        """Return the scene that goes on from a checkpoint of the scene that made the file's own."""
+        """Return the scene that continues from a checkpoint of the scene that made the file's."""
         context = self.context
         assert self.checkpoint is not None
         scene = Scene.from_checkpoint(self.checkpoint)

@@ -334,7 +334,7 @@ def _particle_file(context: Context, one: GeometryRecord, folder: Path) -> Path 
         context.fail(
             one.path,
             f"names the checkpoint '{name}', which is refused: states of ClaymoreUW are not read; "
-            "run the scene that wrote it here and go on from its checkpoint, "
+            "run the scene that wrote it here and continue from its checkpoint, "
             "load(path, checkpoint=...)",
         )
     elif kind not in (".csv", ".txt", ".xyz", ".npy"):

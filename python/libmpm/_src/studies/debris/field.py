@@ -383,7 +383,7 @@ class DebrisField(Value):
     def save(self, path: str | Path) -> None:
         """Write the field to a JSON file, with its `metadata` to be read by others.
 
-        `load` takes the field itself and measures it anew. Raises `OutputError`.
+        `load` takes the field itself and measures it again. Raises `OutputError`.
         """
         measured = self.metadata() if self.pieces else None
         write_json(Path(path), self.to_dict() | {"metadata": measured})

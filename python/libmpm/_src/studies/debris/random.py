@@ -81,7 +81,7 @@ def random(
     angles      -     -      `UniformAngles` or `SpreadAngles`; None = every angle
     clearance   m     ≥ 0    shortest distance between two pieces; 2 to 4 cells of the grid
     seed        1     ≥ 0    the same seed gives the same field on every machine
-    shares      1     ≥ 0    parts of the prototypes, met to the piece; None = equal ones
+    shares      1     ≥ 0    parts of the prototypes, as exact counts; None = equal ones
     attempts    1     ≥ 1    places drawn for one piece before the field is begun again
     restarts    1     ≥ 0    times that it is begun again before the sample is rejected
     samples     1     ≥ 1    samples of count, size, porosity and angles drawn before giving up
@@ -233,9 +233,9 @@ class _Sizes:
             tally.skipped += 1
         raise SceneError(
             f"{_LABEL}: {_SKIPS} combinations drawn from count {self.count}, footprint "
-            f"{self.footprint or self.side} m and porosity {self.porosity} were passed over: their "
+            f"{self.footprint or self.side} m and porosity {self.porosity} were rejected: their "
             "pieces cover more than the footprint, or another part of it than the porosity leaves; "
-            "expected some that fit; give ranges that meet"
+            "expected some that fit; give fewer pieces, a larger footprint or a wider porosity"
         )
 
     def _allowed(self, free: float) -> bool:

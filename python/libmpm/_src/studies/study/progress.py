@@ -1,4 +1,4 @@
-"""Progress of a study: one bar for all cases, or a callable of one's own."""
+"""Progress of a study: one bar for all cases, or a custom callable."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Study:
     ===================  =====  ==============================================================
     parameter            unit   meaning
     ===================  =====  ==============================================================
-    folder               -      where it all lies; a study that was stopped goes on from there
+    folder               -      where it all lies; a study that was stopped continues from there
     factory              -      ``factory(**row)`` returns the `Scene` of a row
     rows                 -      mappings, a NumPy array with named columns, or a data frame
     until                s      end of every case, > 0, or a callable of those parameters of a
@@ -63,7 +63,7 @@ class Study:
                                 the factory: ("device", "precision")
     frame_interval       s      as in `Output`, like the two below; None = no frames
     attributes           -      what frames store
-    checkpoint_interval  s      a case that is cut off goes on from its newest checkpoint; None =
+    checkpoint_interval  s      a case that is cut off continues from its newest checkpoint; None =
                                 it starts again
     name                 -      for titles
     ===================  =====  ==============================================================
@@ -254,7 +254,7 @@ class Study:
         ``if __name__ == "__main__":`` around this call, as its workers import the script.
 
         A case over its `time_limit` stops at a step boundary, writes a checkpoint and counts as
-        failed; with a larger limit and `retry_failed` it goes on from there. A worker of this
+        failed; with a larger limit and `retry_failed` it continues from there. A worker of this
         machine that does not answer for a minute more, or a tenth of the limit, is ended; those of
         another executor are not.
 
@@ -398,7 +398,7 @@ class Study:
     def collect(self) -> StudyResult:
         """Return the table of what there is now; nothing is run.
 
-        Responses are computed anew from the sensors of the finished cases, so `response` may have
+        Responses are computed again from the sensors of the finished cases, so `response` may have
         changed; a study from `Study.open` shows those kept in the folder.
         """
         return self._table({}, {})

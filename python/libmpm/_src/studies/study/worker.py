@@ -214,7 +214,7 @@ class _Attempt:
         simulation.run_settings = self._settings().to_dict()
         start = simulation.scene.start
         self._record |= {
-            # A scene that goes on from a trunk begins at the trunk's last step.
+            # A scene that continues from a trunk begins at the trunk's last step.
             "first_step": 0 if start is None else start.step,
             "device": simulation.device,
             "precision": simulation.precision,
@@ -258,7 +258,7 @@ class _Attempt:
             raise Error(
                 f"its limit of time, {limit:g} s, is over at {simulation.time:g} of {until:g} s, "
                 f"step {simulation.steps}; raise time_limit and run with retry_failed=True: it "
-                "goes on from the checkpoint of this step"
+                "continues from the checkpoint of this step"
             )
 
     def _output(self) -> Any:
