@@ -91,7 +91,7 @@ def test_wrong_keywords() -> None:
     first, second = caught.value.problems
     assert "unknown argument 'young_modulus'; did you mean 'youngs_modulus'?" in first
     assert "'youngs_modulus' is missing" in second
-    with pytest.raises(libmpm.SceneError, match="without a name"):
+    with pytest.raises(libmpm.SceneError, match="takes keyword arguments only"):
         materials.TaitFluid(1000.0)
 
 

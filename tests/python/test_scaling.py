@@ -198,7 +198,7 @@ def other_values():
         (boundaries.Travel((1, 2, 3)), "m/s"),
         (boundaries.Travel(table), "m/s"),
         (boundaries.Rotation(about=(1, 2, 3), rate=rates), TEXT),
-        (boundaries.Rotation(about=(1, 2, 3), angle=rates, axis=(0, 1, 1)), TEXT),
+        (boundaries.Rotation(about=(1, 2, 3), degrees=rates, axis=(0, 1, 1)), TEXT),
         (boundaries.DecayLayer(thickness=2.0), TEXT),
         (boundaries.Inflow(body="water", face="x-", velocity=rates, level=0.4), TEXT),
         (boundaries.Outflow(face="x+", velocity=0.4), TEXT),

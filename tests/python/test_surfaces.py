@@ -108,7 +108,7 @@ def blades(rotation: Rotation | None, motion=None):
 def test_turning_paddle_hits_and_the_load_cell_has_the_momentum(device, turning):
     """What the paddle gives is what the block has; nothing else touches it."""
     rate = {"rate": 2.0}
-    angle = {"angle": TimeTable((0.0, 1.0), (0.0, 2.0))}
+    angle = {"degrees": TimeTable((0.0, 1.0), (0.0, np.degrees(2.0)))}
     scene = blades(Rotation(about=(1, 1), **(rate if turning == "rate" else angle)))
     simulation = Simulation(scene, device=device, precision="double")
     simulation.run(until=0.4, progress=False)
@@ -120,6 +120,17 @@ def test_turning_paddle_hits_and_the_load_cell_has_the_momentum(device, turning)
     assert np.linalg.norm(momentum) > 5.0
     # A sample is the mean since the one before; the last step's own is still to come.
     np.testing.assert_allclose(-impulse, momentum, atol=2e-2 * np.linalg.norm(momentum))
+
+
+def test_angles_in_radians_are_the_same_and_warn():
+    turn = TimeTable((0.0, 0.5, 1.0), (0.0, 2.0, 1.0), end="repeat")
+    with pytest.warns(DeprecationWarning, match="degrees=TimeTable"):
+        old = Rotation(about=(1, 1), angle=turn)
+    new = Rotation(about=(1, 1), degrees=TimeTable(turn.time, np.degrees(turn.value), end="repeat"))
+    assert new.radians().end == "repeat"
+    np.testing.assert_allclose(new.radians().value, old.radians().value, rtol=1e-15)
+    with pytest.raises(libmpm.SceneError, match="expected one of them"):
+        Rotation(about=(1, 1), rate=1.0, degrees=turn)
 
 
 def test_travelling_is_displacement_by_its_integral():

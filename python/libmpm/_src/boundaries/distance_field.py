@@ -233,8 +233,9 @@ def lower_surface(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
     turning = boundary.rotation
     turn = None
     if turning is not None:
-        by_angle = turning.angle is not None
-        given = turning.angle if by_angle else turning.rate
+        angles = turning.radians()
+        by_angle = angles is not None
+        given = angles if by_angle else turning.rate
         numbers = given if isinstance(given, TimeTable) else TimeTable((0.0,), (float(given or 0),))
         turn = {"table": _numbers(numbers), "places": by_angle}
     corner = np.asarray(scene.lower, dtype=np.float64)

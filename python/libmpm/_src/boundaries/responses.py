@@ -6,8 +6,11 @@ v is the velocity relative to the boundary, n the normal that points into the ma
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
+
+import numpy as np
 
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
@@ -304,8 +307,14 @@ class Rotation(Value):
     rate: float | TimeTable | None = given(
         "a number or a `TimeTable` of numbers", default=None, unit="rad/s"
     )
+    degrees: TimeTable | None = given(
+        "`TimeTable` of angles, in place of `rate`", default=None, unit="degrees", range="a table"
+    )
     angle: TimeTable | None = given(
-        "`TimeTable` of numbers, in place of `rate`", default=None, unit="rad", range="a table"
+        "the same in radians, as in version 0.1; warns, and goes in 0.3",
+        default=None,
+        unit="rad",
+        range="a table",
     )
     axis: str | Sequence[float] | None = given(
         '"x", "y", "z" or a direction; None = "z". Left out in 2D',
@@ -317,22 +326,32 @@ class Rotation(Value):
 
     def _check(self, check: Checker) -> dict[str, Any]:
         about = check.given("about", self)
-        if (self.rate is None) == (self.angle is None):
+        tables = {"degrees": self.degrees, "angle": self.angle}
+        if sum(x is not None for x in (self.rate, *tables.values())) != 1:
             check.fail(
-                f"rate is {shown(self.rate)} with angle {self.angle!r}; expected one of the "
-                "two; give a "
-                "rate in rad/s, or a TimeTable of angles in rad"
+                f"rate is {shown(self.rate)} with degrees {self.degrees!r} and angle "
+                f"{self.angle!r}; expected one of them; give a rate in rad/s, or a TimeTable of "
+                "angles in degrees"
             )
-        for name, table in (("rate", self.rate), ("angle", self.angle)):
+        for name, table in (("rate", self.rate), *tables.items()):
             if isinstance(table, TimeTable) and table.components:
                 check.fail(f"{name} has rows of {table.components} numbers; expected plain numbers")
         found: dict[str, Any] = {"about": about}
         if self.rate is not None and not isinstance(self.rate, TimeTable):
             found["rate"] = check.given("rate", self)
+        for name, table in tables.items():
+            if table is None:
+                continue
+            check.instance(name, table, (TimeTable,), "a TimeTable of angles in degrees")
+            if isinstance(table, TimeTable) and table.end == "zero":
+                check.fail(f"{name} ends with 'zero', a jump; expected 'hold' or 'repeat'")
         if self.angle is not None:
-            check.instance("angle", self.angle, (TimeTable,), "a TimeTable of angles in rad")
-            if isinstance(self.angle, TimeTable) and self.angle.end == "zero":
-                check.fail("angle ends with 'zero', a jump; expected 'hold' or 'repeat'")
+            warnings.warn(
+                "boundaries.Rotation: angle, in radians, is degrees=TimeTable(...) since version "
+                "0.2, in degrees as every other angle; it goes in 0.3",
+                DeprecationWarning,
+                stacklevel=5,
+            )
         if self.axis is not None and len(about) == 2:
             check.fail(
                 f"axis is {shown(self.axis)} in 2D, where shapes turn in the plane; leave it out"
@@ -345,6 +364,13 @@ class Rotation(Value):
                 check.fail("axis is (0, 0, 0); expected a direction")
             found["axis"] = axis
         return found
+
+    def radians(self) -> TimeTable | None:
+        """Return the table of angles in rad; None of a turn by a rate."""
+        if self.degrees is None:
+            return self.angle
+        found = np.radians(np.asarray(self.degrees.value, dtype=np.float64))
+        return TimeTable(self.degrees.time, found, end=self.degrees.end)
 
     def direction(self) -> tuple[float, ...]:
         """Return the axis as a unit vector (3,)."""

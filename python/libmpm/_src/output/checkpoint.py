@@ -221,8 +221,16 @@ def _columns(x: Any) -> bool:
     )
 
 
+def _action(x: Any) -> bool:
+    keys = {"interval", "last"}
+    return isinstance(x, dict) and set(x) == keys and all(_number(x[key]) for key in keys)
+
+
 #: What the headers of older versions lack.
-_LATER = ("run", "shared_device", "displaced", "until", "output", "guard", "arrays", "partition")
+_LATER = (
+    "run", "shared_device", "displaced", "until", "output", "guard", "arrays", "partition",
+    "actions",
+)  # fmt: skip
 
 #: What a header must hold: key -> (test, in words).
 _HEADER: dict[str, tuple[Callable[[Any], bool], str]] = {
@@ -245,6 +253,10 @@ _HEADER: dict[str, tuple[Callable[[Any], bool], str]] = {
     "output": (lambda x: x is None or isinstance(x, dict), "settings of an Output"),
     "guard": (lambda x: x is None or isinstance(x, dict), "settings of a Guard"),
     "partition": (lambda x: x is None or isinstance(x, dict), "settings of a Partition"),
+    "actions": (
+        lambda x: isinstance(x, dict) and all(map(_action, x.values())),
+        "interval and last call of every action, s",
+    ),
     "arrays": (lambda x: isinstance(x, dict), "shapes by name"),
     "numbers": (lambda x: isinstance(x, dict), "an object"),
     "columns": (_columns, "names and units of every sensor"),

@@ -69,13 +69,7 @@ class Actions:
             )
         action = _Action(name, float(interval), call)
         if name in self.recorded:
-            try:
-                was, last = (float(self.recorded[name][key]) for key in ("interval", "last"))
-            except (KeyError, TypeError, ValueError) as error:
-                raise CheckpointError(
-                    f"the checkpoint's record of action '{name}' is damaged: {error}; resume from "
-                    "another checkpoint"
-                ) from error
+            was, last = (float(self.recorded[name][key]) for key in ("interval", "last"))
             if was != action.interval:
                 raise CheckpointError(
                     f"action '{name}': interval is {interval:g} s, in the run resumed from it was "

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import keywords_only, shown
+from libmpm._src.base.values import keywords_only, shown, warned_already
 from libmpm._src.errors import Error
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
@@ -457,7 +457,8 @@ class Simulation(Shown, Acting):
         cuts are made for the state of the checkpoint.
         """
         source, arguments = recorded(Path(path), device, guard, ranks, partition)
-        simulation = cls(**arguments, output=output, functions=functions)
+        with warned_already():  # the run that wrote it has said them
+            simulation = cls(**arguments, output=output, functions=functions)
         simulation._assembly.restored = source
         simulation._assembly.displaced = dict(source.header.get("displaced", {}))
         simulation._files.settings = source.header.get("run") or {}

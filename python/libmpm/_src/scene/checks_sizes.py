@@ -212,8 +212,9 @@ def _fastest(boundary: Boundary) -> float:
     turning = boundary.rotation
     if turning is None:
         return speed
-    if turning.angle is not None:
-        rate = largest(turning.angle, True)
+    angles = turning.radians()
+    if angles is not None:
+        rate = largest(angles, True)
     elif isinstance(turning.rate, TimeTable):
         rate = largest(turning.rate)
     else:
