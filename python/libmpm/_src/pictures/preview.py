@@ -16,6 +16,9 @@ from libmpm._src.pictures.outlines import draw_flows, draw_shape
 from libmpm._src.pictures.panel import Dots, Panel, body_colours
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pyvista import Plotter
+
     from libmpm._src.scene.data import SceneData
 
 __all__ = ["preview", "sampled_bodies", "vertical_of"]
@@ -72,7 +75,7 @@ def preview(
     planes: Sequence[str] | str | None = None,
     cut: Sequence[float] | None = None,
     most: int = common.MOST,
-) -> Any:
+) -> Figure | Plotter:
     """See `Scene.preview`."""
     if backend == "pyvista":
         from libmpm._src.pictures.view_3d import preview_in_space

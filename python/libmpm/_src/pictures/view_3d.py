@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from libmpm._src.pictures.preview import sampled_bodies, vertical_of
 from libmpm._src.shapes.boxes import Box, DomainWalls
 
 if TYPE_CHECKING:
+    from pyvista import Plotter
+
     from libmpm._src.run.running import Running
     from libmpm._src.scene.data import SceneData
 
@@ -84,7 +86,7 @@ def _add_balls(plotter: Any, points: Any, radius: float, **style: Any) -> None:
     actor.mapper.scale_factor = radius
 
 
-def preview_in_space(scene: SceneData, *, most: int, off_screen: bool | None = None) -> Any:
+def preview_in_space(scene: SceneData, *, most: int, off_screen: bool | None = None) -> Plotter:
     """Return a plotter with the particles, boundaries and sensors of a scene."""
     pyvista, plotter = _plotter(scene, "Scene.preview(backend='pyvista')", off_screen)
     particles, count, problem = sampled_bodies(scene, most)
@@ -119,7 +121,7 @@ def preview_in_space(scene: SceneData, *, most: int, off_screen: bool | None = N
     plotter.add_text(", ".join(x for x in said if x), font_size=9, name="title")
     if scene.bodies and (particles or problem):
         plotter.add_legend(face="circle", bcolor=None, size=(0.15, 0.15))
-    return plotter
+    return cast("Plotter", plotter)
 
 
 def view(
@@ -130,7 +132,7 @@ def view(
     limits: tuple[float, float] | None = None,
     most: int = common.MOST,
     off_screen: bool | None = None,
-) -> Any:
+) -> Plotter:
     """See `Simulation.view`."""
     scene = simulation.scene
     pyvista, plotter = _plotter(scene, "Simulation.view", off_screen)
@@ -159,4 +161,4 @@ def view(
     )
     said = [scene.name, f"{simulation.time:.4g} s", common.note(drawn, count), beyond]
     plotter.add_text(", ".join(x for x in said if x), font_size=9, name="title")
-    return plotter
+    return cast("Plotter", plotter)

@@ -15,6 +15,7 @@ from libmpm._src.run.running import Running
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pyvista import Plotter
 
 __all__ = ["Shown"]
 
@@ -99,7 +100,7 @@ class Shown:
         limits: tuple[float, float] | None = None,
         most: int = 200_000,
         off_screen: bool | None = None,
-    ) -> Any:
+    ) -> Plotter:
         """Return a pyvista plotter of a 3D simulation as it is now; ``.show()`` opens it.
 
         In a notebook ``.show(jupyter_backend="html")`` gives a view that can be turned, "static"

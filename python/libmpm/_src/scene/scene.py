@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from libmpm._src.base.declarations import documents
 from libmpm._src.base.values import keywords_only
 from libmpm._src.scene.data import HEAD, SCHEMA, Body, Boundary, PlacedSensor, SceneData
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pyvista import Plotter
+
     from libmpm._src.advice.result import Advice
     from libmpm._src.run.plan import Plan
 
@@ -115,6 +118,17 @@ class Scene(SceneData):
 
         return scale_scene(self, length_ratio, cauchy=cauchy, reynolds=reynolds)
 
+    @overload
+    def preview(
+        self,
+        *,
+        backend: Literal["matplotlib"] = "matplotlib",
+        planes: Sequence[str] | str | None = None,
+        cut: Sequence[float] | None = None,
+        most: int = 200_000,
+    ) -> Figure: ...
+    @overload
+    def preview(self, *, backend: Literal["pyvista"], most: int = 200_000) -> Plotter: ...
     @keywords_only("Scene.preview")
     def preview(
         self,
@@ -123,7 +137,7 @@ class Scene(SceneData):
         planes: Sequence[str] | str | None = None,
         cut: Sequence[float] | None = None,
         most: int = 200_000,
-    ) -> Any:
+    ) -> Figure | Plotter:
         """Return a picture of the scene before it runs: particles, boundaries, walls, sensors.
 
         =========  ====  ===========  =====================================================
