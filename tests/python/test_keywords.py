@@ -74,3 +74,15 @@ def test_an_argument_without_its_name(scene):
 def test_arguments_before_the_keywords_may_be_named(scene):
     assert libmpm.Simulation(scene=scene, device="cpu").scene == scene
     assert libmpm.Output(path="results") == libmpm.Output("results")
+
+
+def test_a_renamed_argument_works_and_warns():
+    from libmpm._src.base.values import keywords_only
+
+    @keywords_only("draw", 1, method=False, renamed={"color": "colour"})
+    def draw(what, *, colour="blue"):
+        return what, colour
+
+    with pytest.warns(DeprecationWarning, match="draw: 'color' is 'colour' since libmpm 0.2"):
+        assert draw(1, color="red") == (1, "red")
+    assert draw(1, colour="red") == (1, "red")

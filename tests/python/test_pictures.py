@@ -335,7 +335,7 @@ def test_gif_has_a_picture_of_every_frame(folder, tmp_path):
 
     frames = len(list((folder / "frames").glob("water_*.vtkhdf")))
     assert frames >= 5
-    path = libmpm.animate(folder, tmp_path / "film.gif", color="pressure", fps=10, dpi=40)
+    path = libmpm.animate(folder, tmp_path / "film.gif", colour="pressure", fps=10, dpi=40)
     assert path == tmp_path / "film.gif"
     with Image.open(path) as film:
         assert film.format == "GIF" and film.n_frames == frames
@@ -344,7 +344,7 @@ def test_gif_has_a_picture_of_every_frame(folder, tmp_path):
         film.seek(frames - 1)
         last = np.asarray(film.convert("RGB"), int)
     assert np.count_nonzero(np.abs(first - last).sum(axis=2)) > 50, "something must have moved"
-    half = libmpm.animate(folder, tmp_path / "half.gif", every=2, dpi=30, color=None)
+    half = libmpm.animate(folder, tmp_path / "half.gif", every=2, dpi=30, colour=None)
     with Image.open(half) as film:
         assert film.n_frames == -(-frames // 2)
     assert not list(tmp_path.glob(".*part*"))

@@ -70,12 +70,14 @@ def keywords_only(
     instead: Mapping[str, Sequence[str]] | None = None,
     *,
     method: bool = True,
+    renamed: Mapping[str, str] | None = None,
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Make a method report unnamed, unknown and missing arguments as one `ArgumentError`.
 
     Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
     after self may come without a name. `instead` names an argument that makes others unnecessary.
-    A function that is no `method` has no self.
+    A function that is no `method` has no self. `renamed` has arguments by their names of version
+    0.1, which warn until 0.3.
     """
     own = int(method)
 
@@ -87,6 +89,14 @@ def keywords_only(
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> T:
             problems = []
+            for old in [key for key in renamed or {} if key in kwargs]:
+                new = (renamed or {})[old]
+                warnings.warn(
+                    f"{label}: '{old}' is '{new}' since libmpm 0.2; the old name goes in 0.3",
+                    DeprecationWarning,
+                    stacklevel=2,
+                )
+                kwargs[new] = kwargs.pop(old)
             extra = len(args) - own - positional
             if extra > 0:
                 problems.append(

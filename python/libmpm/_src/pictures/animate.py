@@ -167,12 +167,12 @@ def _writer(path: Path, fps: float) -> Iterator[Any]:
         yield ffmpeg(fps=fps, codec=codec, extra_args=["-loglevel", "error"])
 
 
-@keywords_only("animate", 2, method=False)
+@keywords_only("animate", 2, method=False, renamed={"color": "colour"})
 def animate(
     run: str | os.PathLike[str] | Any,
     path: str | os.PathLike[str],
     *,
-    color: str | None = "speed",
+    colour: str | None = "speed",
     bodies: Sequence[str] | str | None = None,
     plane: str | None = None,
     limits: tuple[float, float] | None = None,
@@ -189,7 +189,7 @@ def animate(
     =========  ======  ===========  ==============================================================
     run        -       a folder     of a run with frames (`Output.frame_interval`)
     path       -       a file       .gif, or .mp4, .mov, .mkv, .webm where there is an ffmpeg
-    color      -       a name       attribute of the frames, such as "pressure" or "velocity_x";
+    colour     -       a name       attribute of the frames, such as "pressure" or "velocity_x";
                                     None = one colour. Bodies without it are grey
     bodies     -       names        None = all that have frames
     plane      -       a name       such as "xz", or "3d" from above a corner; None = the elevation
@@ -213,12 +213,12 @@ def animate(
         if not number >= least or number == 0:
             raise Error(f"{name} is {shown(number)}; expected {'>' if least == 0 else '≥'} {least}")
     frames = RunFrames(folder, bodies, most)
-    _check_color(frames, color)
+    _check_color(frames, colour)
     indices = frames.indices[:: int(every)]
     names = common.planes_of(frames.scene.dimension, plane, vertical_of(frames.scene))
-    low, high = _limits(frames, indices, color) if limits is None else common.check_limits(limits)
+    low, high = _limits(frames, indices, colour) if limits is None else common.check_limits(limits)
     with _writer(target, fps) as writer:
-        film = _Film(frames, names[0], color, Normalize(low, high), width)
+        film = _Film(frames, names[0], colour, Normalize(low, high), width)
         part = target.with_name(f".{target.stem}.part{target.suffix}")
         try:
             with writer.saving(film.picture, str(part), dpi):

@@ -47,10 +47,10 @@ class Shown:
         order = np.argsort(found["id"])
         return {name: np.asarray(array)[order] for name, array in found.items()}
 
-    @keywords_only("Simulation.plot", 1)
+    @keywords_only("Simulation.plot", 1, renamed={"color": "colour"})
     def plot(
         self: Running,
-        color: str | None = "speed",
+        colour: str | None = "speed",
         *,
         bodies: Sequence[str] | str | None = None,
         planes: Sequence[str] | str | None = None,
@@ -64,7 +64,7 @@ class Shown:
         =========  ====  ===========  =========================================================
         parameter  unit  range        meaning
         =========  ====  ===========  =========================================================
-        color      -     a name       attribute such as "pressure", component such as
+        colour     -     a name       attribute such as "pressure", component such as
                                       "velocity_x" or "stress_xy", the length of a vector; None =
                                       the colours of the bodies, which those without the
                                       attribute have too. Beside a fluid the speed of solids is
@@ -87,14 +87,14 @@ class Shown:
 
         with self.paused():
             return plot(
-                self, color=color, bodies=bodies, planes=planes, cut=cut,
+                self, color=colour, bodies=bodies, planes=planes, cut=cut,
                 limits=limits, most=most, axes=axes,
             )  # fmt: skip
 
-    @keywords_only("Simulation.view", 1)
+    @keywords_only("Simulation.view", 1, renamed={"color": "colour"})
     def view(
         self: Running,
-        color: str | None = "speed",
+        colour: str | None = "speed",
         *,
         bodies: Sequence[str] | str | None = None,
         limits: tuple[float, float] | None = None,
@@ -111,7 +111,7 @@ class Shown:
 
         with self.paused():
             return view(
-                self, color=color, bodies=bodies, limits=limits, most=most,
+                self, color=colour, bodies=bodies, limits=limits, most=most,
                 off_screen=off_screen,
             )  # fmt: skip
 

@@ -115,7 +115,7 @@ class VelocityProbe(Sensor):
 
     The mean of the velocities of the nodes around the point that carry mass, by the scene's
     functions there; of functions that average over a particle (GIMP, CPDI) by the linear ones, for
-    a point has no extent. Not-a-number where there is no mass. Raises `SceneError`.
+    a point has no extent. NaN where there is no mass. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "sensors.VelocityProbe"

@@ -185,11 +185,12 @@ class BodyTracker(Sampled):
 
     - "centroid", m, in the world, and "velocity", m/s: means weighted by mass;
     - "orientation": the rotation that takes the body best from where it was at the first sample to
-      where it is, in the least squares weighted by mass: in 2D an angle in rad, counted on over
-      full turns, in 3D a unit quaternion w, x, y, z, continuous from sample to sample. A turn
-      between two samples must stay below half a revolution;
+      where it is, in the least squares weighted by mass: in 2D "angle" in rad, counted on over
+      full turns, in 3D a unit quaternion, "quaternion_w" to "quaternion_z", continuous from sample
+      to sample. A turn between two samples must stay below half a revolution;
     - "angular_velocity" I⁻¹ L, rad/s: moment of momentum about the centroid over the inertia now;
-    - "extent": smallest and largest coordinates of its particles, m, in the world;
+    - "extent": smallest and largest coordinates of its particles, "lower_x" to "upper_z", m, in
+      the world;
     - "momentum", kg·m/s;
     - "contact_force", N: what all other bodies and boundaries together do to the body, the mean
       since the previous sample, ΔM/Δt - m g. It holds every impact in between. The velocities have
@@ -201,7 +202,8 @@ class BodyTracker(Sampled):
       the force between the pair (where particles store a velocity, of the step before). For square
       cells with linear, quadratic, cubic and "ddmp" functions, not with XPIC and FMPM.
 
-    Not-a-number without particles. In 2D per metre of thickness. Raises `SceneError`.
+    Components of vectors end in _x, _y, _z, such as "centroid_x"; "angular_velocity" is one number
+    in 2D. NaN without particles. In 2D per metre of thickness. Raises `SceneError`.
 
     A sample reads masses, positions and velocities of the body; "boundary_force" the whole grid. A
     checkpoint holds the first positions, 8 bytes a particle and axis, where orientation is asked
@@ -363,7 +365,7 @@ class ElevationGauge(Sampled):
     "max" is the highest particle and half its width, V^(1/d)/2; a single drop counts. "percentile"
     is the height below which that share of the mass in the column lies, half a width added: it
     passes spray over, and in a full column of depth h lies (100 - percentile) % of h below the
-    surface. Not-a-number where it is dry. `WaveGauge` finds the surface on the grid, which is
+    surface. NaN where it is dry. `WaveGauge` finds the surface on the grid, which is
     smoother and cheaper. A sample reads positions, volumes and masses of the bodies. Raises
     `SceneError`.
     """
