@@ -43,6 +43,8 @@ inline py::dict plan_dict(const Plan& p) {
         body["columns"] = columns;
         body["bytes_per_particle"] = b.bytes_per_particle;
         body["particle_spacing"] = b.spacing;
+        body["pipeline"] = p.on_functions ? "modified update" : name_of(b.pipeline);
+        body["pipeline_reason"] = b.pipeline_reason;
         bodies.append(body);
     }
     out["bodies"] = bodies;
@@ -51,7 +53,7 @@ inline py::dict plan_dict(const Plan& p) {
     grid["bytes_per_node"] = p.bytes_per_node;
     out["grid"] = grid;
     out["pipeline"] = p.on_functions ? "modified update" : p.pipeline();
-    out["pipeline_reason"] = p.pipeline_reason;
+    out["pipeline_reason"] = p.pipeline_reason();
     out["kernels"] = p.kernels;
     out["time_step"] = p.time_step;
     out["limited_by"] = p.limited_by;

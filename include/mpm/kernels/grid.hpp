@@ -203,6 +203,7 @@ struct KeptChannels {
     // With forces from gradients of shapes the lightest nodes are fast without bound, while their
     // weight in any particle's velocity is at most their mass over the particle's.
     bool by_weight = false;
+    bool any() const { return plain >= 0 || before >= 0 || guard >= 0 || by_weight; }
     template <class T>
     MPM_INLINE double counts(T speed, T mass, double least_mass) const {
         const double share = by_weight ? double(mass) / least_mass : 1.0;

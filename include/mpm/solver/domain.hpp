@@ -139,12 +139,14 @@ private:
     void update_grid();
     void run_sensors();
     void sample_energy(Sensor& sensor, SensorRecord* record);
-    void reserve_two_pass(Body& body);
+    void reserve_deposits(Body& body);
+    std::uint64_t workers_of(const Body& body) const;
     void run_bodies();
+    void advance_body(Body& body, int number, std::uint32_t workers);
     // domain_phases.hpp
     Phase<X, T, D> phase(Body& body, int number, int parity_to);
     void reserve_scratch(Body& body);
-    void run_phases();
+    void collect_bodies(const std::vector<std::size_t>& moving);
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
     double* cell_room(const Body& body);

@@ -35,7 +35,7 @@ template <bool special, class Decided>
 void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
     const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
     const bool sweeps = plan_.sweep.residual > 0;
-    if (!plan_.phased && !plan_.keeps) {
+    if (!sweeps && !plan_.kept.any()) {
         exec_.template max_each<maxima_count>(nodes, grid_update<false, special>(parity()),
                                               decided);
     } else if (!sweeps) {
@@ -165,33 +165,20 @@ void Domain<X, T, D>::after_respond(Body& body, const Phase<X, T, D>& phase) {
     }
 }
 
+/// What phased bodies find at the nodes, and what smoothing over cells makes of the state: before
+/// any body is spread, because a fault here halts the clock, and not in the middle of a turn.
 template <class X, class T, int D>
-void Domain<X, T, D>::run_phases() {
-    std::vector<std::size_t> moving;
-    std::uint64_t workers = 0;
-    bool split = false;
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        if (bodies_[b].homes == 0) continue;
-        moving.push_back(b);
-        reserve_scratch(bodies_[b]);
-        split = split || bodies_[b].plan.group.split;
-        workers += std::uint64_t(bodies_[b].homes);
+void Domain<X, T, D>::collect_bodies(const std::vector<std::size_t>& moving) {
+    std::vector<std::size_t> phased, split;
+    for (std::size_t b : moving) {
+        if (bodies_[b].plan.pipeline != Pipeline::phased) continue;
+        phased.push_back(b);
+        if (bodies_[b].plan.group.split) split.push_back(b);
     }
-    if constexpr (X::is_device) {
-        if (moving.empty()) exec_.single(turn_step());
-        if (workers >= ~std::uint32_t(0))
-            throw CapacityError("more than 2^32 - 2 blocks of threads in one step");
-    }
-    const auto make = [&](std::size_t b) {
-        Phase<X, T, D> p = phase(bodies_[b], int(b), 1 - parity());
-        p.pass.workers = std::uint32_t(workers);
-        p.turns = true;
-        return p;
-    };
-    for (std::size_t b : moving) phase_ops_.collect(make(b));
-    if (split) {
-        for (std::size_t b : moving) {
-            if (!bodies_[b].plan.group.split) continue;
+    const auto make = [&](std::size_t b) { return phase(bodies_[b], int(b), 1 - parity()); };
+    for (std::size_t b : phased) phase_ops_.collect(make(b));
+    if (!split.empty()) {
+        for (std::size_t b : split) {
             Phase<X, T, D> p = make(b);
             p.part = Part::averages;
             bodies_[b].ops.project(p);
@@ -201,18 +188,15 @@ void Domain<X, T, D>::run_phases() {
             std::int64_t(table_.slots) * block_cells,
             AverageVolumes<Grid, Sum, D>{node_update(parity()), sums_[1 - parity()].data(),
                                          groups_.data(), int(plan_.groups.size())});
-        for (std::size_t b : moving)
-            if (bodies_[b].plan.group.split) phase_ops_.collect(make(b));
+        for (std::size_t b : split) phase_ops_.collect(make(b));
     }
-    // Before any body is spread: a fault halts the clock, and not in the middle of a turn.
-    for (std::size_t b : moving) after_collect(bodies_[b], int(b), make(b));
     for (std::size_t b : moving) {
-        const Phase<X, T, D> p = make(b);
-        bodies_[b].ops.respond(p);
-        after_respond(bodies_[b], p);
-        phase_ops_.spread(p);
+        if (bodies_[b].plan.pipeline == Pipeline::phased) {
+            after_collect(bodies_[b], int(b), make(b));
+        } else if constexpr (X::is_device) {
+            if (bodies_[b].plan.cells.smooths()) smooth_on_device(bodies_[b], int(b), make(b));
+        }
     }
-    for (std::size_t b : moving) deposit_stresses(bodies_[b], int(b), 1 - parity());
 }
 
 /// What is left in scratch, once all masses are in the sums that it goes to.

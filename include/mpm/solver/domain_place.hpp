@@ -211,7 +211,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
             const Body& body = bodies_[b];
             exec_.template max_each<1>(std::int64_t(table_.slots) * block_cells,
                                        MostOfCell{body.cell_start.data()}, Keep{found.data()});
-            const double widths = plan_.phased || plan_.keeps
+            const double widths = body.plan.any_transfer()
                                       ? std::pow(kernel_width(spec_.kernel.kernel), D)
                                       : stencil_nodes<D> * std::pow(0.75, D);
             mass += body.particle_mass * std::max(largest_of_all(found.host()[0]), 1.0) * widths;
@@ -377,7 +377,7 @@ template <class X, class T, int D>
 void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity,
                                    const std::vector<double>& gradient, bool tilted, int to) {
     const std::size_t n = body.count;
-    const bool phases = plan_.phased || plan_.keeps, by_columns = phases || tilted;
+    const bool phases = body.plan.any_transfer(), by_columns = phases || tilted;
     if (by_columns)
         reserve_scratch(body);
     else

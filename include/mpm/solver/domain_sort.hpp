@@ -82,7 +82,7 @@ void Domain<X, T, D>::list_homes(const Homes& homes) {
         body.homes = body.full_homes = std::int32_t(count);
         body.lone_count = 0;
         body.home.reserve_discard(count);
-        const bool sparse = body.ops.lone && plan_.fused && !plan_.keeps &&
+        const bool sparse = body.ops.lone && body.plan.pipeline == Pipeline::fused &&
                             all[b] >= least_of_sparse &&
                             all[bodies + b] < 4 * least_of_block * all[b];
         any_sparse = any_sparse || sparse;
@@ -153,8 +153,9 @@ void Domain<X, T, D>::heavy_first(Body& body) {
 template <class X, class T, int D>
 void Domain<X, T, D>::sort_by_colour(Body& body) {
     // The phased step reaches a whole block further on each side.
-    const int apart = plan_.phased ? 3 : 2;
-    std::vector<std::vector<std::int32_t>> by_colour(plan_.phased ? Block<D>::neighbours : 1 << D);
+    const bool phased = body.plan.pipeline == Pipeline::phased;
+    const int apart = phased ? 3 : 2;
+    std::vector<std::vector<std::int32_t>> by_colour(phased ? Block<D>::neighbours : 1 << D);
     for (std::int32_t h = 0; h < body.homes; ++h) {
         std::int64_t b[D];
         table_.keys_of.block(table_.keys[body.home.data()[h]], b);

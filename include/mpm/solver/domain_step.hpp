@@ -131,8 +131,8 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (!chosen(b)) continue;
         double* partial = s.partial.data() + 3 * at;
-        if (bodies_[b].homes > 0 && (plan_.phased || plan_.keeps)) {
-            if (plan_.phased) reserve_scratch(bodies_[b]);
+        if (bodies_[b].homes > 0 && bodies_[b].plan.any_transfer()) {
+            reserve_deposits(bodies_[b]);
             Phase<X, T, D> p = phase(bodies_[b], int(b), parity());
             p.due = &record->due;
             p.part = Part::speeds;
@@ -149,32 +149,40 @@ void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
                                s.partial.data() + 3 * homes, 0, Nothing{});
 }
 
-/// What particles of the two-pass step deposit waits here.
+/// What lies between the passes over a body's particles.
 template <class X, class T, int D>
-void Domain<X, T, D>::reserve_two_pass(Body& body) {
+void Domain<X, T, D>::reserve_deposits(Body& body) {
+    if (body.plan.pipeline == Pipeline::phased) reserve_scratch(body);
+    if (body.plan.pipeline != Pipeline::two_pass) return;
     const std::size_t columns = std::size_t(body.ops.channels) * (1 + D);
     body.scratch.reserve_discard(columns * body.count + column_padding);
 }
 
+/// Devices: blocks of threads whose last one of a step turns the clock.
+template <class X, class T, int D>
+std::uint64_t Domain<X, T, D>::workers_of(const Body& body) const {
+    switch (body.plan.pipeline) {
+        case Pipeline::phased:
+            return std::uint64_t(body.homes);
+        case Pipeline::two_pass:
+            return std::uint64_t(body.homes) * (std::uint64_t(body.ops.channels) + 1);
+        default:
+            return std::uint64_t(body.full_homes) + std::uint64_t(lone_blocks(body.lone_count));
+    }
+}
+
+/// The particles' half of a step, each body by its own pipeline.
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
-    if (plan_.phased) return run_phases();
-    if constexpr (X::is_device) {
-        for (std::size_t b = 0; b < bodies_.size(); ++b)
-            if (bodies_[b].homes > 0 && bodies_[b].plan.cells.smooths())
-                smooth_on_device(bodies_[b], int(b), phase(bodies_[b], int(b), 1 - parity()));
-    }
     std::vector<std::size_t> moving;
     std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (bodies_[b].homes == 0) continue;
         moving.push_back(b);
-        if (!plan_.fused) reserve_two_pass(bodies_[b]);
-        workers += plan_.fused ? std::uint64_t(bodies_[b].full_homes) +
-                                     std::uint64_t(lone_blocks(bodies_[b].lone_count))
-                               : std::uint64_t(bodies_[b].homes) *
-                                     (std::uint64_t(bodies_[b].ops.channels) + 1);
+        reserve_deposits(bodies_[b]);
+        workers += workers_of(bodies_[b]);
     }
+    collect_bodies(moving);
     if constexpr (X::is_device) {
         if (moving.empty()) exec_.single(turn_step());
         if (workers >= ~std::uint32_t(0))
@@ -186,26 +194,40 @@ void Domain<X, T, D>::run_bodies() {
         if (moving.size() > 1) exec_.side_stream();
     }
     for (std::size_t b : moving) {
-        Body& body = bodies_[b];
         if constexpr (X::is_device) {
             if (b == moving.back()) exec_.main_stream();
         }
-        Pass<X, T, D> p = pass(body, int(b), 1 - parity());
-        p.workers = std::uint32_t(workers);
-        if (plan_.keeps) {
-            Phase<X, T, D> kept = phase(body, int(b), 1 - parity());
-            kept.pass = p;
-            body.ops.keep(kept);
-        } else if (plan_.fused) {
-            body.ops.fused(p);
-            if (body.lone_count > 0) body.ops.lone(p);
-        } else {
-            body.ops.gather(p);
-            body.ops.scatter(p);
-        }
+        advance_body(bodies_[b], int(b), std::uint32_t(workers));
     }
+    for (std::size_t b : moving) deposit_stresses(bodies_[b], int(b), 1 - parity());
     if constexpr (X::is_device) {
         if (moving.size() > 1) exec_.join();
+    }
+}
+
+/// What is left of a body's step once all bodies have been collected.
+template <class X, class T, int D>
+void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers) {
+    Phase<X, T, D> p = phase(body, number, 1 - parity());
+    p.pass.workers = workers;
+    switch (body.plan.pipeline) {
+        case Pipeline::fused:
+            body.ops.fused(p.pass);
+            if (body.lone_count > 0) body.ops.lone(p.pass);
+            break;
+        case Pipeline::keeping:
+            body.ops.keep(p);
+            break;
+        case Pipeline::two_pass:
+            body.ops.gather(p.pass);
+            body.ops.scatter(p.pass);
+            break;
+        case Pipeline::phased:
+            p.turns = true;
+            body.ops.respond(p);
+            after_respond(body, p);
+            phase_ops_.spread(p);
+            break;
     }
 }
 
@@ -292,8 +314,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             bool wall_over = false;
             if (share_) {
                 // Nobody asks for memory while another rank's kernels wait.
-                for (Body& body : bodies_)
-                    if (!plan_.fused) reserve_two_pass(body);
+                for (Body& body : bodies_) reserve_deposits(body);
                 run_together(n, wall_over);
             }
             const double t0 = now();

@@ -30,7 +30,7 @@ void Domain<X, T, D>::set_supplies() {
         double fastest = 0;
         for (double v : s.velocity.value) fastest = std::max(fastest, v);
         const double layers = std::ceil(fastest * clock_.dt_stable / s.spacing);
-        const double width = plan_.phased || plan_.keeps
+        const double width = bodies_[std::size_t(s.body)].plan.any_transfer()
                                  ? kernel_width(spec_.kernel.kernel)
                                  : std::pow(double(stencil_nodes<D>), 1.0 / D) * 0.75;
         supplied_mass_ += bodies_[std::size_t(s.body)].particle_mass * most *

@@ -40,9 +40,25 @@ struct PlanColumn {
     int reals;
     int bytes;
 };
+/// In how many passes a step visits the particles of a body (design/pipelines.md).
+enum class Pipeline {
+    fused,     // one
+    keeping,   // one, for a transfer that stores velocities
+    two_pass,  // gather and advance; deposit
+    phased     // collect; respond; spread
+};
+/// As users know it: `keeping` is fused too.
+const char* name_of(Pipeline pipeline);
+
 struct BodyPlan {
     std::string name;
     std::uint64_t particles = 0;
+    Pipeline pipeline = Pipeline::fused;
+    std::string pipeline_reason;
+    /// One of the forms that know all kernels and transfers, and their channels at the nodes.
+    bool any_transfer() const {
+        return pipeline == Pipeline::phased || pipeline == Pipeline::keeping;
+    }
     std::vector<PlanColumn> columns;
     int bytes_per_particle = 0;
     Smoothing smoothing = Smoothing::none;
@@ -59,33 +75,38 @@ struct Plan {
     std::vector<std::string> channels;  // of the sums
     int sum_channels = 0, velocity_channels = 0;
     int bytes_per_node = 0;
-    bool fused = true;
-    bool phased = false;
-    bool keeps = false;   // fused, with a transfer that stores velocities
     KeptChannels kept;    // where the transfer stores velocities
     SweepChannels sweep;  // of XPIC and FMPM
     int sweeps = 0;       // per step
     double beyond =
         0;  // the largest share of a deposit that a particle moves with, beside the grid's
     bool on_functions = false;  // functions over cells in place of the regular grid
-    std::string pipeline_reason;
     std::vector<std::string> kernels;
-    std::string pipeline() const { return phased ? "phased" : fused ? "fused" : "two-pass"; }
+    /// That of all bodies, or `by_body` where they differ.
+    std::string pipeline() const;
+    /// Why: of all bodies, or of each group that has a reason of its own.
+    std::string pipeline_reason() const;
+    bool some(Pipeline pipeline) const;
     double time_step = 0;
     double wave_speed = 0;
     std::string limited_by;
     double memory_particles = 0, memory_sort = 0, memory_grid = 0, memory_tables = 0;
 };
 
+/// The pipeline of a scene whose bodies have several; asked for by this name, it is "auto".
+inline constexpr const char* by_body = "by-body";
+
 Plan make_plan(const Spec& spec, const BackendTraits& backend);
 
 const char* name_of(Kernel kernel);
 
-/// True where a scene asks for more than the fused step of affine transfer has. Smoothing over
-/// cells alone is done before a step where sums of cells are integers, in any pipeline.
-bool needs_phases(const Spec& spec, bool device);
-/// True where the fused step of schemes that store velocities has all of it.
-bool can_keep(const Spec& spec, bool device);
+/// Why no body of the scene can do without the phased step; empty where some may.
+std::string needs_phases(const Spec& spec);
+/// The same of one body, where the scene allows it. Smoothing over cells alone is done before a
+/// step where sums of cells are integers, in any pipeline.
+std::string needs_phases(const Spec& spec, const BodySpec& body, bool device);
+/// True where the scene's transfer stores velocities, and nothing else of it needs the phased step.
+bool stores_in_one_pass(const Spec& spec);
 /// Adds to a plan whose bodies are there what they do over cells; refuses what does not fit.
 void plan_cells(const Spec& spec, Plan& plan);
 /// Adds to a plan whose bodies are there what the scene's transfer stores.

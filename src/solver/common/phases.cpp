@@ -130,27 +130,37 @@ const char* name_of(Kernel k) {
     return names[int(k)];
 }
 
-bool needs_phases(const Spec& spec, bool device) {
-    const KernelSpec& k = spec.kernel;
-    if (spec.transfer.scheme != "APIC" || k.kernel != Kernel::quadratic || k.clamped ||
-        k.gradient != GradientForm::moments || spec.deformed_nodes)
-        return true;
-    return std::any_of(spec.bodies.begin(), spec.bodies.end(), [&](const BodySpec& b) {
-        return !material(b.material).fused || (!device && works_between_parts(b)) ||
-               b.smoothing == SmoothingForm::split || b.smoothing == SmoothingForm::literal ||
-               (b.smoothing != SmoothingForm::none && !material(b.material).volumetric);
-    });
-}
-
-bool can_keep(const Spec& spec, bool device) {
+std::string needs_phases(const Spec& spec) {
     const KernelSpec& k = spec.kernel;
     const Scheme& scheme = scheme_of(spec.transfer);
-    return scheme.memory == Memory::flip && !scheme.sweeps && k.kernel == Kernel::quadratic &&
-           !k.clamped && k.gradient == GradientForm::moments && !spec.deformed_nodes &&
-           std::all_of(spec.bodies.begin(), spec.bodies.end(), [&](const BodySpec& b) {
-               return material(b.material).fuses_memory && (device || !works_between_parts(b)) &&
-                      b.smoothing != SmoothingForm::split && b.smoothing != SmoothingForm::literal;
-           });
+    if (k.kernel != Kernel::quadratic)
+        return "kernel '" + std::string(name_of(k.kernel)) + "' has no other form";
+    if (k.clamped) return "boundary splines have no other form";
+    if (k.gradient != GradientForm::moments)
+        return "gradients of the kernel's functions have no other form";
+    if (spec.deformed_nodes) return "gradients by moved nodes stand between the parts of a step";
+    if (spec.transfer.scheme != "APIC" && (scheme.memory != Memory::flip || scheme.sweeps))
+        return "transfer '" + spec.transfer.scheme + "' has no other form";
+    return {};
+}
+
+bool stores_in_one_pass(const Spec& spec) {
+    return spec.transfer.scheme != "APIC" && needs_phases(spec).empty();
+}
+
+std::string needs_phases(const Spec& spec, const BodySpec& b, bool device) {
+    const MaterialInfo& m = material(b.material);
+    if (spec.transfer.scheme == "APIC" ? !m.fused : !m.fuses_memory)
+        return "material " + b.material + " has no fused form" +
+               (m.fused ? " with transfer '" + spec.transfer.scheme + "'" : "");
+    if (!device && works_between_parts(b))
+        return "smoothing over cells, assumed fields, damping and placed forces stand between the "
+               "parts of a step";
+    if (b.smoothing == SmoothingForm::split || b.smoothing == SmoothingForm::literal)
+        return "this form of F-bar stands between the parts of a step";
+    if (b.smoothing != SmoothingForm::none && !m.volumetric)
+        return "F-bar on solids has no fused form";
+    return {};
 }
 
 void plan_cells(const Spec& spec, Plan& plan) {
@@ -178,6 +188,7 @@ void plan_phases(const Spec& spec, Plan& plan) {
     const bool guards =
         scheme.shift != ShiftRule::none && std::any_of(spec.bodies.begin(), spec.bodies.end(),
                                                        [](const BodySpec& b) { return b.guard; });
+    const int given = plan.velocity_channels;
     const auto more = [&](int numbers) {
         const int at = plan.velocity_channels;
         plan.velocity_channels += numbers;
@@ -191,7 +202,8 @@ void plan_phases(const Spec& spec, Plan& plan) {
         for (int a = 0; a < D; ++a)
             plan.channels.push_back(std::string("plain_momentum_") + axes[a]);
         // Read in one piece of four numbers, the guard behind it.
-        if (D == 3 && plan.keeps) plan.velocity_channels = (plan.velocity_channels + 3) / 4 * 4;
+        if (D == 3 && plan.some(Pipeline::keeping))
+            plan.velocity_channels = (plan.velocity_channels + 3) / 4 * 4;
         plan.kept.before = more(D);
         if (guards) plan.kept.guard = more(1);
         if (spec.start.given)
@@ -210,7 +222,8 @@ void plan_phases(const Spec& spec, Plan& plan) {
         plan.sweep.residual = more(D);
     }
     // One group's average is stored with the velocity in one piece of four numbers.
-    if (D == 3) plan.velocity_channels = (plan.velocity_channels + 3) / 4 * 4;
+    if (D == 3 && plan.velocity_channels > given)
+        plan.velocity_channels = (plan.velocity_channels + 3) / 4 * 4;
     plan.sum_channels = int(plan.channels.size());
 
     common.kernel.kernel = spec.kernel.kernel;

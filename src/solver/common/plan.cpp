@@ -95,9 +95,9 @@ void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
                          " fit. Use a transfer that stores no velocity, or another kernel");
     p.columns.push_back({"id", 1, 4});
     if (backend.device) p.columns.push_back({"cell", 1, 1});
-    const int deposit = plan.fused    ? 0
-                        : plan.phased ? scratch_columns(D, p.phase)
-                                      : (D + (p.smoothing == Smoothing::none ? 0 : 1)) * (1 + D);
+    const int deposit = p.pipeline == Pipeline::phased     ? scratch_columns(D, p.phase)
+                        : p.pipeline == Pipeline::two_pass ? p.phase.channels * (1 + D)
+                                                           : 0;
     if (deposit > 0) p.columns.push_back({"deposit", deposit, deposit * backend.grid_real()});
     for (const auto& c : p.columns) p.bytes_per_particle += c.bytes;
     const double particles = double(p.particles);
@@ -108,7 +108,110 @@ void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
         std::max(plan.memory_sort, particles * std::max(backend.device ? 12 : 8, 4 + spare));
 }
 
+/// Refuses a pipeline that the scene or one of its bodies has not.
+void check_pipeline(const Spec& spec, const BackendTraits& backend) {
+    const std::string& asked = spec.pipeline;
+    if (asked == "auto" || asked == "phased" || asked == by_body) return;
+    if (asked != "fused" && asked != "two-pass")
+        throw SceneError("pipeline is '" + asked + "'; expected auto, fused, two-pass or phased");
+    if (asked == "two-pass" && stores_in_one_pass(spec))
+        throw SceneError(
+            "pipeline 'two-pass' has no transfer that stores velocities; this scene "
+            "asks for " +
+            spec.transfer.scheme + ". Use pipeline=\"auto\" or \"phased\"");
+    std::string why = needs_phases(spec);
+    for (const BodySpec& body : spec.bodies) {
+        if (!why.empty()) break;
+        why = needs_phases(spec, body, backend.device);
+        if (!why.empty()) why = "body '" + body.name + "' asks for more: " + why;
+    }
+    if (!why.empty())
+        throw SceneError("pipeline '" + asked +
+                         "' has quadratic splines with transfer APIC, F-bar on fluids in its fused "
+                         "forms, and not every material; this scene asks for others: " +
+                         why + ". Use pipeline=\"auto\" or \"phased\"");
+    if (asked == "fused" && !backend.fused)
+        throw SceneError("pipeline 'fused' is not built for " + backend.numbers() +
+                         " precision on " + backend.name + "; use pipeline=\"auto\" or " +
+                         (stores_in_one_pass(spec) ? "\"phased\"" : "\"two-pass\""));
+}
+
+/// The pipeline of a body: that which was asked for, or the one with the fewest passes that it has.
+void choose_pipeline(const Spec& spec, const BackendTraits& backend, const BodySpec& body,
+                     BodyPlan& p) {
+    const std::string registers = backend.numbers() + " precision on " + backend.name +
+                                  " has no fused form: too many sums for the registers of one "
+                                  "worker";
+    const bool keeps = stores_in_one_pass(spec);
+    std::string why = needs_phases(spec);
+    if (why.empty()) why = needs_phases(spec, body, backend.device);
+    if (why.empty() && keeps && !backend.fused) why = registers;
+    if (spec.pipeline == "phased" || !why.empty()) {
+        p.pipeline = Pipeline::phased;
+        p.pipeline_reason = why;
+    } else if (keeps) {
+        p.pipeline = Pipeline::keeping;
+        p.pipeline_reason =
+            "quadratic splines and fluids: one pass over the particles, with the velocity that "
+            "they store";
+    } else if (spec.pipeline == "two-pass" || !backend.fused) {
+        p.pipeline = Pipeline::two_pass;
+        p.pipeline_reason = registers;
+    } else {
+        p.pipeline_reason = "quadratic splines and affine transfer: one pass over the particles";
+    }
+    if (spec.pipeline != "auto" && spec.pipeline != by_body) p.pipeline_reason = "asked for";
+}
+
 }  // namespace
+
+const char* name_of(Pipeline pipeline) {
+    switch (pipeline) {
+        case Pipeline::two_pass:
+            return "two-pass";
+        case Pipeline::phased:
+            return "phased";
+        default:
+            return "fused";
+    }
+}
+
+bool Plan::some(Pipeline pipeline) const {
+    return std::any_of(bodies.begin(), bodies.end(),
+                       [&](const BodyPlan& p) { return p.pipeline == pipeline; });
+}
+
+std::string Plan::pipeline() const {
+    const std::string first = name_of(bodies.empty() ? Pipeline::fused : bodies[0].pipeline);
+    for (const BodyPlan& p : bodies)
+        if (name_of(p.pipeline) != first) return by_body;
+    return first;
+}
+
+std::string Plan::pipeline_reason() const {
+    struct Group {
+        std::string reason, pipeline, first;
+        int others = 0;
+    };
+    std::vector<Group> groups;
+    for (const BodyPlan& p : bodies) {
+        const auto same = std::find_if(groups.begin(), groups.end(), [&](const Group& g) {
+            return g.reason == p.pipeline_reason && g.pipeline == name_of(p.pipeline);
+        });
+        if (same == groups.end())
+            groups.push_back({p.pipeline_reason, name_of(p.pipeline), p.name});
+        else
+            ++same->others;
+    }
+    if (groups.size() == 1) return groups[0].reason;
+    std::string out;
+    for (const Group& g : groups) {
+        out += (out.empty() ? "body '" : "; body '") + g.first + "'";
+        if (g.others > 0) out += " and " + std::to_string(g.others) + " more";
+        out += " " + g.pipeline + ": " + g.reason;
+    }
+    return out;
+}
 
 Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     const int D = spec.dimension;
@@ -116,11 +219,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         throw SceneError("dimension is " + std::to_string(D) +
                          "; built are 2 (plane strain) and 3");
     }
-    if (spec.pipeline != "auto" && spec.pipeline != "fused" && spec.pipeline != "two-pass" &&
-        spec.pipeline != "phased") {
-        throw SceneError("pipeline is '" + spec.pipeline +
-                         "'; expected auto, fused, two-pass or phased");
-    }
+    check_pipeline(spec, backend);
     const bool between =
         spec.deformed_nodes || spec.kernel.modified ||
         std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
@@ -138,38 +237,6 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     Plan plan;
     const int real = backend.real();
     const std::string numbers = backend.numbers();
-
-    const bool keeps = can_keep(spec, backend.device), alone = needs_phases(spec, backend.device),
-               needed = alone && !(keeps && backend.fused);
-    plan.phased = needed || spec.pipeline == "phased";
-    if (alone && spec.pipeline == "two-pass" && keeps) {
-        throw SceneError(
-            "pipeline 'two-pass' has no transfer that stores velocities; this scene "
-            "asks for " +
-            spec.transfer.scheme + ". Use pipeline=\"auto\" or \"phased\"");
-    }
-    if (needed && spec.pipeline != "auto" && spec.pipeline != "phased") {
-        throw SceneError("pipeline '" + spec.pipeline +
-                         "' has quadratic splines with transfer APIC, F-bar on fluids in its fused "
-                         "forms, and not every material; this scene asks for others. Use "
-                         "pipeline=\"auto\" or \"phased\"");
-    }
-    plan.fused =
-        !plan.phased && (spec.pipeline == "auto" ? backend.fused : spec.pipeline == "fused");
-    plan.keeps = plan.fused && keeps;
-    if (plan.fused && !backend.fused) {
-        throw SceneError("pipeline 'fused' is not built for " + numbers + " precision on " +
-                         backend.name + "; use pipeline=\"auto\" or \"two-pass\"");
-    }
-    plan.pipeline_reason =
-        spec.pipeline != "auto" ? "asked for"
-        : plan.phased           ? "its transfer, kernel, F-bar or a material has no fused form"
-        : plan.keeps
-            ? "quadratic splines and fluids: one pass over the particles, with the velocity "
-              "that they store"
-        : plan.fused ? "quadratic splines and affine transfer: one pass over the particles"
-                     : numbers + " precision on " + backend.name +
-                           " has no fused form: too many sums for the registers of one worker";
 
     // Bodies of equal material and equal F-bar settings average their volume together.
     struct Group {
@@ -253,6 +320,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         BodyPlan p;
         p.name = body.name;
         p.particles = body.count;
+        choose_pipeline(spec, backend, body, p);
         p.columns.push_back({"position", D, D * real});
         p.state_columns = m.reals(D);
         for (int c = 0; c < m.column_count; ++c) {
@@ -300,7 +368,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     plan_cells(spec, plan);
     // The fused step knows one kernel and one transfer; their columns a tilted first deposit takes.
     for (BodyPlan& p : plan.bodies) p.phase.channels = D + (p.smoothing == Smoothing::none ? 0 : 1);
-    if (plan.phased || plan.keeps) plan_phases(spec, plan);
+    if (std::any_of(plan.bodies.begin(), plan.bodies.end(),
+                    [](const BodyPlan& p) { return p.any_transfer(); }))
+        plan_phases(spec, plan);
     // Sums are kept twice: those being read and those being filled.
     plan.bytes_per_node = (2 * plan.sum_channels + plan.velocity_channels) * backend.grid_real();
     for (BodyPlan& p : plan.bodies) add_columns(plan, backend, D, p);
@@ -345,19 +415,18 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         plan.kernels.push_back("sample:" + s.name);
     }
     if (loads) plan.kernels.push_back("measure_loads");
-    for (const auto& b : spec.bodies) {
-        const bool smooths = b.cell_smoothing.form != CellForm::none;
-        if (smooths && !plan.phased) plan.kernels.push_back("smooth_cells:" + b.name);
-        if (plan.fused) {
-            plan.kernels.push_back("fused:" + b.name);
-        } else if (plan.phased) {
-            plan.kernels.push_back("collect:" + b.name);
-            if (smooths) plan.kernels.push_back("smooth_cells:" + b.name);
+    for (const auto& b : plan.bodies) {
+        const bool phased = b.pipeline == Pipeline::phased;
+        if (phased) plan.kernels.push_back("collect:" + b.name);
+        if (b.cells.smooths()) plan.kernels.push_back("smooth_cells:" + b.name);
+        if (phased) {
             plan.kernels.push_back("respond:" + b.name);
             plan.kernels.push_back("spread:" + b.name);
-        } else {
+        } else if (b.pipeline == Pipeline::two_pass) {
             plan.kernels.push_back("gather:" + b.name);
             plan.kernels.push_back("scatter:" + b.name);
+        } else {
+            plan.kernels.push_back("fused:" + b.name);
         }
     }
     plan.kernels.push_back("end_step");

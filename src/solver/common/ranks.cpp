@@ -46,7 +46,7 @@ void check_ranks(const Spec& spec, const Plan& plan) {
     for (const BodySpec& b : spec.bodies)
         if (b.cell_smoothing.form != CellForm::none)
             refuse("smoothing over cells of body '" + b.name + "'", "take one rank");
-    if (!plan.phased && !plan.keeps) return;
+    if (!plan.some(Pipeline::phased) && !plan.some(Pipeline::keeping)) return;
     if (spec.transfer.scheme != "APIC")
         refuse("transfer '" + spec.transfer.scheme + "'", "take one rank or APIC");
     const KernelSpec& k = spec.kernel;

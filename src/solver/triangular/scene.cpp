@@ -67,9 +67,7 @@ Plan plan_functions(const Spec& spec) {
     const auto basis = make_basis(spec.functions);
     Plan plan;
     plan.on_functions = true;
-    plan.fused = false;
     plan.channels = {"mass (" + spec.functions.mass + ")", "force", "momentum"};
-    plan.pipeline_reason = "functions over cells, sums and solves twice a step";
     std::size_t couplings = 0;
     for (int c = 0; c < basis->cells(); ++c)
         couplings += basis->on_cell(c).size() * basis->on_cell(c).size();
@@ -88,6 +86,7 @@ Plan plan_functions(const Spec& spec) {
         BodyPlan p;
         p.name = b.name;
         p.particles = b.count;
+        p.pipeline_reason = "functions over cells, sums and solves twice a step";
         const int reals = m.reals(2);
         const auto column = [&](const char* name, int count) {
             p.columns.push_back({name, count, 8 * count});

@@ -188,6 +188,13 @@ __device__ __forceinline__ void count_strays(const P& pass, int count) {
               static_cast<unsigned long long>(count));
 }
 
+/// Sorting is due, whatever strays have cost: beyond any limit, and with room for what others
+/// count.
+template <class P>
+__device__ __forceinline__ void call_for_sort(const P& pass) {
+    atomicMax(reinterpret_cast<unsigned long long*>(pass.strays), 1ull << 63);
+}
+
 /// The clock turns when the last worker of a step's passes is done; all threads must come here.
 template <class P>
 __device__ __forceinline__ void end_pass(const P& pass) {

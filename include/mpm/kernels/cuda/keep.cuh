@@ -79,13 +79,6 @@ struct KeepShared {
 };
 static_assert(sizeof(KeepShared<3, 4>) <= 56 * 1024);
 
-/// Sorting is due, whatever strays have cost: beyond any limit, and with room for what others
-/// count.
-template <class P>
-__device__ __forceinline__ void call_for_sort(const P& pass) {
-    atomicMax(reinterpret_cast<unsigned long long*>(pass.strays), 1ull << 63);
-}
-
 /// Momentum without stress of one particle, straight into a sum arena.
 template <int D, int E>
 struct PlainSums {

@@ -34,9 +34,7 @@ __global__ void __launch_bounds__(phase_block)
             Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
             found.momentum = found.average = 0;
         }
-        if (found.far) {
-            atomicMax(reinterpret_cast<unsigned long long*>(pass.strays), ~0ull);
-        }
+        if (found.far) call_for_sort(pass);
     }
     tell_largest(pass, found.momentum, found.average);
 }

@@ -42,7 +42,8 @@ __all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "choose_
 __all__ += ["choose_precision", "lower", "world_offset"]
 
 PRECISIONS = ("single", "mixed", "double")
-PIPELINES = ("auto", "fused", "two-pass", "phased")
+#: "by-body" is what a plan says where bodies have several, and as an option the same as "auto".
+PIPELINES = ("auto", "fused", "two-pass", "phased", "by-body")
 
 #: Threads of a run; machines with more cores run several.
 _MOST_THREADS = 1024

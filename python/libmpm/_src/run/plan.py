@@ -171,7 +171,11 @@ class Plan:
         return sum(int(b["particles"]) for b in self._result["bodies"])
 
     def body(self, name: str) -> dict[str, Any]:
-        """Return the entry of a body: particles, columns, bytes_per_particle, particle_spacing."""
+        """Return the entry of a body.
+
+        Its keys: particles, columns, bytes_per_particle, particle_spacing (m), pipeline ("fused",
+        "two-pass" or "phased") and pipeline_reason.
+        """
         for entry in self._result["bodies"]:
             if entry["name"] == name:
                 return dict(entry)
@@ -197,12 +201,12 @@ class Plan:
 
     @property
     def pipeline(self) -> str:
-        """Step pipeline, "fused", "two-pass" or "phased"."""
+        """Pipeline of all bodies: "fused", "two-pass", "phased"; "by-body" where they differ."""
         return str(self._result["pipeline"])
 
     @property
     def pipeline_reason(self) -> str:
-        """Why this pipeline was taken."""
+        """Why this pipeline was taken; where bodies differ, by body."""
         return str(self._result["pipeline_reason"])
 
     @property

@@ -54,7 +54,9 @@ class Simulation(Shown, Acting):
         "single", "double", or on CUDA devices "mixed": particles double, grid single. "auto" is
         single, and double on grids of functions, which have no other.
     pipeline
-        "auto", "fused", "two-pass" or "phased".
+        "auto" ("by-body" is the same): each body by the pipeline with the fewest passes over its
+        particles that it has; see `Plan.body`. Or one for all: "fused" or "two-pass", which some
+        bodies have not, or "phased".
     output
         A folder (sensors only) or an `Output` with intervals for frames and checkpoints.
     threads
@@ -161,7 +163,7 @@ class Simulation(Shown, Acting):
 
     @property
     def pipeline(self) -> str:
-        """The pipeline in use: "fused", "two-pass" or "phased"."""
+        """The pipeline in use: "fused", "two-pass", "phased", or "by-body" (`Plan.body`)."""
         return self.plan.pipeline
 
     @property
