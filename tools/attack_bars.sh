@@ -9,6 +9,7 @@
 #   attacks.json    counts, for: python -m tests.attack --write --collect attacks.json
 #   kept.tar.gz     cases that showed a defect
 #   long_run.json   the long run;   *.log   what was said
+#   long_run.tar    its state, for the next call: LIBMPM_LONG_RUN names it
 set -uo pipefail
 cd "$(dirname "$0")/.."
 minutes=9 workers=$(nproc) seed=1 device=cuda steps=1000000
@@ -27,10 +28,17 @@ python=${LIBMPM_PYTHON:-python3}
 results=$(realpath -m "${LIBMPM_RESULTS:-results}")
 mkdir -p "$results"
 export PYTHONUNBUFFERED=1 MPLBACKEND=Agg OMP_NUM_THREADS=1
-status=0 long=""
-chmod +x build/asan/tests/cpp/test_solver_rank_fuzz 2>/dev/null
+status=0 long="" fuzzer=build/asan/tests/cpp/test_solver_rank_fuzz
+chmod +x $fuzzer 2>/dev/null
+if [ "$(head -c 4 $fuzzer 2>/dev/null | tail -c 3)" != ELF ]; then
+  echo "$fuzzer is no program: build it (cmake --preset asan) or put it there, unpacked" >&2
+  exit 2
+fi
+# The long run goes on from the state of an earlier call.
+state=build/attack/long
+if [ -s "${LIBMPM_LONG_RUN:-}" ]; then mkdir -p $state && tar xf "$LIBMPM_LONG_RUN" -C $state; fi
 if [ "$device" != none ]; then
-  "$python" tests/attack/long_run.py --device "$device" --steps "$steps" --kills 8 \
+  "$python" tests/attack/long_run.py --device "$device" --steps "$steps" --kills 8 --state $state \
     --minutes "$(echo "$minutes" | awk '{print $1 * 0.97}')" --results "$results" \
     >"$results/long_run.log" 2>&1 &
   long=$!
@@ -42,6 +50,7 @@ trap 'kill -TERM $attacks $long 2>/dev/null' TERM INT
 # A signal ends the first wait before what it is sent to has written its counts.
 wait "$attacks" || { wait "$attacks"; status=$?; }
 [ -z "$long" ] || wait "$long" || status=1
+[ -z "$long" ] || tar cf "$results/long_run.tar" -C $state .
 tail -n 60 "$results/attacks.log"
 [ -z "$long" ] || tail -n 3 "$results/long_run.log"
 exit "$status"

@@ -97,7 +97,7 @@ def _run(given: argparse.Namespace) -> None:
     busy: list[tuple[subprocess.Popen[bytes], str, float]] = []
     environment = os.environ | {
         "OMP_NUM_THREADS": "1", "ATTACK_COMMIT": commit(), "MALLOC_PERTURB_": "165",
-        "OPENBLAS_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1", "ATTACK_DEAR": "50" if given.bars else "1",
     }  # fmt: skip
     left = dict.fromkeys(names, given.cases if given.cases is not None else sys.maxsize)
     try:

@@ -48,11 +48,16 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=8.0, help="then it ends unfinished")
     parser.add_argument("--cells", type=float, default=0.1, help="cell size, m; the demo's is 0.05")
     parser.add_argument("--results", type=Path, default=Path("results"))
+    parser.add_argument("--state", type=Path, help="folder of both runs: a call that ends "
+                        "unfinished is gone on with by the next one")  # fmt: skip
     parser.add_argument("--child", nargs=2, metavar=("FOLDER", "UNTIL"), help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.child:
         _go_on(Path(given.child[0]), float(given.child[1]), given)
         return 0
+    if given.state:
+        given.state.mkdir(parents=True, exist_ok=True)
+        return _both(given.state, given)
     with tempfile.TemporaryDirectory() as folder:
         return _both(Path(folder), given)
 
@@ -90,7 +95,7 @@ def _both(folder: Path, given: argparse.Namespace) -> int:
         warnings.simplefilter("ignore")
         plan = _scene(given.cells).plan(device="cpu", until=1.0, precision=given.precision)
     until = given.steps * plan.time_step
-    rng = random.Random(given.seed)
+    rng = random.Random(given.seed + time.time_ns())
     result: dict[str, Any] = {
         "device": given.device, "precision": given.precision, "cells": given.cells,
         "until": until, "kills": 0, "outcome": "not finished",
@@ -102,23 +107,33 @@ def _both(folder: Path, given: argparse.Namespace) -> int:
         path.with_suffix(".part").write_text(json.dumps(result, indent=1) + "\n")
         path.with_suffix(".part").replace(path)
 
+    # Of earlier calls: seconds of the run that nobody stops, and kills of the other.
+    kept = folder / "state.json"
+    before = json.loads(kept.read_text()) if kept.exists() else {"seconds": 0.0, "kills": 0}
+    result["kills"] = before["kills"]
+    parts: list[dict[str, Any]] = []
+    result["parts"] = parts
     try:
-        whole = _process(folder / "whole", until, given, end, None)
-        result["undisturbed"] = whole
+        if not (folder / "whole" / "steps").exists():
+            began = time.monotonic()
+            try:
+                parts.append(_process(folder / "whole", until, given, end, None))
+            finally:
+                before["seconds"] += time.monotonic() - began
+                kept.write_text(json.dumps(before))
         save()
-        moments = sorted(rng.uniform(0.02, 0.98) * whole["seconds"] for _ in range(given.kills))
-        result["parts"] = []
-        for before, after in zip([0.0, *moments], [*moments, None], strict=False):
-            delay = None if after is None else max(after - before, 1.0)
-            part = _process(folder / "killed", until, given, end, delay)
-            result["parts"].append(part)
-            result["kills"] += part["killed"]
+        while not (folder / "killed" / "steps").exists():
+            part = before["seconds"] / (given.kills + 1)
+            due = before["kills"] < given.kills
+            delay = max(rng.uniform(0.2, 1.8) * part, 1.0) if due else None
+            parts.append(_process(folder / "killed", until, given, end, delay))
+            before["kills"] += parts[-1]["killed"]
+            result["kills"] = before["kills"]
+            kept.write_text(json.dumps(before))
             save()
-            if not part["killed"]:
-                break
         compare(folder / "killed", folder / "whole")
         result["steps"] = int((folder / "whole" / "steps").read_text())
-        growth = max(p["growth"] for p in [whole, *result["parts"]])
+        growth = max((p["growth"] for p in parts), default=0)
         result["largest_growth"] = growth
         result["outcome"] = "the same bits"
         if growth > FLAT:
@@ -128,7 +143,7 @@ def _both(folder: Path, given: argparse.Namespace) -> int:
     except TimeoutError:
         pass
     save()
-    print(json.dumps({k: v for k, v in result.items() if k not in ("undisturbed", "parts")}))
+    print(json.dumps({k: v for k, v in result.items() if k != "parts"}))
     return 1 if result["outcome"].startswith("defect") else 0
 
 

@@ -6,7 +6,6 @@ Everything follows from a seed and the number of a case, so that a case can be m
 from __future__ import annotations
 
 import contextlib
-import copy
 import dataclasses
 import json
 import math
@@ -113,6 +112,22 @@ def places(item: Any, way: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
             yield from places(value, (*way, key))
 
 
+def _not_finite(document: Any) -> bool:
+    """Tell whether a document has a number that is refused wherever it stands."""
+    found = ((way[-1], at(document, way)) for way in places(document))
+    return any(
+        isinstance(item, float) and not math.isfinite(item) and not (key == 1 and item == math.inf)
+        for key, item in found
+    )
+
+
+def copied(item: Any) -> Any:
+    """Return a copy of lists and dicts; what else is in them has none, or needs none."""
+    if isinstance(item, dict):
+        return {key: copied(inner) for key, inner in item.items()}
+    return [copied(inner) for inner in item] if isinstance(item, list) else item
+
+
 def at(document: Any, way: tuple[Any, ...]) -> Any:
     """What is at a place."""
     for key in way:
@@ -142,11 +157,13 @@ class Breaker:
     def broken(self) -> Broken:
         """Return one document, changed once, or a few times."""
         name = self.rng.choice(sorted(self.documents))
-        result = Broken(copy.deepcopy(self.documents[name]), [f"document '{name}'"])
+        result = Broken(copied(self.documents[name]), [f"document '{name}'"])
         for _ in range(self.rng.choice((1, 1, 1, 1, 2, 3))):
             self._change(result)
             if result.deep:
                 break  # what is nested so deep can be neither copied nor walked
+        if result.refuse and len(result.said) > 2:
+            result.refuse = _not_finite(result.document)  # a later change may take it out again
         if len(result.said) > 2:
             result.named = set()  # one change may hide another
         return result
@@ -181,7 +198,7 @@ class Breaker:
         new = rng.choice(pool)
         if rng.random() < 0.02:
             pool, new, broken.deep = (), nested(rng.choice((3, 900, 5000))), True
-        owner[key] = copy.deepcopy(new) if pool is SHAPES else new
+        owner[key] = copied(new) if pool is SHAPES else new
         if pool is NOT_FINITE and key not in ("run", "$schema"):
             # The end of a boundary's time may be infinite.
             broken.refuse = not (key == 1 and new == math.inf)
@@ -217,7 +234,7 @@ class Breaker:
             new = rng.choice((1, None, ("a",), 0.5, b"key"))
         if new in owner:
             return ""
-        owner[new] = owner.pop(key) if rng.random() < 0.5 else copy.deepcopy(old)
+        owner[new] = owner.pop(key) if rng.random() < 0.5 else copied(old)
         return f"has the key {new!r}"
 
     def _items(self, owner: Any, key: Any, old: Any, broken: Broken) -> str:
@@ -229,7 +246,7 @@ class Breaker:
         how = rng.choice(("twice", "less", "none", "turned", "many", "swapped"))
         i, j = rng.randrange(len(new)), rng.randrange(len(new))
         if how == "twice":
-            new.insert(i, copy.deepcopy(new[i]))
+            new.insert(i, copied(new[i]))
         elif how == "less":
             del new[i]
         elif how == "none":
@@ -240,7 +257,7 @@ class Breaker:
             new = new * 50
         else:
             new[i], new[j] = new[j], new[i]
-        owner[key] = copy.deepcopy(new)
+        owner[key] = copied(new)
         return f"items: {how}"
 
     def _text(self, owner: Any, key: Any, old: Any, broken: Broken) -> str:
@@ -260,7 +277,7 @@ class Breaker:
         """What stands elsewhere, in this file or another."""
         other = self.documents[self.rng.choice(sorted(self.documents))]
         way = self.rng.choice(list(places(other)))
-        owner[key] = copy.deepcopy(at(other, way))
+        owner[key] = copied(at(other, way))
         return f"{brief(old)} became what is at {'.'.join(map(str, way))}"
 
     def _wrap(self, owner: Any, key: Any, old: Any, broken: Broken) -> str:

@@ -19,14 +19,22 @@ pytestmark = pytest.mark.validation
 CASES = (*BLOCKS, *DECKS)
 
 
+def on_built_devices(name, device):
+    """The deck's modified linear functions are built for the CPU alone."""
+    if name == "debris-at-deck" and device == "cuda":
+        pytest.skip("modified linear functions are not built for CUDA")
+
+
 @pytest.mark.parametrize("name", [c.name for c in CASES])
 def test_reduced(name, device):
+    on_built_devices(name, device)
     result = libmpm.cases.run(name, device=device, precision="double")
     assert not result.failures, result.failures
 
 
 @pytest.mark.parametrize("name", [c.name for c in CASES])
 def test_full(name, full, device):
+    on_built_devices(name, device)
     result = libmpm.cases.run(name, "full", device=device, precision="double")
     assert not result.failures, result.failures
 

@@ -76,7 +76,7 @@ public:
     NodalSums sums() override;
     Condition condition(int samples) override;
     State save() override;
-    void check(const State& state) const override { check_state(state, spec_, plan_); }
+    void check(const State& state) const override;
     void load(const State& state) override;
     std::map<std::string, double> timings() const override { return timings_; }
     std::map<std::string, double> statistics() const override;
@@ -169,6 +169,7 @@ private:
     }
 
     // domain_state.hpp
+    void check_laws(const State& state) const;
     void restore_supplies(const State& state);
     void restore_sensors(const std::vector<std::int64_t>& next, const std::vector<double>& last,
                          const std::vector<double>& first, std::vector<double> impulse);

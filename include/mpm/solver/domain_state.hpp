@@ -8,6 +8,8 @@
 #include "mpm/solver/domain.hpp"
 #include "mpm/solver/rank_scene.hpp"
 #include "mpm/solver/saved_clock.hpp"
+#include "mpm/solver/saved_state.hpp"
+#include "mpm/solver/state_check.hpp"
 
 namespace mpm {
 
@@ -191,6 +193,40 @@ void Domain<X, T, D>::load(const State& whole) {
     dead_ = false;
     smoothing_logs_ = Buffer<X, SmoothingLog>(exec_);
     for (Body& body : bodies_) body.smoothing_seen = 0;
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::check(const State& state) const {
+    check_state(state, spec_, plan_);
+    check_laws(state);
+}
+
+/// Laws give each particle's numbers a finite pressure: within the range of the precision they may
+/// still be no state of the law.
+template <class X, class T, int D>
+void Domain<X, T, D>::check_laws(const State& state) const {
+    const double still[D][D] = {};
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        const Body& body = bodies_[b];
+        const std::string p = "body" + std::to_string(b) + "_";
+        std::vector<std::vector<double>> column;
+        for (std::size_t r = 0; r < std::size_t(body.plan.state_columns); ++r)
+            column.push_back(detail::numbers(state, p + "state" + std::to_string(r)));
+        if (column.empty()) continue;
+        double own[max_state_columns] = {};
+        for (std::size_t q = 0; q < column[0].size(); ++q) {
+            for (std::size_t r = 0; r < column.size(); ++r) own[r] = column[r][q];
+            if (body.plan.smoothing == Smoothing::two_volumes)
+                body.ops.adopt(own, own[body.material->reals(D)]);
+            const auto seen = body.ops.observe(own, still, body.parameters.data());
+            if (!std::isfinite(seen.pressure + seen.volume_ratio))
+                refuse_entry(p + "state0",
+                             "and those beside it have, at place " + std::to_string(q) +
+                                 ", the volume ratio " + std::to_string(seen.volume_ratio) +
+                                 " and the pressure " + std::to_string(seen.pressure) + " Pa",
+                             "a state of " + std::string(body.material->name));
+        }
+    }
 }
 
 template <class X, class T, int D>

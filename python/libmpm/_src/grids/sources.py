@@ -14,6 +14,7 @@ import numpy.typing as npt
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import Checker
 from libmpm._src.errors import SceneError
+from libmpm._src.shapes.mesh_file import is_without_end
 
 __all__ = ["Arrays", "blocks", "check_lattice", "delaunay", "flat", "read", "squares"]
 
@@ -136,13 +137,8 @@ def read(path: str | os.PathLike[str]) -> Arrays:
     meshio = need("meshio", "grids.Mesh.load")
     if not Path(path).is_file():
         raise SceneError(f"{label} does not exist; expected a mesh file; correct the path")
-    if Path(path).suffix.lower() == ".off":
-        # meshio looks for the line of counts without end.
-        lines = Path(path).read_bytes().splitlines()[1:]
-        if not any(line and not line.startswith(b"#") for line in lines):
-            raise SceneError(
-                f"{label} is cut; expected counts, vertices, triangles; write it again"
-            )
+    if is_without_end(Path(path)):
+        raise SceneError(f"{label} is cut; expected counts, vertices, triangles; write it again")
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):

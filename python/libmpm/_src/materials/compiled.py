@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from libmpm._src.base.log import LOG
-from libmpm._src.base.values import value
+from libmpm._src.base.values import shown, value
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.materials.material import Column, Entry, Material, Parameter
 
@@ -93,6 +93,9 @@ def from_header(
     Raises `SceneError` for a header that does not say its name, whose name is taken, or that does
     not compile (with what the compiler says), and `Error` without a compiler or its headers.
     """
+    for what, given in (("header", header), ("compiler", compiler), ("cache", cache)):
+        if not isinstance(given, str | Path) and (given is not None or what == "header"):
+            raise SceneError(f"materials.from_header: {what} is {shown(given)}; expected a path")
     text = _text(header)
     name = _name(text)
     found = _compiler(compiler, name)
@@ -163,9 +166,10 @@ def _text(header: str | Path) -> str:
         return header
     try:
         return Path(header).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise SceneError(
-            f"header {str(header)!r} cannot be read: {error}; expected a C++ header, or its text"
+            f"header {shown(str(header))} cannot be read: {error}; expected a C++ header, or its "
+            "text"
         ) from error
 
 
@@ -232,7 +236,7 @@ def _folder(cache: str | Path | None) -> Path:
     folder = Path(cache or os.environ.get("LIBMPM_CACHE") or Path(home) / "libmpm") / "materials"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise Error(
             f"the folder of compiled materials {folder} cannot be made: {error}; say another: "
             "cache='folder', or LIBMPM_CACHE"

@@ -172,6 +172,8 @@ def load_checkpoint(path: Path) -> Checkpoint:
             (archive[f"sensor/{i}/time"], archive[f"sensor/{i}/values"], components, units)
             for i, (components, units) in enumerate(header.pop("columns"))
         ]
+        for i, (time, *_) in enumerate(sensors):
+            _check_times(i, time, header["time"])
         memory: dict[int, dict[str, NDArray[Any]]] = {}
         for key in archive.files:
             if key.startswith("memory/"):
@@ -261,6 +263,14 @@ _HEADER: dict[str, tuple[Callable[[Any], bool], str]] = {
     "numbers": (lambda x: isinstance(x, dict), "an object"),
     "columns": (_columns, "names and units of every sensor"),
 }
+
+
+def _check_times(sensor: int, time: NDArray[Any], now: float) -> None:
+    """Raise ValueError unless samples were taken one after another, up to the present time."""
+    if not np.isfinite(time).all() or np.any(np.diff(time) < 0):
+        raise ValueError(f"sensor {sensor} has times that are not finite or do not ascend")
+    if len(time) and not 0 <= time[0] <= time[-1] <= now * (1 + 1e-9):
+        raise ValueError(f"sensor {sensor} has times outside 0 to {now:g} s, its own")
 
 
 def _check_arrays(stated: dict[str, list[Any]], archive: Any) -> None:

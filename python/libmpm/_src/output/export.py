@@ -30,6 +30,9 @@ FORMATS = ("vtkhdf", "csv", "npz")
 #: What a frame of a checkpoint holds where nothing is asked for.
 _DEFAULT = ("velocity", "pressure")
 
+#: Seconds between frames that a log may name: integers of JSON have no end.
+_MOST = 1e30
+
 #: Rows of a CSV file that are turned into text at a time.
 _ROWS = 1 << 16
 
@@ -163,7 +166,8 @@ def _of_run(
             have = [] if whole is None else whole.names
             _check_attributes(f"frames of body '{body}'", attributes, have)
     interval = results.log.get("output", {}).get("frame_interval")
-    interval = interval if isinstance(interval, int | float) else None
+    if not isinstance(interval, int | float) or not 0 < interval < _MOST:
+        interval = None
 
     def made() -> Iterator[Picture]:
         for body in names:

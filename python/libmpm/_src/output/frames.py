@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.errors import OutputError
 from libmpm._src.output.atomic_files import file_name, write_json
-from libmpm._src.output.hdf5_image import new_file
+from libmpm._src.output.hdf5_image import attributes_of, new_file, set_attributes
 from libmpm._src.output.reading_files import array_of, is_cut, reading
 
 __all__ = [
@@ -153,11 +153,8 @@ def _frame(
     field.create_dataset("TimeValue", data=np.array([metadata["time"]], np.float64))
     field.create_dataset("Step", data=np.array([metadata["step"]], np.int64))
     about = file.create_group("libmpm")
-    for key, value in metadata.items():
-        about.attrs[key] = value
-    units = about.create_group("units")
-    for name in names:
-        units.attrs[name] = UNITS.get(name, "")
+    set_attributes(about, metadata)
+    set_attributes(about.create_group("units"), {name: UNITS.get(name, "") for name in names})
     return root.create_group("PointData")
 
 
@@ -218,7 +215,7 @@ def read_frame(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays = {"position": array_of(file["VTKHDF/Points"])}
         for name, dataset in file["VTKHDF/PointData"].items():
             arrays[name] = array_of(dataset)
-        return arrays, dict(file["libmpm"].attrs)
+        return arrays, attributes_of(file["libmpm"])
 
 
 def require_parts(path: Path, dataset: h5py.Dataset) -> None:

@@ -18,6 +18,7 @@ from libmpm._src.errors import ModelWarning, SceneError
 from libmpm._src.output import frames, sensor_file
 from libmpm._src.output.checkpoint import find_checkpoints
 from libmpm._src.output.earlier_run import document_of, has_results, read_log
+from libmpm._src.output.hdf5_image import attributes_of
 from libmpm._src.output.reading_files import array_of, is_cut, reading
 from libmpm._src.output.sensor_file import series_of
 from libmpm._src.output.series import Series
@@ -39,8 +40,8 @@ class Frame(Mapping[str, NDArray[Any]]):
         self._dimension = dimension
         with reading(path, frames.WHAT, frames.REMEDY):
             with h5py.File(path, "r", locking=False) as file:
-                about = dict(file["libmpm"].attrs)
-                self._units = {k: str(v) for k, v in file["libmpm/units"].attrs.items()}
+                about = attributes_of(file["libmpm"])
+                self._units = {k: str(v) for k, v in attributes_of(file["libmpm/units"]).items()}
                 self._names = ["position", *file["VTKHDF/PointData"]]
                 self._count = int(file["VTKHDF/NumberOfPoints"][0])
             self.body = str(about["body"])
@@ -194,7 +195,7 @@ class _Sensors(Mapping[str, Series]):
             reading(self._path, sensor_file.WHAT, sensor_file.REMEDY),
             h5py.File(self._path, "r", locking=False) as file,
         ):
-            found = {str(group.attrs["name"]): key for key, group in file.items()}
+            found = {str(attributes_of(group)["name"]): key for key, group in file.items()}
         return {name: found[name] for name in _ordered(found, self._order)}
 
     def __getitem__(self, name: str) -> Series:

@@ -3,7 +3,7 @@
 Every dataset is one chunk with room to grow, written whole when the file is made. An append puts
 raw values into that room with plain system calls and then moves the dataset's length through HDF5:
 the file never grows and its structure never changes while a process may die. A full chunk is
-replaced through a new, larger file and a rename. The format bound "earliest" keeps HDF5's
+replaced through a new, larger file and a rename. The format of HDF5 1.8 keeps HDF5's
 open-for-writing mark out of the file, which would otherwise stop readers after a kill. Lengths of
 values move before those of times: a reader that trims to the shorter of the two has every sample
 up to the last flush.
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.errors import ModelWarning, OutputError
 from libmpm._src.output.atomic_files import file_name, writing
-from libmpm._src.output.hdf5_image import LIBVER, new_file
+from libmpm._src.output.hdf5_image import LIBVER, attributes_of, new_file, set_attributes
 from libmpm._src.output.reading_files import array_of, reading
 from libmpm._src.output.series import Series
 
@@ -55,7 +55,7 @@ class SensorFile:
         """Write a new file with room to grow and put it in the place of the old one."""
         self.close()
         with new_file(self.path) as file:
-            file.attrs["generator"] = "libmpm"
+            set_attributes(file, {"generator": "libmpm"})
             for i, series in enumerate(self._series):
                 while self._capacity[i] < 2 * len(series):
                     self._capacity[i] *= 2
@@ -73,11 +73,8 @@ class SensorFile:
     @staticmethod
     def _create(file: h5py.File, series: Series, capacity: int) -> None:
         group = file.create_group(file_name(series.name))
-        group.attrs["name"] = series.name
-        for key, value in series.attributes.items():
-            group.attrs[key] = value
-        group.attrs["components"] = list(series.components)
-        group.attrs["units"] = list(series.units)
+        listed = {"components": list(series.components), "units": list(series.units)}
+        set_attributes(group, {"name": series.name, **series.attributes, **listed})
         time, values = series.since(0)
         width = len(series.components)
         kind = np.dtype("<f8")
@@ -85,7 +82,7 @@ class SensorFile:
         group.create_dataset(
             "values", data=values, dtype=kind, maxshape=(None, width), chunks=(capacity, width)
         )
-        group["time"].attrs["unit"] = "s"
+        set_attributes(group["time"], {"unit": "s"})
 
     def _reopen(self) -> None:
         with writing(self.path):
@@ -181,7 +178,7 @@ def series_of(group: h5py.Group) -> Series:
 
     Of a damaged file it raises whatever h5py and NumPy do: see `reading`.
     """
-    attributes = dict(group.attrs)
+    attributes = attributes_of(group)
     name = str(attributes.pop("name"))
     series = Series(
         name,

@@ -80,6 +80,8 @@ class Output:
                     f"Output: attributes is {shown(attributes)}; expected a list of names, or one "
                     "for each body"
                 )
+        if not isinstance(overwrite, bool):
+            problems.append(f"Output: overwrite is {shown(overwrite)}; expected True or False")
         if not isinstance(path, str | os.PathLike):
             problems.append(f"Output: path is {shown(path)}; expected the name of a folder")
         if problems:
@@ -146,6 +148,7 @@ class Output:
 
     def __repr__(self) -> str:
         """Return an expression that makes an equal value."""
-        arguments = {k: v for k, v in self.to_dict().items() if k != "path" and v not in (None, 0)}
+        given = {k: v for k, v in self.to_dict().items() if v is not None and v is not False}
+        arguments = {k: v for k, v in given.items() if k != "path"}
         listed = "".join(f", {k}={v!r}" for k, v in arguments.items())
         return f"Output({self._settings.path!r}{listed})"

@@ -86,6 +86,8 @@ class Writer:
             for folder in (self._frames, self._checkpoints, self._csv):
                 folder.mkdir(exist_ok=True)
         self._next_frame = self._cut() if continued else 0
+        # A run that was killed between a checkpoint and this has left one more.
+        checkpoints.keep_newest(self._checkpoints)
         interval = output.checkpoint_interval
         self._next_checkpoint = due_index(simulation.time, interval) + 1 if interval else 0
         if not continued and resumed and output.frame_interval:

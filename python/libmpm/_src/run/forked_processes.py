@@ -6,6 +6,7 @@ The threads of OpenMP do not come along, and a child that asks for them waits fo
 from __future__ import annotations
 
 import os
+import threading
 
 from libmpm._src.errors import DeviceError
 
@@ -36,13 +37,35 @@ def forked(name: str) -> DeviceError:
     )
 
 
+def _try(name: str, threads: int) -> None:
+    """Start and end as many threads as are asked for, which is more than there are processors."""
+    over, started = threading.Event(), []
+    try:
+        for _ in range(threads):
+            one = threading.Thread(target=over.wait, daemon=True)
+            one.start()
+            started.append(one)
+    except (RuntimeError, MemoryError) as error:
+        raise DeviceError(
+            f"simulation {name!r}: the system starts {len(started)} of {threads} threads "
+            f"({error}); give as many as there are processors, {os.cpu_count()}, or 0"
+        ) from error
+    finally:
+        over.set()
+        for one in started:
+            one.join()
+
+
 def check_fork(name: str, threads: int) -> None:
     """Raise `DeviceError` where an engine for several threads could only hang; note this one.
 
-    `threads`: as of a `Simulation`, 0 = the default, several.
+    `threads`: as of a `Simulation`, 0 = the default, several. Also raised where the system does not
+    start as many: OpenMP would end the process.
     """
     if threads == 1:
         return
+    if threads > (os.cpu_count() or 1):
+        _try(name, threads)
     if _Threads.lost:
         raise DeviceError(
             f"simulation {name!r}: this process was forked after a simulation had run on several "

@@ -97,7 +97,7 @@ def afloat(
         bed = check.number("bed", bed, upper=level, upper_open=True, unit="m")
     check.finish()
     names = AXES[: shape.dimension]
-    if axis is not None and axis not in names:
+    if axis is not None and not (isinstance(axis, str) and axis in names):
         raise SceneError(
             f"shapes.afloat: axis is {shown(axis)}; expected one of {', '.join(names)}"
         )

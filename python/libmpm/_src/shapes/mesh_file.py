@@ -105,12 +105,30 @@ def read_surface(path: str, size: int, changed: int) -> Surface:
     return _welded(corners, faces)
 
 
+def is_without_end(path: Path) -> bool:
+    """Tell whether meshio would look for a line of this file's head without end."""
+    ending = path.suffix.lower()
+    if ending not in (".off", ".ply"):
+        return False
+    with path.open("rb") as file:
+        next(file, b"")
+        for line in file:
+            text = line.strip()
+            if ending == ".off" and text and not text.startswith(b"#"):
+                return False
+            if ending == ".ply" and text == b"end_header":
+                return False
+    return True
+
+
 def _by_trimesh(trimesh: Any, path: str) -> tuple[Array, Numbers]:
     found = trimesh.load(path, force="mesh", process=False)
     return np.array(found.vertices, dtype=np.float64), np.array(found.faces, dtype=np.int64)
 
 
 def _by_meshio(meshio: Any, path: str, what: str) -> tuple[Array, Numbers]:
+    if is_without_end(Path(path)):
+        raise SceneError(f"{what} is cut; expected a head, corners and triangles; write it again")
     found = meshio.read(path)
     blocks = [(b.type, np.asarray(b.data, dtype=np.int64)) for b in found.cells if len(b.data)]
     unknown = {kind for kind, _ in blocks if kind not in _FACES and kind not in _PASSED_OVER}

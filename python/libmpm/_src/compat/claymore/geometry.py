@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Sequence
@@ -357,8 +358,10 @@ def _particle_file(context: Context, one: GeometryRecord, folder: Path) -> Path 
 def find_file(folder: Path, name: str) -> Path | None:
     """Return a file by its path, or by its name alone, in a folder."""
     for candidate in (folder / name, folder / Path(name.replace("\\", "/")).name):
-        if name and candidate.is_file():
-            return candidate
+        # A name may be too long for the system, or hold what no name does.
+        with contextlib.suppress(OSError, ValueError):
+            if name and candidate.is_file():
+                return candidate
     return None
 
 

@@ -200,6 +200,21 @@ def _switched_on(context: Context, one: Record) -> bool:
     return on
 
 
+def _tracked(context: Context, body: Record, given: Any) -> list[int]:
+    """Return the ids of tracked particles."""
+    if not isinstance(given, list):
+        return []
+    numbers = [i for i in given if isinstance(i, int | float) and not isinstance(i, bool)]
+    wrong = [i for i in numbers if not 0 <= i < 1 << 32 or i != int(i)]
+    if wrong:
+        context.fail(
+            f"{body.path}: track_particle_id",
+            f"has {shown(wrong[0], 40)}; expected whole numbers from 0; correct the list",
+        )
+        return []
+    return [int(i) for i in numbers]
+
+
 def _body(context: Context, body: Record, cfl: float) -> BodyRecord | None:
     device = body.child("device", "body")
     output = body.child("output", "output")
@@ -236,7 +251,7 @@ def _body(context: Context, body: Record, cfl: float) -> BodyRecord | None:
     fused = pick(choices, "boolean", "FBAR_fused_kernel", True)
     smooth = pick(choices, "boolean", "use_FBAR", True) and psi > 0
     tracks = pick([body, trackers], "raw", "track_particle_id", [])
-    ids = [int(i) for i in tracks if isinstance(i, int | float)] if isinstance(tracks, list) else []
+    ids = _tracked(context, body, tracks)
     partition = (body.vector("partition_start", None), body.vector("partition_end", None))
     record = BodyRecord(
         path=body.path,

@@ -18,7 +18,7 @@ from libmpm._src.shapes.oriented_boxes import cosine_sine
 from libmpm._src.studies.debris.files import write_csv
 from libmpm._src.studies.debris.laws import Angles
 from libmpm._src.studies.debris.places import above, check_apart, check_clear, check_inside, seen
-from libmpm._src.studies.debris.prototype import Piece, Prototype, check_prototypes
+from libmpm._src.studies.debris.prototype import MOST_PIECES, Piece, Prototype, check_prototypes
 from libmpm._src.studies.debris.rectangles import Rectangles, gaps, obliquity, rounded
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class DebrisField(Value):
     label: ClassVar[str] = "debris.DebrisField"
 
     prototypes: Sequence[Prototype] = given("kinds of debris")
-    pieces: Sequence[Piece] = given("`debris.Piece` values; no two may overlap")
+    pieces: Sequence[Piece] = given("`debris.Piece` values, 5000 at most; no two may overlap")
     corner: Sequence[float] = given(
         "lower corner of the footprint", default=(0.0, 0.0), unit="m", shape="(2,)"
     )
@@ -114,6 +114,10 @@ class DebrisField(Value):
         pieces = sequence(self.pieces)
         if pieces is None or not all(isinstance(p, Piece) for p in pieces):
             check.fail("pieces is no sequence of debris.Piece(x=, y=, angle=)")
+            pieces = []
+        if len(pieces) > MOST_PIECES:
+            check.fail(f"pieces are {len(pieces)}; expected at most {MOST_PIECES}; use fewer, or "
+                       "several fields: all pairs are compared")  # fmt: skip
             pieces = []
         footprint = check.given("footprint", self)
         for a, edge in enumerate(footprint):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 
 from libmpm._src.base.values import Checker, keywords_only, sequence, shown
 from libmpm._src.studies.debris.field import DebrisField, Placement
 from libmpm._src.studies.debris.laws import Stream, counts_of
-from libmpm._src.studies.debris.prototype import Piece, Prototype, check_prototypes
+from libmpm._src.studies.debris.prototype import MOST_PIECES, Piece, Prototype, check_prototypes
 from libmpm._src.studies.debris.rectangles import rounded
 
 __all__ = ["ordered"]
@@ -57,6 +58,12 @@ def ordered(
         check.integer(name, n, lower=1)
         for name, n in (("rows", rows), ("columns", columns), ("layers", layers))
     ]
+    if not check.problems and math.prod(numbers) > MOST_PIECES:
+        check.fail(
+            f"rows, columns and layers are {numbers[0]}, {numbers[1]} and {numbers[2]}; expected "
+            f"{MOST_PIECES} pieces at most"
+        )
+        check.finish()
     given = sequence(clearance)
     if given is None:
         free = [check.number("clearance", clearance, lower=0, unit="m")] * 3

@@ -9,7 +9,10 @@ from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import Material
 
-__all__ = ["Piece", "Prototype", "check_prototypes"]
+__all__ = ["MOST_PIECES", "Piece", "Prototype", "check_prototypes"]
+
+#: Pieces of a field: every two are compared.
+MOST_PIECES = 5_000
 
 
 @value

@@ -19,7 +19,7 @@ from libmpm._src.base.values import Checker, keywords_only, sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.studies.debris.field import DebrisField, Placement
 from libmpm._src.studies.debris.laws import Angles, Stream, UniformAngles, counts_of, span
-from libmpm._src.studies.debris.prototype import Piece, Prototype, check_prototypes
+from libmpm._src.studies.debris.prototype import MOST_PIECES, Piece, Prototype, check_prototypes
 from libmpm._src.studies.debris.rectangles import Rectangles, gaps, rounded
 
 __all__ = ["PlacementError", "random"]
@@ -184,6 +184,8 @@ class _Sizes:
             if ends[0] is ends[1]:
                 ends = [check.integer("count", ends[0], lower=1)] * 2
             low, high = (check.integer("count", n, lower=1) for n in ends)
+            if high > MOST_PIECES:
+                check.fail(f"count is {high}; expected {MOST_PIECES} pieces at most")
             counts = low, high
             if low > high:
                 check.fail(f"count is ({low}, {high}); expected low ≤ high; swap them")
