@@ -31,7 +31,7 @@ from libmpm._src.scene.placed_force import PlacedForce
 from libmpm._src.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from libmpm import advice, analysis, cases, compat, debris, demand, design, studies
+    from libmpm import advice, analysis, cases, compat, debris, demand, design, flumes, studies
     from libmpm._src.output.results import Results, load
     from libmpm._src.output.settings import Output
     from libmpm._src.pictures.animate import animate
@@ -72,6 +72,7 @@ __all__ = [
     "debris",
     "demand",
     "design",
+    "flumes",
     "grids",
     "load",
     "materials",
@@ -100,7 +101,17 @@ _LAZY = {
     "load": "libmpm._src.output.results",
 }
 #: Modules that are loaded on first use.
-_MODULES = ("advice", "analysis", "cases", "compat", "debris", "demand", "design", "studies")
+_MODULES = (
+    "advice",
+    "analysis",
+    "cases",
+    "compat",
+    "debris",
+    "demand",
+    "design",
+    "flumes",
+    "studies",
+)
 #: Names that were here in version 0.1, and the modules that have them now.
 _MOVED = {
     "Advice": "advice",

@@ -18,10 +18,11 @@ OTHERS = ("asyncio", "concurrent", "h5py", "matplotlib", "multiprocessing", "sci
 #: Modules of the package that are loaded on first use.
 LATE = (
     "libmpm._core", "libmpm._src.advice", "libmpm._src.cli", "libmpm._src.compat",
+    "libmpm._src.flumes",
     "libmpm._src.output", "libmpm._src.pictures", "libmpm._src.run.plan",
     "libmpm._src.run.simulation", "libmpm._src.scene.checks", "libmpm._src.studies",
     "libmpm.advice", "libmpm.analysis", "libmpm.cases", "libmpm.compat", "libmpm.debris",
-    "libmpm.demand", "libmpm.design", "libmpm.studies",
+    "libmpm.demand", "libmpm.design", "libmpm.flumes", "libmpm.studies",
 )  # fmt: skip
 
 

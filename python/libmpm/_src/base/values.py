@@ -34,6 +34,9 @@ _LATE = {
     **dict.fromkeys(("DebrisField", "Placement"), "libmpm._src.studies.debris.field"),
     **dict.fromkeys(("SpreadAngles", "UniformAngles"), "libmpm._src.studies.debris.laws"),
     **dict.fromkeys(("Piece", "Prototype"), "libmpm._src.studies.debris.prototype"),
+    "DirectionalWaveBasin": "libmpm._src.flumes.directional_wave_basin",
+    "LargeWaveFlume": "libmpm._src.flumes.large_wave_flume",
+    "WasedaBasin": "libmpm._src.flumes.waseda_basin",
     "Froude": "libmpm._src.studies.design.similitude",
 }
 

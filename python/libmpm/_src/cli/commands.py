@@ -64,7 +64,7 @@ EXIT_CODES: dict[type[Error], ExitCode] = {
 }
 
 #: Commands that SIGTERM and SIGUSR1 stop at a step, with a checkpoint and code 6.
-_STEPPING = ("demo", "run", "resume")
+_STEPPING = ("demo", "flume", "run", "resume")
 
 
 def _execution(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -271,6 +271,27 @@ def _export(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
+def _flume(arguments: argparse.Namespace) -> int:
+    from libmpm._src.flumes.command import facility_of, report
+    from libmpm._src.output.folder_lock import held_folder
+
+    facility, folder = facility_of(arguments), arguments.output
+    if arguments.table:
+        print(report(facility, folder))
+        return ExitCode.DONE
+    if folder is None:
+        raise SceneError("flume: no folder for the results; pass -o, or --table for the rows alone")
+    arguments.without_debris, arguments.file = False, facility.title
+    with held_folder(folder):
+        code = _run_source(
+            facility.run_file(), arguments,
+            overwrite=arguments.overwrite, go_on=not arguments.overwrite,
+        )  # fmt: skip
+    if code == ExitCode.DONE:
+        print(report(facility, folder))
+    return code
+
+
 def _study(arguments: argparse.Namespace) -> int:
     from libmpm._src.studies.study.command import run_command
 
@@ -324,6 +345,7 @@ def _import(arguments: argparse.Namespace) -> int:
 
 _COMMANDS = {
     "demo": _demo,
+    "flume": _flume,
     "run": _run,
     "plan": _plan,
     "check": _check,

@@ -121,6 +121,15 @@ def parser() -> argparse.ArgumentParser:
     _add_execution(demo)
     _add_writing(demo)
 
+    from libmpm._src.flumes.command import add_arguments as add_flume_arguments
+
+    flume = commands.add_parser(
+        "flume", help="a laboratory flume, compared with what was measured there", epilog=_LISTED
+    )
+    add_flume_arguments(flume)
+    _add_execution(flume)
+    _add_writing(flume)
+
     run = commands.add_parser("run", help="run a scene file", epilog=_LISTED)
     run.add_argument("file", type=Path)
     run.add_argument("-o", "--output", type=Path, required=True, help="folder")

@@ -1,0 +1,80 @@
+"""Laboratory flumes at a level, compared with what was measured there: a JSON line a run.
+
+    python benchmarks/flumes.py lwf --level laptop [--device cuda] [--budget SECONDS] [--threads N]
+                                [--cell-size M] [--debris LAYOUT] [--output FILE] [--figures FOLDER]
+
+Goes to benchmarks/results/flumes.jsonl. A run that its budget ends is compared in what it reached.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import platform
+import time
+import warnings
+from pathlib import Path
+
+from result_pages import append
+
+import libmpm
+from libmpm import flumes
+from libmpm._src.cli import bench
+
+RESULTS = Path(__file__).resolve().parents[1] / "benchmarks/results/flumes.jsonl"
+
+
+def main() -> int:
+    """Do what the command line says."""
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
+    parser.add_argument("name", choices=flumes.names())
+    parser.add_argument("--level", default="laptop")
+    parser.add_argument("--cell-size", type=float, help="m; default: the level's")
+    parser.add_argument("--debris")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--budget", type=float, default=math.inf, help="of the clock, s")
+    parser.add_argument("--output", type=Path, default=RESULTS)
+    parser.add_argument("--figures", type=Path, help="folder for the figure and the table")
+    given = parser.parse_args()
+    changes = {"cell_size": given.cell_size, "debris": given.debris}
+    changes = {k: v for k, v in changes.items() if v is not None}
+    flume = flumes.named(given.name).at_level(given.level, **changes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        sim = libmpm.Simulation(flume.scene(), device=given.device, threads=given.threads)
+        failed, begun, last = "", time.monotonic(), flume.until
+        particles = sum(len(sim.particles[b.name]) for b in flume.scene().bodies)
+        try:
+            while sim.time < last and time.monotonic() - begun < given.budget:
+                sim.run(until=min(sim.time + last / 50, last), progress=False)
+        except libmpm.Error as error:
+            failed = str(error)
+    wall = time.monotonic() - begun
+    try:
+        found = flume.compare(sim)
+        rows, text = found.to_dict(), str(found)
+    except libmpm.SceneError as error:
+        found, rows, text = None, {}, str(error)
+    line = {
+        "facility": given.name, "level": given.level, "cell": flume.cell_size,
+        "width": flume.width, "changes": changes, "device": given.device,
+        "hardware": platform.processor() or platform.machine(), "threads": given.threads,
+        "particles": particles, "steps": sim.steps, "reached": sim.time, "until": last,
+        "failed": failed, "seconds": round(wall, 1), "rows": rows,
+        "commit": bench.commit(), "version": libmpm.__version__,
+    }  # fmt: skip
+    append(given.output, line)
+    if given.figures is not None and found is not None:
+        given.figures.mkdir(parents=True, exist_ok=True)
+        stem = f"{given.name}-{given.level}"
+        found.figure().savefig(given.figures / f"{stem}.png", dpi=110)
+        flume.preview().savefig(given.figures / f"{stem}-preview.png", dpi=90)
+        (given.figures / f"{stem}.txt").write_text(text + "\n", encoding="utf-8")
+    print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""Facilities as values: their scenes, their instruments, what was measured there."""

@@ -1,0 +1,171 @@
+"""`Comparison`: a run beside what was measured: rows with verdicts, table, CSV, figure."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.errors import Error, SceneError
+from libmpm._src.flumes.criteria import Criterion, Signals
+from libmpm._src.output.atomic_files import replacing
+
+if TYPE_CHECKING:
+    from libmpm._src.flumes.facility import Facility
+    from libmpm._src.pictures.figures import Picture
+
+__all__ = ["Comparison", "Row", "blank", "compare"]
+
+_HEAD = ("id", "quantity", "unit", "measured", "this run", "error", "tolerance", "published",
+         "verdict")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number: measured, of this run, and the verdict.
+
+    `verdict` is "passed" or "failed" of rows that decide, "reported" or "held out" of others,
+    "not reached" where the run ended before, "no instrument" where the scene has none of it, and
+    "not run" of a table without a run. `error` is the run less what was measured.
+    """
+
+    id: str
+    quantity: str
+    unit: str
+    measured: float | None
+    simulated: float | None
+    tolerance: str
+    published: str
+    verdict: str
+
+    @property
+    def error(self) -> float | None:
+        """What the run gives less what was measured, in `unit`; None where one is missing."""
+        if self.measured is None or self.simulated is None:
+            return None
+        return self.simulated - self.measured
+
+    def texts(self) -> tuple[str, ...]:
+        """Return the row as texts."""
+
+        def number(x: float | None) -> str:
+            return "" if x is None else f"{x:.4g}"
+
+        shown = "held out" if self.verdict == "held out" else number(self.measured)
+        return (self.id, self.quantity, self.unit, shown, number(self.simulated),
+                number(self.error), self.tolerance, self.published, self.verdict)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What `compare` of a facility returns; prints as a table."""
+
+    facility: Facility
+    rows: tuple[Row, ...]
+    signals: Signals | None
+
+    @property
+    def passed(self) -> bool:
+        """Whether a row has passed and none that decides has failed."""
+        verdicts = [row.verdict for row in self.rows]
+        return "failed" not in verdicts and "passed" in verdicts
+
+    def __getitem__(self, which: str) -> Row:
+        """Return a row by id and start of its quantity, such as "L1" or "L1 rms of WG2"."""
+        for row in self.rows:
+            if f"{row.id} {row.quantity}".startswith(which):
+                return row
+        raise KeyError(f"no row {which!r}; there are {', '.join(r.id for r in self.rows)}")
+
+    def table(self) -> str:
+        """Return all rows as a table in plain text."""
+        return text_table([_HEAD, *(row.texts() for row in self.rows)], flush="left")
+
+    def __str__(self) -> str:
+        """Return facility, table and verdict."""
+        counts = {v: sum(r.verdict == v for r in self.rows) for v in ("passed", "failed")}
+        said = f"{counts['passed']} passed, {counts['failed']} failed of {len(self.rows)} rows"
+        return f"{self.facility.title}\n{self.table()}\n{said}"
+
+    def _repr_html_(self) -> str:
+        """Return the table for a notebook."""
+        return html_table([row.texts() for row in self.rows], _HEAD)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write all rows; the file appears whole or not at all. Raises `OutputError`."""
+        with (
+            replacing(Path(path)) as part,
+            part.open("w", encoding="utf-8", newline="") as file,
+        ):
+            writer = csv.writer(file)
+            writer.writerow(_HEAD)
+            writer.writerows(row.texts() for row in self.rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return rows as plain numbers and texts, keyed by id and quantity."""
+        return {
+            f"{r.id} {r.quantity}": {
+                "measured": None if r.verdict == "held out" else r.measured,
+                "simulated": r.simulated, "unit": r.unit, "tolerance": r.tolerance,
+                "verdict": r.verdict,
+            }
+            for r in self.rows
+        }  # fmt: skip
+
+    def figure(self) -> Picture:
+        """Return curves: the experiment's band, the published simulation, this run."""
+        from libmpm._src.flumes.drawing import curves
+
+        return curves(self)
+
+
+def blank(facility: Facility) -> Comparison:
+    """Return the table of a facility without a run."""
+    rows = tuple(_row(one, None, "not run") for one in facility.criteria())
+    return Comparison(facility, rows, None)
+
+
+def compare(facility: Facility, run: Any) -> Comparison:
+    """Return the comparison of a run, a `Simulation` or `Results`; see `Facility.compare`."""
+    sensors: Mapping[str, Any] = run.sensors
+    signals = Signals(sensors, facility.clock, facility.instruments(), facility.rest)
+    rows = tuple(_judged(one, signals) for one in facility.criteria())
+    if not any(row.simulated is not None for row in rows):
+        lacking = {row.verdict for row in rows} == {"no instrument"}
+        ends = max((signals.end(n) for n in sensors if n in signals), default=facility.clock)
+        raise SceneError(
+            f"{facility.label}.compare: the run has "
+            + (f"sensors {', '.join(sensors) or 'none'}; expected those of scene()" if lacking else
+               f"reached {ends:.4g} s of the laboratory's time; expected "
+               f"{min(c.window[1] for c in facility.criteria()):.4g} s or more; go on with it")
+        )  # fmt: skip
+    return Comparison(facility, rows, signals)
+
+
+def _row(one: Criterion, simulated: float | None, verdict: str) -> Row:
+    measured = None if one.held_out else one.measured
+    return Row(one.id, one.quantity, one.unit, measured, simulated, one.tolerance, one.published,
+               verdict)  # fmt: skip
+
+
+def _judged(one: Criterion, signals: Signals) -> Row:
+    """Return a criterion with its verdict."""
+    if not all(name in signals for name in one.needs):
+        return _row(one, None, "no instrument")
+    slack = 1e-3 + 0.1  # a sample short of the window's end
+    if any(signals.end(name) < one.window[1] - slack for name in one.needs):
+        return _row(one, None, "not reached")
+    try:
+        found = one.measure(signals)
+    except (Error, KeyError, ValueError) as error:
+        raise SceneError(f"{one.id}, {one.quantity}: cannot be measured: {error}") from error
+    if one.held_out:
+        return _row(one, found, "held out")
+    if not one.gates:
+        return _row(one, found, "reported")
+    good = math.isfinite(found) and one.low <= found <= one.high
+    return _row(one, found, "passed" if good else "failed")

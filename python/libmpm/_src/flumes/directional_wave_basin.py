@@ -1,0 +1,340 @@
+"""`DirectionalWaveBasin`: a channel of the Directional Wave Basin, blocks on its platform."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal
+
+from libmpm._src.base.declarations import given
+from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.base.values import Checker, value
+from libmpm._src.boundaries.responses import Displacement
+from libmpm._src.boundaries.wave_makers import piston_stroke
+from libmpm._src.errors import SceneError
+from libmpm._src.flumes import criteria as measures
+from libmpm._src.flumes import records
+from libmpm._src.flumes.criteria import Criterion
+from libmpm._src.flumes.debris import add_field, carried_speed, lengthened, track
+from libmpm._src.flumes.facility import (
+    Difference,
+    Facility,
+    Instrument,
+    Pairs,
+    Width,
+    check_debris,
+    free_wall,
+    modulus_at_speed,
+    wall,
+)
+from libmpm._src.materials.generated import FixedCorotated, TaitFluid
+from libmpm._src.scene.scene import Scene
+from libmpm._src.sensors.engine_sensors import LoadCell
+from libmpm._src.shapes.basin import basin
+from libmpm._src.shapes.boxes import DomainWalls
+from libmpm._src.shapes.particle_placement import Columns
+from libmpm._src.studies.debris.field import DebrisField
+from libmpm._src.studies.debris.ordered import ordered
+from libmpm._src.studies.debris.prototype import Prototype
+
+__all__ = ["DirectionalWaveBasin"]
+
+#: Density kg/m³, friction dry and wet (Bonus 2023, 8; S 4313).
+_BLOCKS = {"hdpe": (987.0, 0.66, 0.38), "wood": (648.0, 1.28, 0.71)}
+_SIZE = (0.102, 0.102, 0.051)
+_EDGE, _PLATFORM = 31.29, 1.0
+_GAUGES = (
+    ("WG1", 14.05, -3.6), ("WG4", 14.3, 0.0), ("WG5", 14.9, 0.0), ("WG6", 15.4, 0.0),
+    ("WG7", 16.7, 0.0), ("WG9", 19.25, 2.5), ("USWG5", 28.30, 0.0), ("USWG-h5", 35.55, 0.0),
+)  # fmt: skip
+
+
+@value
+class DirectionalWaveBasin(Facility):
+    """The channel in the OSU Directional Wave Basin: wave, ramp, platform, blocks.
+
+    {fields}
+
+    x is that of the basin, 0 at the wave maker; y 0 is the channel's centreline. Measured time =
+    time of the run + 11.3 s (± 0.15): half of WG1's crest at 22.55 s. Waves from the side channels
+    arrive 10 s after the crest and are not in the scene: compare before.
+
+    =====================  ==============================================  ====================
+    what                   value                                           source
+    =====================  ==============================================  ====================
+    channel                between walls at y ± 5 m                        drawing of hdro-0006
+    bed (x, z), m          (0, 0) (11.29, 0) (31.29, 1.0) (41.29, 1.0),    Bonus (2023) 8
+                           then a pit
+    still water            0.87 m                                          Bonus (2023) 8
+    stroke                 1 + erf 0.2667 (t - 9.907) m                    public file
+    WG1, WG4, WG5          x 14.05 (y -3.6), 14.3, 14.9 m                  drawing of hdro-0006
+    WG6, WG7, WG9          x 15.4, 16.7, 19.25 m (y 2.5)                   drawing of hdro-0006
+    USWG5, USWG-h5         x 28.30, 35.55 m                                public scenes
+    blocks                 10.2 × 10.2 × 5.1 cm, 5 across × 4 along, gaps  Bonus (2023) 8
+                           5.1 cm, seaward edge 31.29 m
+    HDPE, wood             987, 648 kg/m³                                  Bonus (2023) 8
+    friction, wet (dry)    HDPE 0.38 (0.66), wood 0.71 (1.28)              Bonus (2023) 8
+    obstacles              two of 0.4 × 0.4 × 0.3 m, x 35.29, y -0.6, 0.2  Bonus (2023) 8
+    =====================  ==============================================  ====================
+
+    The published simulation took dry friction, which is too much for what lies in water: wet is the
+    default here. The flow on the platform is about 3 cm deep: cells of 2.5 cm hold one of it.
+
+    In a slice APIC and a bed of held nodes, in space AFLIP 0.95 and linear cells at all walls.
+
+    Blocks share the velocity of the water at the nodes of the grid: there is no contact with slip
+    or friction between bodies yet. Friction with the platform acts on blocks alone.
+
+    Raises `SceneError`.
+
+    Source: Park et al. (2021); Bonus (2023) chapter 8.
+    """
+
+    label: ClassVar[str] = "flumes.DirectionalWaveBasin"
+    short: ClassVar[str] = "dwb"
+    title: ClassVar[str] = "OSU Directional Wave Basin"
+    clock_offset: ClassVar[float] = 11.3
+    bed_profile: ClassVar[Pairs] = (
+        (-4.0, 0.0), (11.29, 0.0), (31.29, 1.0), (41.29, 1.0), (41.3, 0.0), (48.0, 0.0),
+    )  # fmt: skip
+    levels: ClassVar[dict[str, dict[str, Any]]] = {
+        "reduced": {"width": "slice", "cell_size": 0.15},
+        "quick": {"width": "slice", "cell_size": 0.1},
+        "laptop": {"width": "slice", "cell_size": 0.05},
+        "full": {"width": "half", "cell_size": 0.025, "channel": 2.0},
+    }
+
+    cell_size: float = given("edge Δx of the cells", default=0.05, unit="m", above=0, high=0.3)
+    still_water_level: float = given("level at rest", default=0.87, unit="m", above=0.2, high=1.5)
+    wave: Literal["measured"] | TimeTable = given(
+        '"measured" is the stroke of the table; or a `TimeTable` of places of the piston, m',
+        default="measured",
+    )
+    debris: str | DebrisField | None = given(
+        'None, "hdpe" or "wood": 5 × 4 blocks, or a `debris.DebrisField`', default=None
+    )
+    gap: float | None = given(
+        "between blocks; None = 5.1 cm, or two cells if that is more", default=None, unit="m", low=0
+    )
+    friction: Literal["wet", "dry"] = given("of blocks on the platform", default="wet")
+    structure: Literal["boxes"] | None = given(
+        'the two obstacles, "boxes", or None; a slice has none', default=None
+    )
+    channel: float = given(
+        "width of the strip about the centreline, in space", default=10.0, unit="m",
+        above=0.5, high=10.0,
+    )  # fmt: skip
+    width: Width = given('"slice" in 2D, "half" from the centreline, or "full"', default="slice")
+    bulk_modulus: float = given(
+        "K of the water; 2.2 GPa is water's own", default=1e6, unit="Pa", above=0
+    )
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        found = self._common(check)
+        for name in ("still_water_level", "channel", "bulk_modulus"):
+            found[name] = check.given(name, self)
+        if not isinstance(self.wave, TimeTable):
+            check.choice("wave", self.wave, ("measured",))
+        elif self.wave.components or self.wave.end == "zero":
+            check.fail("wave is a TimeTable of vectors, or one that ends with 'zero'; expected "
+                       "places of the piston along x in m that hold their end")  # fmt: skip
+        check.choice("friction", self.friction, ("wet", "dry"))
+        found["debris"] = check_debris(check, self.debris, tuple(_BLOCKS), self.width)
+        if self.gap is not None:
+            found["gap"] = check.given("gap", self)
+        if self.structure is not None:
+            check.choice("structure", self.structure, ("boxes",))
+            if self.width == "slice":
+                check.fail("structure is 'boxes' with width 'slice', where they would close the "
+                           "channel; expected None; use width='full'")  # fmt: skip
+            if self.width == "half":
+                check.fail("structure is 'boxes' with width 'half', but they lie at y -0.6 and "
+                           "0.2 m; expected None; use width='full'")  # fmt: skip
+        return found
+
+    @property
+    def still_water(self) -> float:
+        """Level of the water at rest, m."""
+        return self.still_water_level
+
+    def stroke(self) -> TimeTable:
+        """Return the places of the piston, m, from where it starts."""
+        if isinstance(self.wave, TimeTable):
+            time, place = self.wave.arrays()
+        else:
+            time, place = piston_stroke(2.0, 0.2667, 9.907, until=40.0, dt=1 / 60).arrays()
+            place = place[:, 0]
+        return TimeTable(time, place - place[0])
+
+    def scene(self) -> Scene:
+        """Return the channel at rest, its piston about to move."""
+        axes, h = self.axes, self.cell_size
+        y = self._across(self.channel)
+        behind = max(0.6, 4 * h)
+        stroke = self.stroke()
+        made = self._new_scene((-behind, y[0], -2 * h), (47.0, y[1], self.still_water + 0.8))
+        wide = (y[0] - 1.0, y[1] + 1.0)
+        bed = axes.bed(self.bed_profile, wide)
+        before = [p for p in self.bed_profile if p[0] <= _EDGE]
+        # The pit behind the platform is dry at the start.
+        land = axes.bed((*before, (48.0, _PLATFORM)), wide)
+        box = axes.box((0.0, y[0], -1.0), (_EDGE, y[1], made.upper[-1]))
+        made.add_body(
+            name="water",
+            shape=basin(level=self.still_water, bed=land, within=box),
+            material=TaitFluid(bulk_modulus=self.bulk_modulus),
+            hydrostatic=self.still_water,
+            sampling=Columns(),
+        )
+        made.add_boundary(name="bed", shape=bed, response=self.bed_response())
+        reach = float(max(stroke.value)) + 2 * behind
+        piston = axes.box((-reach, wide[0], -1.0), (0.0, wide[1], made.upper[-1] + 1.0))
+        made.add_boundary(
+            name="piston", shape=piston, response=wall(), motion=Displacement(self._along(stroke))
+        )
+        made.add_boundary(name="walls", shape=DomainWalls(), response=wall())
+        if self.structure is not None:
+            for k, side in enumerate((-0.6, 0.2), 1):
+                low = [self._cells(a) for a in (35.29, side, _PLATFORM)]
+                high = [self._cells(a) for a in (35.69, side + 0.4, _PLATFORM + 0.3)]
+                made.add_boundary(name=f"box-{k}", shape=axes.box(low, high), response=free_wall())
+        if self.debris is not None:
+            self._add_debris(made, bed)
+        for one in self.instruments():
+            if one.kind == "level":
+                sensor: Any = axes.gauge(one.x, one.y, one.z, 1 / 20, max(0.1, h))
+            elif one.kind == "velocity":
+                sensor = axes.probe(one.x, one.y, one.z, 1 / 20)
+            else:
+                sensor = LoadCell(boundary=one.boundary, interval=1 / 1000)
+            made.add_sensor(name=one.name, sensor=sensor)
+        return made
+
+    def _add_debris(self, made: Scene, bed: Any) -> None:
+        names = add_field(made, self.field(), elevation=_PLATFORM, half=self.width == "half")
+        kind = self.debris if isinstance(self.debris, str) else "hdpe"
+        rubs = _BLOCKS[kind][2 if self.friction == "wet" else 1]
+        track(made, names)
+        # Friction holds blocks, not water: a second boundary in the same place, for them alone.
+        made.add_boundary(
+            name="platform-friction", shape=bed, response=free_wall(rubs), bodies=names
+        )
+
+    def field(self) -> DebrisField:
+        """Return the blocks as a field of the plan; raises `SceneError` where there are none."""
+        if isinstance(self.debris, DebrisField):
+            return self.debris
+        if self.debris is None:
+            raise SceneError(f"{self.label}: debris is None; expected 'hdpe' or 'wood'")
+        density = _BLOCKS[self.debris][0]
+        modulus = modulus_at_speed(density, 0.4, math.sqrt(self.bulk_modulus / 1000.0))
+        block = Prototype(
+            length=_SIZE[0], width=_SIZE[1], height=_SIZE[2], name=self.debris,
+            material=FixedCorotated(density=density, youngs_modulus=modulus, poissons_ratio=0.4),
+        )  # fmt: skip
+        gap = self.gap if self.gap is not None else max(0.051, 2 * self.cell_size)
+        deep = 4 * _SIZE[0] + 3 * gap
+        return ordered(block, rows=4, columns=5, clearance=gap,
+                       centre=(_EDGE + 0.5 * deep, 0.0))  # fmt: skip
+
+    def instruments(self) -> tuple[Instrument, ...]:
+        """Return the gauges, a probe of the flow, and trackers of blocks."""
+        half = 0.5 if self.width == "slice" else self._across(self.channel)[1] - 2 * self.cell_size
+        found = []
+        for name, x, y in _GAUGES:
+            across = 0.0 if self.width == "slice" else min(abs(y), half)
+            if self.width == "full":
+                across = math.copysign(across, y) if y else 0.0
+            if self.width == "half":
+                across = max(across, self.cell_size)
+            found.append(Instrument(name, "level", x, across, self._bed_at(x)))
+        middle = 0.0 if self.width != "half" else self.cell_size
+        # Half-way up the flow of some 3 cm, or in the lowest cell.
+        up = _PLATFORM + max(0.015, 0.5 * self.cell_size)
+        found.append(Instrument("platform", "velocity", 33.0, middle, up))
+        if self.structure is not None:
+            found += [Instrument(f"box-{k}", "load", 35.29, s, 1.0, f"box-{k}")
+                      for k, s in ((1, -0.4), (2, 0.4))]  # fmt: skip
+        return tuple(found)
+
+    def outlines(self) -> tuple[tuple[str, Pairs], ...]:
+        """Return piston, obstacles and blocks from the side."""
+        found: list[tuple[str, Pairs]] = [
+            ("piston", ((-0.4, 0.0), (0.0, 0.0), (0.0, 1.4), (-0.4, 1.4)))
+        ]
+        if self.structure is not None:
+            found.append(("boxes", ((35.29, 1.0), (35.69, 1.0), (35.69, 1.3), (35.29, 1.3))))
+        if self.debris is not None:
+            pieces = self.field().pieces
+            low, high = (f(p.x for p in pieces) for f in (min, max))
+            found.append(("blocks", ((low, 1.0), (high, 1.0), (high, 1.05), (low, 1.05))))
+        return tuple(found)
+
+    def differences(self) -> tuple[Difference, ...]:
+        """Return where the scene is not the basin."""
+        found = [
+            Difference("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
+                       "longer steps"),
+            Difference("side channels", "open", "none", "their waves come 10 s after the crest"),
+        ]  # fmt: skip
+        if self.width != "slice":
+            found += lengthened("width", 10.0, 2 * self._across(self.channel)[1])
+        if self.debris is not None:
+            kind = self.field()
+            modulus = kind.prototypes[0].material.parameters()["youngs_modulus"]
+            found.append(Difference("E of the blocks", "about 1 GPa", f"{modulus:.3g} Pa",
+                                    "longer steps; single blows are softer"))  # fmt: skip
+            found += lengthened("gap between blocks", 0.051, kind.clearance)
+        return tuple(found)
+
+    def criteria(self) -> tuple[Criterion, ...]:
+        """Return rows B1 to B4; B5 to B7, of blocks, are read from their tracks."""
+        record = records.load("dwb-waves")
+        coarse = self.cell_size >= 0.045
+        window = (11.3, 30.0)
+        share = 0.18 if coarse else 0.12
+        found = []
+        for name, off, high, half, top in (
+            ("WG1", "0.0073", "+18 %", 22.55, 0.086), ("WG9", "0.0054", "+10 %", 24.48, 0.095),
+        ):  # fmt: skip
+            found += [
+                Criterion("B1", f"rms of the level, {name}", "m", (name,), window,
+                          measures.rms(name, record.curve(name), window), 0.0, 0.0, 0.010,
+                          "≤ 0.01 m", off),
+                Criterion("B2", f"crest, {name}", "m", (name,), window,
+                          measures.crest(name, window), published=high,
+                          **measures.within(top, share)),
+                Criterion("B2", f"half of the crest, {name}", "s", (name,), window,
+                          measures.half_crest(name, window), published="-0.05 s",
+                          **measures.near(half, 0.3, "s")),
+            ]  # fmt: skip
+        later = (11.3, 38.0)
+        for name, high, off in (("USWG5", "-4 %", "1.5 cm"), ("USWG-h5", "-18 %", "0.5 cm")):
+            found += [
+                Criterion("B3", f"crest, {name}", "m", (name,), later, measures.crest(name, later),
+                          tolerance="± 20 %", published=high, gates=False, held_out=True),
+                Criterion("B3", f"arrival of 1 cm, {name}", "s", (name,), later,
+                          measures.arrival(name, 0.01, later), tolerance=f"± 0.5 s; rms {off}",
+                          gates=False, held_out=True),
+            ]  # fmt: skip
+        found.append(Criterion(
+            "B4", "front of the flow on the platform", "m/s", ("USWG5", "USWG-h5"), later, _front,
+            gates=self.cell_size <= 0.0125, **measures.within(1.4, 0.15),
+        ))  # fmt: skip
+        if isinstance(self.debris, str):
+            speed = 0.7 if self.debris == "hdpe" else 1.0
+            row = "B5" if self.debris == "hdpe" else "B6"
+            found.append(Criterion(
+                row, f"mean speed of {self.debris} while carried", "m/s", ("debris-01",), later,
+                carried_speed, **measures.within(speed, 0.25),
+            ))  # fmt: skip
+        return tuple(found)
+
+
+def _front(signals: measures.Signals) -> float:
+    """Return the speed of the front from the platform's edge to USWG-h5, m/s.
+
+    It reaches the edge when the water at USWG5, 2.99 m before it, has run on with √(g h).
+    """
+    time = measures.arrival("USWG-h5", 0.005, (11.3, 40.0))(signals)
+    start = measures.arrival("USWG5", 0.05, (11.3, 40.0))(signals)
+    return (35.55 - 28.30) / (time - start) if time > start else math.nan

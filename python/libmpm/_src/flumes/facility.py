@@ -1,0 +1,345 @@
+"""`Facility`: a value that gives scene, instruments, clock and comparison."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+
+from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.base.values import Checker, Value, nearest, shown
+from libmpm._src.boundaries.responses import Separable, Slip
+from libmpm._src.errors import SceneError
+from libmpm._src.methods.method import Method
+from libmpm._src.methods.transfer import Transfer
+from libmpm._src.scene.scene import Scene
+from libmpm._src.sensors.column_gauge import ColumnGauge
+from libmpm._src.sensors.engine_sensors import Sensor, VelocityProbe, WaveGauge
+from libmpm._src.shapes.boxes import Box
+from libmpm._src.shapes.prisms import Extrusion
+from libmpm._src.studies.debris.field import DebrisField
+
+if TYPE_CHECKING:
+    from libmpm._src.flumes.comparison import Comparison
+    from libmpm._src.flumes.criteria import Criterion
+    from libmpm._src.pictures.figures import Picture
+    from libmpm._src.scene.run_file import RunFile
+
+__all__ = ["WIDTHS", "Axes", "Difference", "Facility", "Instrument", "Width"]
+
+Width = Literal["slice", "half", "full"]
+WIDTHS = ("slice", "half", "full")
+
+#: Acceleration of gravity, m/s².
+GRAVITY = 9.81
+
+Pairs = tuple[tuple[float, float], ...]
+
+
+class Instrument(NamedTuple):
+    """One instrument under its laboratory name, in the facility's coordinates.
+
+    `kind` is "level", "velocity", "load" or "track"; `x`, `y`, `z` are its place, m (z where it has
+    one), `boundary` what a load cell is part of. `scale` is what a reading stands for: 2 of a load
+    on half a structure.
+    """
+
+    name: str
+    kind: str
+    x: float
+    y: float = 0.0
+    z: float = 0.0
+    boundary: str = ""
+    scale: float = 1.0
+
+
+class Difference(NamedTuple):
+    """A number in which a scene is not the facility: what, there, in the scene, and why."""
+
+    what: str
+    facility: str
+    scene: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Turns (x, y, z), z up, into coordinates of a slice (x, z) or of space (x, y, z)."""
+
+    flat: bool
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes, 2 or 3."""
+        return 2 if self.flat else 3
+
+    def point(self, x: float, y: float, z: float) -> tuple[float, ...]:
+        """Return a point or vector."""
+        return (x, z) if self.flat else (x, y, z)
+
+    def box(self, lower: Sequence[float], upper: Sequence[float]) -> Box:
+        """Return a box between two corners (x, y, z)."""
+        return Box(lower=self.point(*lower), upper=self.point(*upper))
+
+    def prism(self, profile: Sequence[tuple[float, float]], y: tuple[float, float]) -> Extrusion:
+        """Return a profile (x, z), drawn out between two y."""
+        if self.flat:
+            return Extrusion(profile=profile)
+        return Extrusion(profile=profile, axis="y", lower=y[0], upper=y[1])
+
+    def bed(self, profile: Sequence[tuple[float, float]], y: tuple[float, float]) -> Extrusion:
+        """Return what lies below a profile of rising x, down to a depth below all of it."""
+        base = min(z for _, z in profile) - 2.0
+        return self.prism([*profile, (profile[-1][0], base), (profile[0][0], base)], y)
+
+    def gauge(
+        self,
+        x: float,
+        y: float,
+        bed: float,
+        interval: float,
+        hat: float | None = None,
+        body: str | None = "water",
+    ) -> Sensor:
+        """Return a gauge of the water's level.
+
+        In a slice it weighs the column of particles, which reads a fraction of a cell; in space it
+        looks at the grid, since the other reads all particles at each sample.
+        """
+        if self.flat:
+            return ColumnGauge(position=(x,), bed=bed, width=hat, body=body, interval=interval)
+        return WaveGauge(position=(x, y), body=body, interval=interval)
+
+    def probe(self, x: float, y: float, z: float, interval: float) -> VelocityProbe:
+        """Return a probe of the velocity at a point."""
+        return VelocityProbe(position=self.point(x, y, z), interval=interval)
+
+
+class Facility(Value):
+    """Base of the five facilities: see each of them.
+
+    Coordinates are the facility's own: x along the flow from its own zero, y across it from the
+    centreline, z up; in a slice the second axis is up. A run begins at 0 s; measured times are
+    those of the run plus `clock`.
+    """
+
+    #: Name on the command line.
+    short: ClassVar[str]
+    title: ClassVar[str]
+    #: Measured time less time of the run, s.
+    clock_offset: ClassVar[float] = 0.0
+    #: Whether the wave breaks at once: slices too then take AFLIP and linear cells.
+    violent: ClassVar[bool] = False
+    #: How long a run is still at all gauges, s, by which their zero is set.
+    rest: ClassVar[float] = 2.0
+    #: Arguments of each level; see `at_level`.
+    levels: ClassVar[Mapping[str, Mapping[str, Any]]]
+    #: Corners of the bed, (x, z), m.
+    bed_profile: ClassVar[Pairs] = ()
+
+    cell_size: float
+    width: Width
+
+    # What each facility says -----------------------------------------------------------------
+
+    def scene(self) -> Scene:
+        """Return a new scene with bodies, boundaries and named instruments."""
+        raise NotImplementedError
+
+    def instruments(self) -> tuple[Instrument, ...]:
+        """Return the instruments that the scene has, in the order of x."""
+        raise NotImplementedError
+
+    def criteria(self) -> tuple[Criterion, ...]:
+        """Return what a run of it is compared in."""
+        raise NotImplementedError
+
+    def differences(self) -> tuple[Difference, ...]:
+        """Return every number in which the scene is not the facility, with the reason."""
+        raise NotImplementedError
+
+    @property
+    def still_water(self) -> float | None:
+        """Level of the water at rest, m; None without any."""
+        return None
+
+    @property
+    def clock(self) -> float:
+        """Measured time less time of the run, s."""
+        return self.clock_offset
+
+    @property
+    def until(self) -> float:
+        """How long a run must be to be compared, s of the run."""
+        ends = [c.window[1] for c in self.criteria() if c.gates and math.isfinite(c.window[1])]
+        return max(ends, default=0.0) - self.clock
+
+    def outlines(self) -> tuple[tuple[str, Pairs], ...]:
+        """Return what `preview` draws beside bed and water: names and polygons (x, z), m."""
+        return ()
+
+    # What all of them do ---------------------------------------------------------------------
+
+    @classmethod
+    def at_level(cls, level: str, **changes: Any) -> Any:
+        """Return the facility at a level, "laptop" or "full", with some arguments changed.
+
+        Laptop: a slice, two cores, at most 10 minutes. Full: in space, one H200, at most 8
+        minutes. Raises `SceneError`.
+        """
+        if level not in cls.levels:
+            raise SceneError(f"{cls.label}: level is {shown(level)}; {nearest(level, cls.levels)}")
+        return cls(**{**cls.levels[level], **changes})
+
+    @property
+    def axes(self) -> Axes:
+        """How (x, y, z) are coordinates of the scene."""
+        return Axes(self.width == "slice")
+
+    def run_file(self, until: float | None = None) -> RunFile:
+        """Return the scene and how to run it: until the comparison's end, with checkpoints.
+
+        It can be saved, and is what `libmpm flume` runs. `until` in s; None = `until`.
+        """
+        from libmpm._src.scene.run_file import RunFile, RunSettings
+
+        end = self.until if until is None else until
+        debris = [b.name for b in self.scene().bodies if b.name.startswith("debris")]
+        settings = RunSettings(until=end, checkpoint_interval=max(end / 10, 0.1), debris=debris)
+        return RunFile(self.scene(), settings)
+
+    def compare(self, run: Any) -> Comparison:
+        """Compare a run with what was measured: a table with verdicts, and a figure.
+
+        `run` is a `Simulation`, `Results`, or the folder of a run of `scene()`. Raises
+        `SceneError` where it lacks all instruments, or ends before anything can be compared.
+        """
+        from libmpm._src.flumes.comparison import compare
+
+        if isinstance(run, str | Path):
+            from libmpm._src.output.results import load
+
+            run = load(run)
+        return compare(self, run)
+
+    def preview(self) -> Picture:
+        """Return a drawing from the side: bed, water, structure, debris, and all instruments."""
+        from libmpm._src.flumes.drawing import preview
+
+        return preview(self)
+
+    def __str__(self) -> str:
+        """Return geometry, instruments, clock, and where the scene is not the facility."""
+        rows = [f"{self.title}: {self.scene()!r}",
+                f"measured time = time of the run + {self.clock:g} s; compared until "
+                f"{self.until + self.clock:g} s", "instruments:"]  # fmt: skip
+        rows += [f"  {i.name}: {i.kind} at x {i.x:g}, y {i.y:g}, z {i.z:g} m"
+                 for i in self.instruments()]  # fmt: skip
+        rows += ["differences from the facility:"]
+        rows += [f"  {d.what}: {d.facility} there, {d.scene} here; {d.why}"
+                 for d in self.differences()]  # fmt: skip
+        return "\n".join(rows)
+
+    def bed_response(self) -> Slip:
+        """Return what the bed does to water: held nodes in a calm slice, else linear cells.
+
+        Through a step or slope of linear cells a slice lost water; in space they halve the load on
+        a structure above the bed.
+        """
+        return Slip(cell="held" if self.width == "slice" and not self.violent else "linear")
+
+    # For subclasses --------------------------------------------------------------------------
+
+    def _common(self, check: Checker) -> dict[str, Any]:
+        """Check cell size and width."""
+        return {
+            "cell_size": check.given("cell_size", self),
+            "width": check.choice("width", self.width, WIDTHS),
+        }
+
+    def _bed_at(self, x: float) -> float:
+        """Return the height of the bed at x, m."""
+        profile = self.bed_profile
+        for (a, u), (b, v) in itertools.pairwise(profile):
+            if a <= x <= b and b > a:
+                return u + (v - u) * (x - a) / (b - a)
+        return profile[0][1] if x < profile[0][0] else profile[-1][1]
+
+    def _cells(self, x: float) -> float:
+        """Return the cell face nearest to x."""
+        return round(x / self.cell_size) * self.cell_size
+
+    def _across(self, width: float) -> tuple[float, float]:
+        """Return the y between which the scene lies: half of it from the centreline."""
+        half = max(self._cells(0.5 * width), self.cell_size)
+        return (0.0, half) if self.width == "half" else (-half, half)
+
+    def _new_scene(
+        self,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        gravity: Sequence[float] = (0.0, 0.0, -GRAVITY),
+    ) -> Scene:
+        """Return an empty scene between two corners (x, y, z), moved out to faces of cells."""
+        h, axes = self.cell_size, self.axes
+        # Levels of a slice are better with APIC, loads in space with AFLIP (docs/flumes).
+        calm = axes.flat and not self.violent
+        transfer = Transfer() if calm else Transfer(scheme="AFLIP", flip=0.95)
+        low = [math.floor(x / h + 1e-6) * h for x in lower]
+        high = [math.ceil(x / h - 1e-6) * h for x in upper]
+        return Scene(
+            dimension=axes.dimension,
+            cell_size=h,
+            lower=axes.point(*low),
+            upper=axes.point(*high),
+            gravity=axes.point(*gravity),
+            method=Method(transfer=transfer, leaving="delete"),
+            name=f"{self.title}, {self.width}",
+        )
+
+    def _along(self, table: TimeTable) -> TimeTable:
+        """Return a table of numbers as one of vectors along x."""
+        return TimeTable(table.time, [self.axes.point(float(x), 0.0, 0.0) for x in table.value])  # type: ignore[arg-type]
+
+
+def wall() -> Slip:
+    """Return what walls and pistons do."""
+    return Slip(cell="linear")
+
+
+def free_wall(static: float = 0.0, dynamic: float | None = None) -> Separable:
+    """Return what a structure does, or a floor with friction."""
+    kinetic = static if dynamic is None else dynamic
+    return Separable(static_friction=static, dynamic_friction=kinetic, cell="linear")
+
+
+def check_debris(
+    check: Checker, item: Any, names: Sequence[str], width: str
+) -> str | DebrisField | None:
+    """Return debris: None, the name of a layout, or a field."""
+    if item is None:
+        return None
+    if width == "slice":
+        check.fail("debris in a slice would be a bar across all of the flume; expected None; "
+                   "use width='half' or 'full'")  # fmt: skip
+    if isinstance(item, DebrisField):
+        if width == "half":
+            check.fail("debris is a field with width 'half', which cuts it along the centreline; "
+                       "use width='full'")  # fmt: skip
+        return item
+    if not isinstance(item, str) or item not in names:
+        check.fail(f"debris is {shown(item, 80)}; {nearest(item, names)}, or give a "
+                   "debris.DebrisField")  # fmt: skip
+        return None
+    return item
+
+
+def modulus_at_speed(density: float, poisson: float, speed: float) -> float:
+    """Return the E at which pressure waves run through a solid at a speed, Pa.
+
+    ρ c² = E (1 - ν) / ((1 + ν) (1 - 2 ν)).
+    """
+    return density * speed**2 * (1 + poisson) * (1 - 2 * poisson) / (1 - poisson)

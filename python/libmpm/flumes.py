@@ -1,0 +1,65 @@
+"""Laboratory flumes as values: scene, instruments, and what was measured there.
+
+`LargeWaveFlume`, `DirectionalWaveBasin` and `WasedaBasin` give a `Scene` from cell size, level,
+wave or drive, structure and debris, in a slice, one half or the full width, with instruments under
+their laboratory names:
+
+>>> from libmpm import flumes
+>>> flume = flumes.LargeWaveFlume(cell_size=0.1)
+>>> [one.name for one in flume.instruments()][:3]
+['WG1', 'WG2', 'WG3']
+>>> sim = libmpm.Simulation(flume.scene())  # doctest: +SKIP
+>>> sim.run(until=flume.until)  # doctest: +SKIP
+>>> print(flume.compare(sim))  # doctest: +SKIP
+
+`records` has the measured curves: `records.names()`, `records.load("lwf-waves")`. `named` returns a
+facility by its name on the command line, `libmpm flume lwf --level laptop -o out`.
+`stroke_of_gauge` makes a piston of a measured gauge.
+"""
+
+from __future__ import annotations
+
+from libmpm._src.base.values import nearest, shown
+from libmpm._src.errors import SceneError
+from libmpm._src.flumes import records
+from libmpm._src.flumes.comparison import Comparison, Row, blank
+from libmpm._src.flumes.criteria import Criterion, Signals
+from libmpm._src.flumes.directional_wave_basin import DirectionalWaveBasin
+from libmpm._src.flumes.facility import Difference, Facility, Instrument
+from libmpm._src.flumes.large_wave_flume import LargeWaveFlume
+from libmpm._src.flumes.virtual_paddle import stroke_of_gauge
+from libmpm._src.flumes.waseda_basin import WasedaBasin
+
+__all__ = [
+    "Comparison",
+    "Criterion",
+    "Difference",
+    "DirectionalWaveBasin",
+    "Facility",
+    "Instrument",
+    "LargeWaveFlume",
+    "Row",
+    "Signals",
+    "WasedaBasin",
+    "blank",
+    "named",
+    "names",
+    "records",
+    "stroke_of_gauge",
+]
+
+_ALL: dict[str, type[Facility]] = {
+    kind.short: kind for kind in (LargeWaveFlume, DirectionalWaveBasin, WasedaBasin)
+}
+
+
+def names() -> list[str]:
+    """Return the short names of all facilities."""
+    return list(_ALL)
+
+
+def named(name: str) -> type[Facility]:
+    """Return the class of a facility by its short name; raises `SceneError` with the nearest."""
+    if name not in _ALL:
+        raise SceneError(f"facility is {shown(name)}; {nearest(name, names())}")
+    return _ALL[name]

@@ -1,0 +1,250 @@
+"""Laboratory flumes: what is stated stands in the scene, records are whole, a run is compared."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm import flumes
+from libmpm._src.base.values import from_plain
+from libmpm._src.cli.commands import main
+from libmpm._src.flumes import records as files
+from libmpm._src.flumes.comparison import blank
+
+ALL = [flumes.named(name) for name in flumes.names()]
+
+
+# Records --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", flumes.records.names())
+def test_every_record_says_what_it_is(name):
+    one = flumes.records.load(name)
+    assert len(one) >= 3
+    assert one.citation and one.licence and one.how and one.facility
+    for curve in one.curves:
+        assert np.all(np.diff(curve.time) > 0)
+        # Edges of a band are read one by one; a gap is no reading.
+        assert not np.any(curve.low > curve.high + 2 * curve.uncertainty)
+        assert curve.uncertainty > 0 and curve.time_uncertainty > 0
+    with pytest.raises(KeyError, match="has no column 'nonsense'"):
+        one["nonsense"]
+
+
+def test_records_hold_the_numbers_of_the_text():
+    waves = flumes.records.load("lwf-waves")
+    for name, crest in (("WG1", 0.198), ("WG2", 0.238), ("WG3", 0.242)):
+        assert waves.curve(name).value.max() == pytest.approx(crest, abs=0.002)
+    peaks = flumes.records.load("lwf-first-peaks").row("case", "8-L-1.0x0.4")
+    assert peaks["exp_mascarenas2022_median_N"] == 940
+    stroke = flumes.records.load("lwf-broken-stroke").curve("piston")
+    assert stroke.value[-1] == pytest.approx(3.643, abs=1e-3)
+    assert np.gradient(stroke.value, stroke.time).max() == pytest.approx(2.30, abs=0.02)
+    assert "lwf-waves" in flumes.records.table()
+    assert flumes.records.names("WasedaBasin")[0] == "waseda-waves"
+    with pytest.raises(libmpm.SceneError, match="did you mean 'lwf-waves'"):
+        flumes.records.load("lwf-wave")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"citation": ""}, "citation is ''; expected a text"),
+        ({"columns": {"t": "s", "x": "furlong"}}, "has unit 'furlong'; expected one of s, m"),
+        ({"columns": {"t": "s"}}, "its description differ in x"),
+        ({"facility": "LargeWaveFlum"}, "did you mean 'LargeWaveFlume'"),
+        ({"rows": "0,1\n0,2\n"}, "has times that do not rise"),
+        ({"rows": "0,1\n1,two\n"}, "column 'x': could not convert"),
+        ({"uncertainty": 0}, "uncertainties that are not > 0"),
+        ({"unit": "N"}, "one of its columns not"),
+    ],
+)
+def test_a_bad_record_is_refused_by_name(change, said, tmp_path):
+    curve = {"instrument": "WG1", "quantity": "level", "unit": "m", "measured": "x",
+             "uncertainty": 0.1, "time_uncertainty": 0.1}  # fmt: skip
+    about = {"file": "a.csv", "title": "t", "facility": "LargeWaveFlume", "citation": "c",
+             "licence": "l", "how": "h", "columns": {"t": "s", "x": "m"}, "time": "t",
+             "curves": [curve | {k: v for k, v in change.items() if k in curve}]}  # fmt: skip
+    (tmp_path / "a.csv").write_text("t,x\n" + change.get("rows", "0,1\n1,2\n"))
+    with pytest.raises(libmpm.SceneError, match="record 'mine': ") as caught:
+        files.read("mine", about | {k: v for k, v in change.items() if k in about}, tmp_path)
+    assert said in str(caught.value)
+
+
+# Facilities -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ALL)
+@pytest.mark.parametrize("level", ["laptop", "full"])
+def test_every_level_is_a_valid_scene_with_its_instruments(kind, level):
+    flume = kind.at_level(level)
+    scene = flume.scene()
+    if scene.dimension == 2:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", libmpm.ModelWarning)
+            scene.validate()
+    names = [s.name for s in scene.sensors]
+    for one in flume.instruments():
+        assert one.name in names
+        if one.kind == "level":
+            assert scene.lower[0] < one.x < scene.upper[0]
+    assert scene.dimension == (2 if level == "laptop" else 3)
+    assert from_plain(json.loads(json.dumps(flume.to_dict()))) == flume
+    assert libmpm.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
+    assert flume.differences() and all(all(d) for d in flume.differences())
+    assert kind.title in str(flume)
+    assert {c.id for c in flume.criteria()} and blank(flume).rows
+    assert flume.until > 0
+
+
+def test_water_above_the_flumes_bed_has_its_volume():
+    flume = flumes.LargeWaveFlume(cell_size=0.1)
+    x, z = (np.array(c) for c in zip(*flume.bed_profile, strict=True))
+    at = np.linspace(0, 88, 200_001)
+    area = np.trapezoid(np.clip(2.0 - np.interp(at, x, z), 0, None), at)
+    plan = flume.scene().plan(device="cpu")
+    assert plan.particles * 0.1**2 / 4 == pytest.approx(area, rel=0.01)
+
+
+def test_the_strokes_are_those_of_the_tables():
+    unbroken = flumes.LargeWaveFlume().stroke()
+    time, place = unbroken.arrays()
+    law = 2 * np.vectorize(math.erf)(0.2 * (time - 9.9303))
+    assert np.allclose(place, law - law[0], atol=1e-9)
+    assert np.gradient(place, time).max() == pytest.approx(0.4514, abs=1e-3)
+    basin = flumes.DirectionalWaveBasin().stroke().arrays()
+    assert np.gradient(basin[1], basin[0]).max() == pytest.approx(0.301, abs=1e-3)
+    assert flumes.LargeWaveFlume(wave="broken").still_water == 1.85
+
+
+def test_a_layout_of_bars_lies_before_the_box():
+    flume = flumes.LargeWaveFlume(width="full", structure="box", debris="8-L-1.0x0.4", gap=0.0)
+    field = flume.field()
+    assert len(field) == 8
+    assert max(p.x for p in field.pieces) + 0.25 == pytest.approx(43.80 - 2.0)
+    half = flumes.LargeWaveFlume(width="half", structure="box", debris="1-L-0.5x0.1")
+    bodies = [b for b in half.scene().bodies if b.name.startswith("debris")]
+    low, high = bodies[0].shape.bounds()
+    assert len(bodies) == 1 and (low[1], high[1]) == pytest.approx((0.0, 0.05))
+    assert flumes.LargeWaveFlume(debris_modulus="measured").modulus() == 0.8e9
+    assert flumes.LargeWaveFlume(bulk_modulus=2.2e7).modulus() == pytest.approx(1e7, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "said"),
+    [
+        ("lwf", {"structure": "box"}, "structure is 'box' with width 'slice'"),
+        ("lwf", {"debris": "8-L-1.0x0.4"}, "debris in a slice"),
+        ("lwf", {"width": "full", "debris": "8-L-1.0x0.5"}, "did you mean '8-L-1.0x0.4'"),
+        ("lwf", {"wave": "breaking"}, "wave is 'breaking'; "),
+        ("lwf", {"cell_size": 0}, "cell_size is 0; expected > 0"),
+        ("dwb", {"width": "half", "structure": "boxes"}, "they lie at y -0.6 and 0.2 m"),
+        ("waseda", {"rows": 3, "width": "full"}, "expected 0, 1 or 2 rows"),
+        ("waseda", {"rows": 1}, "rows is 1 with width 'slice'"),
+    ],
+)
+def test_what_cannot_be_is_refused(kind, given, said):
+    with pytest.raises(libmpm.SceneError) as caught:
+        flumes.named(kind)(**given)
+    assert said in str(caught.value)
+    with pytest.raises(libmpm.SceneError, match="facility is 'lwff'; did you mean 'lwf'"):
+        flumes.named("lwff")
+    with pytest.raises(libmpm.SceneError, match="did you mean 'laptop'"):
+        flumes.LargeWaveFlume.at_level("lapto")
+
+
+@pytest.mark.parametrize("kind", ALL)
+def test_a_preview_names_every_instrument(kind):
+    flume = kind.at_level("full")
+    texts = {t.get_text() for axes in flume.preview().axes for t in axes.texts}
+    assert {i.name for i in flume.instruments()} <= texts
+
+
+def test_a_paddle_sends_the_wave_of_its_gauge_along_characteristics():
+    depth, distance, g = 0.25, 3.0, 9.81
+    time = np.arange(0.0, 6.0, 0.01)
+    level = 0.02 / (1 + np.exp(-6 * (time - 3.0)))
+    table, start = flumes.stroke_of_gauge(time, level, depth=depth, distance=distance, smooth=0.0)
+    still = math.sqrt(g * depth)
+    when, place = table.arrays()
+    # Forward again: what the piston does now is at the gauge after the rest of the way.
+    speed = np.gradient(place, when)
+    wave = still + 0.5 * speed
+    arrives = when + start + (distance - place) / (wave + speed)
+    found = wave**2 / g - depth
+    keep = (arrives > 2.8) & (arrives < 5.0)
+    assert np.allclose(found[keep], np.interp(arrives[keep], time, level), atol=5e-4)
+    with pytest.raises(libmpm.SceneError, match="level has gaps"):
+        flumes.stroke_of_gauge([0, 1, 2], [0, math.nan, 0], depth=1, distance=1)
+
+
+# Comparison -----------------------------------------------------------------------------------
+
+
+class Run:
+    """A run whose gauges read what was measured, to which an error is added."""
+
+    def __init__(self, flume, until, add=0.0, late=0.0):
+        record = flumes.records.load("lwf-waves")
+        self.sensors = {}
+        for name in ("WG1", "WG2", "WG3"):
+            curve = record.curve(name)
+            time = np.arange(0.0, until - flume.clock, 0.05)
+            level = 2.0 + np.interp(
+                time + flume.clock - late, curve.time, curve.change() * (1 + add)
+            )
+            self.sensors[name] = Samples(time, level)
+
+
+class Samples:
+    def __init__(self, time, level):
+        self.time, self.level, self.components = time, level, ("level",)
+
+    def __getitem__(self, name):
+        return self.level
+
+
+def test_what_was_measured_passes_and_what_is_off_fails():
+    flume = flumes.LargeWaveFlume()
+    found = flume.compare(Run(flume, 45.0))
+    assert found.passed
+    assert found["L1 rms of the level, WG2"].simulated < 1e-3
+    assert found["L4"].verdict == "no instrument"
+    assert not flume.compare(Run(flume, 45.0, add=0.3)).passed
+    late = flume.compare(Run(flume, 45.0, late=0.5))
+    assert late["L2 half of the crest, WG1"].verdict == "failed"
+    assert late["L2 half of the crest, WG1"].error == pytest.approx(0.5, abs=0.05)
+    with pytest.raises(libmpm.SceneError, match=r"reached 19\.9"):
+        flume.compare(Run(flume, 20.0))
+
+
+def test_rows_that_are_held_out_are_produced_and_not_judged():
+    rows = blank(flumes.WasedaBasin()).rows
+    kept = [r for r in rows if r.id == "T3"]
+    assert kept and all(r.measured is None for r in kept)
+
+
+@pytest.mark.parametrize("name", ["lwf", "waseda"])
+def test_the_command_goes_on_where_it_was_stopped_and_compares(name, tmp_path, capsys):
+    out = tmp_path / "out"
+    command = ["flume", name, "--level", "reduced", "-o", str(out), "--quiet", "--no-picture",
+               "--device", "cpu", "--threads", "1"]  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        assert main([*command, "--until", "0.5", "--wall-limit", "0"]) == 6
+        stopped = libmpm.load(out).log["time"]
+        capsys.readouterr()
+        # Too short for any row, which is said and not passed over.
+        assert main([*command, "--until", "0.5"]) == 2
+    assert "go on with it" in capsys.readouterr().err
+    assert libmpm.load(out).log["time"] == pytest.approx(0.5, abs=0.01) and stopped < 0.5
+    assert main([*command, "--until", "0.5", "--table"]) == 2
+    capsys.readouterr()
+    assert main(["flume", name, "--table"]) == 0
+    assert "not run" in capsys.readouterr().out
+    assert main(["flume", name]) == 2
