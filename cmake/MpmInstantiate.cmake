@@ -33,6 +33,30 @@ file(CONFIGURE OUTPUT "${_mpm_generated}/mpm/kernels/model_headers.inc" CONTENT 
 file(CONFIGURE OUTPUT "${_mpm_generated}/mpm/kernels/models.inc" CONTENT "${_mpm_names}")
 target_include_directories(mpm_flags INTERFACE "${_mpm_generated}")
 
+# What the CPU's simulations are compiled for, a unit of src/solver/cpu each: mpm/solver/
+# cpu_domains.inc says MPM_DOMAIN(precision, numbers, dimension) for each that is built. Without
+# a dimension in its name a unit is for three.
+set(_mpm_domains single single_2d double double_2d)
+foreach(domain IN LISTS LIBMPM_DOMAINS)
+  if(NOT domain IN_LIST _mpm_domains)
+    list(JOIN _mpm_domains ", " known)
+    message(FATAL_ERROR "LIBMPM_DOMAINS names ${domain}; there are ${known}")
+  endif()
+endforeach()
+set(MPM_LEFT_OUT_DOMAINS "")
+set(_mpm_names "")
+foreach(domain IN LISTS _mpm_domains)
+  if(LIBMPM_DOMAINS AND NOT domain IN_LIST LIBMPM_DOMAINS)
+    list(APPEND MPM_LEFT_OUT_DOMAINS ${domain})
+  else()
+    string(REGEX REPLACE "^([a-z]+)$" "\\1_3d" name "${domain}")
+    string(REGEX REPLACE "^([a-z]+)_([23])d$" "\\1, \\1, \\2" name "${name}")
+    string(REPLACE ", single" ", float" name "${name}")
+    string(APPEND _mpm_names "MPM_DOMAIN(${name})\n")
+  endif()
+endforeach()
+file(CONFIGURE OUTPUT "${_mpm_generated}/mpm/solver/cpu_domains.inc" CONTENT "${_mpm_names}")
+
 # mpm_instantiate(<backend> <out>): one unit per model, written from
 # src/kernels/instantiate_<backend>*.in with @MODEL@ (TaitFluid), @MODEL_HEADER@ (tait_fluid) and
 # @PART@ (0: all; of long models 1 to 4 on the CPU). One source per model, not per kernel: the

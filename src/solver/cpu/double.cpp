@@ -2,9 +2,7 @@
 
 namespace mpm {
 
-std::unique_ptr<Engine> make_cpu_double(const Spec& spec, const Plan& plan,
-                                        std::unique_ptr<RankThreads>& ranks) {
-    return make_on_cpu<double>(spec, plan, ranks);
-}
+template std::unique_ptr<Engine> make_on_cpu<double, 3>(const Spec&, const Plan&,
+                                                        std::unique_ptr<RankThreads>&);
 
 }  // namespace mpm

@@ -4,12 +4,29 @@
 
 namespace mpm {
 
+namespace {
+
+/// Of what was built: all, unless LIBMPM_DOMAINS names some.
+std::unique_ptr<Engine> make_built(const Spec& s, const Plan& plan,
+                                   std::unique_ptr<RankThreads>& ranks) {
+    [[maybe_unused]] constexpr Precision of_single = Precision::single,
+                                         of_double = Precision::double_;
+#define MPM_DOMAIN(name, T, D) \
+    if (s.precision == of_##name && s.dimension == D) return make_on_cpu<T, D>(s, plan, ranks);
+#include "mpm/solver/cpu_domains.inc"
+#undef MPM_DOMAIN
+    throw SceneError("precision '" + cpu_traits(s.precision).numbers() + "' in " +
+                     std::to_string(s.dimension) +
+                     " dimensions is not built for the CPU; build without LIBMPM_DOMAINS");
+}
+
+}  // namespace
+
 std::unique_ptr<Engine> make_cpu_engine(const Spec& spec, std::unique_ptr<RankThreads> ranks) {
     return make_merged(spec, [&](const Spec& s) {
         const Plan plan = make_plan(s, cpu_traits(s.precision));
         if (ranks || (s.ranks.processes && s.ranks.count > 1)) check_ranks(s, plan);
-        return s.precision == Precision::single ? make_cpu_single(s, plan, ranks)
-                                                : make_cpu_double(s, plan, ranks);
+        return make_built(s, plan, ranks);
     });
 }
 

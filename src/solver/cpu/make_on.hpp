@@ -6,16 +6,15 @@
 
 namespace mpm {
 
-/// With particles in T.
-template <class T>
+template <class T, int D>
 std::unique_ptr<Engine> make_on_cpu(const Spec& s, const Plan& plan,
                                     std::unique_ptr<RankThreads>& ranks) {
     const auto executor = [&] { return Cpu(s.threads); };
     if (const auto& processes = s.ranks.processes; processes && s.ranks.count > 1)
-        return make_rank<Cpu, T>(s, plan, processes, executor);
-    if (!ranks) return make_domain<Cpu, T>(s, plan, executor);
+        return make_rank<Cpu, T, D>(s, plan, processes, executor);
+    if (!ranks) return make_domain<Cpu, T, D>(s, plan, executor);
     const int each = std::max(1, Cpu(s.threads).threads() / s.ranks.count);
-    return make_ranks<Cpu, T>(s, plan, std::move(ranks), [&](int) { return Cpu(each); });
+    return make_ranks<Cpu, T, D>(s, plan, std::move(ranks), [&](int) { return Cpu(each); });
 }
 
 }  // namespace mpm

@@ -1,4 +1,4 @@
-// The simulations on the CPU, a unit for each precision: they take long to compile.
+// The simulations on the CPU, a unit for each precision and dimension: they take long to compile.
 #pragma once
 
 #include <memory>
@@ -9,10 +9,10 @@
 
 namespace mpm {
 
-/// One rank, one of several processes, or all of `ranks` as threads of this one.
-std::unique_ptr<Engine> make_cpu_single(const Spec& spec, const Plan& plan,
-                                        std::unique_ptr<RankThreads>& ranks);
-std::unique_ptr<Engine> make_cpu_double(const Spec& spec, const Plan& plan,
-                                        std::unique_ptr<RankThreads>& ranks);
+/// With particles in T and D dimensions: one rank, one of several processes, or all of `ranks` as
+/// threads of this one. Instances: those of mpm/solver/cpu_domains.inc.
+template <class T, int D>
+std::unique_ptr<Engine> make_on_cpu(const Spec& spec, const Plan& plan,
+                                    std::unique_ptr<RankThreads>& ranks);
 
 }  // namespace mpm
