@@ -36,7 +36,9 @@ if [ "$(head -c 4 $fuzzer 2>/dev/null | tail -c 3)" != ELF ]; then
 fi
 # The long run goes on from the state of an earlier call.
 state=build/attack/long
-if [ -s "${LIBMPM_LONG_RUN:-}" ]; then mkdir -p $state && tar xf "$LIBMPM_LONG_RUN" -C $state; fi
+if [ -s "${LIBMPM_LONG_RUN:-}" ] && [ ! -d $state ]; then
+  mkdir -p $state && tar xf "$LIBMPM_LONG_RUN" -C $state
+fi
 if [ "$device" != none ]; then
   "$python" tests/attack/long_run.py --device "$device" --steps "$steps" --kills 8 --state $state \
     --minutes "$(echo "$minutes" | awk '{print $1 * 0.97}')" --results "$results" \
