@@ -419,6 +419,34 @@ class TestVariants:
         assert [b.name for b in found.scene.boundaries] == ["walls", *names]
         found.scene.validate()
 
+    def test_copies_to_the_other_side(self, edited: Any) -> None:
+        """A negative spacing is accepted; the same places as from the other end."""
+
+        def copies(offset: list[float], spacing: list[float]) -> Any:
+            def change(data: dict[str, Any]) -> None:
+                data["bodies"][1]["geometry"] = [
+                    {
+                        "object": "Box", "operation": "add", "offset": offset,
+                        "span": [0.2, 0.1, 0.1], "array": [2, 1, 1], "spacing": spacing,
+                    }
+                ]  # fmt: skip
+
+            scene = claymore.load(edited("flume", change)).scene
+            return sorted(b.shape.bounds() for b in scene.bodies)
+
+        assert copies([2.4, 0.6, 0.1], [-0.4, 0, 0]) == copies([2.0, 0.6, 0.1], [0.4, 0, 0])
+        with pytest.raises(libmpm.SceneError, match="a distance that is not 0"):
+            copies([2.4, 0.6, 0.1], [0, 0, 0])
+
+    def test_a_sensor_from_high_to_low(self, edited: Any) -> None:
+        def change(data: dict[str, Any]) -> None:
+            one = data["particle-sensors"][0]
+            one["domain_start"], one["domain_end"] = one["domain_end"], one["domain_start"]
+
+        plain, turned = (claymore.load(edited("flume", c)) for c in (lambda data: None, change))
+        assert turned.scene.sensors == plain.scene.sensors
+        assert "from high to low" in turned.report()
+
     def test_particles_of_a_file(self, edited: Any) -> None:
         def change(data: dict[str, Any]) -> None:
             data["bodies"][1]["geometry"] = [

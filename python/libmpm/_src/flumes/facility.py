@@ -173,8 +173,8 @@ class Facility(Value):
 
     @property
     def until(self) -> float:
-        """How long a run must be to be compared, s of the run."""
-        ends = [c.window[1] for c in self.criteria() if c.gates and math.isfinite(c.window[1])]
+        """How long a run must be for all rows, those that are held out too, s of the run."""
+        ends = [c.window[1] for c in self.criteria() if math.isfinite(c.window[1])]
         return max(ends, default=0.0) - self.clock
 
     def outlines(self) -> tuple[tuple[str, Pairs], ...]:

@@ -169,11 +169,12 @@ class _Builder:
         high = [max(x) for x in zip(*(b[1] for b in boxes), strict=True)]
         slack = 1e-6 * self.record.cell_size
         for one in body.geometry:
+            ways = [(n - 1) * by for n, by in zip(one.array, one.spacing, strict=True)]
+            near = [x + min(way, 0.0) for x, way in zip(one.offset, ways, strict=True)]
             far = [
-                x + s + (n - 1) * by
-                for x, s, n, by in zip(one.offset, one.span, one.array, one.spacing, strict=True)
+                x + s + max(way, 0.0) for x, s, way in zip(one.offset, one.span, ways, strict=True)
             ]
-            inside = all(a >= b - slack for a, b in zip(one.offset, low, strict=True))
+            inside = all(a >= b - slack for a, b in zip(near, low, strict=True))
             if not inside or any(a > b + slack for a, b in zip(far, high, strict=True)):
                 self.context.note(
                     f"{one.path}: reaches out of the partitions, {low} to {high} m, beyond which "

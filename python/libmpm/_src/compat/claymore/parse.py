@@ -343,11 +343,12 @@ def _geometry(context: Context, one: Record) -> GeometryRecord | None:
     if any(x <= 0 for x in span) and kind != "file" and kind != "bathymetry":
         context.fail(one.where("span"), f"is {list(span)}; expected > 0 m on every axis")
     for n, s in zip(array, spacing, strict=True):
-        if n > 1 and s <= 0:
+        # Copies to the other side have a negative one.
+        if n > 1 and s == 0:
             context.fail(
                 one.where("spacing"),
-                f"is {list(spacing)} with array {list(array)}; expected > 0 m where there is more "
-                "than one copy",
+                f"is {list(spacing)} with array {list(array)}; expected a distance that is not 0 "
+                "where there is more than one copy",
             )
             break
     custom = one.boolean("use_custom_bathymetry", kind == "bathymetry")
@@ -432,7 +433,10 @@ def _sensor(context: Context, one: Record, grid: bool) -> SensorRecord | None:
         context.fail(one.path, "has no domain_start or no domain_end; expected both, m")
         lower = upper = _ZERO
     elif any(a > b for a, b in zip(lower, upper, strict=True)):
-        context.fail(one.path, f"spans {list(lower)} to {list(upper)}; expected start ≤ end, m")
+        context.note(f"{one.path}: spans {list(lower)} to {list(upper)}, from high to low; taken "
+                     "the other way about")  # fmt: skip
+        corners = list(zip(lower, upper, strict=True))
+        lower, upper = tuple(map(min, corners)), tuple(map(max, corners))
     rate = one.number("output_frequency", 60.0, lower=0, above=True, unit="Hz")
     record = SensorRecord(
         path=one.path,
