@@ -102,6 +102,26 @@ def test_every_level_is_a_valid_scene_with_its_instruments(kind, level):
     assert flume.until > 0
 
 
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        pytest.param(
+            "lwf",
+            {"cell_size": 0.2, "structure": "box", "debris": "1-T-0.1x0.5", "gap": 0.4},
+            marks=pytest.mark.slow,
+        ),
+        ("dwb", {"cell_size": 0.2, "channel": 2.0, "debris": "hdpe"}),
+        ("waseda", {"cell_size": 0.05, "rows": 1, "debris": "3x1-upstream"}),
+    ],
+)
+def test_a_scene_with_debris_can_run(name, given):
+    scene = flumes.named(name)(width="full", **given).scene()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        scene.validate()
+    assert sum(b.name.startswith("debris") for b in scene.bodies) >= 1
+
+
 def test_water_above_the_flumes_bed_has_its_volume():
     flume = flumes.LargeWaveFlume(cell_size=0.1)
     x, z = (np.array(c) for c in zip(*flume.bed_profile, strict=True))

@@ -24,6 +24,7 @@ from libmpm._src.flumes.facility import (
     check_debris,
     free_wall,
     modulus_at_speed,
+    rubbing,
     wall,
 )
 from libmpm._src.materials.generated import FixedCorotated, TaitFluid
@@ -215,9 +216,7 @@ class DirectionalWaveBasin(Facility):
         rubs = _BLOCKS[kind][2 if self.friction == "wet" else 1]
         track(made, names)
         # Friction holds blocks, not water: a second boundary in the same place, for them alone.
-        made.add_boundary(
-            name="platform-friction", shape=bed, response=free_wall(rubs), bodies=names
-        )
+        made.add_boundary(name="platform-friction", shape=bed, response=rubbing(rubs), bodies=names)
 
     def field(self) -> DebrisField:
         """Return the blocks as a field of the plan; raises `SceneError` where there are none."""

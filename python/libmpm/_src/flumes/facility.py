@@ -310,10 +310,14 @@ def wall() -> Slip:
     return Slip(cell="linear")
 
 
-def free_wall(static: float = 0.0, dynamic: float | None = None) -> Separable:
-    """Return what a structure does, or a floor with friction."""
-    kinetic = static if dynamic is None else dynamic
-    return Separable(static_friction=static, dynamic_friction=kinetic, cell="linear")
+def free_wall() -> Separable:
+    """Return what a structure does."""
+    return Separable(cell="linear")
+
+
+def rubbing(friction: float) -> Separable:
+    """Return what a floor does to debris alone; linear cells are for all bodies together."""
+    return Separable(static_friction=friction, dynamic_friction=friction)
 
 
 def check_debris(

@@ -25,6 +25,7 @@ from libmpm._src.flumes.facility import (
     check_debris,
     free_wall,
     modulus_at_speed,
+    rubbing,
     wall,
 )
 from libmpm._src.flumes.virtual_paddle import stroke_of_gauge
@@ -219,7 +220,7 @@ class WasedaBasin(Facility):
             names = add_field(made, self.field(), elevation=_APRON)
             track(made, names, 1 / 30)
             made.add_boundary(
-                name="apron-friction", shape=bed, response=free_wall(self.friction), bodies=names
+                name="apron-friction", shape=bed, response=rubbing(self.friction), bodies=names
             )
         for one in self.instruments():
             if one.kind == "level":
