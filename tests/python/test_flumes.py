@@ -110,7 +110,7 @@ def test_every_level_is_a_valid_scene_with_its_instruments(kind, level):
             {"cell_size": 0.2, "structure": "box", "debris": "1-T-0.1x0.5", "gap": 0.4},
             marks=pytest.mark.slow,
         ),
-        ("dwb", {"cell_size": 0.2, "channel": 2.0, "debris": "hdpe"}),
+        ("dwb", {"cell_size": 0.1, "channel": 2.0, "debris": "hdpe"}),
         ("waseda", {"cell_size": 0.05, "rows": 1, "debris": "3x1-upstream"}),
     ],
 )
