@@ -1,19 +1,23 @@
 """Laboratory flumes at a level, compared with what was measured there: a JSON line a run.
 
     python benchmarks/flumes.py lwf --level laptop [--device cuda] [--budget SECONDS] [--threads N]
-                                [--cell-size M] [--debris LAYOUT] [--output FILE] [--figures FOLDER]
+                                [--cell-size M] [--debris LAYOUT] [--set NAME=VALUE ...]
+                                [--output FILE] [--figures FOLDER]
 
-Goes to benchmarks/results/flumes.jsonl. A run that its budget ends is compared in what it reached.
+`--set` changes any argument of the facility, such as structure=null. Goes to
+benchmarks/results/flumes.jsonl. A run that its budget ends is compared in what it reached.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import platform
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
 from result_pages import append
 
@@ -24,6 +28,15 @@ from libmpm._src.cli import bench
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks/results/flumes.jsonl"
 
 
+def _setting(text: str) -> tuple[str, Any]:
+    """Return name and value of an argument; a value that is no JSON is a text."""
+    name, _, said = text.partition("=")
+    try:
+        return name, json.loads(said)
+    except json.JSONDecodeError:
+        return name, said
+
+
 def main() -> int:
     """Do what the command line says."""
     form = argparse.RawDescriptionHelpFormatter
@@ -32,6 +45,7 @@ def main() -> int:
     parser.add_argument("--level", default="laptop")
     parser.add_argument("--cell-size", type=float, help="m; default: the level's")
     parser.add_argument("--debris")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="sets")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--budget", type=float, default=math.inf, help="of the clock, s")
@@ -40,6 +54,7 @@ def main() -> int:
     given = parser.parse_args()
     changes = {"cell_size": given.cell_size, "debris": given.debris}
     changes = {k: v for k, v in changes.items() if v is not None}
+    changes |= dict(_setting(text) for text in given.sets)
     flume = flumes.named(given.name).at_level(given.level, **changes)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", libmpm.ModelWarning)
@@ -68,7 +83,7 @@ def main() -> int:
     append(given.output, line)
     if given.figures is not None and found is not None:
         given.figures.mkdir(parents=True, exist_ok=True)
-        stem = f"{given.name}-{given.level}"
+        stem = "-".join([given.name, given.level, *(f"{v}" for v in changes.values())])
         found.figure().savefig(given.figures / f"{stem}.png", dpi=110)
         flume.preview().savefig(given.figures / f"{stem}-preview.png", dpi=90)
         (given.figures / f"{stem}.txt").write_text(text + "\n", encoding="utf-8")

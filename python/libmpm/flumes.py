@@ -1,8 +1,8 @@
 """Laboratory flumes as values: scene, instruments, and what was measured there.
 
-`LargeWaveFlume`, `DirectionalWaveBasin` and `WasedaBasin` give a `Scene` from cell size, level,
-wave or drive, structure and debris, in a slice, one half or the full width, with instruments under
-their laboratory names:
+`LargeWaveFlume`, `DirectionalWaveBasin`, `WasedaBasin`, `DebrisFlowFlume` and `WASIRF` give a
+`Scene` from cell size, level, wave or drive, structure and debris, in a slice, one half or the full
+width, with instruments under their laboratory names:
 
 >>> from libmpm import flumes
 >>> flume = flumes.LargeWaveFlume(cell_size=0.1)
@@ -24,15 +24,19 @@ from libmpm._src.errors import SceneError
 from libmpm._src.flumes import records
 from libmpm._src.flumes.comparison import Comparison, Row, blank
 from libmpm._src.flumes.criteria import Criterion, Signals
+from libmpm._src.flumes.debris_flow_flume import DebrisFlowFlume
 from libmpm._src.flumes.directional_wave_basin import DirectionalWaveBasin
 from libmpm._src.flumes.facility import Difference, Facility, Instrument
 from libmpm._src.flumes.large_wave_flume import LargeWaveFlume
 from libmpm._src.flumes.virtual_paddle import stroke_of_gauge
 from libmpm._src.flumes.waseda_basin import WasedaBasin
+from libmpm._src.flumes.wasirf import WASIRF
 
 __all__ = [
+    "WASIRF",
     "Comparison",
     "Criterion",
+    "DebrisFlowFlume",
     "Difference",
     "DirectionalWaveBasin",
     "Facility",
@@ -49,7 +53,8 @@ __all__ = [
 ]
 
 _ALL: dict[str, type[Facility]] = {
-    kind.short: kind for kind in (LargeWaveFlume, DirectionalWaveBasin, WasedaBasin)
+    kind.short: kind
+    for kind in (LargeWaveFlume, DirectionalWaveBasin, WasedaBasin, DebrisFlowFlume, WASIRF)
 }
 
 

@@ -14,7 +14,7 @@ __all__ = ["add_arguments", "facility_of", "report"]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what says which facility, at which level."""
-    parser.add_argument("name", help="lwf, dwb or waseda")
+    parser.add_argument("name", help="lwf, dwb, waseda, usgs or wasirf")
     parser.add_argument("--level", default="laptop", help="reduced, quick, laptop or full")
     parser.add_argument("--cell-size", type=float, help="m; default: the level's")
     parser.add_argument("--debris", help="name of a layout; default: the level's")

@@ -14,8 +14,8 @@ from libmpm._src.flumes.facility import Instrument
 from libmpm._src.flumes.records import Curve
 
 __all__ = [
-    "Criterion", "Signals", "arrival", "crest", "half_crest", "impulse", "mean_of", "near",
-    "peak_load", "peak_time", "rms", "within",
+    "Criterion", "Signals", "arrival", "crest", "half_crest", "impulse", "mean_level", "mean_of",
+    "near", "peak_load", "peak_time", "rms", "within",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -72,6 +72,8 @@ class Signals:
         """Return the depth over the bed at a gauge, `Instrument.z`, m; 0 where it is dry."""
         one = self._known[name]
         time, found = self.column(name, self._sensors[name].components[0])
+        if one.kind == "depth":
+            return time, np.nan_to_num(found) * one.scale
         return time, np.where(np.isfinite(found), np.maximum(found - one.z, 0.0), 0.0)
 
     def load(self, name: str) -> tuple[Array, Array]:
@@ -220,6 +222,16 @@ def impulse(name: str, window: tuple[float, float]) -> Callable[[Signals], float
     def measure(signals: Signals) -> float:
         time, force = _cut(*signals.load(name), window)
         return float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(time)))
+
+    return measure
+
+
+def mean_level(name: str, window: tuple[float, float]) -> Callable[[Signals], float]:
+    """Return what measures the mean depth of water over the bed at a gauge in a window, m."""
+
+    def measure(signals: Signals) -> float:
+        _, found = _cut(*signals.depth(name), window)
+        return float(np.mean(found)) if len(found) else math.nan
 
     return measure
 

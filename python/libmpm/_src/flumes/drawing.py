@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 
 __all__ = ["curves", "preview"]
 
-_KINDS = {"level": ("v", CYCLE[1]), "velocity": ("o", CYCLE[2]), "load": ("s", CYCLE[3])}
+_KINDS = {
+    "level": ("v", CYCLE[1]),
+    "depth": ("v", CYCLE[1]),
+    "velocity": ("o", CYCLE[2]),
+    "load": ("s", CYCLE[3]),
+}
 
 
 def preview(facility: Facility) -> Picture:
@@ -67,7 +72,9 @@ def curves(comparison: Comparison) -> Picture:
     panels = [(n, c) for n, c in panels if n in known]
     shown = {n for n, _ in panels}
     panels += [
-        (n, None) for n, i in known.items() if n not in shown and i.kind in ("level", "load")
+        (n, None)
+        for n, i in known.items()
+        if n not in shown and i.kind in ("level", "depth", "load")
     ]
     panels = [(n, c) for n, c in panels if signals is not None and n in signals] or panels[:1]
     wide = 2 if len(panels) > 2 else 1
@@ -90,7 +97,7 @@ def curves(comparison: Comparison) -> Picture:
             kind = known[name].kind
             if kind == "load":
                 time, values = signals.load(name)
-            elif curve is not None and curve.quantity == "depth":
+            elif kind == "depth" or (curve is not None and curve.quantity == "depth"):
                 time, values = signals.depth(name)
             else:
                 time, values = signals.level(name)

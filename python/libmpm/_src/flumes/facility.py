@@ -42,9 +42,9 @@ Pairs = tuple[tuple[float, float], ...]
 class Instrument(NamedTuple):
     """One instrument under its laboratory name, in the facility's coordinates.
 
-    `kind` is "level", "velocity", "load" or "track"; `x`, `y`, `z` are its place, m (z where it has
-    one), `boundary` what a load cell is part of. `scale` is what a reading stands for: 2 of a load
-    on half a structure.
+    `kind` is "level", "depth", "velocity", "load" or "track"; `x`, `y`, `z` are its place, m (z
+    where it has one), `boundary` what a load cell is part of. `scale` is what a reading stands for:
+    2 of a load on half a structure, the depth of 1 kg where mass is weighed, in m.
     """
 
     name: str
@@ -133,6 +133,8 @@ class Facility(Value):
     clock_offset: ClassVar[float] = 0.0
     #: Whether the wave breaks at once: slices too then take AFLIP and linear cells.
     violent: ClassVar[bool] = False
+    #: Whether grains flow and not water: APIC in space too, which adds no velocity of its own.
+    granular: ClassVar[bool] = False
     #: How long a run is still at all gauges, s, by which their zero is set.
     rest: ClassVar[float] = 2.0
     #: Arguments of each level; see `at_level`.
@@ -286,7 +288,7 @@ class Facility(Value):
         """Return an empty scene between two corners (x, y, z), moved out to faces of cells."""
         h, axes = self.cell_size, self.axes
         # Levels of a slice are better with APIC, loads in space with AFLIP (docs/flumes).
-        calm = axes.flat and not self.violent
+        calm = self.granular or (axes.flat and not self.violent)
         transfer = Transfer() if calm else Transfer(scheme="AFLIP", flip=0.95)
         low = [math.floor(x / h + 1e-6) * h for x in lower]
         high = [math.ceil(x / h - 1e-6) * h for x in upper]
