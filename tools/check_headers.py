@@ -24,7 +24,7 @@ def main() -> int:
     headers = sorted(include.rglob("*.hpp"))
     if not headers:
         sys.exit(f"no headers under {include}")
-    # What every unit of ours is compiled with (cmake/MpmFlags.cmake); no header depends on the value.
+    # As cmake/MpmFlags.cmake has them for every unit; no header depends on the value.
     definitions = ["-DEIGEN_MAX_STATIC_ALIGN_BYTES=16", '-DLIBMPM_VERSION="0"']
     command = [options.compiler, *FLAGS, *definitions, f"-I{include}"]
     command += [f"-I{folder}" for folder in options.include]
