@@ -43,7 +43,6 @@ Line = dict[str, Any]
 Sized = tuple[libmpm.Scene, float]
 CHUNK = 50  # steps between two looks at the clock
 WARM = 20  # steps that are not measured
-SUMS = os.environ.get("LIBMPM_RANK_SUMS", "packed")  # how what they add gets to others
 WAITS = os.environ.get("LIBMPM_RANK_WAIT", "events")  # how devices wait for each other
 LAUNCHED = any(
     name in os.environ for name in ("RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
@@ -200,7 +199,7 @@ class Runner:
                 "waits": None
                 if "cpu" in names or ranks == 1 or self.arguments.processes
                 else WAITS,
-                "sums": None if "cpu" in names or ranks == 1 else SUMS,
+                "sums": None if "cpu" in names or ranks == 1 else "packed",
                 "particles": count,
                 "particles_per_cell": scene.bodies[0].particles_per_cell,
                 "fbar": str(scene.bodies[0].fbar),

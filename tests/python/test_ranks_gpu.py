@@ -23,17 +23,14 @@ def on_a_device():
     need_device()
 
 
-@pytest.fixture(params=["shared", "events", "flags", "in-place"])
+@pytest.fixture(params=["shared", "events", "flags"])
 def pair(request, monkeypatch):
-    """Two ranks: on one device, and on two in the ways in which they wait and add."""
+    """Two ranks: on one device, and on two in the ways in which they wait."""
     if request.param == "shared":
         return ["cuda:0", "cuda:0"]
     if len(cuda_status().devices) < 2:
         pytest.skip("needs two CUDA devices")
-    if request.param == "in-place":
-        monkeypatch.setenv("LIBMPM_RANK_SUMS", "in-place")
-    else:
-        monkeypatch.setenv("LIBMPM_RANK_WAIT", request.param)
+    monkeypatch.setenv("LIBMPM_RANK_WAIT", request.param)
     return ["cuda:0", "cuda:1"]
 
 

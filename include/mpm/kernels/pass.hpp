@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "mpm/exec/communicator.hpp"
 #include "mpm/kernels/views.hpp"
 #include "mpm/physics/material/description.hpp"
 #include "mpm/physics/volume_smoothing.hpp"
@@ -16,15 +15,6 @@ namespace mpm {
 inline constexpr int max_parameters = 16;
 /// `Pass::staged` where there is one rank alone.
 inline constexpr std::int32_t none_staged = std::numeric_limits<std::int32_t>::max();
-
-/// Where other ranks keep the sums of the blocks that this one holds too, in memory that its
-/// kernels reach: what a block's particles add is added there as well, and integers end alike.
-template <class Sum>
-struct Copies {
-    const std::int32_t* slot;  // (slots, others): in each other rank's table, or -1
-    int others;
-    Sum* sums[most_devices - 1];
-};
 
 /// One body, one step: everything that a pass over its particles needs.
 template <class X, class T, int D>
@@ -55,7 +45,6 @@ struct Pass {
     // (kernels/staging.hpp).
     const std::int32_t* destinations;
     std::int32_t staged;
-    const Copies<Sum>* copies;     // devices: null where nothing is added in place
     std::int32_t full_homes;       // devices: of all ranks
     const std::int32_t* coloured;  // CPU: home blocks by colour; blocks of one colour share no node
     const std::int32_t* colour_start;  // (colours + 1)

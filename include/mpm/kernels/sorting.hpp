@@ -329,8 +329,7 @@ struct ListHomes {
 };
 
 /// How far behind the first a home block comes when blocks are handed to a device: those that add
-/// to another device's blocks, so that in place what goes there is under way while the rest is at
-/// work; then heavy ones, so that the last to finish are light.
+/// to blocks that another device holds too; then heavy ones, so that the last to finish are light.
 struct WeighHomes {
     static constexpr int bits = 3;
     const std::int32_t* home;
@@ -339,18 +338,15 @@ struct WeighHomes {
     std::uint32_t* key;
     const std::int32_t* neighbours;  // (slots, sides)
     int sides;
-    const std::int32_t* copies;  // (slots, others), as Copies::slot
-    int others;                  // 0: this is the only device
+    const std::uint8_t* shared;  // (slots,): others hold it too; null: this is the only device
     MPM_INLINE void operator()(std::int64_t h) const {
         const std::uint32_t* start = cell_start + std::int64_t(home[h]) * block_cells;
         const std::uint32_t weight = 4 * (start[block_cells] - start[0]) / mean;
         key[h] = weight < (1u << bits) ? (1u << bits) - 1 - weight : 0;
-        if (others == 0) return;
+        if (shared == nullptr) return;
         bool beside = false;
-        for (int n = 0; n < sides && !beside; ++n) {
-            const std::int64_t slot = neighbours[std::int64_t(home[h]) * sides + n];
-            for (int o = 0; o < others; ++o) beside = beside || copies[slot * others + o] >= 0;
-        }
+        for (int n = 0; n < sides && !beside; ++n)
+            beside = shared[neighbours[std::int64_t(home[h]) * sides + n]] != 0;
         key[h] = beside ? 0 : (key[h] > 0 ? key[h] : 1);
     }
 };

@@ -273,7 +273,6 @@ private:
         const Sum* theirs = nullptr;  // what the other has added to them
     };
     void link_homes();
-    void count_shared();
     std::vector<HeldBlock> list_held(const Buffer<X, std::uint64_t>& keys, bool all);
     std::vector<std::vector<HeldBlock>> gather_held(const Buffer<X, std::uint64_t>& keys, bool all);
     void link_devices(std::vector<std::vector<HeldBlock>> held);
@@ -286,7 +285,6 @@ private:
     void run_together(std::int64_t& steps, bool& wall_over);
     // domain_parcels.hpp
     bool reaches() const;
-    bool adds_in_place() const;
     void share_votes();
     void list_shared();
     void swap_sums(int which, const Clock* clock);
@@ -449,19 +447,17 @@ private:
 
     // Devices that share the scene.
     std::unique_ptr<typename X::Meeting> meeting_;
-    Buffer<X, RankVote> votes_{exec_};  // of all ranks, by rank
-    bool adds_in_place_ = false;
+    Buffer<X, RankVote> votes_{exec_};       // of all ranks, by rank
     Buffer<X, RankVote*> boxes_{exec_};      // of all ranks that this one reaches, or its own
-    Buffer<X, std::int32_t> copies_{exec_};  // Copies::slot
+    Buffer<X, std::uint8_t> shared_{exec_};  // (slots,): others hold it too
     Buffer<X, std::int32_t> owner_{exec_};   // (slots,)
     // (slots,): its owner may have particles there without a new table.
     Buffer<X, std::uint32_t> ready_{exec_};
-    Buffer<X, Copies<Sum>> copies_of_sums_{exec_};  // of both sets of sums
-    std::vector<std::array<Sum*, 2>> sums_of_;      // of each rank
-    Buffer<X, std::uint8_t> counts_{exec_};         // RankShare::counts
-    // Unless passes add in place: the blocks that each of them shares with this one, what this one
-    // has added to them, a piece for each other rank, and, where they do not reach each other's
-    // memory, the pieces of the others (else they are read where they are).
+    std::vector<std::array<Sum*, 2>> sums_of_;  // of each rank
+    Buffer<X, std::uint8_t> counts_{exec_};     // RankShare::counts
+    // The blocks that each of them shares with this one, what this one has added to them, a piece
+    // for each other rank, and, where they do not reach each other's memory, the pieces of the
+    // others (else they are read where they are).
     std::vector<SharedWith> shared_with_;
     Buffer<X, std::int32_t> shared_slots_{exec_};
     Buffer<X, Sum> shared_out_{exec_}, shared_in_{exec_};

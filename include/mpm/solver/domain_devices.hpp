@@ -1,11 +1,10 @@
-// Domain: one rank of several on devices. What a block's particles add goes to all who hold the
-// block, straight into their memory while the pass runs (Copies); integers end alike everywhere. So
-// ranks only have to wait for each other twice a step: when the votes are there, by which also the
-// sums to come are cleared, and when the sums are complete. Where ranks do not reach each other's
-// memory these two are exchanges (domain_parcels.hpp); the rest is the same.
+// Domain: one rank of several on devices. It adds to its own sums alone; what it has added to
+// blocks that others hold too they read after the pass and add to theirs (domain_parcels.hpp);
+// integers end alike everywhere. So ranks only have to wait for each other twice a step: when the
+// votes are there and when the sums are packed. Where they do not reach each other's memory these
+// two are exchanges; the rest is the same.
 #pragma once
 
-#include <cstdlib>
 #include <string>
 
 #include "mpm/kernels/placing.hpp"
@@ -86,49 +85,24 @@ struct FlagReady {
 
 /// Blocks of another rank's table that this one holds too.
 template <class X>
-struct LinkCopies {
+struct LinkHeld {
     const std::uint64_t* keys;
     std::int32_t slots;
     const HeldBlock* theirs;
-    int others, other;
     bool they_count;  // its nodes, and not we
     const std::int32_t* owner;
     int rank;  // whose table it is
-    std::int32_t* copies;
+    std::uint8_t* shared;
     std::uint8_t* counts;
     std::uint32_t* ready;
     std::uint32_t* found;
     MPM_INLINE void operator()(std::int64_t k) const {
         const std::int32_t slot = find_key(keys, slots, theirs[k].key);
         if (slot < 0) return;
-        copies[std::int64_t(slot) * others + other] = theirs[k].slot;
+        shared[slot] = 1;
         if (they_count) counts[slot] = 0;
         if (owner[slot] == rank) ready[slot] = theirs[k].ready;
         X::fetch_add(found, 1);
-    }
-};
-
-/// Counts the nodes of other ranks' blocks that a home's arena reaches.
-template <class X, int D>
-struct CountShared {
-    const std::int32_t* home;
-    const std::int32_t* neighbours;
-    const std::int32_t* copies;
-    int others;
-    std::uint32_t* nodes;
-    MPM_INLINE void operator()(std::int64_t h) const {
-        const std::int32_t* row = neighbours + std::int64_t(home[h]) * Block<D>::neighbours;
-        std::uint32_t found = 0;
-        for (int n = 0; n < Block<D>::neighbours; ++n) {
-            int rest = n, reached = 1;
-            for (int a = 0; a < D; ++a) {
-                reached *= rest % 3 == 1 ? Block<D>::edge : Block<D>::margin;
-                rest /= 3;
-            }
-            for (int o = 0; o < others; ++o)
-                if (copies[std::int64_t(row[n]) * others + o] >= 0) found += std::uint32_t(reached);
-        }
-        if (found > 0) X::fetch_add(nodes, found);
     }
 };
 
@@ -140,13 +114,6 @@ void Domain<X, T, D>::open_devices() {
         meeting_ = X::Meeting::open(exec_, comm);
         votes_.assign(std::vector<RankVote>(std::size_t(comm.ranks()), RankVote{}));
         std::vector<RankVote*> boxes;
-        const char* asked = std::getenv("LIBMPM_RANK_SUMS");
-        const std::string way = asked ? asked : "packed";
-        if (way != "packed" && way != "in-place")
-            throw SceneError("LIBMPM_RANK_SUMS is '" + way +
-                             "' in the environment; expected 'packed' or 'in-place'. Leave it out "
-                             "for 'packed'");
-        adds_in_place_ = way == "in-place";
         if (!meeting_->reaches()) return boxes_.assign({votes_.data()});
         for (RankVote* theirs : comm.tell(votes_.data(), "where it is told"))
             boxes.push_back(theirs);
@@ -256,11 +223,11 @@ template <class X, class T, int D>
 void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     RankShare<D>& s = *share_;
     s.held = std::move(held);
-    const std::size_t slots = std::size_t(table_.slots), others = std::size_t(s.ranks() - 1);
-    copies_.reserve_discard(slots * others);
+    const std::size_t slots = std::size_t(table_.slots);
+    shared_.reserve_discard(slots);
     counts_.reserve_discard(slots);
     ready_.reserve_discard(slots);
-    exec_.for_each(std::int64_t(slots * others), Constant<std::int32_t>{-1, copies_.data()});
+    exec_.for_each(std::int64_t(slots), Constant<std::uint8_t>{0, shared_.data()});
     exec_.for_each(std::int64_t(slots), Constant<std::uint8_t>{1, counts_.data()});
     find_owners();
     exec_.for_each(std::int64_t(slots),
@@ -268,33 +235,18 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     Buffer<X, std::uint32_t> found(exec_);  // blocks that others hold too
     found.assign({0});
     Buffer<X, HeldBlock> theirs(exec_);
-    int other = 0;
     for (int r : s.comm->others()) {
         theirs.assign(s.held[std::size_t(r)]);
-        exec_.for_each(std::int64_t(theirs.size()),
-                       LinkCopies<X>{table_.keys, table_.slots, theirs.data(), int(others), other++,
-                                     r < s.rank(), owner_.data(), r, copies_.data(), counts_.data(),
-                                     ready_.data(), found.data()});
+        exec_.for_each(
+            std::int64_t(theirs.size()),
+            LinkHeld<X>{table_.keys, table_.slots, theirs.data(), r < s.rank(), owner_.data(), r,
+                        shared_.data(), counts_.data(), ready_.data(), found.data()});
     }
     s.shared_blocks = found.host()[0];
-    if (!adds_in_place()) list_shared();
+    list_shared();
     s.counts = counts_.host();
     link_points();
     if (load_count_ > 0) list_measured();
-}
-
-/// What the homes of a new table may add to other ranks' blocks in a step, at most.
-template <class X, class T, int D>
-void Domain<X, T, D>::count_shared() {
-    if (!adds_in_place()) return;  // list_shared knows
-    const int others = share_->ranks() - 1;
-    Buffer<X, std::uint32_t> nodes(exec_);
-    nodes.assign({0});
-    for (const Body& body : bodies_)
-        exec_.for_each(body.homes, CountShared<X, D>{body.home.data(), neighbours_.data(),
-                                                     copies_.data(), others, nodes.data()});
-    share_->bytes_a_step =
-        std::uint64_t(nodes.host()[0]) * std::uint64_t(plan_.sum_channels) * sizeof(Sum);
 }
 
 /// Homes, and who shares what, after the table was made anew but for sorts. All ranks together.
@@ -303,7 +255,6 @@ void Domain<X, T, D>::link_homes() {
     if constexpr (X::is_device) {
         if (share_) link_devices(gather_held(keys_, false));
         list_homes(find_homes());
-        if (share_) count_shared();
     } else {
         list_homes(find_homes());
         if (share_) link_ranks(gather_tables(keys_));
@@ -321,15 +272,6 @@ void Domain<X, T, D>::link_sums() {
         for (const Both& theirs :
              s.comm->tell(Both{sums_[0].data(), sums_[1].data()}, "where sums are"))
             sums_of_.push_back(theirs);
-        std::vector<Copies<Sum>> copies(2);
-        for (int p = 0; p < 2; ++p) {
-            copies[std::size_t(p)].slot = copies_.data();
-            copies[std::size_t(p)].others = s.ranks() - 1;
-            int other = 0;
-            for (int r : s.comm->others())
-                copies[std::size_t(p)].sums[other++] = sums_of_[std::size_t(r)][std::size_t(p)];
-        }
-        copies_of_sums_.assign(copies);
     }
 }
 

@@ -400,7 +400,6 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
     if (all_before) after = gather_held(keys_, false);
     link_devices(std::move(after));
     list_homes(find_homes());
-    count_shared();
     link_sums();
 }
 

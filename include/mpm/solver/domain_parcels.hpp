@@ -10,18 +10,11 @@
 
 namespace mpm {
 
-/// Whether ranks read each other's lists and pieces, and may add to each other's sums, where these
-/// are.
+/// Whether ranks read each other's lists and pieces where these are.
 template <class X, class T, int D>
 bool Domain<X, T, D>::reaches() const {
     if constexpr (X::is_device) return !meeting_ || meeting_->reaches();
     return false;
-}
-
-/// Whether passes add to the sums of other ranks where these are.
-template <class X, class T, int D>
-bool Domain<X, T, D>::adds_in_place() const {
-    return reaches() && adds_in_place_;
 }
 
 /// The votes of all, on every rank, before the clock decides.
@@ -99,14 +92,13 @@ void Domain<X, T, D>::swap_sums(int which, const Clock* clock) {
 /// The end of the sums of a step.
 template <class X, class T, int D>
 void Domain<X, T, D>::share_sums() {
-    if (adds_in_place()) return meeting_->meet();
     swap_sums(1 - parity(), clock_buffer_.data());
 }
 
 /// What all have deposited between steps, on all. Nothing where this is the only rank.
 template <class X, class T, int D>
 void Domain<X, T, D>::share_deposits(int which) {
-    if (share_ && !adds_in_place()) swap_sums(which, nullptr);
+    if (share_) swap_sums(which, nullptr);
     meet_hosts();
 }
 

@@ -144,7 +144,7 @@ void Domain<X, T, D>::heavy_first(Body& body) {
         exec_.for_each(body.full_homes,
                        WeighHomes{body.home.data(), body.cell_start.data(), std::max(mean, 1u),
                                   weight.data(), neighbours_.data(), Block<D>::neighbours,
-                                  copies_.data(), share_ ? share_->ranks() - 1 : 0});
+                                  share_ ? shared_.data() : nullptr});
         exec_.sort_by_key(weight.data(), body.home.data(), body.full_homes, WeighHomes::bits);
     }
 }

@@ -28,7 +28,6 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     const bool stages = share_ && !X::is_device;
     p.destinations = stages ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
     p.staged = stages ? table_.slots : none_staged;
-    p.copies = share_ && adds_in_place() ? copies_of_sums_.data() + parity_to : nullptr;
     p.full_homes = body.all_full_homes;
     p.coloured = body.coloured.data();
     p.colour_start = body.colour_start.data();

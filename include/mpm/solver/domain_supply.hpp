@@ -209,7 +209,7 @@ void Domain<X, T, D>::deposit_arrivals() {
     push_clock();
     if constexpr (X::is_device) meet_hosts();
     // Complete sums are there already: what ranks have yet to tell each other is kept apart.
-    const bool apart = X::is_device && share_ && !adds_in_place();
+    const bool apart = X::is_device && share_;
     const int to = apart ? 1 - parity() : parity();
     if (apart) sums_[to].zero();
     for (Arrival& arrival : arrivals_) {

@@ -5,12 +5,8 @@ namespace mpm::cuda {
 
 template <class X, class T, int D>
 void scatter_body(const Pass<X, T, D>& pass, int channels) {
-    if (pass.copies == nullptr)
-        pass.exec->launch_next(&scatter_step<false, X, T, D>, pass.body.homes, channels + 1,
-                               block_cells, pass, channels);
-    else
-        pass.exec->launch_next(&scatter_step<true, X, T, D>, pass.body.homes, channels + 1,
-                               block_cells, pass, channels);
+    pass.exec->launch_next(&scatter_step<X, T, D>, pass.body.homes, channels + 1, block_cells, pass,
+                           channels);
 }
 
 template void scatter_body<Cuda, float, 2>(const Pass<Cuda, float, 2>&, int);

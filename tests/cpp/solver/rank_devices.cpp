@@ -42,7 +42,7 @@ Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05)
 
 /// How ranks get what others have for them: sums are added where these are, or read from there in
 /// one piece, or everything is sent.
-enum class Way { in_place, packed, parcels };
+enum class Way { packed, parcels };
 
 template <int D>
 std::unique_ptr<Engine> make(const Spec& s, Way way) {
@@ -55,7 +55,6 @@ std::unique_ptr<Engine> make(const Spec& s, Way way) {
         return std::make_unique<Domain<SlowDevice, float, D>>(s, plan, SlowDevice(), find_ops<D>);
     check_ranks(s, plan);
     check_devices(s);
-    setenv("LIBMPM_RANK_SUMS", way == Way::in_place ? "in-place" : "packed", 1);
     auto threads = std::make_unique<RankThreads>(s.ranks.count);
     std::vector<std::unique_ptr<Engine>> engines(std::size_t(s.ranks.count));
     const RankScenes<D> scenes(s);
@@ -313,7 +312,7 @@ TEST_P(RankDevicesEnd, wall_time_stops_all_at_one_step) {
     expect_same_particles(*many, *one, 3);
 }
 
-const std::vector all_ways = {Way::in_place, Way::packed, Way::parcels};
+const std::vector all_ways = {Way::packed, Way::parcels};
 const auto ways = ::testing::ValuesIn(all_ways);
 INSTANTIATE_TEST_SUITE_P(Plane, RankDevices, ::testing::Combine(::testing::Values(2), ways));
 INSTANTIATE_TEST_SUITE_P(

@@ -233,7 +233,6 @@ struct NodesAround {
         }
         return out;
     }
-    /// To the node, and to those of others who hold it.
     void add(int node, int channel, float v) {
         const int quantity = channel < D ? momentum_sum : (channel < C ? group_sum : mass_sum);
         const double scale = pass.body.particle_mass * pass.clock->scale_write[quantity];
@@ -242,11 +241,6 @@ struct NodesAround {
         int number;
         find(node, slot, number);
         put(pass.grid.sums, slot, number, channel, x);
-        for (int o = 0; pass.copies && o < pass.copies->others; ++o) {
-            const std::int32_t theirs =
-                pass.copies->slot[std::int64_t(slot) * pass.copies->others + o];
-            if (theirs >= 0) put(pass.copies->sums[o], theirs, number, channel, x);
-        }
     }
     void add_mass(int node, float v) { add(node, C, v); }
     void put(std::int32_t* sums, std::int32_t slot, int number, int channel, std::int32_t x) const {

@@ -138,20 +138,6 @@ __device__ __forceinline__ void add_fixed(std::int32_t* to, std::int32_t x) { at
 __device__ __forceinline__ void add_fixed(std::int64_t* to, std::int64_t x) {
     atomicAdd(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(x));
 }
-/// The same where other devices may add to it at the time.
-__device__ __forceinline__ void add_fixed_together(std::int32_t* to, std::int32_t x) {
-    atomicAdd_system(to, x);
-}
-__device__ __forceinline__ void add_fixed_together(std::int64_t* to, std::int64_t x) {
-    atomicAdd_system(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(x));
-}
-template <bool together, class Sum>
-__device__ __forceinline__ void add_fixed_to(Sum* to, Sum x) {
-    if constexpr (together)
-        add_fixed_together(to, x);
-    else
-        add_fixed(to, x);
-}
 
 /// From units of one particle's mass to integers.
 template <class T, int D>
@@ -309,50 +295,25 @@ __device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int
     }
     const std::int64_t stride = std::int64_t(pass.grid.sum_channels) * block_cells;
     const unsigned mine = every(parts, part);
-    // `some`: sides that are null get nothing.
-    const auto add = [&]<bool together, bool some>(std::int32_t* const(&side)[3]) {
-        MPM_UNROLL for (int k = 0; k < long_edge; ++k) {
-            if (!(mine >> k & 1)) continue;
-            const int n = k - margin + edge;
-            const std::int32_t* from = arena.at + place + k * Arena::stride(axis);
-            if (some && side[n / edge] == nullptr) continue;
-            std::int32_t* to = side[n / edge] + n % edge * edge;
-            const std::int32_t mass = from[C * Arena::nodes];
-            if (mass == 0) continue;
-            add_fixed_to<together>(to, mass);
-            if (pass.group.weight >= 0)
-                add_fixed_to<together>(to + pass.group.weight * block_cells, mass);
-            MPM_UNROLL for (int c = 0; c < C; ++c) {
-                const int channel = channel_of(c);
-                add_fixed_to<together>(to + channel * block_cells, from[c * Arena::nodes]);
-            }
-        }
-    };
-    std::int32_t* own[3];
+    std::int32_t* side[3];
     MPM_UNROLL for (int k = 0; k < 3; ++k) {
-        own[k] = pass.grid.sums + std::int64_t(neighbours[neighbour + 3 * k]) * stride + first_node;
+        side[k] =
+            pass.grid.sums + std::int64_t(neighbours[neighbour + 3 * k]) * stride + first_node;
     }
-    bool shared = false;
-    if (pass.copies != nullptr) {
-        const Copies<std::int32_t>& copies = *pass.copies;
-        // The copies of others, then our own, to which others may add now.
-#pragma unroll 1
-        for (int o = 0; o <= copies.others; ++o) {
-            std::int32_t* side[3];
-            bool any = false;
-            MPM_UNROLL for (int k = 0; k < 3; ++k) {
-                side[k] = own[k];
-                if (o == copies.others) continue;
-                const std::int64_t at = std::int64_t(neighbours[neighbour + 3 * k]);
-                const std::int32_t theirs = copies.slot[at * copies.others + o];
-                side[k] = theirs < 0 ? nullptr : copies.sums[o] + theirs * stride + first_node;
-                any = any || theirs >= 0;
-            }
-            shared = shared || any;
-            if (any || (shared && o == copies.others)) add.template operator()<true, true>(side);
+    MPM_UNROLL for (int k = 0; k < long_edge; ++k) {
+        if (!(mine >> k & 1)) continue;
+        const int n = k - margin + edge;
+        const std::int32_t* from = arena.at + place + k * Arena::stride(axis);
+        std::int32_t* to = side[n / edge] + n % edge * edge;
+        const std::int32_t mass = from[C * Arena::nodes];
+        if (mass == 0) continue;
+        add_fixed(to, mass);
+        if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, mass);
+        MPM_UNROLL for (int c = 0; c < C; ++c) {
+            const int channel = channel_of(c);
+            add_fixed(to + channel * block_cells, from[c * Arena::nodes]);
         }
     }
-    if (!shared) add.template operator()<false, false>(own);
 }
 template <int D, int C>
 __device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int32_t slot,
@@ -377,35 +338,24 @@ __device__ __forceinline__ NodePlace stencil_node(const std::int32_t* neighbours
     arena_node<D>(at, neighbour, number);
     return {neighbours[neighbour], number};
 }
-/// Calls f(sums of a node), and with `several` also for the other ranks that hold its block.
-template <bool several, class P, class F>
-__device__ __forceinline__ void for_each_copy(const P& pass, const NodePlace& node, const F& f) {
+/// The sums of a node.
+template <class P>
+__device__ __forceinline__ typename P::Sum* sums_at(const P& pass, const NodePlace& node) {
     const std::int64_t stride = std::int64_t(pass.grid.sum_channels) * block_cells;
-    f(pass.grid.sums + node.slot * stride + node.number);
-    if constexpr (several) {
-        const Copies<typename P::Sum>& copies = *pass.copies;
-#pragma unroll 1
-        for (int o = 0; o < copies.others; ++o) {
-            const std::int32_t theirs = copies.slot[std::int64_t(node.slot) * copies.others + o];
-            if (theirs >= 0) f(copies.sums[o] + theirs * stride + node.number);
-        }
-    }
+    return pass.grid.sums + node.slot * stride + node.number;
 }
 /// Adds to a transfer channel of a node; the one after the last is the mass.
-template <int C, bool several, class P>
+template <int C, class P>
 __device__ __forceinline__ void add_to_node(const P& pass, const NodePlace& node, int channel,
                                             typename P::Sum x) {
     if (x == 0) return;
-    for_each_copy<several>(pass, node, [&](typename P::Sum* to) {
-        if (channel == C) {
-            add_fixed_to<several>(to, x);
-            if (pass.group.weight >= 0)
-                add_fixed_to<several>(to + pass.group.weight * block_cells, x);
-        } else {
-            add_fixed_to<several>(
-                to + (channel < P::dimension ? 1 + channel : pass.group.sum) * block_cells, x);
-        }
-    });
+    typename P::Sum* to = sums_at(pass, node);
+    if (channel == C) {
+        add_fixed(to, x);
+        if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, x);
+    } else {
+        add_fixed(to + (channel < P::dimension ? 1 + channel : pass.group.sum) * block_cells, x);
+    }
 }
 
 /// Takes the deposit of one particle straight to the grid.
@@ -419,11 +369,7 @@ struct GridSums {
 
     __device__ __forceinline__ void add(int node, int channel, T v) {
         const NodePlace place = stencil_node(neighbours, cell, node);
-        const auto x = to_fixed(v * scales.template of<C>(channel));
-        if (pass.copies == nullptr)
-            add_to_node<C, false>(pass, place, channel, x);
-        else
-            add_to_node<C, true>(pass, place, channel, x);
+        add_to_node<C>(pass, place, channel, to_fixed(v * scales.template of<C>(channel)));
     }
     __device__ __forceinline__ void add_mass(int node, T v) { add(node, C, v); }
 };

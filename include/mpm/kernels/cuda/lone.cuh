@@ -89,7 +89,7 @@ struct alignas(16) Parcel {
 
 /// The lanes of a warp add what its threads have moved, a node each. Particles of one cell that
 /// follow each other go to the grid together.
-template <bool several, int D, int C>
+template <int D, int C>
 __device__ __forceinline__ void add_parcels(const Pass<Cuda, float, D>& pass,
                                             const Parcel<D, C>* parcels) {
     const int lane = threadIdx.x % 32;
@@ -111,18 +111,13 @@ __device__ __forceinline__ void add_parcels(const Pass<Cuda, float, D>& pass,
     const auto to_grid = [&](const Surroundings<D>& around) {
         int at = 0;
         MPM_UNROLL for (int a = 0; a < D; ++a) at += around.part(a, k_of[a]);
-        for_each_copy<several>(
-            pass, NodePlace{around.block[at >> 8], at & 255}, [&](std::int32_t* to) {
-                add_fixed_to<several>(to, sum[C]);
-                if (pass.group.weight >= 0)
-                    add_fixed_to<several>(to + pass.group.weight * block_cells, sum[C]);
-                MPM_UNROLL for (int c = 0; c < C; ++c) {
-                    // Drops that fall freely are often not compressed at all.
-                    if (sum[c] != 0)
-                        add_fixed_to<several>(to + (c < D ? 1 + c : pass.group.sum) * block_cells,
-                                              sum[c]);
-                }
-            });
+        std::int32_t* to = sums_at(pass, NodePlace{around.block[at >> 8], at & 255});
+        add_fixed(to, sum[C]);
+        if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, sum[C]);
+        MPM_UNROLL for (int c = 0; c < C; ++c) {
+            // Drops that fall freely are often not compressed at all.
+            if (sum[c] != 0) add_fixed(to + (c < D ? 1 + c : pass.group.sum) * block_cells, sum[c]);
+        }
         MPM_UNROLL for (int c = 0; c <= C; ++c) sum[c] = 0;
     };
     // Two at a time, so that one's reads hide behind the other's arithmetic.
@@ -145,8 +140,7 @@ __device__ __forceinline__ void add_parcels(const Pass<Cuda, float, D>& pass,
     }
 }
 
-/// `several`: other ranks hold some of the blocks too.
-template <class Material, Smoothing S, int D, bool several>
+template <class Material, Smoothing S, int D>
 __global__ void __launch_bounds__(lone_threads)
     lone_step(const __grid_constant__ Pass<Cuda, float, D> pass,
               const __grid_constant__ typename Material::template Constants<float> constants) {
@@ -200,7 +194,7 @@ __global__ void __launch_bounds__(lone_threads)
     }
     largest.listen(pass);
     __syncwarp();
-    add_parcels<several, D, C>(pass, parcels + threadIdx.x / 32 * 32);
+    add_parcels<D, C>(pass, parcels + threadIdx.x / 32 * 32);
     __syncwarp();
     const unsigned strays = __popc(__ballot_sync(~0u, stray));
     if (threadIdx.x % 32 == 0 && strays > 0) count_strays(pass, int(strays));
@@ -210,9 +204,8 @@ __global__ void __launch_bounds__(lone_threads)
 
 template <class Material, Smoothing S, int D>
 void run_lone(const Pass<Cuda, float, D>& pass) {
-    const auto kernel =
-        pass.copies ? &lone_step<Material, S, D, true> : &lone_step<Material, S, D, false>;
-    pass.exec->launch_next(kernel, lone_blocks(pass.body.lone_count), 1, lone_threads, pass,
+    pass.exec->launch_next(&lone_step<Material, S, D>, lone_blocks(pass.body.lone_count), 1,
+                           lone_threads, pass,
                            Material::template constants<float>(pass.parameters));
 }
 

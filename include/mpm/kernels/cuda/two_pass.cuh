@@ -67,7 +67,7 @@ struct ChannelSums {
 };
 
 /// Takes one channel of one particle, or of a cell, to the grid.
-template <class P, bool several>
+template <class P>
 struct ChannelToGrid {
     using T = typename P::Grid;
     static constexpr int mass = 4;  // beyond any number of transfer channels
@@ -78,8 +78,7 @@ struct ChannelToGrid {
     int cell[P::dimension];
 
     __device__ __forceinline__ void add(int node, int, T v) {
-        add_to_node<mass, several>(pass, stencil_node(neighbours, cell, node), channel,
-                                   to_fixed(v * scale));
+        add_to_node<mass>(pass, stencil_node(neighbours, cell, node), channel, to_fixed(v * scale));
     }
     __device__ __forceinline__ void add_mass(int, T) {}
 };
@@ -88,11 +87,11 @@ struct ChannelToGrid {
 template <class G>
 inline constexpr int scatter_blocks = sizeof(G) == 4 ? 12 : 6;
 
-template <bool several, class X, class T, int D>
+template <class X, class T, int D>
 __global__ void __launch_bounds__(block_cells, scatter_blocks<typename Pass<X, T, D>::Grid>)
     scatter_step(const __grid_constant__ Pass<X, T, D> pass, int channels) {
     using G = typename Pass<X, T, D>::Grid;
-    using ToGrid = ChannelToGrid<Pass<X, T, D>, several>;
+    using ToGrid = ChannelToGrid<Pass<X, T, D>>;
     after_previous();
     if (pass.clock->halt != Halt::none) return;
     const std::int32_t slot = pass.body.home[blockIdx.x];
