@@ -1,7 +1,7 @@
 # The target mpm_flags carries what every unit of ours is compiled with. -ffast-math stays out: a
 # library linked with it flushes denormals for the whole Python process and drops checks for
-# non-finite values. Instruction sets beyond the baseline come from target_clones inside the
-# sources.
+# non-finite values. Instruction sets beyond the baseline come from attributes of functions
+# (mpm/kernels/cpu/levels.hpp).
 
 if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
   set(CMAKE_BUILD_TYPE Release)

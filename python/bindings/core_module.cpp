@@ -5,6 +5,7 @@
 #include "basis_binding.hpp"
 #include "engine_binding.hpp"
 #include "mpm/exec/rank_processes.hpp"
+#include "mpm/kernels/cpu/levels.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
 #include "mpm/solver/added_materials.hpp"
 #include "mpm/solver/functions_engine.hpp"
@@ -13,20 +14,6 @@
 namespace py = pybind11;
 
 namespace {
-
-/// What the loader picks for the cloned loops on this processor.
-const char* instruction_set() {
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-        __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512cd")) {
-        return "x86-64-v4";
-    }
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
-        __builtin_cpu_supports("bmi2"))
-        return "x86-64-v3";
-    return "x86-64";
-}
 
 template <class T>
 py::array_t<T> equation_of_state(const py::array_t<T, py::array::c_style>& j, double bulk_modulus,
@@ -128,7 +115,7 @@ PYBIND11_MODULE(_core, m) {
             d["cuda"] = false;
 #endif
             d["openmp"] = true;
-            d["instruction_set"] = instruction_set();
+            d["instruction_set"] = mpm::cpu::name_of(mpm::cpu::processor_level());
             d["dimensions"] = std::vector<int>{2, 3};
             d["precisions"] = std::vector<std::string>{"single", "double"};
             std::vector<std::string> names;

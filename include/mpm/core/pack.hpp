@@ -1,6 +1,6 @@
 // Pack<T, W>: W numbers that move together through the same formulae. The CPU drivers put the
 // particles of one cell into the lanes. Built on GCC vector extensions and 32 bytes wide, which is
-// what widens correctly inside `target_clones` functions (design/number-types.md).
+// what widens correctly inside functions with a `target` attribute (design/number-types.md).
 #pragma once
 
 #include "mpm/core/config.hpp"

@@ -1,6 +1,6 @@
 #include "mpm/kernels/staging.hpp"
 
-#include "mpm/kernels/cpu/clones.hpp"
+#include "mpm/kernels/cpu/levels.hpp"
 
 namespace mpm {
 

@@ -11,7 +11,7 @@
 #include <memory>
 
 #include "mpm/kernels/cpu/arena.hpp"
-#include "mpm/kernels/cpu/clones.hpp"
+#include "mpm/kernels/cpu/levels.hpp"
 #include "mpm/kernels/cpu/phases.hpp"
 #include "mpm/kernels/keep.hpp"
 
@@ -231,14 +231,19 @@ struct BlockPass {
         }
     }
 
+    /// `packs`: particles of a cell side by side, in the lanes of packs.
+    template <bool packs>
     MPM_INLINE void cell(int number, std::uint32_t begin, std::uint32_t end) const {
         int home[D];
         Block<D>::coordinates(number, home);
-        if constexpr (stage == Stage::initial ||
-                      lane_wise<Material>) {  // the first runs once: not worth lanes
+        if constexpr (packs && !lane_wise<Material>)
+            side_by_side(home, begin, end);
+        else
             for (std::uint32_t q = begin; q < end; ++q) alone(home, q);
-            return;
-        }
+    }
+
+    MPM_INLINE void side_by_side(const int (&home)[D], std::uint32_t begin,
+                                 std::uint32_t end) const {
         CellSums<V, D, E> sums;
         if constexpr (adds) {
             MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) for (int c = 0; c <= E; ++c)
@@ -319,6 +324,7 @@ struct BlockPass {
         });
     }
 
+    template <bool packs>
     MPM_INLINE void block(std::int32_t slot) const {
         const std::int32_t* neighbours =
             pass.grid.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
@@ -326,7 +332,7 @@ struct BlockPass {
         if constexpr (adds) std::memset(arena.sums, 0, sizeof(arena.sums));
         const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
         for (int c = 0; c < block_cells; ++c)
-            if (start[c] < start[c + 1]) cell(c, start[c], start[c + 1]);
+            if (start[c] < start[c + 1]) cell<packs>(c, start[c], start[c + 1]);
         if constexpr (adds) {
             const std::int32_t* to = pass.destinations + std::int64_t(slot) * Block<D>::neighbours;
             if (pass.staged == none_staged)
@@ -337,27 +343,35 @@ struct BlockPass {
     }
 };
 
-template <class Material, Smoothing S, class T, int D, Stage stage>
-MPM_CLONES void run_block(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>& numbers,
-                          Arena<T, D, transfer_channels<D, S>>& arena, std::int32_t slot) {
-    BlockPass<Material, S, T, D, stage>{pass, numbers, arena}.block(slot);
+/// One block with the instructions of a level (kernels/cpu/levels.hpp). Packs are for wide
+/// vectors: without them a particle at a time is as fast and compiles in a third of the time.
+template <class B>
+void run_block(const B& pass, std::int32_t slot) {
+    pass.template block<!MPM_HAS_LEVELS>(slot);
 }
-
-template <class Material, Smoothing S, class T, int D>
-MPM_CLONES void run_keeping_block(const Pass<Cpu, T, D>& pass,
-                                  const StepNumbers<T, Material>& numbers,
-                                  const KeepNumbers<T>& keep,
-                                  KeepArena<T, D, transfer_channels<D, S>>& arena,
-                                  std::int32_t slot) {
-    BlockPass<Material, S, T, D, Stage::fused, true>{pass, numbers, arena, keep}.block(slot);
+#if MPM_HAS_LEVELS
+template <class B>
+MPM_LEVEL_V3 void run_block_v3(const B& pass, std::int32_t slot) {
+    pass.template block<true>(slot);
 }
-
-/// Not worth clones: the first deposit runs once, and the two-pass form is there on the CPU to be
-/// compared with the fused one.
-template <class Material, Smoothing S, class T, int D, Stage stage>
-void run_block_plain(const Pass<Cpu, T, D>& pass, const StepNumbers<T, Material>& numbers,
-                     Arena<T, D, transfer_channels<D, S>>& arena, std::int32_t slot) {
-    BlockPass<Material, S, T, D, stage>{pass, numbers, arena}.block(slot);
+template <class B>
+MPM_LEVEL_V4 void run_block_v4(const B& pass, std::int32_t slot) {
+    pass.template block<true>(slot);
+}
+#endif
+template <class B>
+using RunBlock = void (*)(const B&, std::int32_t slot);
+/// The first deposit runs once, and the two-pass form is there on the CPU to be compared with the
+/// fused one: these are not worth more than one level.
+template <class B, bool often>
+RunBlock<B> block_runner() {
+#if MPM_HAS_LEVELS
+    if constexpr (often) {
+        if (processor_level() == Level::v4) return &run_block_v4<B>;
+        if (processor_level() == Level::v3) return &run_block_v3<B>;
+    }
+#endif
+    return &run_block<B>;
 }
 
 /// Calls block(arena, slot) for the home blocks of a body, colour after colour.
@@ -388,11 +402,10 @@ void run_body(const Pass<Cpu, T, D>& pass) {
     if (pass.clock->halt != Halt::none) return;
     const auto numbers = numbers_of<Material>(pass);
     using A = Arena<T, D, transfer_channels<D, S>>;
+    using B = BlockPass<Material, S, T, D, stage>;
+    const RunBlock<B> run = block_runner < B, stage == Stage::fused || stage == Stage::scatter > ();
     for_each_block<A>(pass, [&](A& arena, std::int32_t slot) {
-        if constexpr (stage == Stage::initial || stage == Stage::gather)
-            run_block_plain<Material, S, T, D, stage>(pass, numbers, arena, slot);
-        else
-            run_block<Material, S, T, D, stage>(pass, numbers, arena, slot);
+        run(B{pass, numbers, arena}, slot);
     });
 }
 
@@ -404,8 +417,10 @@ void run_keeping(const Phase<Cpu, T, D>& phase) {
     const auto numbers = numbers_of<Material>(pass);
     const auto keep = keep_numbers<T>(phase.n);
     using A = KeepArena<T, D, transfer_channels<D, S>>;
+    using B = BlockPass<Material, S, T, D, Stage::fused, true>;
+    const RunBlock<B> run = block_runner<B, true>();
     for_each_block<A>(pass, [&](A& arena, std::int32_t slot) {
-        run_keeping_block<Material, S, T, D>(pass, numbers, keep, arena, slot);
+        run(B{pass, numbers, arena, keep}, slot);
     });
 }
 
