@@ -346,21 +346,27 @@ struct BlockPass {
 /// One block with the instructions of a level (kernels/cpu/levels.hpp). Packs are for wide
 /// vectors: without them a particle at a time is as fast and compiles in a third of the time.
 template <class B>
-void run_block(const B& pass, std::int32_t slot) {
-    pass.template block<!MPM_HAS_LEVELS>(slot);
+void run_block(const typename B::P& pass, const typename B::Numbers& numbers, typename B::A& arena,
+               const typename B::Keep& keep, std::int32_t slot) {
+    B{pass, numbers, arena, keep}.template block<!MPM_HAS_LEVELS>(slot);
 }
 #if MPM_HAS_LEVELS
 template <class B>
-MPM_LEVEL_V3 void run_block_v3(const B& pass, std::int32_t slot) {
-    pass.template block<true>(slot);
+MPM_LEVEL_V3 void run_block_v3(const typename B::P& pass, const typename B::Numbers& numbers,
+                               typename B::A& arena, const typename B::Keep& keep,
+                               std::int32_t slot) {
+    B{pass, numbers, arena, keep}.template block<true>(slot);
 }
 template <class B>
-MPM_LEVEL_V4 void run_block_v4(const B& pass, std::int32_t slot) {
-    pass.template block<true>(slot);
+MPM_LEVEL_V4 void run_block_v4(const typename B::P& pass, const typename B::Numbers& numbers,
+                               typename B::A& arena, const typename B::Keep& keep,
+                               std::int32_t slot) {
+    B{pass, numbers, arena, keep}.template block<true>(slot);
 }
 #endif
 template <class B>
-using RunBlock = void (*)(const B&, std::int32_t slot);
+using RunBlock = void (*)(const typename B::P& pass, const typename B::Numbers& numbers,
+                          typename B::A& arena, const typename B::Keep& keep, std::int32_t slot);
 /// The first deposit runs once, and the two-pass form is there on the CPU to be compared with the
 /// fused one: these are not worth more than one level.
 template <class B, bool often>
@@ -404,9 +410,8 @@ void run_body(const Pass<Cpu, T, D>& pass) {
     using A = Arena<T, D, transfer_channels<D, S>>;
     using B = BlockPass<Material, S, T, D, stage>;
     const RunBlock<B> run = block_runner < B, stage == Stage::fused || stage == Stage::scatter > ();
-    for_each_block<A>(pass, [&](A& arena, std::int32_t slot) {
-        run(B{pass, numbers, arena}, slot);
-    });
+    for_each_block<A>(pass,
+                      [&](A& arena, std::int32_t slot) { run(pass, numbers, arena, {}, slot); });
 }
 
 /// The fused step of schemes that store velocities.
@@ -419,9 +424,8 @@ void run_keeping(const Phase<Cpu, T, D>& phase) {
     using A = KeepArena<T, D, transfer_channels<D, S>>;
     using B = BlockPass<Material, S, T, D, Stage::fused, true>;
     const RunBlock<B> run = block_runner<B, true>();
-    for_each_block<A>(pass, [&](A& arena, std::int32_t slot) {
-        run(B{pass, numbers, arena, keep}, slot);
-    });
+    for_each_block<A>(pass,
+                      [&](A& arena, std::int32_t slot) { run(pass, numbers, arena, keep, slot); });
 }
 
 /// Per home block: kinetic, elastic and potential energy.
