@@ -470,6 +470,40 @@ inline FunctionsSpec read_functions(const py::dict& d) {
     return f;
 }
 
+/// Fields of velocities: of each body, their kinds, and the law of each pair of kinds.
+inline void read_contact(const py::dict& d, Spec& s) {
+    ContactSpec& c = s.contact;
+    c.fields = d["fields"].cast<int>();
+    c.kind = d["kind"].cast<std::vector<int>>();
+    c.density = doubles(d["density"]);
+    c.law_of = d["law_of"].cast<std::vector<int>>();
+    for (const auto& item : d["laws"]) {
+        const py::dict given = item.cast<py::dict>();
+        ContactLaw law;
+        const auto kind = given["kind"].cast<std::string>();
+        if (kind != "friction" && kind != "fluid")
+            throw SceneError("contact: a law of kind '" + kind + "' is not built");
+        law.kind = kind == "fluid" ? ContactKind::fluid : ContactKind::friction;
+        law.static_friction = given["static_friction"].cast<double>();
+        law.dynamic_friction = given["dynamic_friction"].cast<double>();
+        law.fill = given["fill"].cast<double>();
+        c.laws.push_back(law);
+    }
+    const auto of_body = d["of_body"].cast<std::vector<int>>();
+    const std::size_t kinds = c.density.size();
+    bool fits = c.fields >= 1 && c.kind.size() == std::size_t(c.fields) &&
+                of_body.size() == s.bodies.size() && c.law_of.size() == kinds * kinds;
+    for (const int kind : c.kind) fits = fits && kind >= 0 && std::size_t(kind) < kinds;
+    for (const int field : of_body) fits = fits && field >= 0 && field < c.fields;
+    for (std::size_t k = 0; fits && k < kinds * kinds; ++k)
+        fits = c.law_of[k] >= -1 && c.law_of[k] < int(c.laws.size()) &&
+               c.law_of[k] == c.law_of[k % kinds * kinds + k / kinds];
+    for (const double density : c.density) fits = fits && density > 0;
+    if (!fits) throw SceneError("contact: its fields, kinds and laws do not fit each other");
+    if (!c.any()) return;
+    for (std::size_t b = 0; b < s.bodies.size(); ++b) s.bodies[b].fields = {{0, of_body[b]}};
+}
+
 inline Spec read_spec(const py::dict& d) {
     Spec s;
     s.dimension = d["dimension"].cast<int>();
@@ -542,6 +576,7 @@ inline Spec read_spec(const py::dict& d) {
     if (d.contains("outlets"))
         for (const auto& x : d["outlets"])
             s.outlets.push_back(read_outlet(x.cast<py::dict>(), s.dimension));
+    if (d.contains("contact")) read_contact(d["contact"], s);
     if (d.contains("stored_as")) s.stored_as = d["stored_as"].cast<std::vector<int>>();
     if (d.contains("start")) s.start = read_start(d["start"], s.dimension);
     return s;

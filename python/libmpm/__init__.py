@@ -11,7 +11,7 @@ import os
 import warnings
 from typing import TYPE_CHECKING, Any
 
-from libmpm import boundaries, grids, materials, methods, sensors, shapes
+from libmpm import boundaries, contacts, grids, materials, methods, sensors, shapes
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.errors import (
@@ -69,6 +69,7 @@ __all__ = [
     "build_info",
     "cases",
     "compat",
+    "contacts",
     "debris",
     "demand",
     "design",

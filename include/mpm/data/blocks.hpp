@@ -47,20 +47,26 @@ MPM_INLINE int cell_shift(T xi) {
     return xi < T(-0.5) ? -1 : (xi <= T(0.5) ? 0 : 1);
 }
 
-/// Number of a block in the domain, counted with a rim of `rim` blocks outside it.
+/// Number of a block in the domain, counted with a rim of `rim` blocks outside it, and of one of
+/// the fields of velocities there (design/contact.md): those of a block follow each other. A scene
+/// without contact has one.
 template <int D>
 struct BlockKeys {
     static constexpr int rim = 2;
-    std::int64_t counts[D];  // blocks along each axis, rim included
+    std::int64_t counts[D];   // blocks along each axis, rim included
+    std::int64_t fields = 1;  // of velocities
 
-    MPM_INLINE std::uint64_t key(const std::int64_t (&b)[D]) const {
+    MPM_INLINE std::uint64_t key(const std::int64_t (&b)[D], std::int64_t field = 0) const {
         std::int64_t k = 0;
         MPM_UNROLL for (int a = 0; a < D; ++a) k = k * counts[a] + (b[a] + rim);
-        return std::uint64_t(k);
+        return std::uint64_t(k * fields + field);
+    }
+    MPM_INLINE std::int64_t field(std::uint64_t key) const {
+        return fields == 1 ? 0 : std::int64_t(key) % fields;
     }
     /// Bits that the largest key needs.
     int bits() const {
-        double blocks = 1;
+        double blocks = double(fields);
         for (std::int64_t n : counts) blocks *= double(n);
         int b = 1;
         while (b < 64 && std::ldexp(1.0, b) < blocks) ++b;
@@ -68,6 +74,7 @@ struct BlockKeys {
     }
     MPM_INLINE void block(std::uint64_t key, std::int64_t (&b)[D]) const {
         std::int64_t k = std::int64_t(key);
+        if (fields != 1) k /= fields;
         MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
             b[a] = k % counts[a] - rim;
             k /= counts[a];
@@ -97,15 +104,28 @@ MPM_INLINE std::int32_t find_key(const std::uint64_t* keys, std::int32_t count, 
     return low < count && keys[low] == key ? low : -1;
 }
 
-/// Slot of a block, or -1 where it is not active.
+/// Slot of a block and field, or -1 where it is not active.
 template <int D>
-MPM_INLINE std::int32_t find_block(const BlockTableView<D>& table, const std::int64_t (&block)[D]) {
+MPM_INLINE std::int32_t find_block(const BlockTableView<D>& table, const std::int64_t (&block)[D],
+                                   std::int64_t field = 0) {
     for (int a = 0; a < D; ++a) {
         if (block[a] < -BlockKeys<D>::rim ||
             block[a] + BlockKeys<D>::rim >= table.keys_of.counts[a])
             return -1;
     }
-    return find_key(table.keys, table.slots, table.keys_of.key(block));
+    return find_key(table.keys, table.slots, table.keys_of.key(block, field));
+}
+
+/// The block that owns the node of a cell; returns the node's number there.
+template <int D>
+MPM_INLINE int block_of_node(const std::int64_t (&cell)[D], std::int64_t (&block)[D]) {
+    int at[D];
+    for (int a = 0; a < D; ++a) {
+        const std::int64_t c = cell[a];
+        block[a] = c >= 0 ? c / Block<D>::edge : -((-c + Block<D>::edge - 1) / Block<D>::edge);
+        at[a] = int(c - block[a] * Block<D>::edge);
+    }
+    return Block<D>::cell(at);
 }
 
 /// Slot of the block that owns the node of a cell, or -1, and the node's number there.
@@ -113,14 +133,38 @@ template <int D>
 MPM_INLINE std::int32_t find_node(const BlockTableView<D>& table, const std::int64_t (&cell)[D],
                                   int& node) {
     std::int64_t block[D];
-    int at[D];
-    for (int a = 0; a < D; ++a) {
-        const std::int64_t c = cell[a];
-        block[a] = c >= 0 ? c / Block<D>::edge : -((-c + Block<D>::edge - 1) / Block<D>::edge);
-        at[a] = int(c - block[a] * Block<D>::edge);
-    }
-    node = Block<D>::cell(at);
+    node = block_of_node<D>(cell, block);
     return find_block<D>(table, block);
+}
+
+/// f(slot, node) for each field that has nodes in the block of a cell.
+template <int D, class F>
+MPM_INLINE void each_field_of_node(const BlockTableView<D>& table, const std::int64_t (&cell)[D],
+                                   const F& f) {
+    std::int64_t block[D];
+    const int node = block_of_node<D>(cell, block);
+    if (table.keys_of.fields == 1) {
+        const std::int32_t slot = find_block<D>(table, block);
+        if (slot >= 0) f(slot, node);
+        return;
+    }
+    for (int a = 0; a < D; ++a) {
+        if (block[a] < -BlockKeys<D>::rim ||
+            block[a] + BlockKeys<D>::rim >= table.keys_of.counts[a])
+            return;
+    }
+    const std::uint64_t low = table.keys_of.key(block);
+    std::int32_t first = 0, last = table.slots;
+    while (first < last) {
+        const std::int32_t middle = (first + last) / 2;
+        if (table.keys[middle] < low)
+            first = middle + 1;
+        else
+            last = middle;
+    }
+    for (; first < table.slots && table.keys[first] < low + std::uint64_t(table.keys_of.fields);
+         ++first)
+        f(first, node);
 }
 
 /// A node of a block's arena seen from the block: slot of the block that owns it (or -1) and its

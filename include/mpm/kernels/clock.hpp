@@ -28,7 +28,8 @@ enum class FaultKind : int {
     outran = 2,
     fixed_point = 3,
     smoothing = 4,
-    smoothing_range = 5
+    smoothing_range = 5,
+    crowded = 6  // more bodies at a node than contact keeps apart
 };
 
 inline constexpr int max_groups = 8;

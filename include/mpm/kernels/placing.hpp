@@ -9,6 +9,28 @@
 
 namespace mpm {
 
+/// The fields of velocities of a body's particles: of those from an id on, until the next.
+struct FieldsView {
+    const std::uint64_t* first;  // (count,) ascending ids above the body's first, of which one is 0
+    const std::int32_t* field;
+    int count = 0;             // 0: all have the only field
+    const std::uint32_t* ids;  // of the body's rows; null: the rows
+
+    MPM_INLINE std::int64_t of(std::uint64_t row) const {
+        if (count == 0) return 0;
+        const std::uint64_t id = ids ? ids[row] : row;
+        int low = 0, high = count;
+        while (high - low > 1) {
+            const int middle = (low + high) / 2;
+            if (first[middle] <= id)
+                low = middle;
+            else
+                high = middle;
+        }
+        return field[low];
+    }
+};
+
 /// Cell of a position along each axis; false outside the domain and for what is not a number.
 template <int D>
 MPM_INLINE bool cell_of(const double* position, double cell_size, const std::int64_t (&cells)[D],
@@ -34,6 +56,7 @@ struct FindBlocks {
     std::uint64_t* keys;
     std::uint32_t* outside;
     std::uint64_t* first_outside;
+    FieldsView fields = {};
 
     MPM_INLINE void operator()(std::int64_t i) const {
         std::int64_t c[D];
@@ -42,7 +65,7 @@ struct FindBlocks {
             X::keep_smallest(first_outside, first + std::uint64_t(i));
         }
         for (int a = 0; a < D; ++a) c[a] /= Block<D>::edge;
-        keys[i] = keys_of.key(c);
+        keys[i] = keys_of.key(c, fields.of(first + std::uint64_t(i)));
     }
 };
 
@@ -57,6 +80,7 @@ struct PlaceParticles {
     std::uint32_t* cell;  // slot * 64 + cell
     std::uint32_t* id;
     std::uint32_t first;
+    FieldsView fields = {};
 
     MPM_INLINE void operator()(std::int64_t i) const {
         std::int64_t c[D], block[D];
@@ -70,7 +94,9 @@ struct PlaceParticles {
             const T xi = T(position[i * D + a] / cell_size - double(c[a]) - 0.5);
             offset[a][i] = xi < T(0.5) ? xi : T(0.5) - std::numeric_limits<T>::epsilon() / 4;
         }
-        const std::int32_t slot = find_key(table.keys, table.slots, table.keys_of.key(block));
+        const std::int64_t field = fields.of(first + std::uint64_t(i));
+        const std::int32_t slot =
+            find_key(table.keys, table.slots, table.keys_of.key(block, field));
         cell[i] = std::uint32_t(slot) * block_cells + std::uint32_t(Block<D>::cell(at));
         id[i] = first + std::uint32_t(i);
     }

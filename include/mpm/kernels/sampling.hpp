@@ -3,7 +3,7 @@
 // that step moves the particles.
 #pragma once
 
-#include "mpm/kernels/grid.hpp"
+#include "mpm/kernels/contact.hpp"
 #include "mpm/kernels/reading.hpp"
 
 namespace mpm {
@@ -28,12 +28,14 @@ struct LoadCellRecord {
 };
 
 /// Momentum, and its moment, that the boundary of a load cell takes from one node in this step.
-template <class T, class Sum, int D>
+/// `contact`: in a scene with several fields of velocities.
+template <class T, class Sum, int D, bool contact = false>
 struct MeasureLoads {
     NodeUpdate<T, Sum, D> node;
     const std::int32_t* slots;  // blocks that the boundaries of load cells touch
     const LoadCellRecord<D>* cells;
     double cell_size;
+    ContactView of_contact = {};
 
     MPM_INLINE void operator()(std::int64_t i, int number, double* sum) const {
         if (node.clock->halt != Halt::none) return;
@@ -61,6 +63,21 @@ struct MeasureLoads {
                 sum[5] += r[0] * f[1] - r[1] * f[0];
             }
         };
+        if constexpr (contact) {
+            std::int32_t first, count;
+            find_siblings<D>(node.grid.table, slot, first, count);
+            const NodeContact<T, Sum, D> all{node, of_contact};
+            typename NodeContact<T, Sum, D>::Fields f;
+            if (count > 1) all.find(first, count, n, f);
+            if (f.count > 1 && !f.too_many) {
+                all.solve(n, f,
+                          [&](int k, int boundary, int face, const Vec<T, D>& before,
+                              const Vec<T, D>& after) {
+                              if (f.slot[k] == slot) seen(boundary, face, before, after);
+                          });
+                return;
+            }
+        }
         node.velocity(slot, n, m, node.momentum(slot, n), seen);
     }
 };
@@ -112,12 +129,12 @@ struct SampleGauge {
     const std::int64_t (&cells)[D];
 
     MPM_INLINE double fill(std::int64_t (&c)[D]) const {
-        int number = 0;
-        const std::int32_t slot = find_node<D>(node.grid.table, c, number);
-        if (slot < 0) return 0;
-        const Sum* s = node.sums(slot, number);
-        return from_sum<double>(s[point.channel * block_cells], node.clock->unit_read[mass_sum]) /
-               point.full;
+        double mass = 0;
+        each_field_of_node<D>(node.grid.table, c, [&](std::int32_t slot, int number) {
+            mass += from_sum<double>(node.sums(slot, number)[point.channel * block_cells],
+                                     node.clock->unit_read[mass_sum]);
+        });
+        return mass / point.full;
     }
     MPM_INLINE double surface(std::int64_t (&c)[D]) const {
         double above = 0;
@@ -178,7 +195,10 @@ struct SamplePoints {
         }
         double at[D], v[D];
         for (int a = 0; a < D; ++a) at[a] = point.position[a] / cell_size;
+        T together[D];
         const auto moving = [&](std::int64_t(&c)[D]) -> const T* {
+            if (node.grid.table.keys_of.fields != 1)
+                return mean_of_fields(c, together) ? together : nullptr;
             int number = 0;
             const std::int32_t slot = find_node<D>(node.grid.table, c, number);
             if (slot < 0 || !(node.mass(slot, number) > T(0))) return nullptr;
@@ -187,6 +207,20 @@ struct SamplePoints {
         const bool wet = wide ? point_velocity<5>(kernel, at, moving, v)
                               : point_velocity<3>(kernel, at, moving, v);
         for (int a = 0; a < D; ++a) row[a] = wet ? v[a] : nan("");
+    }
+    /// Mean velocity of all fields at a node, by their mass; false where none has any.
+    MPM_INLINE bool mean_of_fields(const std::int64_t (&c)[D], T (&v)[D]) const {
+        T mass = 0;
+        for (int a = 0; a < D; ++a) v[a] = 0;
+        each_field_of_node<D>(node.grid.table, c, [&](std::int32_t slot, int number) {
+            const T m = node.mass(slot, number);
+            if (!(m > T(0))) return;
+            const T* u = node.grid.velocity + node.grid.velocity_place(slot, number);
+            mass += m;
+            for (int a = 0; a < D; ++a) v[a] += m * u[a];
+        });
+        for (int a = 0; a < D && mass > T(0); ++a) v[a] /= mass;
+        return mass > T(0);
     }
 };
 

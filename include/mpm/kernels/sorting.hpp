@@ -98,12 +98,13 @@ struct ListNeighbours {
     MPM_INLINE void operator()(std::int64_t i) const {
         int n = int(i % Block<D>::neighbours);
         std::int64_t b[D];
-        keys_of.block(homes[i / Block<D>::neighbours], b);
+        const std::uint64_t home = homes[i / Block<D>::neighbours];
+        keys_of.block(home, b);
         for (int a = D - 1; a >= 0; --a) {
             b[a] += n % 3 - 1;
             n /= 3;
         }
-        out[i] = keys_of.key(b);
+        out[i] = keys_of.key(b, keys_of.field(home));
     }
 };
 
@@ -129,7 +130,9 @@ struct LinkBlocks {
             outside = outside || b[a] < -BlockKeys<D>::rim ||
                       b[a] + BlockKeys<D>::rim >= table.keys_of.counts[a];
         }
-        neighbours[i] = outside ? -1 : find_key(table.keys, table.slots, table.keys_of.key(b));
+        const std::int64_t field = table.keys_of.field(table.keys[slot]);
+        neighbours[i] =
+            outside ? -1 : find_key(table.keys, table.slots, table.keys_of.key(b, field));
     }
 };
 

@@ -2,7 +2,7 @@
 // without a guard never launch these.
 #pragma once
 
-#include "mpm/kernels/grid.hpp"
+#include "mpm/kernels/contact.hpp"
 
 namespace mpm {
 
@@ -13,7 +13,16 @@ struct AddPacking {
     const std::uint8_t* counts;  // which blocks count, where ranks hold some together; null: all
     MPM_INLINE void operator()(std::int64_t i, int /*set*/, double* sum) const {
         if (counts && counts[i / block_cells] == 0) return;
-        const double m = double(node.mass(std::int32_t(i / block_cells), int(i % block_cells)));
+        const std::int32_t slot = std::int32_t(i / block_cells);
+        double m = double(node.mass(slot, int(i % block_cells)));
+        if (node.grid.table.keys_of.fields != 1) {
+            // All that a node holds counts at the first of its fields.
+            std::int32_t first, count;
+            find_siblings<D>(node.grid.table, slot, first, count);
+            if (slot != first) return;
+            for (std::int32_t k = 1; k < count; ++k)
+                m += double(node.mass(first + k, int(i % block_cells)));
+        }
         if (!(m > 0)) return;
         sum[0] += m;
         sum[1] += m * m;

@@ -21,6 +21,7 @@
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/arrange.hpp"
 #include "mpm/kernels/cell_sums.hpp"
+#include "mpm/kernels/contact.hpp"
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/order.hpp"
 #include "mpm/kernels/phase_ops.hpp"
@@ -113,6 +114,14 @@ private:
     MotionView upload_motion(const MotionSpec& motion, int components);
     void set_sensors();
     void list_measured();
+
+    // domain_contact.hpp
+    void set_contact();
+    void list_contacts();
+    ContactView contact_view();
+    std::size_t end_of_fields(const std::vector<std::uint64_t>& keys, std::size_t slot) const;
+    template <class Decided>
+    void resolve_contacts(const double* maxima, const Decided& decided);
 
     // domain_place.hpp
     void place_particles(const Spec& spec);
@@ -433,6 +442,14 @@ private:
     std::int32_t measured_places_ = 0;
     Buffer<X, BoundaryRecord<D>> measured_boundaries_{exec_};  // of each load cell, its faces alone
 
+    // Where contact is declared: laws, and the blocks with several fields of velocities.
+    Buffer<X, ContactLaw> contact_laws_{exec_};
+    Buffer<X, std::int32_t> law_of_{exec_}, kind_of_{exec_};
+    Buffer<X, double> full_{exec_};
+    Buffer<X, std::int32_t> contact_first_{exec_}, contact_count_{exec_};
+    Buffer<X, std::uint32_t> crowded_{exec_};
+    std::int32_t contact_blocks_ = 0;
+
     Buffer<X, SupplyRecord> supplies_{exec_};  // of inlets
     std::vector<std::uint64_t> supplied_;      // layers of each
     std::vector<std::uint64_t> next_id_;       // of each body, where there are inlets
@@ -473,6 +490,7 @@ private:
 }  // namespace mpm
 
 #include "mpm/solver/domain_assign.hpp"
+#include "mpm/solver/domain_contact.hpp"
 #include "mpm/solver/domain_devices.hpp"
 #include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_migrate.hpp"

@@ -35,6 +35,18 @@ template <bool special, class Decided>
 void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
     const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
     const bool sweeps = plan_.sweep.residual > 0;
+    if constexpr (!X::is_device) {
+        if (contact_blocks_ > 0) {
+            const auto then = [&](const double* maxima) { resolve_contacts(maxima, decided); };
+            if (plan_.kept.any())
+                exec_.template max_each<maxima_count>(nodes, grid_update<true, special>(parity()),
+                                                      then);
+            else
+                exec_.template max_each<maxima_count>(nodes, grid_update<false, special>(parity()),
+                                                      then);
+            return;
+        }
+    }
     if (!sweeps && !plan_.kept.any()) {
         exec_.template max_each<maxima_count>(nodes, grid_update<false, special>(parity()),
                                               decided);

@@ -24,6 +24,34 @@ void for_each_piece(X& exec, const Rows& rows, std::uint64_t count, int width, c
     }
 }
 
+/// The fields of velocities of a body's rows, where the executor sees them.
+template <class X>
+class BodyFields {
+public:
+    BodyFields(X& exec, const BodySpec& body) : first_(exec), field_(exec), ids_(exec) {
+        if (body.fields.empty()) return;
+        std::vector<std::uint64_t> first;
+        std::vector<std::int32_t> field;
+        for (const FieldOfIds& f : body.fields) {
+            first.push_back(f.first);
+            field.push_back(f.field);
+        }
+        first_.assign(first);
+        field_.assign(field);
+        if (!body.ids.empty()) ids_.assign(body.ids);
+        count_ = int(first.size());
+    }
+    FieldsView view() {
+        return {first_.data(), field_.data(), count_, ids_.size() > 0 ? ids_.data() : nullptr};
+    }
+
+private:
+    Buffer<X, std::uint64_t> first_;
+    Buffer<X, std::int32_t> field_;
+    Buffer<X, std::uint32_t> ids_;
+    int count_ = 0;
+};
+
 template <class X, class T, int D>
 void Domain<X, T, D>::place_particles(const Spec& spec) {
     find_blocks(spec);
@@ -40,15 +68,22 @@ void Domain<X, T, D>::find_blocks(const Spec& spec) {
     Buffer<X, std::uint32_t> outside(exec_);
     std::vector<std::uint64_t> homes;
     for (const BodySpec& s : spec.bodies) {
+        BodyFields<X> fields(exec_, s);
         outside.assign({0});
         first_outside.assign({~std::uint64_t(0)});
         for_each_piece(
             exec_, s.position, s.count, D,
             [&](std::uint64_t first, std::int64_t n, const double* position) {
                 keys.reserve_discard(n);
-                FindBlocks<X, D> find{
-                    position,       spec.cell_size,      {}, table_.keys_of, first, keys.data(),
-                    outside.data(), first_outside.data()};
+                FindBlocks<X, D> find{position,
+                                      spec.cell_size,
+                                      {},
+                                      table_.keys_of,
+                                      first,
+                                      keys.data(),
+                                      outside.data(),
+                                      first_outside.data(),
+                                      fields.view()};
                 for (int a = 0; a < D; ++a) find.cells[a] = spec.cells[a];
                 exec_.for_each(n, find);
                 keys.shrink(std::size_t(exec_.sort_unique(keys.data(), n, table_.keys_of.bits())));
@@ -89,6 +124,7 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
     Buffer<X, std::uint32_t> cell(exec_);
     cell.reserve_discard(room);
     cell.shrink(s.count);
+    BodyFields<X> fields(exec_, s);
     for_each_piece(exec_, s.position, s.count, D,
                    [&](std::uint64_t first, std::int64_t n, const double* position) {
                        PlaceParticles<T, D> place{position,
@@ -98,7 +134,8 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
                                                   {},
                                                   cell.data() + first,
                                                   body.id.data() + first,
-                                                  std::uint32_t(first)};
+                                                  std::uint32_t(first),
+                                                  fields.view()};
                        for (int a = 0; a < D; ++a) {
                            place.cells[a] = spec_.cells[a];
                            place.offset[a] = body.offset[a].data() + first;

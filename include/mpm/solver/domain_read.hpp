@@ -269,12 +269,25 @@ Array Domain<X, T, D>::grid(const std::string& name) {
     std::size_t n = 0;
     for (std::size_t slot = 0; slot < keys.size(); ++slot) {
         if (!counts_slot(slot)) continue;
+        const std::size_t end = end_of_fields(keys, slot);
+        if (end == slot) continue;
         std::int64_t block[D];
         table_.keys_of.block(keys[slot], block);
         for (int node = 0; node < block_cells; ++node) {
-            const double m = from_sum<double>(sums[slot * plan_.sum_channels * block_cells + node],
-                                              clock_.unit_read[mass_sum]);
-            if (!(m > negligible_mass<Grid> * least_mass_)) continue;
+            double m = 0, mean[D] = {};
+            int found = 0;
+            for (std::size_t k = slot; k < end; ++k) {
+                const double own = from_sum<double>(
+                    sums[k * plan_.sum_channels * block_cells + node], clock_.unit_read[mass_sum]);
+                if (!(own > negligible_mass<Grid> * least_mass_)) continue;
+                const Grid* u = &velocity[(k * block_cells + node) * plan_.velocity_channels];
+                m += own;
+                ++found;
+                for (int a = 0; a < D; ++a)
+                    mean[a] =
+                        found == 1 ? double(u[a]) : mean[a] + own / m * (double(u[a]) - mean[a]);
+            }
+            if (found == 0) continue;
             ++n;
             int at[D];
             Block<D>::coordinates(node, at);
@@ -283,11 +296,10 @@ Array Domain<X, T, D>::grid(const std::string& name) {
                 continue;
             }
             for (int a = 0; a < D; ++a) {
-                out.data.push_back(
-                    name == "position"
-                        ? (double(block[a] * Block<D>::edge + at[a]) + 0.5) * spec_.cell_size
-                        : double(
-                              velocity[(slot * block_cells + node) * plan_.velocity_channels + a]));
+                out.data.push_back(name == "position"
+                                       ? (double(block[a] * Block<D>::edge + at[a]) + 0.5) *
+                                             spec_.cell_size
+                                       : mean[a]);
             }
         }
     }
@@ -295,7 +307,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
     return out;
 }
 
-/// Of the nodes that carry mass.
+/// Of the nodes that carry mass, all their fields together.
 template <class X, class T, int D>
 NodalSums Domain<X, T, D>::sums() {
     fetch_clock();
@@ -304,16 +316,26 @@ NodalSums Domain<X, T, D>::sums() {
     NodalSums out;
     for (std::size_t slot = 0; slot < keys.size(); ++slot) {
         if (!counts_slot(slot)) continue;
+        const std::size_t end = end_of_fields(keys, slot);
+        if (end == slot) continue;
         std::int64_t block[D];
         table_.keys_of.block(keys[slot], block);
         for (int node = 0; node < block_cells; ++node) {
-            const double* s = value.data() + slot * plan_.sum_channels * block_cells + node;
-            if (!(s[0] > 0)) continue;
+            const auto of = [&](std::size_t k, int c) {
+                return value[(k * std::size_t(plan_.sum_channels) + std::size_t(c)) * block_cells +
+                             std::size_t(node)];
+            };
+            double mass = 0;
+            for (std::size_t k = slot; k < end; ++k) mass += of(k, 0);
+            if (!(mass > 0)) continue;
             int at[D];
             Block<D>::coordinates(node, at);
             for (int a = 0; a < D; ++a) out.cell.push_back(block[a] * Block<D>::edge + at[a]);
-            for (int c = 0; c < plan_.sum_channels; ++c)
-                out.value[plan_.channels[c]].push_back(s[c * block_cells]);
+            for (int c = 0; c < plan_.sum_channels; ++c) {
+                double sum = of(slot, c);
+                for (std::size_t k = slot + 1; k < end; ++k) sum += of(k, c);
+                out.value[plan_.channels[c]].push_back(sum);
+            }
         }
     }
     return out;
@@ -378,6 +400,7 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
                         b.lone.bytes() + b.lone_slot.bytes() + b.scratch.bytes());
     }
     out["bytes"] = bytes;
+    if (spec_.contact.any()) out["contact_blocks"] = double(contact_blocks_);
     if (share_) {
         out["rebalances"] = double(share_->rebalances);
         out["migrated"] = double(share_->migrated);

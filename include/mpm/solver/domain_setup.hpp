@@ -31,6 +31,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         table_.keys_of.counts[a] =
             (spec_.cells[a] + Block<D>::edge - 1) / Block<D>::edge + 2 * BlockKeys<D>::rim;
     }
+    set_contact();
     least_mass_ = std::numeric_limits<double>::infinity();
     std::vector<BodyConstants> constants;
     for (std::size_t b = 0; b < spec_.bodies.size(); ++b) {

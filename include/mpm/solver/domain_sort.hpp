@@ -24,6 +24,7 @@ void Domain<X, T, D>::link_table() {
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
     if (load_count_ > 0 && !share_) list_measured();
+    list_contacts();
 }
 
 /// The homes of one more body: `flag(to)` queues what marks them, `count` gets their number.

@@ -55,6 +55,8 @@ State Domain<X, T, D>::save() {
     std::iota(body_of.begin(), body_of.end(), 0);
     s["body_of"] = detail::to_blob(body_of);
     s["sorts_of_table"] = detail::to_blob(std::vector<std::int32_t>{sorts_of_table_});
+    if (spec_.contact.any())
+        s["fields"] = detail::to_blob(std::vector<std::int32_t>{spec_.contact.fields});
     s["load_impulse"] = detail::to_blob(load_impulse_.host());
     auto records = sensor_records_.host();
     std::vector<std::int64_t> next;

@@ -78,14 +78,27 @@ void Domain<X, T, D>::run_sensors() {
     const auto node = node_update(parity());
     Clock* clock = clock_buffer_.data();
     const SamplePoints<Grid, Sum, D> points = sample_points();
-    if (load_count_ > 0) {
+    bool measured = load_count_ == 0;
+    if constexpr (!X::is_device) {
+        if (!measured && contact_blocks_ > 0) {
+            measured = true;
+            exec_.template sum_each<load_columns<D>>(
+                SumSets{measured_.data(), load_count_, measured_places_},
+                MeasureLoads<Grid, Sum, D, true>{node, measured_slots_.data(), load_cells_.data(),
+                                                 spec_.cell_size, contact_view()},
+                TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(),
+                            load_impulse_.data()},
+                load_partial_.data(), share_ ? 0 : point_count_, points);
+        }
+    }
+    if (!measured) {
         exec_.template sum_each<load_columns<D>>(
             SumSets{measured_.data(), load_count_, measured_places_},
             MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
                                        spec_.cell_size},
             TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(), load_impulse_.data()},
             load_partial_.data(), share_ ? 0 : point_count_, points);
-    } else if (point_count_ > 0 && !share_) {
+    } else if (load_count_ == 0 && point_count_ > 0 && !share_) {
         exec_.for_each_large(point_count_, points);
     }
     if (share_) {
@@ -422,6 +435,13 @@ Fault Domain<X, T, D>::describe_fault() {
                           "two steps and no longer fits its fixed-point scale"
                         : "the stress of a particle is so large for the time step that all "
                           "motion would round away beside it";
+        return f;
+    }
+    if (clock_.fault == FaultKind::crowded) {
+        f.code = "crowded-node";
+        f.message =
+            "more bodies with fields of velocities of their own meet at a node than contact "
+            "keeps apart";
         return f;
     }
     if (clock_.fault_particle == fault_elsewhere) return f;

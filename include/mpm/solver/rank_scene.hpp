@@ -70,6 +70,7 @@ void walk_rows(const Spec& spec, const BodySpec& body, const BlockKeys<D>& keys,
 template <int D>
 BlockKeys<D> keys_of_domain(const Spec& spec) {
     BlockKeys<D> keys{};
+    keys.fields = spec.contact.fields;
     for (int a = 0; a < D; ++a) {
         keys.counts[a] =
             (std::max<std::int64_t>(spec.cells[std::size_t(a)], 1) + Block<D>::edge - 1) /

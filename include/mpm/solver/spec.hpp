@@ -14,6 +14,7 @@
 #include "mpm/kernels/cell_smoothing.hpp"
 #include "mpm/physics/boundary/decay.hpp"
 #include "mpm/physics/boundary/response.hpp"
+#include "mpm/physics/contact.hpp"
 #include "mpm/physics/shape/kernel.hpp"
 #include "mpm/physics/transfer/scheme.hpp"
 #include "mpm/solver/rows.hpp"
@@ -49,6 +50,22 @@ struct TractionSpec {
 struct GroupOfIds {
     std::uint64_t first;  // above the body's first id
     int group;
+};
+
+/// Particles of a body from an id on, until the next of these, that have a field of velocities.
+struct FieldOfIds {
+    std::uint64_t first;  // above the body's first id
+    int field;
+};
+
+/// Fields of velocities and what bodies of different ones do to each other (design/contact.md).
+struct ContactSpec {
+    int fields = 1;
+    std::vector<int> kind;        // (fields,): fields of one kind have the same laws
+    std::vector<double> density;  // (kinds,) at rest, kg/m^3
+    std::vector<ContactLaw> laws;
+    std::vector<int> law_of;  // (kinds, kinds): which of the laws; -1: they move as one
+    bool any() const { return fields > 1; }
 };
 
 struct BodySpec {
@@ -93,6 +110,8 @@ struct BodySpec {
     std::uint64_t held_by = 0;  // bit mask of the boundaries that are for some bodies alone
     // Where ranks begin with groups of bodies: by ascending id, the first of 0.
     std::vector<GroupOfIds> groups;
+    // Where contact is declared, by ascending id, the first of 0.
+    std::vector<FieldOfIds> fields;
 };
 
 /// Does a body ask for what only the phased step has between its parts?
@@ -306,6 +325,7 @@ struct Spec {
     std::vector<SensorSpec> sensors;
     std::vector<InletSpec> inlets;
     std::vector<OutletSpec> outlets;
+    ContactSpec contact;
     StartSpec start;
     std::vector<int>
         stored_as;  // per body, of a state to load: which of its bodies; empty: by rule

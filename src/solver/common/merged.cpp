@@ -86,6 +86,9 @@ void append(BodySpec& to, const BodySpec& b, int dimension) {
     for (const GroupOfIds& g : b.groups)
         if (to.groups.empty() || to.groups.back().group != g.group)
             to.groups.push_back({ids_of(to) + g.first, g.group});
+    for (const FieldOfIds& f : b.fields)
+        if (to.fields.empty() || to.fields.back().field != f.field)
+            to.fields.push_back({ids_of(to) + f.first, f.field});
     to.id_count = ids_of(to) + ids_of(b);
     to.count += b.count;
     for (int a = 0; a < dimension; ++a) {
@@ -360,6 +363,8 @@ Plan plan_scene(const Spec& spec, const BackendTraits& backend) {
     const Plan runs = make_plan(merge_alike(spec).spec, backend);
     plan.kernels = runs.kernels;
     plan.memory_sort = runs.memory_sort;
+    // Blocks of each field count, which the bounds of merged bodies do not tell.
+    if (spec.contact.any()) return plan;
     plan.memory_grid = runs.memory_grid;
     plan.memory_tables = runs.memory_tables;
     return plan;

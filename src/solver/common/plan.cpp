@@ -136,6 +136,47 @@ void check_pipeline(const Spec& spec, const BackendTraits& backend) {
                          (stores_in_one_pass(spec) ? "\"phased\"" : "\"two-pass\""));
 }
 
+/// Refuses what contact between bodies is not built for.
+void check_contact(const Spec& spec, const BackendTraits& backend) {
+    if (!spec.contact.any()) return;
+    const auto refuse = [](const std::string& what, const std::string& remedy) {
+        throw SceneError("contact between bodies is not built for " + what + "; " + remedy +
+                         ", or remove the contacts");
+    };
+    if (backend.device) refuse(backend.name, "use device=\"cpu\"");
+    if (spec.ranks.count > 1) refuse(std::to_string(spec.ranks.count) + " ranks", "use one");
+    if (!spec.functions.kind.empty()) refuse("grids of functions", "use square cells");
+    if (spec.kernel.kernel != Kernel::quadratic || spec.kernel.clamped)
+        refuse("other kernels than plain quadratic splines, by which it measures gaps",
+               "use kernel=\"quadratic\"");
+    if (spec.transfer.scheme == "XPIC" || spec.transfer.scheme == "FMPM")
+        refuse("the sweeps of transfer '" + spec.transfer.scheme + "'",
+               "use APIC or another transfer");
+    if (spec.start.given) refuse("runs that continue from another", "start the scene afresh");
+    for (const BoundarySpec& b : spec.boundaries) {
+        for (const SurfaceLaw& law : b.law) {
+            if (mirrors(law.response))
+                refuse("boundary '" + b.name + "', which mirrors", "use Slip or Sticky");
+            if (law.linear)
+                refuse("boundary '" + b.name + "', whose cells strain linearly",
+                       "use linear=False");
+        }
+    }
+    for (const BodySpec& b : spec.bodies) {
+        if (b.smoothing == SmoothingForm::split)
+            refuse("body '" + b.name + "' with F-bar in its split form", "use another form");
+        if (b.cell_smoothing.form != CellForm::none || b.assumed_part != TensorPart::none)
+            refuse("body '" + b.name + "', which is smoothed or assumed over cells",
+                   "leave smoothing and assumed out");
+    }
+    for (const InletSpec& inlet : spec.inlets) {
+        const auto& fields = spec.bodies.at(std::size_t(inlet.body)).fields;
+        if (!fields.empty() && fields[0].field != 0)
+            refuse("inlet '" + inlet.name + "' into a body that a contact names",
+                   "feed another body");
+    }
+}
+
 /// The pipeline of a body: that which was asked for, or the one with the fewest passes that it has.
 void choose_pipeline(const Spec& spec, const BackendTraits& backend, const BodySpec& body,
                      BodyPlan& p) {
@@ -220,6 +261,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                          "; built are 2 (plane strain) and 3");
     }
     check_pipeline(spec, backend);
+    check_contact(spec, backend);
     const bool between =
         spec.deformed_nodes || spec.kernel.modified ||
         std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
@@ -405,7 +447,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         plan.memory_tables += double(4 * b.surface.values.size() + 8 * b.surface.keys.size() +
                                      4 * b.surface.place.size());
 
+    if (spec.contact.any()) plan.memory_tables += 8 * slots;
     plan.kernels = {some ? "update_grid (surfaces, regions, mirrors)" : "update_grid", "decide"};
+    if (spec.contact.any()) plan.kernels.insert(plan.kernels.begin() + 1, "contact");
     if (plan.sweeps > 0)
         plan.kernels.insert(plan.kernels.begin() + 1,
                             "sweep (" + std::to_string(plan.sweeps) + " times)");

@@ -66,7 +66,12 @@ private:
         if (channels.size() != 1 || channels[0] != plan_.sum_channels)
             throw SceneError("the saved state has other grid channels than this scene");
         keys_ = state_.list<std::uint64_t>("keys");
-        std::uint64_t blocks = 1;
+        const int fields = state_.has("fields") ? state_.one<std::int32_t>("fields") : 1;
+        if (fields != spec_.contact.fields)
+            refuse_entry(
+                "fields", "is " + std::to_string(fields),
+                "the scene's " + std::to_string(spec_.contact.fields) + " fields of velocities");
+        std::uint64_t blocks = std::uint64_t(fields);
         for (const std::int64_t n : keys_of_.counts) blocks *= std::uint64_t(n);
         for (std::size_t k = 0; k < keys_.size(); ++k)
             if (keys_[k] >= blocks || (k > 0 && keys_[k] <= keys_[k - 1]))
@@ -96,6 +101,7 @@ private:
                              std::to_string(start.back()),
                          "0 to its " + std::to_string(ids.size()) + " particles");
         places(body, p, start);
+        fields(body, p, start, ids);
 
         const auto frozen = state_.list<std::uint32_t>(p + "frozen_id");
         const std::uint64_t kept = ids_of(body);
@@ -188,6 +194,24 @@ private:
             held_[slot] += body.particle_mass * double(cells[block_cells] - cells[0]);
         }
     }
+    /// Particles lie in blocks of their body's field.
+    void fields(const BodySpec& body, const std::string& p, const std::vector<std::uint32_t>& start,
+                const std::vector<std::uint32_t>& ids) const {
+        for (std::size_t slot = 0; slot < keys_.size() && !body.fields.empty(); ++slot) {
+            const std::int64_t here = keys_of_.field(keys_[slot]);
+            for (std::uint32_t q = start[slot * block_cells]; q < start[(slot + 1) * block_cells];
+                 ++q) {
+                int own = 0;
+                for (const FieldOfIds& f : body.fields)
+                    if (f.first <= ids[q]) own = f.field;
+                if (own != here)
+                    refuse_entry(p + "cell_start",
+                                 "has particle " + std::to_string(ids[q]) + " in field " +
+                                     std::to_string(here),
+                                 "field " + std::to_string(own) + " of its body");
+            }
+        }
+    }
     template <class F>
     void each_neighbour(std::size_t slot, const F& f) const {
         std::int64_t block[D];
@@ -201,7 +225,7 @@ private:
                 b[a] = block[a] + rest % 3 - 1;
                 rest /= 3;
             }
-            f(find_block<D>(table, b));
+            f(find_block<D>(table, b, keys_of_.field(keys_[slot])));
         }
     }
 

@@ -71,6 +71,11 @@ def scene_html(scene: SceneData) -> str:
         ))  # fmt: skip
     if getattr(scene, "flows", ()):
         parts.append(html_table([(f.name, f.flow) for f in scene.flows], ("flow", "how")))
+    if getattr(scene, "contacts", ()):
+        parts.append(html_table(
+            [(c.name, " and ".join(c.between), c.law) for c in scene.contacts],
+            ("contact", "between", "law"),
+        ))  # fmt: skip
     if scene.sensors:
         parts.append(html_table(
             [(s.name, type(s.sensor).__name__, "every step" if s.sensor.interval == 0

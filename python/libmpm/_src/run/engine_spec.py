@@ -27,6 +27,7 @@ from libmpm._src.run.hydrostatic import at_hand, still_water
 from libmpm._src.scene.checks import validate
 from libmpm._src.scene.checks_sizes import check_numbers
 from libmpm._src.scene.checks_time_steps import check_intervals, check_step, too_slow
+from libmpm._src.scene.contact_fields import contact_entry, device_of_contacts
 from libmpm._src.scene.places import extent_of, faces_present, initial_gravity, snap, vertical_axis
 from libmpm._src.sensors.engine_sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
 from libmpm._src.sensors.python_sensors import Sampled
@@ -102,6 +103,8 @@ def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequen
         from libmpm._src.materials.compiled import device_for
 
         device = device_for(added, device)
+    if scene.contacts and scene.grid is None:
+        return device_of_contacts(device)
     if scene.grid is None or device == "cpu":
         return device
     if device != "auto":
@@ -193,6 +196,7 @@ def lower(
         }
         | ({"deformed_nodes": True} if scene.method.kernel_choice.moved_nodes else {})
         | flow_entries(scene, bodies)
+        | contact_entry(scene)
         | _added(scene, time_step, with_particles and not shell)
     )
 

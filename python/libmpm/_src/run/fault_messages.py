@@ -62,6 +62,10 @@ _CAUSES = {
         "a strain is too large for the sums of smoothing over cells",
         "leave Smoothing out of this body, or run on the CPU, which sums numbers of any size",
     ),
+    "crowded-node": (
+        "too many bodies meet at a node",
+        "use a smaller cell, or let the smallest bodies stick to each other: contacts.Stick()",
+    ),
     "fixed-point": (
         "a grid sum left the range of the integers that hold it",
         "lower Method.cfl or the time step, or use precision='double'",

@@ -22,6 +22,7 @@ from libmpm._src.scene.checks_time_steps import (
     many_steps,
     shorter_than_step,
 )
+from libmpm._src.scene.contact_fields import contact_rows, field_of_bodies
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -132,6 +133,8 @@ class Plan:
         ]
         spacings = {b["name"]: float(b["particle_spacing"]) for b in self._result["bodies"]}
         self._flows = flow_rows(scene, spacings)
+        self._contacts = contact_rows(scene)
+        self._fields = 1 + max(field_of_bodies(scene)) if scene.contacts else 1
         self._scene: dict[str, Any] = {
             "name": scene.name,
             "dimension": scene.dimension,
@@ -311,10 +314,13 @@ class Plan:
         } | self._flows_to_dict()
 
     def _flows_to_dict(self) -> dict[str, Any]:
-        """Return what inflows and outflows do, where there are any."""
+        """Return what inflows, outflows and contacts do, where there are any."""
         keys = ("name", "face", "does")
         rows = [dict(zip(keys, row, strict=True)) for row in self._flows]
-        return {"flows": rows} if rows else {}
+        flows = {"flows": rows} if rows else {}
+        head = ("name", "between", "law", "pairs")
+        contacts = [dict(zip(head, row, strict=True)) for row in self._contacts]
+        return flows | ({"fields": self._fields, "contacts": contacts} if contacts else {})
 
     # Presentation --------------------------------------------------------------------------
 
@@ -333,6 +339,10 @@ class Plan:
             ("kernels", " → ".join(self.kernels)),
             ("time step", f"{self.time_step:.4g} s, limited by {self.limited_by}"),
         ]
+        if self._contacts:
+            slots = self.memory["grid"] / (64 * self.bytes_per_node)
+            text = f"{self._fields} of velocities, in about {slots:,.0f} blocks of one field"
+            rows.insert(4, ("fields", text))
         if "grid" in scene:
             rows.insert(1, ("grid", scene["grid"]))
         if self.steps is not None and self.particle_steps is not None:
@@ -374,6 +384,8 @@ class Plan:
             found.append((head, faces))
         if self._flows:
             found.append((("flow", "face", "does"), list(self._flows)))
+        if self._contacts:
+            found.append((("contact", "between", "law", "pairs"), list(self._contacts)))
         return found
 
     def __str__(self) -> str:

@@ -34,6 +34,7 @@ from libmpm._src.scene.checks_bodies import (
 from libmpm._src.scene.checks_loads import doubtful_loads
 from libmpm._src.scene.checks_sizes import check_range
 from libmpm._src.scene.checks_viscous import smeared_flows
+from libmpm._src.scene.contact_fields import check_contacts
 from libmpm._src.scene.places import (
     body_counts,
     faces_present,
@@ -114,6 +115,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
 
         check_flows(scene, problems, doubts)
         counts = ids_kept(scene, counts)
+    check_contacts(scene, problems)
     for sensor in scene.sensors:
         _check_sensor(scene, sensor, counts, problems)
         check_reaction(scene, sensor, doubts)

@@ -12,6 +12,7 @@ from libmpm._src.base.declarations import FIXED, Given, declared, documents
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, check_vector_table
 from libmpm._src.base.values import Checker, Value, keywords_only, plain, shown
+from libmpm._src.boundaries.contact_laws import Contact, ContactLaw
 from libmpm._src.boundaries.flows import Flow, PlacedFlow
 from libmpm._src.boundaries.responses import DecayLayer, Displacement, Response, Rotation, Travel
 from libmpm._src.errors import SceneError
@@ -134,6 +135,7 @@ class SceneData:
         self._boundaries: dict[str, Boundary] = {}
         self._sensors: dict[str, PlacedSensor] = {}
         self._flows: dict[str, PlacedFlow] = {}
+        self._contacts: dict[str, Contact] = {}
         check.finish()
 
     def _take_grid(
@@ -254,6 +256,11 @@ class SceneData:
     def flows(self) -> tuple[PlacedFlow, ...]:
         """Inflows and outflows (`name`, `flow`) in the order in which they were added."""
         return tuple(self._flows.values())
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Contacts (`name`, `between`, `law`) in the order in which they were added."""
+        return tuple(self._contacts.values())
 
     @documents(
         Body,
@@ -377,6 +384,21 @@ class SceneData:
         """
         return _insert(self._flows, "flow", name, PlacedFlow(name=name, flow=flow))
 
+    @documents(Contact)
+    @keywords_only("Scene.add_contact")
+    def add_contact(self, *, name: str, between: Sequence[str], law: ContactLaw) -> str:
+        """Let bodies push, slide and separate by a law of `libmpm.contacts`; return the name.
+
+        {fields}
+
+        Each body that a contact names has a field of velocities of its own; those that none names
+        share one. Two bodies without a law move as one where they share nodes. A pair has one law.
+        On the CPU, with plain quadratic splines. Raises `SceneError`; `validate` checks what
+        concerns several objects.
+        """
+        contact = Contact(name=name, between=between, law=law)
+        return _insert(self._contacts, "contact", contact.name, contact)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the scene in terms of JSON; "libmpm" is the version of the schema."""
         head = {"libmpm": SCHEMA} | {key: plain(getattr(self, key)) for key in self._head()}
@@ -400,7 +422,8 @@ class SceneData:
             "sensors": self.sensors,
         }
         # Files of scenes without any stay as they were.
-        return parts | ({"flows": self.flows} if self._flows else {})
+        parts |= {"flows": self.flows} if self._flows else {}
+        return parts | ({"contacts": self.contacts} if self._contacts else {})
 
     def _identity(self) -> tuple[Any, ...]:
         return (*(getattr(self, key) for key in HEAD), *self._parts().values())

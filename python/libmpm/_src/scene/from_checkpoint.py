@@ -50,6 +50,12 @@ def scene_from_checkpoint(
             "the run has a grid of functions; expected square or cubic cells; go on with "
             "Simulation.resume, or begin a scene of its own"
         )
+    if before.contacts:
+        check.fail(
+            f"the run has contact '{before.contacts[0].name}', and with it several velocities a "
+            "node; expected a run without contacts; go on with Simulation.resume, or begin a scene "
+            "of its own"
+        )
     check.finish()
     bodies = [
         RestoredBody(

@@ -17,6 +17,9 @@ __all__ = ["SceneReader", "read_json"]
 
 S = TypeVar("S", bound=SceneData)
 
+#: One of each kind of part.
+_SINGULAR = ("body", "boundary", "sensor", "flow", "contact")
+
 
 def read_json(path: Path) -> Any:
     """Return what a JSON file holds; raises `SceneError` naming the file.
@@ -70,7 +73,7 @@ class SceneReader(Generic[S]):
                 f'scene file: "libmpm" is {shown(version)}; this libmpm reads version {SCHEMA}; '
                 "save the scene again with a matching version"
             )
-        kinds = ("bodies", "boundaries", "sensors", "flows")
+        kinds = ("bodies", "boundaries", "sensors", "flows", "contacts")
         # "run" says how `libmpm run` treats the scene, "$schema" which editor's help the file has;
         # they describe no part of it.
         known = ("libmpm", *HEAD, *kinds, "run", "$schema")
@@ -79,7 +82,7 @@ class SceneReader(Generic[S]):
                 self.problems.append(f"scene file: unknown key '{key}'; {nearest(key, known)}")
         scene = self._head({k: v for k, v in data.items() if k in HEAD})
         target: SceneData = scene or _stand_in(data)
-        for kind, singular in zip(kinds, ("body", "boundary", "sensor", "flow"), strict=True):
+        for kind, singular in zip(kinds, _SINGULAR, strict=True):
             entries = data.get(kind, [])
             if not isinstance(entries, list | tuple):
                 self.problems.append(f"scene file: {kind} is {shown(entries, 60)}; expected a list")

@@ -1,0 +1,268 @@
+// Contact between bodies that have fields of velocities of their own: what becomes of the nodes
+// where several fields have mass, after the grid update and before the bodies (design/contact.md).
+//
+// Fields that no law keeps apart are stuck: they move as one, as a run with one field would have
+// it. Those with a law push each other by physics/contact.hpp, pair by pair in the order of their
+// fields, twice where there are several pairs. Boundaries act before, so that a body on a floor
+// carries the one on it, and once more on what contact has changed.
+//
+// All follows from sums that nobody changes, so that sensors may work it out again.
+#pragma once
+
+#include "mpm/kernels/grid.hpp"
+#include "mpm/physics/contact.hpp"
+
+namespace mpm {
+
+/// Fields with mass at one node that are kept apart; more is a fault.
+inline constexpr int most_fields_at_node = 16;
+
+struct ContactView {
+    const ContactLaw* laws;
+    const std::int32_t* law_of;   // (kinds, kinds): which of them; -1: stuck
+    const std::int32_t* kind_of;  // (fields,)
+    const double* full;           // (kinds,): mass of a node that a body at rest fills, kg
+    std::int32_t kinds;
+    const std::int32_t* first;  // of each block with several fields: their first slot
+    const std::int32_t* count;  // and how many slots
+    std::int32_t blocks;
+};
+
+/// The slots of the block that a slot is of, one for each field there.
+template <int D>
+MPM_INLINE void find_siblings(const BlockTableView<D>& table, std::int32_t slot,
+                              std::int32_t& first, std::int32_t& count) {
+    const std::uint64_t low =
+        table.keys[slot] - std::uint64_t(table.keys_of.field(table.keys[slot]));
+    first = slot;
+    while (first > 0 && table.keys[first - 1] >= low) --first;
+    std::int32_t last = slot + 1;
+    while (last < table.slots && table.keys[last] < low + std::uint64_t(table.keys_of.fields))
+        ++last;
+    count = last - first;
+}
+
+/// One node with all its fields.
+template <class T, class Sum, int D>
+struct NodeContact {
+    NodeUpdate<T, Sum, D> node;
+    ContactView contact;
+
+    /// The fields that have mass at a node.
+    struct Fields {
+        int count = 0;
+        bool too_many = false;
+        std::int32_t slot[most_fields_at_node];
+        std::int32_t kind[most_fields_at_node];
+        int of[most_fields_at_node];  // the first of those that it is stuck to, or itself
+        T mass[most_fields_at_node];  // its own, kg
+        // Of the first of those that are stuck to each other, for all of them:
+        T together[most_fields_at_node];
+        Vec<T, D> velocity[most_fields_at_node];
+        bool pushed[most_fields_at_node];  // by another body
+        bool held[most_fields_at_node];    // by a boundary
+        bool several = false;              // are any stuck
+    };
+
+    MPM_INLINE void find(std::int32_t first, std::int32_t count, int n, Fields& f) const {
+        for (std::int32_t k = 0; k < count; ++k) {
+            const T m = node.mass(first + k, n);
+            if (!(m > T(0))) continue;
+            if (f.count == most_fields_at_node) {
+                f.too_many = true;
+                return;
+            }
+            const int i = f.count++;
+            f.slot[i] = first + k;
+            f.kind[i] =
+                contact.kind_of[node.grid.table.keys_of.field(node.grid.table.keys[first + k])];
+            f.mass[i] = m;
+            f.of[i] = i;
+            f.pushed[i] = f.held[i] = false;
+        }
+        for (int i = 0; i < f.count; ++i)
+            for (int j = i + 1; j < f.count; ++j)
+                if (law(f, i, j) < 0) stick(f, i, j);
+    }
+    MPM_INLINE std::int32_t law(const Fields& f, int i, int j) const {
+        return contact.law_of[f.kind[i] * contact.kinds + f.kind[j]];
+    }
+    MPM_INLINE static void stick(Fields& f, int i, int j) {
+        const int a = f.of[i] < f.of[j] ? f.of[i] : f.of[j], b = f.of[i] + f.of[j] - a;
+        if (a == b) return;
+        f.several = true;
+        for (int k = 0; k < f.count; ++k)
+            if (f.of[k] == b) f.of[k] = a;
+    }
+
+    /// Velocities after gravity, contact and boundaries; `seen(i, boundary, face, before, after)`
+    /// hears of every response of a boundary on field i's mass.
+    template <class Seen>
+    MPM_INLINE void solve(int n, Fields& f, const Seen& seen) const {
+        for (int i = 0; i < f.count; ++i)
+            if (f.of[i] == i) begin(n, f, i, seen);
+        int pairs = 0;
+        for (int i = 0; i < f.count; ++i)
+            for (int j = i + 1; j < f.count; ++j) pairs += f.of[i] != f.of[j];
+        for (int sweep = 0; sweep < (pairs > 1 ? 2 : 1); ++sweep)
+            for (int i = 0; i < f.count; ++i)
+                for (int j = i + 1; j < f.count; ++j)
+                    if (f.of[i] != f.of[j]) meet(n, f, i, j);
+        for (int i = 0; i < f.count; ++i)
+            if (f.of[i] == i && f.pushed[i]) respond_of(n, f, i, seen);
+    }
+
+    /// Before any contact: as one body that all those stuck together make.
+    template <class Seen>
+    MPM_INLINE void begin(int n, Fields& f, int i, const Seen& seen) const {
+        Vec<T, D> p{};
+        T m = 0;
+        for (int k = i; k < f.count; ++k) {
+            if (f.of[k] != i) continue;
+            m += f.mass[k];
+            const Vec<Sum, D> sum = node.momentum(f.slot[k], n);
+            for (int a = 0; a < D; ++a)
+                p[a] += from_sum<T>(sum[a], node.clock->unit_read[momentum_sum]);
+        }
+        const T inverse = T(1) / m;
+        for (int a = 0; a < D; ++a)
+            f.velocity[i][a] = p[a] * inverse + T(node.clock->dt * node.clock->gravity[a]);
+        f.together[i] = m;
+        respond_of(n, f, i, seen);
+    }
+    template <class Seen>
+    MPM_INLINE void respond_of(int n, Fields& f, int i, const Seen& seen) const {
+        if (!node.touched[f.slot[i]]) return;
+        std::int64_t c[D];
+        node.cell(f.slot[i], n, c);
+        const auto of_all = [&](int boundary, int face, const Vec<T, D>& before,
+                                const Vec<T, D>& after) {
+            Changed<T, D>{&f.held[i]}(boundary, face, before, after);
+            for (int k = i; k < f.count; ++k)
+                if (f.of[k] == i) seen(k, boundary, face, before, after);
+        };
+        const auto share = [&](std::uint64_t channels) {
+            double part = 0, all = 0;
+            for (int k = i; k < f.count; ++k) {
+                if (f.of[k] != i) continue;
+                part += node.part_of(node.sums(f.slot[k], n), channels);
+                all += node.part_of(node.sums(f.slot[k], n), 1);
+            }
+            return part < all ? part / all : 1.0;
+        };
+        apply_boundaries<true>(node.boundaries, c, f.velocity[i], of_all, share);
+    }
+
+    /// The impulse that two fields exchange, on all that is stuck to them.
+    MPM_INLINE void meet(int n, Fields& f, int i, int j) const {
+        const int a = f.of[i], b = f.of[j];
+        const ContactLaw& l = contact.laws[law(f, i, j)];
+        const T of_a = T(1 / contact.full[f.kind[i]]), of_b = T(1 / contact.full[f.kind[j]]);
+        T allowed;
+        if (!approach_allowed<T>(l, f.mass[i] * of_a, f.mass[j] * of_b,
+                                 node.boundaries.cell_size / node.clock->dt, allowed))
+            return;
+        Vec<T, D> w, normal, impulse;
+        T square = 0;
+        for (int x = 0; x < D; ++x) {
+            w[x] = f.velocity[a][x] - f.velocity[b][x];
+            square += w[x] * w[x];
+        }
+        // Slower than the gap allows in any direction: there is no normal to look for.
+        if (!(square > allowed * allowed)) return;
+        if (!direction(f.slot[i], f.slot[j], of_a, of_b, n, normal)) return;
+        const T mass = f.together[a] * f.together[b] / (f.together[a] + f.together[b]);
+        if (!contact_impulse<T, D>(l, normal, w, mass, allowed, impulse)) return;
+        for (int x = 0; x < D; ++x) {
+            f.velocity[a][x] -= impulse[x] / f.together[a];
+            f.velocity[b][x] += impulse[x] / f.together[b];
+        }
+        f.pushed[a] = f.pushed[b] = true;
+    }
+    /// Normal from one field to the other, by the volume fractions of the nodes around.
+    MPM_INLINE bool direction(std::int32_t slot_a, std::int32_t slot_b, T of_a, T of_b, int n,
+                              Vec<T, D>& normal) const {
+        int at[D];
+        Block<D>::coordinates(n, at);
+        const auto fraction = [&](std::int32_t slot, T of_full, int around, int there) {
+            const std::int32_t to =
+                node.grid.table.neighbours[std::int64_t(slot) * Block<D>::neighbours + around];
+            return to < 0 ? T(0)
+                          : from_sum<T>(node.sums(to, there)[0], node.clock->unit_read[mass_sum]) *
+                                of_full;
+        };
+        return descent<T, D>(
+            [&](const int(&k)[D]) {
+                int place[D], around, there;
+                for (int a = 0; a < D; ++a) place[a] = at[a] + k[a] - 1 + Block<D>::margin;
+                arena_node<D>(place, around, there);
+                return fraction(slot_a, of_a, around, there) -
+                       fraction(slot_b, of_b, around, there);
+            },
+            normal);
+    }
+};
+
+/// Over the nodes of the blocks with several fields. Leaves velocities, what transfers that store
+/// velocities keep, averages of what is stuck, and the maxima of what has changed.
+template <class T, class Sum, int D>
+struct ContactPass {
+    NodeContact<T, Sum, D> of;
+    const GroupChannels* groups;
+    int group_count;
+    KeptChannels kept;
+    std::uint32_t* crowded;  // raised where more fields meet than are kept apart
+
+    MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
+        const auto& node = of.node;
+        if (node.clock->halt != Halt::none) return;
+        const std::int64_t block = i / block_cells;
+        const int n = int(i % block_cells);
+        typename NodeContact<T, Sum, D>::Fields f;
+        of.find(of.contact.first[block], of.contact.count[block], n, f);
+        if (f.too_many) *crowded = 1;
+        if (f.count < 2 || f.too_many) return;
+        of.solve(n, f, [](int, int, int, const Vec<T, D>&, const Vec<T, D>&) {});
+        for (int k = 0; k < f.count; ++k) {
+            const int from = f.of[k];
+            T* out = node.grid.velocity + node.grid.velocity_place(f.slot[k], n);
+            for (int a = 0; a < D; ++a) {
+                out[a] = f.velocity[from][a];
+                UpdateGrid<T, Sum, D>::larger_of(
+                    maxima[max_speed], kept.counts(out[a], f.together[from], node.least_mass));
+            }
+            if (kept.guard >= 0) out[kept.guard] = T(f.pushed[from] || f.held[from] ? 1 : 0);
+        }
+        if (f.several) average(n, f);
+    }
+    /// What the nodes of one field would hold, beside the velocity.
+    MPM_INLINE void average(int n, const typename NodeContact<T, Sum, D>::Fields& f) const {
+        const auto& node = of.node;
+        for (int i = 0; i < f.count; ++i) {
+            if (f.of[i] != i) continue;
+            const auto spread = [&](int channel, T value) {
+                for (int k = i; k < f.count; ++k)
+                    if (f.of[k] == i)
+                        node.grid.velocity[node.grid.velocity_place(f.slot[k], n) + channel] =
+                            value;
+            };
+            const auto sum = [&](int channel, int quantity) {
+                T all = 0;
+                for (int k = i; k < f.count; ++k)
+                    if (f.of[k] == i)
+                        all += from_sum<T>(node.sums(f.slot[k], n)[channel * block_cells],
+                                           node.clock->unit_read[quantity]);
+                return all;
+            };
+            for (int a = 0; a < D && kept.before >= 0; ++a)
+                spread(kept.before + a, sum(kept.plain + a, momentum_sum) / f.together[i]);
+            for (int g = 0; g < group_count; ++g) {
+                const GroupChannels& c = groups[g];
+                const T weight = sum(c.weight < 0 ? 0 : c.weight, mass_sum);
+                spread(c.average, weight > T(0) ? sum(c.sum, group_sum) / weight : T(0));
+            }
+        }
+    }
+};
+
+}  // namespace mpm

@@ -1,0 +1,86 @@
+// Domain: fields of velocities, and the blocks in which several of them meet.
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+template <class X, class T, int D>
+void Domain<X, T, D>::set_contact() {
+    const ContactSpec& c = spec_.contact;
+    table_.keys_of.fields = c.fields;
+    if (!c.any()) return;
+    if (table_.keys_of.bits() > 62)
+        throw CapacityError("the domain has more than 2^62 blocks of " + std::to_string(c.fields) +
+                            " fields of velocities; use a larger cell_size");
+    std::vector<double> full;
+    for (const double density : c.density) full.push_back(density * std::pow(spec_.cell_size, D));
+    contact_laws_.assign(c.laws);
+    law_of_.assign(std::vector<std::int32_t>(c.law_of.begin(), c.law_of.end()));
+    kind_of_.assign(std::vector<std::int32_t>(c.kind.begin(), c.kind.end()));
+    full_.assign(full);
+    crowded_.assign({0});
+}
+
+/// The blocks of the present table with several fields.
+template <class X, class T, int D>
+void Domain<X, T, D>::list_contacts() {
+    if (!spec_.contact.any()) return;
+    const auto keys = keys_.host();
+    const std::uint64_t fields = std::uint64_t(table_.keys_of.fields);
+    std::vector<std::int32_t> first, count;
+    for (std::size_t slot = 0, next = 0; slot < keys.size(); slot = next) {
+        while (next < keys.size() && keys[next] / fields == keys[slot] / fields) ++next;
+        if (next - slot < 2) continue;
+        first.push_back(std::int32_t(slot));
+        count.push_back(std::int32_t(next - slot));
+    }
+    contact_blocks_ = std::int32_t(first.size());
+    contact_first_.assign(first);
+    contact_count_.assign(count);
+}
+
+/// What nodes hold of all their fields comes with the first of these: behind the last slot of the
+/// block where this is its first, else the slot itself.
+template <class X, class T, int D>
+std::size_t Domain<X, T, D>::end_of_fields(const std::vector<std::uint64_t>& keys,
+                                           std::size_t slot) const {
+    const std::uint64_t fields = std::uint64_t(table_.keys_of.fields);
+    if (fields == 1) return slot + 1;
+    if (slot > 0 && keys[slot - 1] / fields == keys[slot] / fields) return slot;
+    std::size_t end = slot + 1;
+    while (end < keys.size() && keys[end] / fields == keys[slot] / fields) ++end;
+    return end;
+}
+
+template <class X, class T, int D>
+ContactView Domain<X, T, D>::contact_view() {
+    return {
+        contact_laws_.data(),       law_of_.data(),        kind_of_.data(),       full_.data(),
+        std::int32_t(full_.size()), contact_first_.data(), contact_count_.data(), contact_blocks_};
+}
+
+/// Contact after the grid update, whose maxima it joins with its own for `decided`.
+template <class X, class T, int D>
+template <class Decided>
+void Domain<X, T, D>::resolve_contacts(const double* maxima, const Decided& decided) {
+    const ContactPass<Grid, Sum, D> contact{{node_update(parity()), contact_view()},
+                                            groups_.data(),
+                                            int(plan_.groups.size()),
+                                            plan_.kept,
+                                            crowded_.data()};
+    exec_.template max_each<maxima_count>(
+        std::int64_t(contact_blocks_) * block_cells, contact, [&](const double* found) {
+            double all[maxima_count];
+            for (int m = 0; m < maxima_count; ++m) all[m] = std::max(maxima[m], found[m]);
+            Clock& clock = *clock_buffer_.data();
+            if (*crowded_.data() != 0 && clock.halt == Halt::none) {
+                clock.halt = Halt::fault;
+                clock.fault = FaultKind::crowded;
+                clock.fault_value = most_fields_at_node;
+            }
+            decided(static_cast<const double*>(all));
+        });
+}
+
+}  // namespace mpm

@@ -1,0 +1,267 @@
+"""Which bodies have a field of velocities of their own, by which laws they meet, and the rules.
+
+A body that a contact names has a field; all that none names share field 0. Two bodies of different
+fields without a law move as one (`design/contact.md`).
+"""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from libmpm._src.base.values import Checker, nearest, shown
+from libmpm._src.boundaries.contact_laws import Contact, Fluid, Friction, Stick
+from libmpm._src.boundaries.flows import Inflow
+from libmpm._src.boundaries.responses import Mirror
+from libmpm._src.errors import SceneError
+from libmpm._src.sensors.python_sensors import BodyTracker, ContactForce, GridSensor
+
+if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
+
+__all__ = ["check_contacts", "contact_entry", "contact_rows", "device_of_contacts"]
+__all__ += ["field_of_bodies"]
+
+#: Pair of names, in the order of the scene's bodies -> the contact that names it.
+Pairs = Mapping[tuple[str, str], Contact]
+
+
+def _named(pattern: str, names: list[str]) -> list[str]:
+    # Brackets and question marks are parts of names, as elsewhere in a scene.
+    plain = pattern.replace("[", "[[]").replace("?", "[?]")
+    return [name for name in names if fnmatch.fnmatchcase(name, plain)]
+
+
+def _pairs_of(contact: Contact, names: list[str]) -> list[tuple[str, str]]:
+    """Return the pairs of a contact, each once, in the order of the scene's bodies."""
+    first, second = (_named(pattern, names) for pattern in contact.between)
+    order = {name: i for i, name in enumerate(names)}
+    found = {(a, b) if order[a] < order[b] else (b, a) for a in first for b in second if a != b}
+    return sorted(found, key=lambda pair: (order[pair[0]], order[pair[1]]))
+
+
+def _pairs(scene: SceneData) -> Pairs:
+    names = [b.name for b in scene.bodies]
+    return {pair: c for c in scene.contacts for pair in _pairs_of(c, names)}
+
+
+def field_of_bodies(scene: SceneData) -> list[int]:
+    """Return the field of each body: 0 of all that no contact names, else one of its own."""
+    named = {name for pair in _pairs(scene) for name in pair}
+    # A field that nobody is in would cost nothing, but the first one named may as well have it.
+    next_one = 1 if len(named) < len(scene.bodies) else 0
+    fields = []
+    for body in scene.bodies:
+        own = body.name in named
+        fields.append(next_one if own else 0)
+        next_one += own
+    return fields
+
+
+def contact_entry(scene: SceneData) -> dict[str, Any]:
+    """Return the fields, their kinds and laws as the engine takes them; empty without contacts.
+
+    Fields of one kind meet all others by the same laws.
+    """
+    if not scene.contacts:
+        return {}
+    names = [b.name for b in scene.bodies]
+    fields, pairs = field_of_bodies(scene), _pairs(scene)
+    laws = [c.law for c in scene.contacts if not isinstance(c.law, Stick)]
+    number = {law: i for i, law in reversed(list(enumerate(laws)))}
+
+    def law_of(a: int, b: int) -> int:
+        contact = pairs.get((names[min(a, b)], names[max(a, b)]))
+        return -1 if contact is None else number.get(contact.law, -1)
+
+    # Bodies are of one kind where nothing in the list of contacts tells them apart.
+    sides: dict[str, list[tuple[int, int]]] = {name: [] for name in names}
+    for i, contact in enumerate(scene.contacts):
+        for side, pattern in enumerate(contact.between):
+            for name in _named(pattern, names):
+                sides[name].append((i, side))
+    kinds: dict[tuple[Any, ...], int] = {}
+    kind = [0] * (max(fields) + 1)
+    members: list[list[int]] = []
+    for i, body in enumerate(scene.bodies):
+        density = body.material.core_parameters(scene.dimension)["density"]
+        key = ("field 0",) if fields[i] == 0 and fields.count(0) > 1 else (
+            density, *sides[body.name])  # fmt: skip
+        of = kinds.setdefault(key, len(kinds))
+        if of == len(members):
+            members.append([])
+        members[of].append(i)
+        kind[fields[i]] = of
+
+    def of_kinds(a: int, b: int) -> int:
+        for i in members[a]:
+            for j in members[b]:
+                if i != j:
+                    return law_of(i, j)
+        return -1  # the only member of its kind never meets itself
+
+    density = [
+        scene.bodies[m[0]].material.core_parameters(scene.dimension)["density"] for m in members
+    ]
+    return {
+        "contact": {
+            "fields": len(kind),
+            "of_body": fields,
+            "kind": kind,
+            "density": density,
+            "laws": [law.specification() for law in laws],
+            "law_of": [of_kinds(a, b) for a in range(len(members)) for b in range(len(members))],
+        }
+    }
+
+
+def contact_rows(scene: SceneData) -> list[tuple[str, str, str, str]]:
+    """Return (contact, between, law, pairs) of each contact, for tables."""
+    names = [b.name for b in scene.bodies]
+    return [
+        (c.name, " and ".join(c.between), repr(c.law), str(len(_pairs_of(c, names))))
+        for c in scene.contacts
+    ]
+
+
+def device_of_contacts(device: str | Sequence[str]) -> str:
+    """Return the device of a scene with contacts: one rank on the CPU."""
+    if device not in ("auto", "cpu") and list(device) != ["cpu"]:
+        raise SceneError(
+            f"device is {shown(device)} with contacts, which are built for one rank on the CPU; "
+            "expected 'cpu' or 'auto'; use these, or remove the contacts"
+        )
+    return "cpu"
+
+
+# Rules --------------------------------------------------------------------------------------------
+
+
+def check_contacts(scene: SceneData, problems: list[str]) -> None:
+    """Refuse contacts that name nothing, contradict each other, or meet what they cannot."""
+    names = [b.name for b in scene.bodies]
+    fluid = {b.name for b in scene.bodies if b.material.table.stores_volume}
+    by: dict[tuple[str, str], Contact] = {}
+    for contact in scene.contacts:
+        check = Checker(f"contact '{contact.name}'")
+        for pattern in contact.between:
+            if not _named(pattern, names):
+                check.fail(f"between has '{pattern}', which is no body; {nearest(pattern, names)}")
+        pairs = _pairs_of(contact, names)
+        if not check.problems and not pairs:
+            check.fail(
+                f"between is {contact.between}, a body with itself; expected two bodies; a body "
+                "has one field of velocities; make it several bodies"
+            )
+        for pair in pairs:
+            other = by.setdefault(pair, contact)
+            if other is not contact:
+                check.fail(
+                    f"between has '{pair[0]}' and '{pair[1]}', a pair of contact '{other.name}' "
+                    "too; expected one law for a pair; narrow one of the patterns"
+                )
+                break
+        _check_law(check, contact, pairs, fluid)
+        problems += check.problems
+    if scene.contacts and not problems:
+        _check_scene(scene, problems)
+
+
+def _check_law(
+    check: Checker, contact: Contact, pairs: list[tuple[str, str]], fluid: set[str]
+) -> None:
+    for a, b in pairs:
+        fluids = [name for name in (a, b) if name in fluid]
+        if isinstance(contact.law, Friction) and fluids:
+            check.fail(
+                f"law is {contact.law!r} between '{a}' and '{b}', of which '{fluids[0]}' is a "
+                "fluid; expected two solids; name the solids alone and use contacts.Fluid() for "
+                "the fluid"
+            )
+            return
+        if isinstance(contact.law, Fluid) and len(fluids) != 1:
+            what = "neither" if not fluids else "each"
+            check.fail(
+                f"law is {contact.law!r} between '{a}' and '{b}', of which {what} is a fluid; "
+                "expected a solid and a fluid; use contacts.Friction for solids, and leave fluids "
+                "to share their velocities"
+            )
+            return
+
+
+def _check_scene(scene: SceneData, problems: list[str]) -> None:
+    """Refuse what contact is not built for."""
+    first = Checker(f"contact '{scene.contacts[0].name}'")
+    kernel, transfer = scene.method.kernel_choice, scene.method.transfer_choice
+    if scene.grid is not None:
+        first.fail(
+            "a grid of functions has one field of velocities; expected square or cubic cells; "
+            "leave grid out, or remove the contacts"
+        )
+    elif kernel.name != "quadratic" or kernel.boundary:
+        first.fail(
+            f"{kernel.text()} with contacts, whose gaps are measured by plain quadratic splines; "
+            "expected these; use kernel='quadratic', or remove the contacts"
+        )
+    if transfer.scheme in ("XPIC", "FMPM"):
+        first.fail(
+            f"transfer '{transfer.scheme}' with contacts, which sweep over the grid after contact; "
+            "expected another transfer; use APIC, or remove the contacts"
+        )
+    if scene.start is not None:
+        first.fail(
+            f"the scene continues from {scene.start.checkpoint}, which stores one velocity a node; "
+            "expected a scene of its own; resume the run with Simulation.resume, or remove the "
+            "contacts"
+        )
+    problems += first.problems
+    named = {name for pair in _pairs(scene) for name in pair}
+    for boundary in scene.boundaries:
+        check = Checker(f"boundary '{boundary.name}'")
+        for response in boundary.responses:
+            if isinstance(response, Mirror) or response.is_linear:
+                remedy = "use Slip(), or remove the contacts"
+                check.fail(
+                    f"response is {response!r} with contacts, where it is not built for several "
+                    f"fields of velocities; expected a wall that holds nodes; {remedy}"
+                )
+                break
+        problems += check.problems
+    for body in scene.bodies:
+        check = Checker(f"body '{body.name}'")
+        if body.smoothing is not None or body.assumed is not None:
+            check.fail(
+                "smoothing or assumed fields with contacts, which are not built together; expected "
+                "neither; leave them out, or remove the contacts"
+            )
+        if getattr(body.fbar, "form", None) == "split":
+            check.fail(
+                "fbar is of the split form with contacts, which are not built together; expected "
+                "another form; use FBar(), or remove the contacts"
+            )
+        problems += check.problems
+    for placed in scene.flows:
+        if isinstance(placed.flow, Inflow) and placed.flow.body in named:
+            problems.append(
+                f"flow '{placed.name}': body is '{placed.flow.body}', which a contact names; "
+                "expected a body without contact; particles that come in join no field of their "
+                "own; feed another body, or remove the contact"
+            )
+    for sensor in scene.sensors:
+        asked = sensor.sensor
+        of_boundaries = (isinstance(asked, BodyTracker) and "boundary_force" in asked.quantities) or (
+            isinstance(asked, GridSensor) and asked.attribute == "force"
+        )
+        if of_boundaries:
+            problems.append(
+                f"sensor '{sensor.name}': forces of boundaries on nodes are asked for with "
+                "contacts, which are not built together; expected one field of velocities; use a "
+                "LoadCell, or BodyTracker without boundary_force"
+            )
+        if isinstance(asked, ContactForce) and {asked.by, asked.body} & named:
+            problems.append(
+                f"sensor '{sensor.name}': ContactForce between '{asked.body}' and '{asked.by}', "
+                "which a contact gives velocities of their own; expected bodies that share their "
+                "velocities; use BodyTracker, whose force is what acts on the whole body"
+            )
