@@ -59,7 +59,7 @@ def approaching(offset: float, degrees: float, speed: float, gap: float) -> libm
 
     `offset` and `gap` in cells, `speed` in m/s, of each half the approach.
     """
-    n, dx = 12, 1 / 12
+    n, dx = 16, 1 / 16
     turn = math.radians(degrees)
     along = np.array([-math.sin(turn), math.cos(turn)])
     middle = np.array([1.5, 1.5]) + offset * dx * np.array([0.0, 1.0])
@@ -107,7 +107,7 @@ def slope(dimension: int, friction: float, cells: int = 12, degrees: float = 30.
     )  # fmt: skip
     scene.add_body(
         name="block",
-        shape=shapes.Box(lower=(1.9, *lower[1:-1], floor), upper=(2.9, *side, floor + high * dx)),
+        shape=shapes.Box(lower=(1.5, *lower[1:-1], floor), upper=(2.5, *side, floor + high * dx)),
         material=solid(),
     )
     response: dict[str, Any] = {f"{'xyz'[d - 1]}-": boundaries.Sticky()}
@@ -221,7 +221,9 @@ def dominoes(
             shape = shapes.OrientedBox(
                 centre=tuple(centre), size=(THICK, HIGH), angle=-math.degrees(angle)
             )
-            velocity = libmpm.Field(components=(f"{spin} * y", f"-{spin} * (x - {edge[0]!r})"))
+            velocity = libmpm.Field(
+                components=(f"{spin} * y", f"-{spin} * (x - {float(edge[0])!r})")
+            )
         scene.add_body(
             name=f"domino {k:02d}", shape=shape, velocity=velocity,
             material=solid(modulus, 0.3, 1400.0),
@@ -247,16 +249,16 @@ def tilt(simulation: libmpm.Simulation, body: str, upper: Numbers, lower: Number
 def floating(density: float, cells: int = 8) -> libmpm.Scene:
     """Return a block in water that is as deep as it floats."""
     dx = 0.1 / cells
-    depth, side = 3 * 0.1, 0.1
+    depth, side = 0.2, 0.1
     draught = density / 1000.0 * side
-    wide = 5 * side
+    wide = 3 * side
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=(0, 0), upper=(wide, depth + side), gravity=(0, -9.81)
     )
     scene.add_body(
         name="water",
         shape=shapes.Box(lower=(0, 0), upper=(wide, depth)),
-        material=materials.TaitFluid(bulk_modulus=2e5),
+        material=materials.TaitFluid(bulk_modulus=1e5),
         hydrostatic=depth,
     )
     scene.add_body(
@@ -265,7 +267,7 @@ def floating(density: float, cells: int = 8) -> libmpm.Scene:
             lower=(wide / 2 - side / 2, depth - draught),
             upper=(wide / 2 + side / 2, depth - draught + side),
         ),
-        material=solid(5e5, 0.3, density),
+        material=solid(1e5, 0.3, density),
         subtract_from=("water",),
     )
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())

@@ -141,6 +141,7 @@ def device_of_contacts(device: str | Sequence[str]) -> str:
 def check_contacts(scene: SceneData, problems: list[str]) -> None:
     """Refuse contacts that name nothing, contradict each other, or meet what they cannot."""
     names = [b.name for b in scene.bodies]
+    before = len(problems)
     fluid = {b.name for b in scene.bodies if b.material.table.stores_volume}
     by: dict[tuple[str, str], Contact] = {}
     for contact in scene.contacts:
@@ -164,7 +165,7 @@ def check_contacts(scene: SceneData, problems: list[str]) -> None:
                 break
         _check_law(check, contact, pairs, fluid)
         problems += check.problems
-    if scene.contacts and not problems:
+    if scene.contacts and len(problems) == before:
         _check_scene(scene, problems)
 
 
