@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import libmpm
-from libmpm import boundaries, grids, materials, sensors, shapes
+from libmpm import boundaries, contacts, grids, materials, sensors, shapes
 
 SOLID = {"density": 800.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
 WATER = materials.TaitFluid(density=1000.0, bulk_modulus=2e5, viscosity=0.1)
@@ -365,9 +365,39 @@ def as_file(scene: libmpm.Scene) -> Any:
     return json.loads(json.dumps(scene.to_dict()))
 
 
+def _touching() -> libmpm.Scene:
+    """2D: bodies with fields of velocities of their own, by every law of contact."""
+    scene = _scene(2, gravity=(0, -9.81), name="touching")
+    scene.add_body(
+        name="water", shape=_box(0, 0, 1, 0.2), material=WATER, particles_per_cell=4
+    )  # fmt: skip
+    for k in range(3):
+        scene.add_body(
+            name=f"block {k}", shape=_box(0.1 + 0.3 * k, 0.2, 0.3 + 0.3 * k, 0.4),
+            material=materials.FixedCorotated(**SOLID), velocity=(1.0 - k, 0.0),
+        )  # fmt: skip
+    friction = contacts.Friction(static=0.4, dynamic=0.3)
+    scene.add_contact(name="solid", between=("block 0", "block*"), law=friction)
+    scene.add_contact(name="glue", between=("block 1", "block 2"), law=contacts.Stick())
+    wet = contacts.Fluid(fill=0.6, friction=0.1)
+    scene.add_contact(name="wet", between=("block*", "water"), law=wet)
+    walls = shapes.DomainWalls(faces=("y-",))
+    scene.add_boundary(name="floor", shape=walls, response=boundaries.Separable())
+    scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.01))
+    return scene
+
+
 def small_scenes(folder: Path) -> list[libmpm.Scene]:
     """Valid scenes with every kind of value, whose files lie in the folder."""
-    scenes = [_plane(), _solids(), _watched(), *_methods(), *_functions(), *_files(folder)]
+    scenes = [
+        _plane(),
+        _solids(),
+        _watched(),
+        _touching(),
+        *_methods(),
+        *_functions(),
+        *_files(folder),
+    ]
     return [*scenes, started(folder)]
 
 

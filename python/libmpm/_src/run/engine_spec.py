@@ -90,8 +90,7 @@ def choose_precision(scene: SceneData, precision: str) -> str:
     if precision not in ("auto", "double"):
         raise SceneError(
             f"precision is {shown(precision)} on a grid of functions, which is built in "
-            "double alone; "
-            "use 'double' or 'auto'"
+            "double alone; use 'double' or 'auto'"
         )
     return "double"
 
@@ -103,10 +102,8 @@ def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequen
         from libmpm._src.materials.compiled import device_for
 
         device = device_for(added, device)
-    if scene.contacts and scene.grid is None:
-        return device_of_contacts(device)
     if scene.grid is None or device == "cpu":
-        return device
+        return device_of_contacts(scene, device)
     if device != "auto":
         raise SceneError(
             f"device is {shown(device)} on a grid of functions, which is built for the CPU "

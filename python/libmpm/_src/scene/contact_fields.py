@@ -125,8 +125,10 @@ def contact_rows(scene: SceneData) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def device_of_contacts(device: str | Sequence[str]) -> str:
-    """Return the device of a scene with contacts: one rank on the CPU."""
+def device_of_contacts(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
+    """Return the device of a scene on square cells: with contacts one rank on the CPU."""
+    if not scene.contacts:
+        return device
     if device not in ("auto", "cpu") and list(device) != ["cpu"]:
         raise SceneError(
             f"device is {shown(device)} with contacts, which are built for one rank on the CPU; "
@@ -251,9 +253,9 @@ def _check_scene(scene: SceneData, problems: list[str]) -> None:
             )
     for sensor in scene.sensors:
         asked = sensor.sensor
-        of_boundaries = (isinstance(asked, BodyTracker) and "boundary_force" in asked.quantities) or (
-            isinstance(asked, GridSensor) and asked.attribute == "force"
-        )
+        of_boundaries = (
+            isinstance(asked, BodyTracker) and "boundary_force" in asked.quantities
+        ) or (isinstance(asked, GridSensor) and asked.attribute == "force")
         if of_boundaries:
             problems.append(
                 f"sensor '{sensor.name}': forces of boundaries on nodes are asked for with "
