@@ -230,24 +230,34 @@ def test_contact_takes_energy_and_friction_more() -> None:
     assert left[0.1] < left[0.0] - 0.03
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_resumed_run_has_the_same_bits(tmp_path: Path, threads: int) -> None:
+def slipping() -> libmpm.Scene:
     scene = meeting("AFLIP", 2, None)
     scene.add_contact(
         name="blocks", between=("block*", "block*"), law=contacts.Friction(static=0.3, dynamic=0.2)
     )
     scene.add_contact(name="wet", between=("block*", "water"), law=contacts.Fluid())
-    whole = run(scene, precision="single")
+    return scene
+
+
+def assert_same_bits(a: libmpm.Simulation, b: libmpm.Simulation) -> None:
+    for body in a.scene.bodies:
+        for attribute in ("position", "velocity"):
+            one, two = (cases.by_id(s, body.name, attribute) for s in (a, b))
+            assert np.array_equal(one, two), (body.name, attribute)
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_resumed_run_and_threads_have_the_same_bits(tmp_path: Path, precision: str) -> None:
+    whole = run(slipping(), precision=precision)
     whole.step(60)
-    first = run(scene, precision="single")
+    first = run(slipping(), precision=precision, threads=2)
     first.step(25)
     first.save_checkpoint(tmp_path / "half.h5")
-    second = libmpm.Simulation.resume(tmp_path / "half.h5", device="cpu", threads=threads)
+    first.step(35)
+    assert_same_bits(whole, first)
+    second = libmpm.Simulation.resume(tmp_path / "half.h5", device="cpu")
     second.step(35)
-    for body in scene.bodies:
-        for attribute in ("position", "velocity"):
-            a, b = (cases.by_id(s, body.name, attribute) for s in (whole, second))
-            assert np.array_equal(a, b), (body.name, attribute)
+    assert_same_bits(whole, second)
 
 
 # The plan and what is refused ---------------------------------------------------------------------
