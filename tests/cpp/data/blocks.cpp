@@ -119,6 +119,44 @@ TEST(Blocks, find_block_knows_its_limits) {
     }
 }
 
+TEST(Blocks, fields_of_a_block_follow_each_other) {
+    BlockKeys<2> keys{{7, 9}, 3};
+    BlockKeys<2> one{{7, 9}};
+    std::vector<std::uint64_t> list;
+    for (std::int64_t x = -2; x < 5; ++x) {
+        for (std::int64_t y = -2; y < 7; ++y) {
+            for (std::int64_t field = 0; field < 3; ++field) {
+                const std::uint64_t key = keys.key({x, y}, field);
+                std::int64_t b[2];
+                keys.block(key, b);
+                EXPECT_EQ(b[0], x);
+                EXPECT_EQ(b[1], y);
+                EXPECT_EQ(keys.field(key), field);
+                EXPECT_EQ(key, one.key({x, y}) * 3 + std::uint64_t(field));
+                if (field != 1 || (x + y) % 2 == 0) list.push_back(key);
+            }
+            EXPECT_EQ(one.field(one.key({x, y})), 0);
+        }
+    }
+    EXPECT_TRUE(std::is_sorted(list.begin(), list.end()));
+    EXPECT_LT(std::ldexp(1.0, keys.bits() - 1), double(list.back()));
+    const BlockTableView<2> table{keys, std::int32_t(list.size()), list.data(), nullptr, nullptr};
+    for (std::int64_t x = -2; x < 5; ++x) {
+        for (std::int64_t y = -2; y < 7; ++y) {
+            const std::int64_t cell[2] = {x * Block<2>::edge + 3, y * Block<2>::edge + 5};
+            std::vector<std::int64_t> fields;
+            each_field_of_node<2>(table, cell, [&](std::int32_t slot, int node) {
+                fields.push_back(keys.field(list[std::size_t(slot)]));
+                EXPECT_EQ(node, Block<2>::cell({3, 5}));
+                EXPECT_EQ(find_block<2>(table, {x, y}, fields.back()), slot);
+            });
+            EXPECT_EQ(fields, (x + y) % 2 == 0 ? (std::vector<std::int64_t>{0, 1, 2})
+                                               : (std::vector<std::int64_t>{0, 2}));
+        }
+    }
+    each_field_of_node<2>(table, {500, 0}, [](std::int32_t, int) { FAIL(); });
+}
+
 /// Every node of the arena by brute force over global cells.
 template <int D>
 void arena_nodes() {

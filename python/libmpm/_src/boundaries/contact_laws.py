@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from libmpm._src.base.declarations import given
@@ -134,7 +135,7 @@ class Contact(Value):
     """
 
     name: str = given("name among the contacts", range="unique")
-    between: tuple[str, str] = given(
+    between: Sequence[str] = given(
         "two names of bodies, or patterns in which * stands for any text: each body of the first "
         "with each other one of the second",
         range="names",

@@ -101,7 +101,7 @@ def contact_entry(scene: SceneData) -> dict[str, Any]:
                     return law_of(i, j)
         return -1  # the only member of its kind never meets itself
 
-    density = [
+    densities = [
         scene.bodies[m[0]].material.core_parameters(scene.dimension)["density"] for m in members
     ]
     return {
@@ -109,7 +109,7 @@ def contact_entry(scene: SceneData) -> dict[str, Any]:
             "fields": len(kind),
             "of_body": fields,
             "kind": kind,
-            "density": density,
+            "density": densities,
             "laws": [law.specification() for law in laws],
             "law_of": [of_kinds(a, b) for a in range(len(members)) for b in range(len(members))],
         }
