@@ -127,6 +127,19 @@ def test_block_holds_where_friction_is_steeper_than_the_slope() -> None:
     assert abs(before[0] - 2.0) < 0.6 / 12
 
 
+def test_more_bodies_at_a_node_than_are_kept_apart_is_a_fault() -> None:
+    dx = 0.1
+    scene = libmpm.Scene(dimension=2, cell_size=dx, lower=(0, 0), upper=(1, 1))
+    for k in range(25):
+        low = (0.4 + dx / 2 * (k // 5), 0.4 + dx / 2 * (k % 5))
+        high = tuple(x + dx / 2 for x in low)
+        shape = shapes.Box(lower=low, upper=high)
+        scene.add_body(name=f"grain {k}", shape=shape, material=cases.solid())
+    scene.add_contact(name="grains", between=("grain*", "grain*"), law=contacts.Friction())
+    with pytest.raises(libmpm.NumericalError, match="too many bodies meet at a node"):
+        run(scene).step(1)
+
+
 # Blows and rest -----------------------------------------------------------------------------------
 
 

@@ -205,7 +205,7 @@ struct NodeContact {
 
 /// Over the nodes of the blocks with several fields. Leaves velocities, what transfers that store
 /// velocities keep, averages of what is stuck, and the maxima of what has changed.
-template <class T, class Sum, int D>
+template <class X, class T, class Sum, int D>
 struct ContactPass {
     NodeContact<T, Sum, D> of;
     const GroupChannels* groups;
@@ -220,7 +220,7 @@ struct ContactPass {
         const int n = int(i % block_cells);
         typename NodeContact<T, Sum, D>::Fields f;
         of.find(of.contact.first[block], of.contact.count[block], n, f);
-        if (f.too_many) *crowded = 1;
+        if (f.too_many) X::raise(crowded);
         if (f.count < 2 || f.too_many) return;
         of.solve(n, f, [](int, int, int, const Vec<T, D>&, const Vec<T, D>&) {});
         for (int k = 0; k < f.count; ++k) {
