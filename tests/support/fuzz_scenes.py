@@ -381,8 +381,9 @@ def _touching() -> libmpm.Scene:
     scene.add_contact(name="glue", between=("block 1", "block 2"), law=contacts.Stick())
     wet = contacts.Fluid(fill=0.6, friction=0.1)
     scene.add_contact(name="wet", between=("block*", "water"), law=wet)
-    walls = shapes.DomainWalls(faces=("y-",))
-    scene.add_boundary(name="floor", shape=walls, response=boundaries.Separable())
+    scene.add_boundary(
+        name="walls", shape=shapes.DomainWalls(), response=boundaries.Separable()
+    )  # fmt: skip
     scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.01))
     return scene
 
