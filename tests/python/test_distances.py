@@ -1,11 +1,13 @@
 """Signed distances of every solid against brute force, in the layer where boundaries use them.
 
-Surface meshes have theirs in `test_meshes.py`, triangle by triangle.
+Surface meshes have theirs in `test_meshes.py` too, triangle by triangle. Expected duration: 20 s.
 """
 
 from __future__ import annotations
 
+import inspect
 import warnings
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,7 @@ from scipy.spatial import cKDTree
 
 import libmpm
 from libmpm import Scene, shapes
-from libmpm._src.boundaries.distance_field import distance_field
+from libmpm._src.boundaries.distance_field import FIELD_EDGE, distance_field
 from libmpm.boundaries import DecayLayer, Slip
 from libmpm.materials import TaitFluid
 
@@ -120,6 +122,90 @@ def test_distances_in_the_layer_are_those_of_brute_force(name: str) -> None:
     beyond = (wanted - found)[near]
     assert np.mean(beyond <= np.sqrt(found[near] ** 2 + pitch**2) - found[near]) > 0.85
     assert np.all(beyond <= 1.1 * pitch)
+
+
+#: A surface mesh: a step from 0.3 to 0.8 m, within the length of one cell.
+MESH_PROFILE = [(0.0, 0.0), (2.0, 0.0), (2.0, 0.8), (1.0, 0.8), (0.95, 0.3), (0.0, 0.3)]
+MESH_TRIANGLES = [(0, 1, 4), (0, 4, 5), (1, 2, 3), (1, 3, 4)]
+
+
+def step_mesh(folder: Path) -> shapes.SurfaceMesh:
+    """The step as a prism of triangles, 1 m wide, in an OBJ file."""
+    n = len(MESH_PROFILE)
+    lines = [f"v {x} {y} {z}" for y in (0.0, 1.0) for x, z in MESH_PROFILE]
+    faces = MESH_TRIANGLES + [(c + n, b + n, a + n) for a, b, c in MESH_TRIANGLES]
+    for i in range(n):
+        j = (i + 1) % n
+        faces += [(i, j + n, j), (i, i + n, j + n)]
+    lines += ["f " + " ".join(str(i + 1) for i in face) for face in faces]
+    (folder / "step.obj").write_text("\n".join(lines))
+    return shapes.SurfaceMesh(file=folder / "step.obj")
+
+
+@pytest.mark.parametrize("name", [*BOUNDS, "mesh"])
+def test_nodes_in_the_layer_of_a_boundary_have_brute_forces_distances(
+    name: str, tmp_path: Path
+) -> None:
+    """What the engine is given: every node that the layer reaches, with its distance in cells."""
+    solid = step_mesh(tmp_path) if name == "mesh" else BOUNDS[name]
+    d, dx, layer = solid.dimension, 0.1, 2
+    surface, pitch = brute(solid, 160 if d == 2 else 32)
+    low, high = room(solid, 0.35)
+    cells = np.ceil((high - low) / dx).astype(int)
+    scene = Scene(
+        dimension=d,
+        cell_size=dx,
+        lower=tuple(low.tolist()),
+        upper=tuple((low + cells * dx).tolist()),
+    )
+    scene.add_boundary(
+        name="solid", shape=solid, response=Slip(), layer=DecayLayer(thickness=layer)
+    )
+    field = distance_field(scene, scene.boundaries[0])
+    np.testing.assert_array_equal(field.origin, 0)
+    assert field.spacing == dx
+
+    node = np.stack(np.meshgrid(*(np.arange(n + 1) for n in cells), indexing="ij"), axis=-1)
+    node = node.reshape(-1, d)
+    point = node * dx + low
+    within = solid.distance(point) < 0
+    wanted = cKDTree(surface).query(point)[0]
+    if not np.all(np.isfinite(solid.bounds())):  # what is nearest must lie where it was sought
+        whole = np.all((point > low + 0.3) & (point < high - 0.3), axis=1)
+        node, within, wanted = node[whole], within[whole], wanted[whole]
+
+    of_block = {tuple(k): p for k, p in zip(field.keys.tolist(), field.place.tolist(), strict=True)}
+    place = np.array([of_block.get(tuple(k), -2) for k in (node // FIELD_EDGE).tolist()])
+    # No node that the layer acts on is left out, nor one deep inside.
+    exact = name not in BOUNDS or name in EXACT
+    if exact:
+        assert np.all(place[~within & (wanted + pitch < layer * dx)] >= 0)
+    assert np.all(place[within] >= -1)
+    assert np.all(wanted[within & (place == -1)] > 0.3)
+
+    shown = (place >= 0) & (wanted < 0.4)
+    corner = np.ravel_multi_index(tuple((node[shown] % FIELD_EDGE).T), (FIELD_EDGE + 1,) * d)
+    value = field.values[place[shown], corner] * dx
+    assert shown.sum() > 50
+    np.testing.assert_array_equal(
+        value[np.abs(value) > 1e-5] < 0, within[shown][np.abs(value) > 1e-5]
+    )
+    assert np.all(np.abs(value) <= wanted[shown] + 1e-5)
+    if exact:
+        # Beyond a sharp tip, which lines of the lattice miss, the nearest crossing lies further in.
+        beyond = wanted[shown] - np.abs(value)
+        assert np.mean(beyond <= 1.1 * pitch) > 0.98
+        assert np.all(beyond <= 2 * pitch)
+
+
+def test_no_solid_is_left_out() -> None:
+    """A new kind of solid gets its row in `EXACT` or `BOUNDS`."""
+    public = {
+        kind
+        for name in shapes.__all__
+        if inspect.isclass(kind := getattr(shapes, name)) and issubclass(kind, shapes.Solid)
+    } - {shapes.Solid}
+    assert public == {type(solid) for solid in BOUNDS.values()} | {shapes.SurfaceMesh}
 
 
 def test_a_raster_with_a_step_holds_the_nodes_that_its_profile_drawn_out_holds() -> None:
