@@ -1,6 +1,6 @@
 """Signed distances of every solid against brute force, in the layer where boundaries use them.
 
-Surface meshes have theirs in `test_meshes.py` too, triangle by triangle. Expected duration: 20 s.
+Surface meshes have theirs in `test_meshes.py` too, triangle by triangle. Expected duration: 60 s.
 """
 
 from __future__ import annotations

@@ -233,3 +233,78 @@ def test_a_resumed_run_has_the_same_bits(tmp_path):
     np.testing.assert_array_equal(
         second.particles["disc"]["position"], whole.particles["disc"]["position"]
     )
+
+
+def branched(tmp_path, velocity=(0.0, 0.0)):
+    """A scene that continues from a disc after 12 steps, and the rate that the disc has there."""
+    trunk = simulate(disc(velocity=velocity))
+    trunk.step(12)
+    trunk.save_checkpoint(tmp_path / "trunk.npz")
+    return libmpm.Scene.from_checkpoint(tmp_path / "trunk.npz"), rate(trunk)
+
+
+def test_a_body_added_to_a_run_starts_at_its_rate(tmp_path):
+    """A checkpoint is taken apart, and a turning body placed beside what was in it."""
+    scene, _ = branched(tmp_path)
+    middle = np.array((2.15, 0.25))  # no node sees both
+    turning = libmpm.Field(
+        components=(f"-{RATE} * (y - {middle[1]})", f"{RATE} * (x - {middle[0]})")
+    )
+    scene.add_body(
+        name="wheel", shape=shapes.Sphere(centre=tuple(middle), radius=1.5 * DX),
+        material=scene.bodies[0].material, velocity=turning,
+    )  # fmt: skip
+    sim = simulate(scene)
+    view = sim.particles["wheel"].read(["position", "velocity"])
+    np.testing.assert_allclose(view["velocity"], turning.at(view["position"]), atol=1e-10)
+    assert rate(sim, "wheel") == pytest.approx(RATE, rel=1e-9)
+
+
+@pytest.mark.parametrize("hole", [False, True])
+def test_what_a_checkpoint_holds_keeps_its_rate(tmp_path, hole):
+    """Taken apart and put together again, and with its middle taken out by another body."""
+    scene, before = branched(tmp_path, spin(2))
+    if hole:
+        scene.add_body(
+            name="hub", shape=shapes.Sphere(centre=tuple(centre(2)), radius=2 * DX),
+            material=scene.bodies[0].material, velocity=spin(2), subtract_from=("disc",),
+        )  # fmt: skip
+    sim = simulate(scene)
+    assert rate(sim) == pytest.approx(before, rel=2e-3 if hole else 1e-9)
+    if hole:
+        assert rate(sim, "hub") == pytest.approx(RATE, rel=5e-3)
+        assert sim.displaced["disc"] > 30
+
+
+def test_water_from_an_inlet_comes_without_a_slope_and_leaves_what_is_there_alone():
+    """Layers arrive at one speed; beside them a shear flow keeps the slope that it was given."""
+    scene = libmpm.Scene(
+        dimension=2, cell_size=DX, lower=(0.0, 0.0), upper=(2.4, 1.2), gravity=(0.0, 0.0)
+    )
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(0.0, 0.0), upper=(0.6, 0.8)), velocity=(1.0, 0.0),
+        material=materials.TaitFluid(bulk_modulus=1e5),
+    )  # fmt: skip
+    scene.add_body(
+        name="shear", shape=shapes.Box(lower=(1.4, 0.2), upper=(2.0, 0.8)),
+        material=materials.TaitFluid(bulk_modulus=1e5),
+        velocity=libmpm.Field(components=(f"{RATE} * (y - 0.5)", "0")),
+    )  # fmt: skip
+    inlet = libmpm.boundaries.Inflow(body="water", face="x-", velocity=1.0, level=0.8)
+    scene.add_flow(name="inlet", flow=inlet)
+    scene.add_boundary(
+        name="floor", shape=shapes.DomainWalls(faces=("y-",)), response=libmpm.boundaries.Slip()
+    )
+    sim = simulate(scene)
+    start = sim.particles["shear"]["velocity_gradient"][:, 0, 1]
+    np.testing.assert_allclose(start, RATE, atol=1e-9)
+    first = len(sim.particles["water"])
+    sim.run(until=0.12, progress=False)
+    water = sim.particles["water"].read(["id", "position", "velocity", "velocity_gradient"])
+    new = (water["id"] >= first) & (water["position"][:, 1] < 0.5)
+    assert new.sum() > 10
+    assert np.abs(water["velocity"][new] - (1.0, 0.0)).max() < 1e-6
+    assert np.abs(water["velocity_gradient"][new]).max() < 1e-5
+    inside = np.abs(sim.particles["shear"]["position"] - (1.7, 0.5)).max(axis=1) < 0.1
+    slope = sim.particles["shear"]["velocity_gradient"][inside, 0, 1]
+    assert slope.mean() == pytest.approx(RATE, rel=0.02)
