@@ -133,6 +133,12 @@ def jobs() -> list[Job]:
             for cell in (0.2, 0.1)
             for gap in (0.0, 0.5)
         ),
+        *(
+            Job("sloshing", f"sloshing plane slip {1000 * cell:g} mm K=2.2e+07",
+                slosh | {"gap": 0.0, "cell_size": cell, "bulk_modulus": 2.2e7}, said, period,
+                on_device=False)
+            for cell in (0.2, 0.1, 0.05)
+        ),
         Job("sloshing", "sloshing plane slip", slosh | {"gap": 0.0}, said, period),
         Job("elastic-column", "elastic column 2 mm", column | {"cell_size": 0.002}, tip),
         Job("elastic-column", "elastic column 4 mm", column | {"cell_size": 0.004}, tip),

@@ -3,6 +3,7 @@
     python benchmarks/column_collapse.py                     what is missing, on the CPU
     python benchmarks/column_collapse.py --cells 40 --aspect 4 7
     python benchmarks/column_collapse.py --ingredients       what the missed ones depend on
+    python benchmarks/column_collapse.py --flip 0.95         with AFLIP instead of APIC
     python benchmarks/column_collapse.py --table             the table of docs/reference-cases.md
 
 One JSON line for each run is appended to benchmarks/results/column_collapse.jsonl; what is there is
@@ -38,6 +39,14 @@ INGREDIENTS: tuple[dict[str, Any], ...] = (
 )
 
 
+def options_of(changes: dict[str, Any]) -> cases.Options:
+    """Return the choices of a run: AFLIP of the share `flip`, or those of the case."""
+    if "flip" not in changes:
+        return cases.Options()
+    transfer = libmpm.methods.Transfer(scheme="AFLIP", flip=changes["flip"])
+    return cases.Options(method=libmpm.Method(transfer=transfer, cfl=0.4))
+
+
 def key(line: dict[str, Any]) -> tuple[Any, ...]:
     """Return what a line was measured with."""
     return tuple(sorted(line["changes"].items()))
@@ -45,11 +54,12 @@ def key(line: dict[str, Any]) -> tuple[Any, ...]:
 
 def table(lines: list[dict[str, Any]]) -> str:
     """Return run-out and height by aspect ratio and cells, over those of both experiments."""
-    rows = [["a", "cells", "run-out / L₀", "over Lube et al.", "height / L₀",
+    rows = [["a", "cells", "transfer", "run-out / L₀", "over Lube et al.", "height / L₀",
              "over Lajeunesse et al.", "over Lube et al."]]  # fmt: skip
-    for line in sorted(lines, key=lambda x: (x["changes"]["aspect"], x["changes"]["cells"])):
+    order = ("aspect", "cells", "flip")
+    for line in sorted(lines, key=lambda x: [x["changes"].get(name, 0.0) for name in order]):
         given, value = line["changes"], line["values"]
-        if set(given) != {"aspect", "cells"}:
+        if set(given) - {"flip"} != {"aspect", "cells"}:
             continue
         a = given["aspect"]
         ratios = [value["runout"] / runout(a), value["height"] / height_of(a),
@@ -57,7 +67,8 @@ def table(lines: list[dict[str, Any]]) -> str:
         bounds = (0.15, 0.1, 0.1)
         marked = [f"{r:.2f}" if abs(r - 1) <= b else f"**{r:.2f}**"
                   for r, b in zip(ratios, bounds, strict=True)]  # fmt: skip
-        rows.append([f"{a:g}", str(given["cells"]), f"{value['runout']:.2f}", marked[0],
+        transfer = f"AFLIP {given['flip']:g}" if "flip" in given else "APIC"
+        rows.append([f"{a:g}", str(given["cells"]), transfer, f"{value['runout']:.2f}", marked[0],
                      f"{value['height']:.2f}", marked[1], marked[2]])  # fmt: skip
     return "\n".join(markdown(rows))
 
@@ -69,6 +80,7 @@ def main() -> int:
     parser.add_argument("--aspect", type=float, nargs="*", default=ASPECTS)
     parser.add_argument("--cells", type=int, nargs="*", default=CELLS)
     parser.add_argument("--ingredients", action="store_true", help="runs with one change each")
+    parser.add_argument("--flip", type=float, help="share of FLIP in AFLIP, instead of APIC")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--output", type=Path, default=RESULTS)
@@ -81,10 +93,14 @@ def main() -> int:
         for aspect in arguments.aspect:
             for more in INGREDIENTS if arguments.ingredients else ({},):
                 changes = {"aspect": aspect, "cells": cells, **more}
+                if arguments.flip is not None:
+                    changes["flip"] = arguments.flip
                 if any(key(x) == key({"changes": changes}) for x in load(arguments.output)):
                     continue
+                given = {name: value for name, value in changes.items() if name != "flip"}
                 result = cases.run("column-collapse", device=arguments.device,
-                                   threads=arguments.threads, **changes)  # fmt: skip
+                                   threads=arguments.threads, options=options_of(changes),
+                                   **given)  # fmt: skip
                 line = {
                     "case": "column-collapse", "changes": changes, "device": arguments.device,
                     "particles": result.particles, "wall_s": round(result.wall_s, 1),
