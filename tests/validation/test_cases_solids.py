@@ -14,6 +14,7 @@ from libmpm._src.advice.cases.dominoes import _rigid_time
 from libmpm._src.advice.cases.grains import runout
 from libmpm._src.advice.cases.solids import CASES
 from libmpm._src.materials.friction import triaxial
+from libmpm.methods import Transfer
 
 pytestmark = pytest.mark.validation
 
@@ -51,6 +52,14 @@ def test_steep_incline(device):
 def test_runout_over_aspect_ratios(aspect, device):
     """Both branches of the experiments; the reduced level itself has a = 1."""
     passed("column-collapse", device, aspect=aspect)
+
+
+@pytest.mark.parametrize("aspect", [0.7, 1.0, 2.0, 4.0])
+def test_columns_in_20_cells_spread_as_measured_with_aflip(aspect, device):
+    """Run-out ± 15 %, height ± 10 %; what APIC loses in thin layers ends them at 0.7 and 4."""
+    method = libmpm.Method(transfer=Transfer(scheme="AFLIP", flip=0.95), cfl=0.4)
+    options = libmpm.cases.Options(method=method)
+    passed("column-collapse", device, aspect=aspect, cells=20, options=options)
 
 
 def test_runout_falls_with_friction(device):
