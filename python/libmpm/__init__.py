@@ -11,7 +11,7 @@ import os
 import warnings
 from typing import TYPE_CHECKING, Any
 
-from libmpm import boundaries, contacts, grids, materials, methods, sensors, shapes
+from libmpm import boundaries, contacts, materials, methods, sensors, shapes
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.errors import (
@@ -31,7 +31,18 @@ from libmpm._src.scene.placed_force import PlacedForce
 from libmpm._src.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from libmpm import advice, analysis, cases, compat, debris, demand, design, flumes, studies
+    from libmpm import (
+        advice,
+        analysis,
+        cases,
+        compat,
+        debris,
+        demand,
+        design,
+        flumes,
+        grids,
+        studies,
+    )
     from libmpm._src.output.results import Results, load
     from libmpm._src.output.settings import Output
     from libmpm._src.pictures.animate import animate
@@ -111,6 +122,7 @@ _MODULES = (
     "demand",
     "design",
     "flumes",
+    "grids",
     "studies",
 )
 #: Names that were here in version 0.1, and the modules that have them now.

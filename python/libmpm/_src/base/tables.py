@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from typing import Any, Literal
 
-__all__ = ["html_table", "html_warnings", "text_table"]
+__all__ = ["escaped", "html_table", "html_warnings", "text_table"]
 
 #: Characters of an HTML cell.
 _LONGEST = 160
@@ -32,13 +31,20 @@ def text_table(
     return "\n".join(lines)
 
 
+def escaped(text: str) -> str:
+    """Return a text for HTML; `html` has thousands of names and is loaded where it is needed."""
+    from html import escape
+
+    return escape(text)
+
+
 def html_table(rows: Sequence[Sequence[Any]], head: Sequence[Any] = ()) -> str:
     """Return an HTML table; all texts are escaped, long ones cut."""
 
     def cell(item: Any, tag: str) -> str:
         text = str(item)
         text = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
-        return f"<{tag}>{html.escape(text)}</{tag}>"
+        return f"<{tag}>{escaped(text)}</{tag}>"
 
     lines = [] if not head else [f"<tr>{''.join(cell(c, 'th') for c in head)}</tr>"]
     lines += [f"<tr>{''.join(cell(c, 'td') for c in row)}</tr>" for row in rows]
@@ -47,4 +53,4 @@ def html_table(rows: Sequence[Sequence[Any]], head: Sequence[Any] = ()) -> str:
 
 def html_warnings(texts: Sequence[str]) -> str:
     """Return a paragraph for each warning."""
-    return "".join(f"<p><b>warning:</b> {html.escape(text)}</p>" for text in texts)
+    return "".join(f"<p><b>warning:</b> {escaped(text)}</p>" for text in texts)

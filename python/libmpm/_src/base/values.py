@@ -7,8 +7,6 @@ each field and collects every broken rule, so one `SceneError` reports all of th
 from __future__ import annotations
 
 import dataclasses
-import difflib
-import functools
 import importlib
 import inspect
 import math
@@ -18,13 +16,16 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any, ClassVar, ParamSpec, TypeVar, dataclass_transform, overload
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform, overload
 
+from libmpm._src.base.arguments import hint, wrong_arguments
+from libmpm._src.base.arguments import keywords_only as keywords_only
+from libmpm._src.base.arguments import nearest as nearest
+from libmpm._src.base.arguments import shown as shown
 from libmpm._src.base.declarations import declared, filled, given
 from libmpm._src.errors import ArgumentError, ModelWarning, SceneError
 
 T = TypeVar("T")
-P = ParamSpec("P")
 
 #: Tags of `to_dict` and the classes they stand for.
 registry: dict[str, type[Value]] = {}
@@ -34,97 +35,16 @@ _LATE = {
     **dict.fromkeys(("DebrisField", "Placement"), "libmpm._src.studies.debris.field"),
     **dict.fromkeys(("SpreadAngles", "UniformAngles"), "libmpm._src.studies.debris.laws"),
     **dict.fromkeys(("Piece", "Prototype"), "libmpm._src.studies.debris.prototype"),
+    "DebrisFlowFlume": "libmpm._src.flumes.debris_flow_flume",
     "DirectionalWaveBasin": "libmpm._src.flumes.directional_wave_basin",
     "LargeWaveFlume": "libmpm._src.flumes.large_wave_flume",
+    "WASIRF": "libmpm._src.flumes.wasirf",
     "WasedaBasin": "libmpm._src.flumes.waseda_basin",
     "Froude": "libmpm._src.studies.design.similitude",
 }
 
 #: Bytes of a name; file systems take 255, with ending and number.
 _LONGEST = 200
-
-
-def nearest(name: Any, names: Iterable[str]) -> str:
-    """Return a hint naming the candidate closest to `name`, or all of them."""
-    names = [str(n) for n in names]
-    # The comparison takes a time that grows with the square of the lengths.
-    wanted = name if isinstance(name, str) else shown(name)
-    close = difflib.get_close_matches(wanted[:200], names, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean '{close[0]}'?"
-    return f"choose from {', '.join(names)}" if names else "there are none"
-
-
-def shown(item: Any, most: int = 200) -> str:
-    """Return the text of any object for a message: no longer than `most` characters.
-
-    Lists in lists without end, and whole numbers of thousands of digits, have no text of their own.
-    """
-    try:
-        text = repr(item)
-    except (RecursionError, ValueError):
-        return f"a {type(item).__name__} without a text of its own"
-    return text if len(text) <= most else f"{text[:most]}…"
-
-
-def keywords_only(
-    label: str,
-    positional: int = 0,
-    instead: Mapping[str, Sequence[str]] | None = None,
-    *,
-    method: bool = True,
-    renamed: Mapping[str, str] | None = None,
-) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Make a method report unnamed, unknown and missing arguments as one `ArgumentError`.
-
-    Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
-    after self may come without a name. `instead` names an argument that makes others unnecessary.
-    A function that is no `method` has no self. `renamed` has arguments by their names of version
-    0.1, which warn until 0.3.
-    """
-    own = int(method)
-
-    def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        parameters = list(inspect.signature(function).parameters.values())[own:]
-        names = [p.name for p in parameters]
-        required = [p.name for p in parameters if p.default is p.empty]
-
-        @functools.wraps(function)
-        def checked(*args: P.args, **kwargs: P.kwargs) -> T:
-            problems = []
-            for old in [key for key in renamed or {} if key in kwargs]:
-                new = (renamed or {})[old]
-                warnings.warn(
-                    f"{label}: '{old}' is '{new}' since libmpm 0.2; the old name goes in 0.3",
-                    DeprecationWarning,
-                    stacklevel=2,
-                )
-                kwargs[new] = kwargs.pop(old)
-            extra = len(args) - own - positional
-            if extra > 0:
-                problems.append(
-                    f"{label}: takes keyword arguments only ({extra} positional given too many); "
-                    f"write them as keywords: {', '.join(names)}"
-                )
-            for key in kwargs:
-                if key not in names:
-                    problems.append(f"{label}: unknown argument '{key}'; {nearest(key, names)}")
-            if extra <= 0:
-                unnamed = names[: len(args) - own]
-                missing = [key for key in required if key not in kwargs and key not in unnamed]
-                for other, names_of in (instead or {}).items():
-                    if kwargs.get(other) is None:
-                        missing += [key for key in names_of if kwargs.get(key) is None]
-                problems += [
-                    f"{label}: argument '{key}' is missing; it has no default" for key in missing
-                ]
-            if problems:
-                raise ArgumentError(problems)
-            return function(*args, **kwargs)
-
-        return checked
-
-    return decorate
 
 
 class Checker:
@@ -284,6 +204,8 @@ class Value:
 
     #: Name in messages, for instance ``shapes.Box``.
     label: ClassVar[str] = ""
+    #: Names of the fields, which are what is compared.
+    _fields: ClassVar[tuple[str, ...]] = ()
 
     def _label(self) -> str:
         """Return the name of this object in messages."""
@@ -301,10 +223,37 @@ class Value:
         for name, item in converted.items():
             object.__setattr__(self, name, item)
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether both are of one class and hold the same."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return self._content() == other._content()
+
+    def __hash__(self) -> int:
+        """Return the hash of the content."""
+        return hash(self._content())
+
+    def _content(self) -> tuple[Any, ...]:
+        """Return what the fields hold."""
+        return tuple([getattr(self, name) for name in self._fields])
+
+    if not TYPE_CHECKING:  # a checker takes a `__setattr__` to allow names that are no fields
+
+        def __setattr__(self, name: str, item: Any) -> None:
+            """Refuse to change the value; a subclass that is none may have more attributes."""
+            if name in self._fields or "_fields" in type(self).__dict__:
+                raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+            object.__setattr__(self, name, item)
+
+        def __delattr__(self, name: str) -> None:
+            """Refuse to change the value."""
+            if name in self._fields or "_fields" in type(self).__dict__:
+                raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+            object.__delattr__(self, name)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists, numbers, texts and dictionaries; "type" names the class."""
-        fields = dataclasses.fields(self)  # type: ignore[arg-type]
-        found = {f.name: plain(getattr(self, f.name)) for f in fields}
+        found = {name: plain(getattr(self, name)) for name in self._fields}
         return {"type": type(self).__name__} | found
 
     @classmethod
@@ -320,9 +269,40 @@ class Value:
 
     def __repr__(self) -> str:
         """Return the call that makes this value."""
-        fields = dataclasses.fields(self)  # type: ignore[arg-type]
-        inside = ", ".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields)
+        inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in self._fields)
         return f"{self.label or type(self).__name__}({inside})"
+
+
+def _constructor(
+    label: str, fields: Sequence[dataclasses.Field[Any]], positional: int
+) -> Callable[..., None]:
+    """Return the `__init__` of a value: it checks the names, sets the fields and looks at them."""
+    names = [f.name for f in fields]
+    missing = dataclasses.MISSING
+    defaults = {f.name: f.default for f in fields if f.default is not missing}
+    required = [name for name in names if name not in defaults]
+
+    def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
+        problems = wrong_arguments(label, names, required, len(args), positional, kwargs)
+        if problems:
+            raise ArgumentError(problems)
+        found = defaults | dict(zip(names, args, strict=False)) | kwargs
+        for name in names:
+            object.__setattr__(self, name, found[name])
+        self.__post_init__()
+
+    Parameter = inspect.Parameter
+    kind = Parameter.POSITIONAL_OR_KEYWORD if positional else Parameter.KEYWORD_ONLY
+    hints = {f.name: hint(f.type) for f in fields}
+    shown_as = [Parameter("self", Parameter.POSITIONAL_OR_KEYWORD)]
+    for name in names:
+        default = defaults.get(name, Parameter.empty)
+        shown_as.append(Parameter(name, kind, default=default, annotation=hints[name]))
+    __init__.__annotations__ = {**hints, "return": hint("None")}
+    __init__.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        shown_as, return_annotation=hint("None")
+    )
+    return __init__
 
 
 @overload
@@ -336,11 +316,15 @@ def value(cls: type[T] | None = None, /, *, kw_only: bool = True) -> Any:
     """Make a frozen, keyword-only dataclass that reports wrong keywords like other problems."""
 
     def make(cls: type[T]) -> type[T]:
-        made = dataclasses.dataclass(frozen=True, kw_only=kw_only, repr=False)(cls)
+        # What `Value` and `_constructor` do for all, the library would compile for each: half of
+        # the time of the package's import.
+        made = dataclasses.dataclass(init=False, eq=False, repr=False, kw_only=kw_only)(cls)
+        fields = dataclasses.fields(made)  # type: ignore[arg-type]
         label = getattr(made, "label", "") or made.__name__
-        unnamed = 0 if kw_only else len(dataclasses.fields(made))  # type: ignore[arg-type]
-        checked = keywords_only(label, unnamed)(made.__init__)
-        type.__setattr__(made, "__init__", checked)
+        made._fields = tuple([f.name for f in fields])  # type: ignore[attr-defined]
+        type.__setattr__(
+            made, "__init__", _constructor(label, fields, 0 if kw_only else len(fields))
+        )
         made.__doc__ = filled(made.__doc__, declared(made))
         registry[made.__name__] = made  # type: ignore[assignment]
         return made

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, nearest, sequence, shown, value
 from libmpm._src.errors import SceneError
-from libmpm._src.scene.checks_sizes import block_edge
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -176,6 +175,8 @@ class Partition(Value):
             )
             return []
         low, high = scene.lower[axis], scene.upper[axis]
+        from libmpm._src.scene.checks_sizes import block_edge  # a description needs no rules
+
         edge = block_edge(scene.dimension)
         size = edge * scene.cell_size
         last = -(-scene.cells[axis] // edge) - 1

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.values import nearest
-from libmpm._src.scene.places import initial_gravity
 from libmpm._src.sensors import tensors
 
 if TYPE_CHECKING:
@@ -206,6 +205,8 @@ def is_known(name: object) -> bool:
 
 def upward(scene: SceneData) -> Array:
     """Return the unit vector against gravity at time 0, (d,); the last axis without gravity."""
+    from libmpm._src.scene.places import initial_gravity  # which knows how bodies are filled
+
     gravity = initial_gravity(scene)
     strength = float(np.linalg.norm(gravity))
     if strength == 0:

@@ -1,0 +1,136 @@
+"""Arguments of public functions: unknown, missing and unnamed ones are one error, with a guess.
+
+`keywords_only` is for functions and methods; values have the same rules by `values.value`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import inspect
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ParamSpec, TypeVar
+
+from libmpm._src.errors import ArgumentError
+
+__all__ = ["hint", "keywords_only", "nearest", "shown", "wrong_arguments"]
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+
+def nearest(name: Any, names: Iterable[str]) -> str:
+    """Return a hint naming the candidate closest to `name`, or all of them."""
+    names = [str(n) for n in names]
+    # The comparison takes a time that grows with the square of the lengths.
+    wanted = name if isinstance(name, str) else shown(name)
+    close = difflib.get_close_matches(wanted[:200], names, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    return f"choose from {', '.join(names)}" if names else "there are none"
+
+
+def shown(item: Any, most: int = 200) -> str:
+    """Return the text of any object for a message: no longer than `most` characters.
+
+    Lists in lists without end, and whole numbers of thousands of digits, have no text of their own.
+    """
+    try:
+        text = repr(item)
+    except (RecursionError, ValueError):
+        return f"a {type(item).__name__} without a text of its own"
+    return text if len(text) <= most else f"{text[:most]}…"
+
+
+class hint(str):
+    """An annotation as text, which a signature shows as it is written, without quotes."""
+
+    def __repr__(self) -> str:
+        """Return the text."""
+        return str(self)
+
+
+def wrong_arguments(
+    label: str,
+    names: Sequence[str],
+    required: Sequence[str],
+    unnamed: int,
+    positional: int,
+    kwargs: Mapping[str, Any],
+    instead: Mapping[str, Sequence[str]] | None = None,
+) -> list[str]:
+    """Return what is wrong with a call: `unnamed` arguments of at most `positional`, and `kwargs`.
+
+    `names` are all arguments, `required` those without a default. `instead` names an argument that
+    makes others unnecessary.
+    """
+    problems = []
+    if unnamed > positional:
+        problems.append(
+            f"{label}: takes keyword arguments only ({unnamed - positional} positional given too "
+            f"many); write them as keywords: {', '.join(names)}"
+        )
+    for key in kwargs:
+        if key not in names:
+            problems.append(f"{label}: unknown argument '{key}'; {nearest(key, names)}")
+        elif key in names[: min(unnamed, positional)]:
+            problems.append(f"{label}: argument '{key}' is given twice; expected it once")
+    if unnamed <= positional:
+        missing = [k for k in required if k not in kwargs and k not in names[:unnamed]]
+        for other, names_of in (instead or {}).items():
+            if kwargs.get(other) is None:
+                missing += [key for key in names_of if kwargs.get(key) is None]
+        problems += [f"{label}: argument '{key}' is missing; it has no default" for key in missing]
+    return problems
+
+
+def keywords_only(
+    label: str,
+    positional: int = 0,
+    instead: Mapping[str, Sequence[str]] | None = None,
+    *,
+    method: bool = True,
+    renamed: Mapping[str, str] | None = None,
+) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Make a method report unnamed, unknown and missing arguments as one `ArgumentError`.
+
+    Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
+    after self may come without a name. `instead` names an argument that makes others unnecessary.
+    A function that is no `method` has no self. `renamed` has arguments by their names of version
+    0.1, which warn until 0.3.
+    """
+    own = int(method)
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        function.__annotations__ = {k: hint(v) for k, v in function.__annotations__.items()}
+
+        @functools.cache  # at the first call: to look at all signatures would slow the import down
+        def parameters() -> tuple[list[str], list[str], bool]:
+            found = list(inspect.signature(function).parameters.values())[own:]
+            named = [p for p in found if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
+            required = [p.name for p in named if p.default is p.empty]
+            return [p.name for p in named], required, any(p.kind is p.VAR_KEYWORD for p in found)
+
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+            for old in [key for key in renamed or {} if key in kwargs]:
+                new = (renamed or {})[old]
+                warnings.warn(
+                    f"{label}: '{old}' is '{new}' since libmpm 0.2; the old name goes in 0.3",
+                    DeprecationWarning,
+                    stacklevel=2,
+                )
+                kwargs[new] = kwargs.pop(old)
+            names, required, others = parameters()
+            known = {k: v for k, v in kwargs.items() if k in names} if others else kwargs
+            problems = wrong_arguments(
+                label, names, required, len(args) - own, positional, known, instead
+            )
+            if problems:
+                raise ArgumentError(problems)
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate
