@@ -21,6 +21,7 @@ from libmpm._src.advice.cases.loads import CASES as _LOADS
 from libmpm._src.advice.cases.locking import CASES as _LOCKING
 from libmpm._src.advice.cases.solids import CASES as _SOLIDS
 from libmpm._src.advice.cases.waves import CASES as _WAVES
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import nearest
 from libmpm._src.errors import SceneError
 
@@ -35,6 +36,7 @@ def names() -> list[str]:
     return list(_CASES)
 
 
+@keywords_only("cases.case", 1, method=False)
 def case(name: str) -> Case:
     """Return a case. Raises `SceneError` naming the nearest one."""
     if name not in _CASES:

@@ -19,6 +19,7 @@ facility by its name on the command line, `libmpm flume lwf --level laptop -o ou
 
 from __future__ import annotations
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes import records
@@ -63,6 +64,7 @@ def names() -> list[str]:
     return list(_ALL)
 
 
+@keywords_only("flumes.named", 1, method=False)
 def named(name: str) -> type[Facility]:
     """Return the class of a facility by its short name; raises `SceneError` with the nearest."""
     if name not in _ALL:

@@ -1,11 +1,13 @@
 """A misspelt, missing or unnamed argument is one kind of error wherever a user types it."""
 
 import functools
+import inspect
 
 import pytest
 
 import libmpm
 from libmpm import boundaries, debris, grids, materials, methods, sensors, shapes
+from libmpm._src.base.values import Value
 from libmpm._src.errors import ArgumentError
 
 GIVEN = {
@@ -86,3 +88,57 @@ def test_a_renamed_argument_works_and_warns():
     with pytest.warns(DeprecationWarning, match="draw: 'color' is 'colour' since libmpm 0.2"):
         assert draw(1, color="red") == (1, "red")
     assert draw(1, colour="red") == (1, "red")
+
+
+MODULES = (
+    boundaries, debris, grids, materials, methods, sensors, shapes, libmpm.advice,
+    libmpm.analysis, libmpm.demand, libmpm.design, libmpm.studies, libmpm,
+)  # fmt: skip
+
+
+def _callables():
+    """Functions, values and their class methods that a user calls by name, with their labels."""
+    for module in MODULES:
+        for name in module.__all__:
+            thing = getattr(module, name)
+            if name in LEFT_OUT or inspect.ismodule(thing) or not callable(thing):
+                continue
+            label, kind = f"{module.__name__}.{name}", inspect.isclass(thing)
+            if not kind or (issubclass(thing, Value) and not inspect.isabstract(thing)):
+                yield label, thing
+            for key, inner in vars(thing).items() if kind else ():
+                if isinstance(inner, classmethod) and key[0] != "_" and key != "from_dict":
+                    yield f"{label}.{key}", getattr(thing, key)
+
+
+#: What takes no arguments of a user's, or hands them to another function that does the check.
+LEFT_OUT = {"attribute_names", "build_info", "formula_table", "formulas", "save_metadata"}
+#: Bases of values, which nobody makes.
+BASES = ("Angles", "Flow", "Material", "Response", "Sampling", "Sensor", "Shape", "Solid")
+
+
+def test_every_public_function_and_value_refuses_a_misspelt_keyword_alike():
+    wrong, seen = [], 0
+    for label, function in _callables():
+        if label.split(".")[-1] in BASES:
+            continue
+        seen += 1
+        try:
+            function(nonsense=1)
+        except ArgumentError as error:
+            if "unknown argument 'nonsense'; " not in str(error):
+                wrong.append(f"{label}: {error}")
+        except Exception as error:
+            wrong.append(f"{label}: {type(error).__name__}: {error}")
+        else:
+            wrong.append(f"{label}: accepted")
+    assert seen > 150 and not wrong, "\n".join(wrong)
+
+
+def test_warnings_point_at_the_line_that_called(scene):
+    flat = shapes.Box(lower=(0.6, 0), upper=(1, 0.1))
+    scene.add_body(name="film", shape=flat, material=materials.TaitFluid())
+    for call in (scene.validate, lambda: libmpm.Simulation(scene, device="cpu")):
+        with pytest.warns(libmpm.ModelWarning, match="body 'film': 0.1 m thick") as seen:
+            call()
+        assert {warning.filename for warning in seen} == {__file__}

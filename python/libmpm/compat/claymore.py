@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import Checker
 from libmpm._src.compat.claymore.build import Imported, import_scene
 
 __all__ = ["Imported", "load"]
 
 
+@keywords_only("compat.claymore.load", 1, method=False)
 def load(
     path: str | Path,
     *,

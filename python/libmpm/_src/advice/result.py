@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from libmpm._src.advice.atlas import Row
 from libmpm._src.advice.rules import Match
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.tables import html_table, html_warnings, text_table
 from libmpm._src.base.values import plain
 from libmpm._src.boundaries.responses import DecayLayer
@@ -102,6 +103,7 @@ class Advice:
     source: str
     refine: int = field(default=1)
 
+    @keywords_only("advice.Advice.apply")
     def apply(self, *, cell_size: bool = False, bulk_modulus: bool = False) -> Scene:
         """Return a copy of the scene with the method, F-bar, particles and boundaries proposed.
 

@@ -106,11 +106,11 @@ def keywords_only(
         function.__annotations__ = {k: hint(v) for k, v in function.__annotations__.items()}
 
         @functools.cache  # at the first call: to look at all signatures would slow the import down
-        def parameters() -> tuple[list[str], list[str], bool]:
+        def parameters() -> tuple[list[str], list[str], set[Any]]:
             found = list(inspect.signature(function).parameters.values())[own:]
             named = [p for p in found if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
             required = [p.name for p in named if p.default is p.empty]
-            return [p.name for p in named], required, any(p.kind is p.VAR_KEYWORD for p in found)
+            return [p.name for p in named], required, {p.kind for p in found}
 
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -122,11 +122,13 @@ def keywords_only(
                     stacklevel=2,
                 )
                 kwargs[new] = kwargs.pop(old)
-            names, required, others = parameters()
-            known = {k: v for k, v in kwargs.items() if k in names} if others else kwargs
-            problems = wrong_arguments(
-                label, names, required, len(args) - own, positional, known, instead
-            )
+            names, required, kinds = parameters()
+            known, unnamed = kwargs, len(args) - own
+            if inspect.Parameter.VAR_KEYWORD in kinds:  # it checks the others itself
+                known = {k: v for k, v in kwargs.items() if k in names}  # type: ignore[assignment]
+            if inspect.Parameter.VAR_POSITIONAL in kinds:
+                unnamed = min(unnamed, positional)
+            problems = wrong_arguments(label, names, required, unnamed, positional, known, instead)
             if problems:
                 raise ArgumentError(problems)
             return function(*args, **kwargs)

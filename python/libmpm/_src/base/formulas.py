@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.declarations import OWNER, given
 from libmpm._src.base.values import Checker, Value, nearest, sequence, shown, value
 from libmpm._src.errors import SceneError
@@ -95,6 +96,7 @@ class Field(Value):
         """Return the number of components."""
         return len(self.components)
 
+    @keywords_only("Field.at", 2)
     def at(self, position: npt.ArrayLike, what: str = "Field") -> Floats:
         """Return the field at points (n, d) in m of the scene, float64 (n, k).
 
@@ -131,6 +133,7 @@ class Field(Value):
                 raise SceneError(f"{label} is nested too deep to be evaluated") from error
         return out
 
+    @keywords_only("Field.gradient", 3)
     def gradient(self, position: npt.ArrayLike, spacing: float, what: str = "Field") -> Floats:
         """Return how the field changes over a cell: float64 (n, k, d), [:, c, a] = ∂v_c/∂x_a.
 

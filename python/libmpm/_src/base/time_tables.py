@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.arrays import real_array
 from libmpm._src.base.declarations import OWNER, given
 from libmpm._src.base.values import Checker, Value, shown, value
@@ -74,6 +75,7 @@ class TimeTable(Value):
         }
 
     @classmethod
+    @keywords_only("TimeTable.sample", 4)
     def sample(
         cls,
         function: Callable[[float], Any],
@@ -121,6 +123,7 @@ class TimeTable(Value):
         """Return time (n,) in seconds and value (n,) or (n, k) as new float64 arrays."""
         return np.array(self.time, dtype=np.float64), np.array(self.value, dtype=np.float64)
 
+    @keywords_only("TimeTable.at", 1)
     def at(self, time: float) -> npt.NDArray[np.float64]:
         """Return the value at `time` seconds, shape () or (k,)."""
         times, values = self.arrays()

@@ -12,10 +12,13 @@ import inspect
 import math
 import numbers
 import operator
+import os
+import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform, overload
 
 from libmpm._src.base.arguments import hint, wrong_arguments
@@ -416,6 +419,9 @@ def _from_plain(item: Any, problems: list[str], name: str = "") -> Any:
     return item
 
 
+#: The folder of the package.
+_PACKAGE = f"{Path(__file__).parents[2]}{os.sep}"
+
 _quiet: ContextVar[bool] = ContextVar("libmpm_quiet", default=False)
 
 
@@ -432,7 +438,10 @@ def warned_already() -> Iterator[None]:
         _quiet.reset(token)
 
 
-def warn(messages: Iterable[str], stacklevel: int = 3) -> None:
-    """Issue each message as a `ModelWarning`."""
+def warn(messages: Iterable[str]) -> None:
+    """Issue each message as a `ModelWarning`, at the line that called the package."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, level = frame.f_back, level + 1
     for message in () if _quiet.get() else messages:
-        warnings.warn(message, ModelWarning, stacklevel=stacklevel + 1)
+        warnings.warn(message, ModelWarning, stacklevel=level)

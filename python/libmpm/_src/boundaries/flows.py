@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, NamedTuple
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, value
@@ -171,6 +172,7 @@ class Bore(NamedTuple):
     speed: float
 
 
+@keywords_only("boundaries.riemann_inlet", 3, method=False)
 def riemann_inlet(reservoir_depth: float, flume_depth: float, gravity: float = 9.81) -> Bore:
     """Return velocity and depth behind the bore of a broken dam, and the speed of the bore.
 

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
@@ -216,6 +217,7 @@ class DecayLayer(Value):
         }
 
 
+@keywords_only("boundaries.decay_thickness", 2, method=False)
 def decay_thickness(cell: Sequence[float], normal: Sequence[float]) -> float:
     """Return the thickness h, m, of one cell's decay layer along a normal, in rectangular cells.
 
@@ -350,7 +352,7 @@ class Rotation(Value):
                 "boundaries.Rotation: angle, in radians, is degrees=TimeTable(...) since version "
                 "0.2, in degrees as every other angle; it goes in 0.3",
                 DeprecationWarning,
-                stacklevel=5,
+                stacklevel=4,
             )
         if self.axis is not None and len(about) == 2:
             check.fail(

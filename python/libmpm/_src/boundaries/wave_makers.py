@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.errors import SceneError
@@ -29,6 +30,7 @@ _COLUMNS: tuple[tuple[str, ...], ...] = (
 Array = npt.NDArray[np.float64]
 
 
+@keywords_only("boundaries.piston_stroke", 4, method=False)
 def piston_stroke(
     amplitude: float,
     rate: float,
@@ -77,6 +79,7 @@ def piston_stroke(
     return TimeTable.sample(place, dt, until)
 
 
+@keywords_only("boundaries.stroke_from_file", 1, method=False)
 def stroke_from_file(
     path: str | Path,
     *,

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.flumes.criteria import Criterion, Signals
@@ -95,6 +96,7 @@ class Comparison:
         """Return the table for a notebook."""
         return html_table([row.texts() for row in self.rows], _HEAD)
 
+    @keywords_only("flumes.Comparison.to_csv", 1)
     def to_csv(self, path: str | Path) -> None:
         """Write all rows; the file appears whole or not at all. Raises `OutputError`."""
         with (
@@ -123,6 +125,7 @@ class Comparison:
         return curves(self)
 
 
+@keywords_only("flumes.blank", 1, method=False)
 def blank(facility: Facility) -> Comparison:
     """Return the table of a facility without a run."""
     rows = tuple(_row(one, None, "not run") for one in facility.criteria())

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.flumes.facility import Instrument
 from libmpm._src.flumes.records import Curve
 
@@ -51,6 +52,7 @@ class Signals:
         """Return the laboratory's time of the last sample, s."""
         return float(self._sensors[name].time[-1]) + self._clock
 
+    @keywords_only("flumes.Signals.column", 2)
     def column(self, name: str, component: str) -> tuple[Array, Array]:
         """Return times of the laboratory, s, and a column as it is."""
         series = self._sensors[name]
@@ -76,6 +78,7 @@ class Signals:
             return time, np.nan_to_num(found) * one.scale
         return time, np.where(np.isfinite(found), np.maximum(found - one.z, 0.0), 0.0)
 
+    @keywords_only("flumes.Signals.load", 1)
     def load(self, name: str) -> tuple[Array, Array]:
         """Return the force along the flow on the whole structure, N."""
         time, found = self.column(name, "force_x")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, nearest, shown
 from libmpm._src.boundaries.responses import Separable, Slip
@@ -213,6 +214,7 @@ class Facility(Value):
         settings = RunSettings(until=end, checkpoint_interval=max(end / 10, 0.1), debris=debris)
         return RunFile(self.scene(), settings)
 
+    @keywords_only("flumes.Facility.compare", 1)
     def compare(self, run: Any) -> Comparison:
         """Compare a run with what was measured: a table with verdicts, and a figure.
 

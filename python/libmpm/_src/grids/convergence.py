@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.values import Checker
 from libmpm._src.grids.functions import Field, Functions
@@ -78,6 +79,7 @@ class Convergence:
         return html_table(rows, head)
 
 
+@keywords_only("grids.convergence", 3, method=False)
 def convergence(
     field: Field,
     grids: Sequence[Grid] | Callable[[int], Grid],

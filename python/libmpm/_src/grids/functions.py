@@ -133,6 +133,7 @@ class Functions:
         """Return the cells (n,) of positions (n, 2) in m, -1 for those outside."""
         return self._basis.locate(places(self.label, position) - self._lower)
 
+    @keywords_only("grids.Functions.evaluate", 1)
     def evaluate(self, position: npt.ArrayLike) -> Evaluation:
         """Return the functions that live at positions (n, 2) in m; see `Evaluation`.
 
@@ -217,6 +218,7 @@ class Functions:
         """Draw the vertices' control triangles; raises `SceneError` if not Powell-Sabin."""
         return plots.plot_control_triangles(self, ax, **style)
 
+    @keywords_only("grids.Functions.plot_particles", 3)
     def plot_particles(
         self, position: npt.ArrayLike, values: npt.ArrayLike | None = None, ax: Axes | None = None
     ) -> Axes:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, shown
@@ -70,10 +71,12 @@ class Projection:
         """Coefficients c, (count,) or (count, k), in the unit of the field; read-only."""
         return self._coefficients
 
+    @keywords_only("grids.Projection.at", 1)
     def at(self, position: npt.ArrayLike) -> Floats:
         """Return the field (n,) or (n, k) at positions (n, 2) in m, all inside the grid."""
         return self._values(self._functions.evaluate(position))
 
+    @keywords_only("grids.Projection.gradient", 1)
     def gradient(self, position: npt.ArrayLike) -> Floats:
         """Return the slopes (n, 2) or (n, k, 2), unit of the field per m, at positions (n, 2)."""
         here = self._functions.evaluate(position)
@@ -88,6 +91,7 @@ class Projection:
         """Return the coefficients (n, k, columns) of functions, any for those that fill up."""
         return self._coefficients.reshape(len(self._coefficients), -1)[here.function]
 
+    @keywords_only("grids.Projection.error", 1)
     def error(self, field: Field | None = None) -> float:
         """Return (∫ |Σ c_i φ_i - f|²)^½, unit of the field times m.
 
@@ -96,6 +100,7 @@ class Projection:
         """
         return self._norms(field)[0]
 
+    @keywords_only("grids.Projection.relative_error", 1)
     def relative_error(self, field: Field | None = None) -> float:
         """Return `error` as a part of (∫ |f|²)^½; infinite for f = 0."""
         difference, whole = self._norms(field)

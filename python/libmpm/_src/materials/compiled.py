@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.log import LOG
 from libmpm._src.base.values import shown, value
 from libmpm._src.errors import Error, SceneError
@@ -67,6 +68,7 @@ class _Loaded:
 _LOADED: dict[str, _Loaded] = {}
 
 
+@keywords_only("materials.from_header", 1, method=False)
 def from_header(
     header: str | Path, *, compiler: str | None = None, cache: str | Path | None = None
 ) -> type[Material]:

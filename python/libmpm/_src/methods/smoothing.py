@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, shown, value
 from libmpm._src.errors import NumericalError
@@ -171,6 +172,7 @@ class Smoothed:
     index: npt.NDArray[np.float64]
 
 
+@keywords_only("methods.smooth", 4, method=False)
 def smooth(
     q: npt.ArrayLike,
     mass: npt.ArrayLike,

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import nearest
 from libmpm._src.errors import ModelWarning, SceneError
 from libmpm._src.output import frames, sensor_file
@@ -306,6 +307,7 @@ def _ordered(found: Mapping[str, object], order: Sequence[str]) -> list[str]:
     return [n for n in order if n in found] + sorted(set(found) - set(order))
 
 
+@keywords_only("load", 1, method=False)
 def load(path: str | Path) -> Results:
     """Open the folder of a run: ``libmpm.load("out").sensors["load"].values``.
 

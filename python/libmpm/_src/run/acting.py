@@ -305,6 +305,7 @@ class Acting:
         with self._turns:
             self._actions.assign(body, velocity, velocity_change, pressure, stored, ids)
 
+    @keywords_only("Simulation.stored", 1)
     def stored(self, body: str) -> dict[str, NDArray[np.float64]]:
         """Return what the material of a body stores: name -> (n, components), in order of ids."""
         with self._turns:

@@ -87,7 +87,7 @@ class Loop:
         if shared.rank == 0:
             left, plan = until - run.time, self._assembly.plan
             seconds = plan.particles * left / run.dt / plan.rate
-            warn(many_steps(left, run.dt, plan.limited_by, seconds), stacklevel=4)
+            warn(many_steps(left, run.dt, plan.limited_by, seconds))
             for text in plan.warnings:
                 LOG.log(TIP, "%s: %s", title, text)
             LOG.info(

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.tables import html_table, html_warnings, text_table
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.boundaries.flow_layers import flow_rows
@@ -173,6 +174,7 @@ class Plan:
         """Number of particles in all bodies."""
         return sum(int(b["particles"]) for b in self._result["bodies"])
 
+    @keywords_only("Plan.body", 1)
     def body(self, name: str) -> dict[str, Any]:
         """Return the entry of a body.
 

@@ -23,6 +23,7 @@ __all__ = ["Shown"]
 class Shown:
     """Pictures, tables and arrays of whatever is `Running`, by what anyone may see of it."""
 
+    @keywords_only("Simulation.device_arrays", 1)
     def device_arrays(self: Running, body: str, *fields: str) -> DeviceArrays:
         """Return the particles of a body as arrays on the device, for use in a ``with`` block.
 
@@ -32,6 +33,7 @@ class Shown:
         """
         return DeviceArrays(self, body, fields)
 
+    @keywords_only("Simulation.gather", 1)
     def gather(self: Running, body: str, *names: str) -> dict[str, NDArray[Any]] | None:
         """Return attributes of all particles of a body on rank 0, in the order of ids.
 

@@ -67,8 +67,7 @@ class Simulation(Shown, Acting):
         None: by `device` alone, whatever has started this process.
     partition
         Where several ranks share the scene: how its blocks are cut, where at the start, and when
-        again, a `Partition`.
-        None has it chosen. The results have the same bits with any.
+        again, a `Partition`. None has it chosen. The results have the same bits with any.
     shared_device
         True where other simulations run on the same CUDA device at the same time: together they
         are faster, one alone is slower. Results differ from those without it by rounding, and are
@@ -378,6 +377,7 @@ class Simulation(Shown, Acting):
         with self._turns:
             yield
 
+    @keywords_only("Simulation.step", 1)
     def step(self, n: int = 1) -> None:
         """Advance `n` steps. Raises `Error` while another thread runs or steps it."""
         if n < 0:
@@ -422,6 +422,7 @@ class Simulation(Shown, Acting):
         """Write the sensor series as CSV into the output folder; return the files."""
         return self._files.export_csv()
 
+    @keywords_only("Simulation.save_checkpoint", 1)
     def save_checkpoint(self, path: str | Path) -> None:
         """Write the whole state to `path` (NumPy archive), atomically.
 
@@ -452,9 +453,9 @@ class Simulation(Shown, Acting):
         elsewhere it agrees to rounding. An `output` folder that holds the same run is first cut to
         the checkpoint's time: samples, frames and checkpoints after it are removed. One that holds
         another run, of this scene or of another, is refused with `OutputError` at the first step,
-        unless it may be overwritten. `functions`
-        are those of `sensors.Custom` sensors, by name. `guard` "same" goes on watching as the run
-        before did. `ranks` "processes" goes on in the processes that a launcher has started.
+        unless it may be overwritten. `functions` are those of `sensors.Custom` sensors, by name.
+        `guard` "same" watches as the parent run did. `ranks` "processes" is for the processes that
+        a launcher has started.
         `partition` "same" cuts as the run before did, where several ranks go on; at the start the
         cuts are made for the state of the checkpoint.
         """
@@ -469,10 +470,7 @@ class Simulation(Shown, Acting):
         return simulation
 
     def recorded_output(self) -> Output | None:
-        """Return the output settings of the run that wrote the checkpoint resumed from.
-
-        Leave to overwrite what a folder holds was given to that run, not to this one.
-        """
+        """Return the output settings of the run that wrote the checkpoint resumed from."""
         return self._files.recorded_output()
 
     def recorded_until(self) -> float | None:

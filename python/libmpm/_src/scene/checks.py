@@ -65,14 +65,14 @@ _SHIFT = 0.01
 _DEEP, _LOOKED_AT = 0.25, 16
 
 
-def validate(scene: SceneData, *, strict: bool = False, stacklevel: int = 3) -> None:
+def validate(scene: SceneData, *, strict: bool = False) -> None:
     """Check a scene; see `Scene.validate`. Raises `SceneError`, warns of doubts."""
     problems, doubts = check_scene(scene)
     if strict:
         problems, doubts = problems + doubts, []
     if problems:
         raise SceneError(problems)
-    warn(doubts, stacklevel=stacklevel)
+    warn(doubts)
 
 
 def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:

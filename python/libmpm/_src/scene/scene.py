@@ -40,7 +40,7 @@ class Scene(SceneData):
         """
         from libmpm._src.scene.checks import validate
 
-        validate(self, strict=strict, stacklevel=5)
+        validate(self, strict=strict)
 
     @keywords_only("Scene.plan")
     def plan(
@@ -197,6 +197,7 @@ class Scene(SceneData):
 
         return SceneReader(cls, data).read()
 
+    @keywords_only("Scene.save", 1)
     def save(self, path: str | Path) -> None:
         """Write the scene to a JSON file; one with a `sensors.Custom` is refused."""
         from libmpm._src.sensors.custom_functions import check_storable
@@ -206,6 +207,7 @@ class Scene(SceneData):
         Path(path).write_text(text + "\n", encoding="utf-8")
 
     @classmethod
+    @keywords_only("Scene.load", 1)
     def load(cls, path: str | Path) -> Scene:
         """Read a scene from a JSON file; raises `SceneError` with all problems.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import Checker, shown, warn
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.oriented_boxes import AXES
@@ -52,6 +53,7 @@ class Afloat:
         return min(self.metacentric_height) > 0
 
 
+@keywords_only("shapes.afloat", method=False)
 def afloat(
     *,
     shape: Solid,

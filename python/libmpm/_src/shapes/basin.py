@@ -5,6 +5,7 @@ from __future__ import annotations
 import numbers
 from collections.abc import Sequence
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.boxes import Box
@@ -15,6 +16,7 @@ from libmpm._src.shapes.solid import Solid
 __all__ = ["basin", "has_bed"]
 
 
+@keywords_only("shapes.basin", method=False)
 def basin(
     *, level: float, bed: Solid | Sequence[Solid], within: Box, axis: str | None = None
 ) -> Solid:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.oriented_boxes import AXES, TurnedBox, rotation
@@ -107,11 +108,13 @@ class Box(Solid):
     def _distance(self, p: Array) -> Array:
         return box_distance(p, self.lower, self.upper)
 
+    @keywords_only("shapes.Box.moved", 1)
     def moved(self, by: Sequence[float]) -> Box:
         """Return the box moved by (d,) m."""
         low, high = _moved("shapes.Box", self.dimension, by, self.lower, self.upper)
         return Box(lower=low, upper=high)
 
+    @keywords_only("shapes.Box.turned", 3)
     def turned(
         self, angle: float, axis: str | None = None, about: Sequence[float] | None = None
     ) -> OrientedBox:
@@ -206,11 +209,13 @@ class OrientedBox(Solid):
         away = [x - c for x, c in zip(p.T, box.centre, strict=True)]
         return from_box([np.abs(dot(away, box.own(a))) - 0.5 * s for a, s in enumerate(self.size)])
 
+    @keywords_only("shapes.OrientedBox.moved", 1)
     def moved(self, by: Sequence[float]) -> OrientedBox:
         """Return the box moved by (d,) m."""
         (centre,) = _moved("shapes.OrientedBox", self.dimension, by, self.centre)
         return dataclasses.replace(self, centre=centre)
 
+    @keywords_only("shapes.OrientedBox.turned", 3)
     def turned(
         self, angle: float, axis: str | None = None, about: Sequence[float] | None = None
     ) -> Solid:

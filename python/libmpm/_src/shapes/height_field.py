@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.arrays import real_array
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, shown, value
@@ -55,6 +56,7 @@ class HeightField(Solid):
     )
 
     @classmethod
+    @keywords_only("shapes.HeightField.from_list", 1)
     def from_list(
         cls, pairs: Sequence[Sequence[float]], *, base: float | None = None
     ) -> HeightField:
@@ -70,6 +72,7 @@ class HeightField(Solid):
         return cls(x=rows[:, 0].tolist(), z=rows[:, 1].tolist(), base=base)
 
     @classmethod
+    @keywords_only("shapes.HeightField.from_esri", 1)
     def from_esri(
         cls,
         path: str | Path,

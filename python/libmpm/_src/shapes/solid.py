@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import Value
 from libmpm._src.errors import SceneError
 
@@ -101,12 +102,14 @@ class Solid(Shape):
             return NotImplemented
         return Difference(whole=self, without=other)
 
+    @keywords_only("shapes.Solid.moved", 1)
     def moved(self, by: Sequence[float]) -> Solid:
         """Return the solid moved by (d,) m."""
         from libmpm._src.shapes.transformed import Moved
 
         return Moved(shape=self, by=by)
 
+    @keywords_only("shapes.Solid.turned", 3)
     def turned(
         self, angle: float, axis: str | None = None, about: Sequence[float] | None = None
     ) -> Solid:
@@ -119,6 +122,7 @@ class Solid(Shape):
 
         return Turned(shape=self, angle=angle, axis=axis, about=about)
 
+    @keywords_only("shapes.Solid.repeated", 2)
     def repeated(self, counts: Sequence[int], spacing: Sequence[float]) -> Solid:
         """Return `counts` (d,) copies on each axis, `spacing` (d,) m apart; the first is here."""
         from libmpm._src.shapes.transformed import Repeated

@@ -192,6 +192,7 @@ class TradeOff:
         """Return a pandas DataFrame; needs pandas: ``pip install libmpm[studies]``."""
         return self._table.to_pandas()
 
+    @keywords_only("advice.TradeOff.to_csv", 1)
     def to_csv(self, path: str | Path) -> None:
         """Write the table as CSV, atomically; numbers keep all their digits.
 
@@ -199,6 +200,7 @@ class TradeOff:
         """
         self._table.save_csv(path)
 
+    @keywords_only("advice.TradeOff.save", 1)
     def save(self, path: str | Path) -> None:
         """Write everything to a JSON file, or to ``tradeoff.json`` in a folder that exists.
 
@@ -217,6 +219,7 @@ class TradeOff:
         write_json(target / FILE if target.is_dir() else target, content)
 
     @classmethod
+    @keywords_only("advice.TradeOff.load", 1)
     def load(cls, path: str | Path) -> TradeOff:
         """Read what `save` wrote: a file, or the folder of a `tradeoff`.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.text import marked
@@ -163,12 +164,14 @@ class Regression:
         """The fit as statsmodels has it, for everything else."""
         return self._fit
 
+    @keywords_only("analysis.Regression.confidence", 1)
     def confidence(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
         """Return the ends of the confidence interval of each coefficient; 0 < level < 1."""
         ends = self._fit.conf_int(1 - _level(f"{self.label}.confidence", level))
         rows = np.asarray(ends).tolist()
         return {name: (row[0], row[1]) for name, row in zip(self._terms, rows, strict=True)}
 
+    @keywords_only("analysis.Regression.predict", 2)
     def predict(self, rows: Table, level: float = 0.95) -> Prediction:
         """Return what is expected for rows with the model's columns; see `Prediction`.
 
@@ -183,6 +186,7 @@ class Regression:
         mean, single = (found.conf_int(obs=obs, alpha=1 - level).T for obs in (False, True))
         return Prediction(np.asarray(found.predicted), *mean, *single)
 
+    @keywords_only("analysis.Regression.residual_tests", 1)
     def residual_tests(
         self, variables: Sequence[str] | None = None, *, threshold: float = 0.05
     ) -> ResidualTests:
@@ -278,6 +282,7 @@ class Regression:
         return ax
 
 
+@keywords_only("analysis.regression", 3, method=False)
 def regression(
     table: Table,
     response: str = "f_max",

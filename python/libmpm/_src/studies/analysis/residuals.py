@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.text import marked
@@ -84,6 +85,7 @@ class WhiteTest:
         return self.lm_p < self.threshold
 
     @classmethod
+    @keywords_only("analysis.WhiteTest.from_statistic", 2)
     def from_statistic(cls, lm: float, observations: int, *, threshold: float = 0.05) -> WhiteTest:
         """Return the test that has this LM, 0 ≤ LM < n, over n > 3 residuals.
 
@@ -100,6 +102,7 @@ class WhiteTest:
         return cls(lm, p[0], f, p[1], n, threshold)
 
 
+@keywords_only("analysis.white_test", 2, method=False)
 def white_test(
     residuals: npt.ArrayLike, variable: npt.ArrayLike, *, threshold: float = 0.05
 ) -> WhiteTest:

@@ -98,6 +98,7 @@ class Signal(Record):
 
     # Other signals ----------------------------------------------------------------------------
 
+    @keywords_only("analysis.Signal.window", 2)
     def window(self, start: float | None = None, end: float | None = None) -> Signal:
         """Return the part between two times in the record, s; raises `SceneError`."""
         first, last = self._between("window", start, end)
@@ -109,6 +110,7 @@ class Signal(Record):
         time = np.unique(np.append(first, time))
         return self._like(time, np.interp(time, self.time, self.value))
 
+    @keywords_only("analysis.Signal.resampled", 1)
     def resampled(self, interval: float | None = None) -> Signal:
         """Return means over equal intervals, of `interval` s or of the median spacing.
 
@@ -137,6 +139,7 @@ class Signal(Record):
         check.finish()
         return self.end - self.start
 
+    @keywords_only("analysis.Signal.low_pass", 1)
     def low_pass(self, cutoff: float, *, order: int = 4) -> Signal:
         """Return the signal without what is faster than `cutoff`, Hz, as equal means.
 
@@ -182,6 +185,7 @@ class Signal(Record):
             stated = {"filtered_at": cutoff, "filter_order": order}
         return even._like(even.time, value, **stated)
 
+    @keywords_only("analysis.Signal.moving_mean", 1)
     def moving_mean(self, count: int, *, trim: int = 0) -> Signal:
         """Return means of `count` ≥ 1 samples in a row, the `trim` largest and smallest left out.
 
@@ -213,6 +217,7 @@ class Signal(Record):
             name=self.name,
         )  # fmt: skip
 
+    @keywords_only("analysis.Signal.l2_error", 3)
     def l2_error(
         self, exact: float | Signal, start: float | None = None, end: float | None = None
     ) -> float:
@@ -246,6 +251,7 @@ class Signal(Record):
             away = own._like(time, value)
         return math.sqrt(float(away._sums(2)[-1]) / (last - first))
 
+    @keywords_only("analysis.Signal.normalised", 1)
     def normalised(self, by: float) -> Signal:
         """Return the signal divided by `by` > 0 in its unit, for instance one debris' load."""
         check = Checker(f"{self.label}.normalised")
@@ -257,6 +263,7 @@ class Signal(Record):
         """Return I(t) = ∫ f dt from the beginning, in the unit times s."""
         return self._cumulative(self._sums(1), f"{self.unit}·s")
 
+    @keywords_only("analysis.Signal.cumulative_arias", 1)
     def cumulative_arias(self, reference_mass: float, *, gravity: float = 9.81) -> Signal:
         """Return I_A(t) from the beginning, in m/s; see `arias_intensity`."""
         check = Checker(f"{self.label}.arias_intensity")
@@ -271,6 +278,7 @@ class Signal(Record):
 
     # Numbers ----------------------------------------------------------------------------------
 
+    @keywords_only("analysis.Signal.peaks")
     def peaks(self, *, threshold: float = _HEIGHT, prominence: float = _PROMINENCE) -> list[Peak]:
         """Return the local maxima (time in s, value) in the order of time.
 
@@ -299,6 +307,7 @@ class Signal(Record):
         height, stand = threshold * largest, prominence * largest
         return local_maxima(label, self._middle, self._width, self.value, height, stand)
 
+    @keywords_only("analysis.Signal.first_peak")
     def first_peak(self, *, threshold: float = _HEIGHT, prominence: float = _PROMINENCE) -> Peak:
         """Return the first of `peaks`, the first impact; (nan, 0) without positive values."""
         found = self.peaks(threshold=threshold, prominence=prominence)
@@ -309,6 +318,7 @@ class Signal(Record):
         found = self.peaks(threshold=0.0, prominence=0.0)
         return max(found, key=lambda peak: peak.value) if found else Peak(math.nan, 0.0)
 
+    @keywords_only("analysis.Signal.arrival")
     def arrival(self, *, share: float = _ARRIVAL, level: float | None = None) -> float:
         """Return when the signal first reaches `level`, by default `share` of its largest peak.
 
@@ -330,16 +340,19 @@ class Signal(Record):
         k = int(np.argmax(reached))
         return float(self._middle[0]) if k == 0 else crossing(self._middle, self.value, k, level)
 
+    @keywords_only("analysis.Signal.impulse", 2)
     def impulse(self, start: float | None = None, end: float | None = None) -> float:
         """Return ∫ f dt between two times, s, by default over the record; unit times s."""
         ends = np.array(self._between("impulse", start, end))
         return float(np.diff(self._integral(ends))[0])
 
+    @keywords_only("analysis.Signal.plateau", 2)
     def plateau(self, start: float, end: float) -> float:
         """Return the mean between two times in the record, s: a sustained load."""
         first, last = self._between("plateau", start, end)
         return self.impulse(first, last) / (last - first)
 
+    @keywords_only("analysis.Signal.arias_intensity", 1)
     def arias_intensity(self, reference_mass: float, *, gravity: float = 9.81) -> float:
         """Return I_A = π/(2g) ∫ a² dt in m/s with a = f / m.
 
@@ -349,6 +362,7 @@ class Signal(Record):
         """
         return float(self.cumulative_arias(reference_mass, gravity=gravity).value[-1])
 
+    @keywords_only("analysis.Signal.significant_interval")
     def significant_interval(self, *, low: float = 0.10, high: float = 0.90) -> tuple[float, float]:
         """Return the times, s, at which ∫ f² dt reaches two shares of its last value.
 
@@ -369,6 +383,7 @@ class Signal(Record):
         )
         return first, last
 
+    @keywords_only("analysis.Signal.significant_duration")
     def significant_duration(self, *, low: float = 0.10, high: float = 0.90) -> float:
         """Return the time, s, in which ∫ f² dt grows from `low` to `high` of its last value.
 
@@ -391,6 +406,7 @@ class Signal(Record):
         return ax
 
 
+@keywords_only("analysis.responses", 1, method=False)
 def responses(
     source: Signal | Series,
     *,

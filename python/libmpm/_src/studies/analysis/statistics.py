@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.text import marked
@@ -97,6 +98,7 @@ class BoxPlot:
         return ax
 
 
+@keywords_only("analysis.box_plot", 1, method=False)
 def box_plot(values: npt.ArrayLike, *, reach: float = 1.5) -> BoxPlot:
     """Return the numbers of a box plot of values (n,), n ≥ 1, in any unit.
 
@@ -180,6 +182,7 @@ class Correlation:
         return ax
 
 
+@keywords_only("analysis.correlation", 2, method=False)
 def correlation(
     table: Table,
     names: Sequence[str],
@@ -285,6 +288,7 @@ class Parity:
         return ax
 
 
+@keywords_only("analysis.parity", 2, method=False)
 def parity(measured: npt.ArrayLike, simulated: npt.ArrayLike) -> Parity:
     """Return the straight line through simulated over measured values, (n,) each, n ≥ 3.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, value
 from libmpm._src.errors import SceneError
@@ -214,6 +215,7 @@ class DebrisField(Value):
             found[key] = column
         return found
 
+    @keywords_only("debris.DebrisField.moved", 1)
     def moved(self, by: Sequence[float]) -> DebrisField:
         """Return the field moved by (dx, dy) m, to 1e-9."""
         check = Checker(f"{self.label}.moved")
@@ -223,6 +225,7 @@ class DebrisField(Value):
         corner = rounded(np.array(self.corner) + way).tolist()
         return self._placed(place, 0.0, corner=corner)
 
+    @keywords_only("debris.DebrisField.turned", 1)
     def turned(self, angle: float) -> DebrisField:
         """Return the field turned by degrees, counterclockwise, about the middle of its footprint.
 
@@ -250,6 +253,7 @@ class DebrisField(Value):
 
     # Measures ------------------------------------------------------------------------------
 
+    @keywords_only("debris.DebrisField.obliquity", 1)
     def obliquity(self, flow: float = 0.0) -> npt.NDArray[np.float64]:
         """Return the angles between long edges and the flow, folded to [0, 90], (n,) degrees.
 
@@ -257,6 +261,7 @@ class DebrisField(Value):
         """
         return obliquity([p.angle - flow for p in self.pieces])
 
+    @keywords_only("debris.DebrisField.share_below", 1)
     def share_below(self, theta: float, *, flow: float = 0.0) -> float:
         """Return the share of pieces with an obliquity < theta degrees; θ15 is that of 15.
 
@@ -264,6 +269,7 @@ class DebrisField(Value):
         """
         return float(np.mean(self._some_angles("share_below", theta, flow) < theta))
 
+    @keywords_only("debris.DebrisField.share_above", 1)
     def share_above(self, theta: float, *, flow: float = 0.0) -> float:
         """Return the share D_θ of pieces with an obliquity ≥ theta degrees.
 
@@ -280,6 +286,7 @@ class DebrisField(Value):
         check.finish()
         return self.obliquity(flow)
 
+    @keywords_only("debris.DebrisField.metadata")
     def metadata(
         self,
         *,
@@ -312,6 +319,7 @@ class DebrisField(Value):
 
         return metadata(self, width=width, flow=flow, footprint=footprint, thetas=thetas)
 
+    @keywords_only("debris.DebrisField.angle_data")
     def angle_data(self, *, bins: int = 6, flow: float = 0.0) -> dict[str, Any]:
         """Return the numbers behind rose, histogram and cumulative curve, for JSON.
 
@@ -324,6 +332,7 @@ class DebrisField(Value):
 
     # Use -----------------------------------------------------------------------------------
 
+    @keywords_only("debris.DebrisField.add_to", 1)
     def add_to(
         self,
         scene: Scene,
@@ -361,6 +370,7 @@ class DebrisField(Value):
             fbar=fbar,
         )
 
+    @keywords_only("debris.DebrisField.mesh")
     def mesh(self, *, edge: float | None = None, elevation: float = 0.0) -> Tetrahedra:
         """Return the pieces as tetrahedra, for finite elements.
 
@@ -371,6 +381,7 @@ class DebrisField(Value):
 
         return mesh(self, edge=edge, elevation=elevation)
 
+    @keywords_only("debris.DebrisField.save_mesh", 1)
     def save_mesh(
         self, path: str | Path, *, edge: float | None = None, elevation: float = 0.0
     ) -> None:
@@ -384,6 +395,7 @@ class DebrisField(Value):
 
     # Files ---------------------------------------------------------------------------------
 
+    @keywords_only("debris.DebrisField.save", 1)
     def save(self, path: str | Path) -> None:
         """Write the field to a JSON file, with its `metadata` to be read by others.
 
@@ -393,6 +405,7 @@ class DebrisField(Value):
         write_json(Path(path), self.to_dict() | {"metadata": measured})
 
     @classmethod
+    @keywords_only("debris.DebrisField.load", 1)
     def load(cls, path: str | Path) -> DebrisField:
         """Read a field from a JSON file; raises `SceneError`."""
         try:
@@ -407,11 +420,13 @@ class DebrisField(Value):
         found: DebrisField = cls.from_dict({k: v for k, v in kept.items() if k != "metadata"})
         return found
 
+    @keywords_only("debris.DebrisField.save_table", 1)
     def save_table(self, path: str | Path) -> None:
         """Write `table` to a CSV file with a line of column names; raises `OutputError`."""
         rows = self.table()
         write_csv(Path(path), rows.dtype.names or (), rows.tolist())
 
+    @keywords_only("debris.DebrisField.report", 1)
     def report(
         self,
         folder: str | Path,
@@ -444,30 +459,35 @@ class DebrisField(Value):
 
     # Pictures ------------------------------------------------------------------------------
 
+    @keywords_only("debris.DebrisField.draw", 1)
     def draw(self, ax: Any = None) -> Any:
         """Draw the plan to scale, with footprint and flow, and return the axes."""
         from libmpm._src.studies.debris.draw import draw
 
         return draw(self, ax)
 
+    @keywords_only("debris.DebrisField.rose", 1)
     def rose(self, ax: Any = None, *, bins: int = 6, flow: float = 0.0) -> Any:
         """Draw shares of obliquities as a rose on polar axes, and return them."""
         from libmpm._src.studies.debris.draw import rose
 
         return rose(self, ax, bins=bins, flow=flow)
 
+    @keywords_only("debris.DebrisField.histogram", 1)
     def histogram(self, ax: Any = None, *, bins: int = 6, flow: float = 0.0) -> Any:
         """Draw numbers of pieces against obliquity, and return the axes."""
         from libmpm._src.studies.debris.draw import histogram
 
         return histogram(self, ax, bins=bins, flow=flow)
 
+    @keywords_only("debris.DebrisField.cumulative", 1)
     def cumulative(self, ax: Any = None, *, flow: float = 0.0) -> Any:
         """Draw the share of pieces up to an obliquity, with D10, D30, D60; return the axes."""
         from libmpm._src.studies.debris.draw import cumulative
 
         return cumulative(self, ax, flow=flow)
 
+    @keywords_only("debris.DebrisField.figure")
     def figure(self, *, bins: int = 6, flow: float = 0.0) -> Figure:
         """Return a matplotlib figure of plan, rose, histogram and cumulative curve."""
         from libmpm._src.studies.debris.draw import figure

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.errors import SceneError
@@ -82,6 +83,7 @@ def span(
 class Angles(Value):
     """Base of the laws of angles."""
 
+    @keywords_only("debris.Angles.draw", 1)
     def draw(self, stream: Stream) -> tuple[float, float]:
         """Return the interval, degrees, in which the pieces of one field are uniform."""
         raise NotImplementedError
@@ -105,6 +107,7 @@ class UniformAngles(Angles):
         low, high = span(check, "(low, high)", (self.low, self.high), unit="degrees")
         return {"low": low, "high": high}
 
+    @keywords_only("debris.UniformAngles.draw", 1)
     def draw(self, stream: Stream) -> tuple[float, float]:
         """Return the interval, degrees, in which the pieces of one field are uniform."""
         return self.low, self.high
@@ -139,6 +142,7 @@ class SpreadAngles(Angles):
             "spread": span(check, "spread", self.spread, unit="degrees", lower=0),
         }
 
+    @keywords_only("debris.SpreadAngles.draw", 1)
     def draw(self, stream: Stream) -> tuple[float, float]:
         """Return the interval, degrees, in which the pieces of one field are uniform."""
         assert isinstance(self.mean, tuple) and isinstance(self.spread, tuple)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import Checker, shown
 from libmpm._src.errors import SceneError
@@ -128,6 +129,7 @@ class Exceedance:
         """Upper bound of `rate`, (m,)."""
         return self._rate(2)
 
+    @keywords_only("demand.Exceedance.at", 1)
     def at(self, probability: float | None = None, *, rate: float | None = None) -> LoadAt:
         """Return the load that is exceeded with a probability, or at a rate such as 1/475.
 
@@ -187,6 +189,7 @@ class Exceedance:
         ax.set_yscale("log")
         return ax
 
+    @keywords_only("demand.Exceedance.save_csv", 1)
     def save_csv(self, path: str | Path) -> None:
         """Write load, probability and band, and the rates if there are any, as CSV.
 
@@ -229,6 +232,7 @@ class Exceedance:
         return self._curves[k]
 
 
+@keywords_only("demand.combine", 1, method=False)
 def combine(
     scenarios: Iterable[tuple[float, Exceedance]],
     *,

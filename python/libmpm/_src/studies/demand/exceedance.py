@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import Checker, shown
 from libmpm._src.studies.analysis.regression import Prediction
 from libmpm._src.studies.analysis.tables import Missing, Table, sample
@@ -43,6 +44,7 @@ _LOADS = 200
 _BEYOND = 50
 
 
+@keywords_only("demand.exceedance", 1, method=False)
 def exceedance(
     ordered: float | Callable[[Any], Any],
     *,
@@ -157,6 +159,7 @@ def exceedance(
     return request.curve([partial(loads, *one) for one in sets])
 
 
+@keywords_only("demand.from_study", 2, method=False)
 def from_study(
     table: Table,
     response: str | None = None,

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import Checker, shown
 from libmpm._src.studies.design.arrays import Floats, numbers
@@ -58,6 +59,7 @@ class Discrete(Law):
 
     label: ClassVar[str] = "demand.Discrete"
 
+    @keywords_only("demand.Discrete", 2)
     def __init__(self, value: npt.ArrayLike, probability: npt.ArrayLike | None = None) -> None:
         check = Checker(self.label)
         self.value = numbers(check, "value", value)
@@ -102,6 +104,7 @@ class Histogram(Law):
 
     label: ClassVar[str] = "demand.Histogram"
 
+    @keywords_only("demand.Histogram", 2)
     def __init__(self, weight: npt.ArrayLike, edges: npt.ArrayLike) -> None:
         check = Checker(self.label)
         self.edges = numbers(check, "edges", edges)
@@ -148,6 +151,7 @@ class Density(Law):
 
     label: ClassVar[str] = "demand.Density"
 
+    @keywords_only("demand.Density", 3)
     def __init__(self, function: Callable[[float], float], lower: float, upper: float) -> None:
         check = Checker(self.label)
         if not callable(function):

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import Checker, shown, warn
 from libmpm._src.studies.analysis.regression import Regression, regression
@@ -59,6 +60,7 @@ class Reduction:
 
     label: ClassVar[str] = "demand.Reduction"
 
+    @keywords_only("demand.Reduction", 1)
     def __init__(
         self,
         function: Callable[[Floats], Any],
@@ -103,6 +105,7 @@ class Reduction:
         return found.item() if array.ndim == 0 else np.array(found)
 
     @classmethod
+    @keywords_only("demand.Reduction.three_point", 1)
     def three_point(cls, minimum: float, *, deviation: float = 0.0) -> Reduction:
         """Return R(θ), 1 head-on at 0 and π/2 and `minimum` at π/4, a parabola between.
 
@@ -118,6 +121,7 @@ class Reduction:
         return cls._uncertain(make, "minimum", minimum, deviation)
 
     @classmethod
+    @keywords_only("demand.Reduction.linear", 1)
     def linear(cls, end: float, *, deviation: float = 0.0) -> Reduction:
         """Return R(n) = 1 − (1 − end) n, which falls from 1 at n = 0 to `end` at n = 1.
 
@@ -131,6 +135,7 @@ class Reduction:
         return cls._uncertain(make, "end", end, deviation)
 
     @classmethod
+    @keywords_only("demand.Reduction.through", 2)
     def through(cls, x: npt.ArrayLike, value: npt.ArrayLike) -> Reduction:
         """Return R through points x (n,), increasing, with values (n,) from 0 to 1; n ≥ 2.
 
@@ -230,12 +235,13 @@ class OrderedLoad:
         found = self.estimate(array)
         return found.item() if array.ndim == 0 else found
 
+    @keywords_only("demand.OrderedLoad.estimate", 1)
     def estimate(self, count: Floats) -> Floats:
         """Return C(c) in N like a call, without checks and without a warning."""
         return self._at(count, self.coefficients)
 
     def warn_beyond(self, count: Floats) -> None:
-        """Warn on behalf of the caller's caller if C is extrapolated to any of the counts."""
+        """Warn if C is extrapolated to any of the counts."""
         low, high = self.counts
         beyond = count[(count > 0) & ((count < low) | (count > high))]
         if beyond.size:
@@ -284,6 +290,7 @@ class OrderedLoad:
         )
 
 
+@keywords_only("demand.ordered_load", 2, method=False)
 def ordered_load(
     count: npt.ArrayLike, load: npt.ArrayLike, *, form: Literal["linear", "sqrt"] = "linear"
 ) -> OrderedLoad:
@@ -317,6 +324,7 @@ def ordered_load(
     return OrderedLoad(fit, (float(counts.min()), float(counts.max())))
 
 
+@keywords_only("demand.expected_load", 1, method=False)
 def expected_load(
     ordered: float | Callable[[Any], Any],
     *,
@@ -358,6 +366,7 @@ def expected_load(
     return load * theta * porous
 
 
+@keywords_only("demand.rate_weighted_load", 1, method=False)
 def rate_weighted_load(
     ordered: float | Callable[[Any], Any],
     *,
@@ -412,7 +421,7 @@ def field_law(check: Checker, name: Literal["count", "angle", "porosity"], item:
 
 
 def reduction_of(
-    check: Checker, name: Literal["angle", "porosity"], item: Any, law: Any, stacklevel: int = 3
+    check: Checker, name: Literal["angle", "porosity"], item: Any, law: Any
 ) -> Reduction:
     """Return the reduction that goes with the law of a variable, R = 1 if there is neither.
 
@@ -440,7 +449,7 @@ def reduction_of(
         return none
     if name == "porosity" and (np.diff(item(np.linspace(0, 1, _PLACES))) > _ROUNDING).any():
         text = f"{check.label}: porosity_reduction rises somewhere; the source has it fall with n"
-        warn([text], stacklevel)
+        warn([text])
     found: Reduction = item
     return found
 
@@ -478,6 +487,6 @@ def _averaged(
 ) -> float:
     """Return ∫ R(x) P(x) dx, 1 if there is neither law nor reduction."""
     before = len(check.problems)
-    reduced = reduction_of(check, name, reduction, item, stacklevel=4)
+    reduced = reduction_of(check, name, reduction, item)
     law = field_law(check, name, 0.0 if item is None else item)
     return law.expect(reduced, reduced.breaks) if len(check.problems) == before else math.nan

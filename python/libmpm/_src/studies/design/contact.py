@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import Checker
 from libmpm._src.studies.design.arrays import Floats
@@ -62,6 +63,7 @@ class Impact:
 _MOST_SAMPLES = 10_000_000
 
 
+@keywords_only("design.kelvin_voigt", method=False)
 def kelvin_voigt(
     *, mass: float, stiffness: float, velocity: float, damping: float = 0.0, samples: int = 201
 ) -> Impact:

@@ -13,9 +13,10 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 
+from libmpm._src.base.arguments import wrong_arguments
 from libmpm._src.base.tables import text_table
 from libmpm._src.base.values import Checker, warn
-from libmpm._src.errors import SceneError
+from libmpm._src.errors import ArgumentError, SceneError
 from libmpm._src.studies.design.arrays import Floats, numbers
 
 __all__ = ["Example", "Formula", "Numbers", "Symbol", "formula", "formula_table", "formulas"]
@@ -123,16 +124,16 @@ def formula(
         name = function.__name__
         plain: Callable[..., Any] = function
         signature = inspect.signature(function)
-        assert list(signature.parameters) == list(symbols), name
+        names = list(signature.parameters)
+        required = [k for k, p in signature.parameters.items() if p.default is p.empty]
+        assert names == list(symbols), name
 
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> T:
-            try:
-                given = signature.bind(*args, **kwargs)
-            except TypeError as error:
-                raise SceneError(
-                    f"design.{name}: {error}; expected the keywords {', '.join(symbols)}"
-                ) from error
+            problems = wrong_arguments(f"design.{name}", names, required, len(args), 0, kwargs)
+            if problems:
+                raise ArgumentError(problems)
+            given = signature.bind(*args, **kwargs)
             given.apply_defaults()
             arrays = _checked(name, given.arguments, symbols)
             result = plain(**arrays)

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.errors import SceneError
@@ -15,6 +16,7 @@ __all__ = ["full_factorial", "latin_hypercube", "sobol"]
 Ranges = Mapping[str, Sequence[float]]
 
 
+@keywords_only("studies.latin_hypercube", 3, method=False)
 def latin_hypercube(ranges: Ranges, n: int, seed: int) -> list[dict[str, float]]:
     """Return `n` rows in which each parameter visits each n-th of its range once.
 
@@ -29,6 +31,7 @@ def latin_hypercube(ranges: Ranges, n: int, seed: int) -> list[dict[str, float]]
     return _rows(names, qmc.scale(qmc.LatinHypercube(d=len(names), rng=seed).random(n), low, high))
 
 
+@keywords_only("studies.sobol", 3, method=False)
 def sobol(ranges: Ranges, n: int, seed: int) -> list[dict[str, float]]:
     """Return `n` rows of a scrambled Sobol sequence, more even than random ones.
 
@@ -51,6 +54,7 @@ def sobol(ranges: Ranges, n: int, seed: int) -> list[dict[str, float]]:
     return _rows(names, qmc.scale(points, low, high))
 
 
+@keywords_only("studies.full_factorial", 1, method=False)
 def full_factorial(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
     """Return every combination of the values of each parameter; the last name changes fastest.
 

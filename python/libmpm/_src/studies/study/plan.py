@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import Checker, nearest, plain, shown
 from libmpm._src.errors import CheckpointError, SceneError
 from libmpm._src.run.engine_spec import check_options, choose_precision
@@ -51,6 +52,7 @@ class Trunk:
     is called with its path as ``factory(checkpoint=path, **row)``. Raises `SceneError`.
     """
 
+    @keywords_only("studies.Trunk", 2)
     def __init__(self, factory: Callable[..., Scene], until: Seconds) -> None:
         """See the class."""
         check = Checker("Trunk")

@@ -137,6 +137,7 @@ class Study:
         self.add(rows)
 
     @classmethod
+    @keywords_only("studies.Study.open", 1)
     def open(cls, folder: str | Path) -> Study:
         """Return a study that has run, for `status` and `collect`: all rows its folder knows.
 
@@ -166,6 +167,7 @@ class Study:
         """The rows: name -> value."""
         return copy.deepcopy(self._rows)
 
+    @keywords_only("studies.Study.add", 1)
     def add(self, rows: Any) -> None:
         """Add rows, in any of the forms that the constructor takes; raises `SceneError`."""
         planner = self._changeable("add rows")

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.values import nearest
@@ -152,6 +153,7 @@ class StudyResult:
         pandas = need("pandas", "StudyResult.to_pandas", "studies")
         return pandas.DataFrame({name: self[name] for name in self.columns})
 
+    @keywords_only("studies.StudyResult.save_csv", 1)
     def save_csv(self, path: str | Path) -> None:
         """Write the table as CSV, atomically; numbers keep all their digits.
 
@@ -165,6 +167,7 @@ class StudyResult:
             table.writerow(self.columns)
             table.writerows([_text(row.get(c)) for c in self.columns] for row in self.rows)
 
+    @keywords_only("studies.StudyResult.save_hdf5", 1)
     def save_hdf5(self, path: str | Path) -> None:
         """Write the table as HDF5, atomically: a dataset (n,) a column, versions as attributes.
 
