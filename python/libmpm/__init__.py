@@ -72,7 +72,6 @@ __all__ = [
     "Simulation",
     "Study",
     "TimeTable",
-    "__version__",
     "advice",
     "analysis",
     "animate",
@@ -175,4 +174,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """List the public names, the lazy ones too."""
-    return sorted(__all__)
+    return sorted([*__all__, "__version__"])

@@ -8,14 +8,9 @@ packages of ``pip install libmpm[studies]``.
 
 from libmpm._src.studies.demand.curves import Exceedance, LoadAt, combine
 from libmpm._src.studies.demand.exceedance import exceedance, from_study
+from libmpm._src.studies.demand.expected import expected_load, rate_weighted_load
 from libmpm._src.studies.demand.laws import Density, Discrete, Histogram, Law
-from libmpm._src.studies.demand.ordered import (
-    OrderedLoad,
-    Reduction,
-    expected_load,
-    ordered_load,
-    rate_weighted_load,
-)
+from libmpm._src.studies.demand.ordered import OrderedLoad, Reduction, ordered_load
 
 __all__ = [
     "Density",

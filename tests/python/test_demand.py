@@ -459,3 +459,44 @@ def test_wrong_scenarios_and_studies_are_named() -> None:
         (lambda: demand.from_study({"f": LOADS[:1]}, "f"), "expected (n,) with n ≥ 2 fields"),
     ]:
         assert message in refused(call)
+
+
+def test_angles_in_degrees_are_those_in_radians() -> None:
+    folded = demand.Reduction.through([0, 30, 60, 90], [1.0, 0.5, 0.6, 1.0])
+    laws = (30.0, [10.0, 40.0, 80.0], demand.Histogram([1, 3], [0, 30, 90]), stats.uniform(0, 90))
+    scale = math.pi / 180
+    radians = (
+        30 * scale, np.radians([10.0, 40.0, 80.0]),
+        demand.Histogram([1, 3], np.radians([0, 30, 90])), stats.uniform(0, math.pi / 2),
+    )  # fmt: skip
+    for law, before in zip(laws, radians, strict=True):
+        for reduction in (ANGULAR, folded, lambda x: 1 - 0.004 * x):
+            here = demand.expected_load(500.0, degrees=law, angle_reduction=reduction)
+            there = (
+                reduction if reduction is ANGULAR
+                else (lambda x, of=reduction: of(np.degrees(x)))
+            )  # fmt: skip
+            with pytest.warns(DeprecationWarning, match="angle, in radians, is degrees=") as seen:
+                old = demand.expected_load(500.0, angle=before, angle_reduction=there)
+            assert seen[0].filename == __file__
+            assert here == pytest.approx(old, rel=1e-9)
+    arguments: dict[str, Any] = {"angle_reduction": ANGULAR, "samples": 200}
+    one = demand.exceedance(500.0, degrees=stats.uniform(0, 90), **arguments)
+    with pytest.warns(DeprecationWarning):
+        two = demand.exceedance(500.0, angle=stats.uniform(0, math.pi / 2), **arguments)
+    assert one.probability == pytest.approx(two.probability, abs=1e-12)
+
+
+def test_angles_in_degrees_out_of_range() -> None:
+    for wrong, said in (
+        ({"degrees": 120.0}, "degrees reaches from 120 to 120; expected 0 to 90 degrees; fold"),
+        ({"degrees": 10.0, "angle": 0.1}, "degrees is 10.0 and angle 0.1; expected one"),
+        ({"degrees": 10.0, "angle_reduction": None}, "angle_reduction is missing for degrees"),
+        (
+            {"degrees": 10.0, "angle_reduction": demand.Reduction(np.ones_like, upper=45)},
+            "angle_reduction is defined from 0 to 45; expected 0 to 90 degrees",
+        ),
+    ):
+        arguments: dict[str, Any] = {"angle_reduction": ANGULAR} | wrong
+        with pytest.raises(libmpm.SceneError, match=said):
+            demand.expected_load(1.0, **arguments)

@@ -103,6 +103,7 @@ def test_nothing_of_libmpm_uses_old_names():
 
 def test_the_public_surface_is_small_and_whole():
     assert len(libmpm.__all__) < 40
+    assert set(libmpm.__all__) | {"__version__"} == set(dir(libmpm)) and libmpm.__version__
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for name in libmpm.__all__:

@@ -244,7 +244,7 @@ def test_plot_takes_components_limits_and_axes(run):
 
 def test_plot_refuses_by_name(run):
     for problem, given in (
-        ("color is 'presure'.*pressure", {"color": "presure"}),
+        ("colour is 'presure'.*pressure", {"colour": "presure"}),
         ("bodies has 'watr'.*'water'", {"bodies": "watr"}),
         ("limits is \\(2, 1\\)", {"limits": (2, 1)}),
         ("most is -1", {"most": -1}),
@@ -275,7 +275,7 @@ def test_views_in_space_hold_the_particles(run, scene):
     pyvista = pytest.importorskip("pyvista")
     from libmpm._src.pictures.view_3d import preview_in_space, view
 
-    plotter = view(run, color="pressure", off_screen=True)
+    plotter = view(run, colour="pressure", off_screen=True)
     names = set(plotter.actors)
     assert {"body water", "body block", "boundary pier", "domain"} <= names
     cloud = plotter.actors["body water"].mapper.dataset
@@ -375,7 +375,7 @@ def test_film_shows_the_frames_particles(folder):
 def test_films_are_refused_by_name(folder, tmp_path, monkeypatch):
     for problem, arguments in (
         ("expected .gif, .mp4", {"path": tmp_path / "film.txt"}),
-        ("color is 'presure'.*'pressure'", {"path": tmp_path / "f.gif", "color": "presure"}),
+        ("colour is 'presure'.*'pressure'", {"path": tmp_path / "f.gif", "colour": "presure"}),
         ("plan.*'zz'", {"path": tmp_path / "f.gif", "plane": "zz"}),
         ("fps is 0", {"path": tmp_path / "f.gif", "fps": 0}),
         ("bodies has 'blok'", {"path": tmp_path / "f.gif", "bodies": ["blok"]}),

@@ -182,7 +182,8 @@ class _Moved:
         """Return a specification for an old name, None for all others."""
         if not fullname.startswith(_ROOT) or _new_name(fullname[len(_ROOT) :]) is None:
             return None
-        return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
+        loader: Any = self
+        return importlib.machinery.ModuleSpec(fullname, loader, is_package=True)
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType | None:
         """Leave the making of the module to Python."""

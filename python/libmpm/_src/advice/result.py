@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from libmpm._src.advice.atlas import Row
 from libmpm._src.advice.rules import Match
 from libmpm._src.base.arguments import keywords_only
-from libmpm._src.base.tables import html_table, html_warnings, text_table
+from libmpm._src.base.tables import html_table, html_warnings, pair_table, text_table
 from libmpm._src.base.values import plain
 from libmpm._src.boundaries.responses import DecayLayer
 from libmpm._src.methods.method import FBar, Method
@@ -182,7 +182,7 @@ class Advice:
 
     def __str__(self) -> str:
         """Return the advice as text for a terminal."""
-        lines = [f"{name:<9} {text}" for name, text in self._head()]
+        lines = [pair_table(self._head(), 9)]
         rows = self._settings()
         if rows:
             lines += ["", text_table(rows, flush="left")]

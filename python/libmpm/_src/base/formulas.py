@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.arguments import keywords_only
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import OWNER, given
 from libmpm._src.base.values import Checker, Value, nearest, sequence, shown, value
 from libmpm._src.errors import SceneError
@@ -49,7 +50,6 @@ _OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
 }
-_AXES = "xyz"
 
 
 @value
@@ -118,9 +118,9 @@ class Field(Value):
 
     def _values(self, points: Floats, what: str) -> Floats:
         """Return the field at points, finite or not."""
-        if points.ndim != 2 or points.shape[1] > len(_AXES):
+        if points.ndim != 2 or points.shape[1] > len(AXES):
             raise SceneError(f"{what}: points have the shape {points.shape}; expected (n, d) in m")
-        names: dict[str, Any] = dict(zip(_AXES, points.T, strict=False)) | _CONSTANTS
+        names: dict[str, Any] = dict(zip(AXES, points.T, strict=False)) | _CONSTANTS
         out = np.empty((len(points), len(self.components)))
         for k, formula in enumerate(self.components):
             label = f"{what}: component {k}, {shown(formula, 80)},"
@@ -182,7 +182,7 @@ def _check_tree(node: ast.AST) -> None:
             raise ValueError("a number is too large")
         return
     if isinstance(node, ast.Name):
-        known = (*_AXES, *_CONSTANTS)
+        known = (*AXES, *_CONSTANTS)
         if node.id not in known:
             raise ValueError(f"unknown name '{node.id}'; {nearest(node.id, known)}")
         return

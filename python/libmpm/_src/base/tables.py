@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
-__all__ = ["escaped", "html_table", "html_warnings", "text_table"]
+__all__ = ["escaped", "html_table", "html_warnings", "pair_table", "text_table"]
 
 #: Characters of an HTML cell.
 _LONGEST = 160
@@ -29,6 +29,12 @@ def text_table(
         rule = "  ".join("=" * w for w in widths)
         lines = [rule, lines[0], rule, *lines[1:], rule]
     return "\n".join(lines)
+
+
+def pair_table(rows: Sequence[tuple[str, str]], width: int = 0) -> str:
+    """Return names and texts in two columns, a line each; the first at least `width` wide."""
+    width = max([width, *(len(name) for name, _ in rows)])
+    return "\n".join(f"{name:<{width}} {text}" for name, text in rows)
 
 
 def escaped(text: str) -> str:

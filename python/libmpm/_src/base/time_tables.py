@@ -15,7 +15,7 @@ from libmpm._src.base.declarations import OWNER, given
 from libmpm._src.base.values import Checker, Value, shown, value
 from libmpm._src.errors import SceneError
 
-__all__ = ["TimeTable", "check_vector_table", "constant", "largest"]
+__all__ = ["TimeTable", "check_vector_table", "constant", "engine_table", "largest"]
 
 #: Rows that a function may be sampled at.
 _MOST_ROWS = 1_000_000
@@ -136,6 +136,12 @@ class TimeTable(Value):
         columns = values.reshape(len(times), -1).T
         result = np.array([np.interp(time, times, column) for column in columns])
         return result.reshape(values.shape[1:])
+
+
+def engine_table(table: TimeTable) -> dict[str, Any]:
+    """Return a table as the engine takes it, values (n, k)."""
+    time, value = table.arrays()
+    return {"time": time, "value": value.reshape(len(time), -1), "end": table.end}
 
 
 def constant(vector: Sequence[float]) -> TimeTable:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.base.time_tables import TimeTable, engine_table
 from libmpm._src.boundaries.covered_faces import Covers, covers_of, motion_of, moves
 from libmpm._src.boundaries.responses import DecayLayer, Prescribed
 from libmpm._src.errors import SceneError
@@ -237,7 +237,7 @@ def lower_surface(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
         by_angle = angles is not None
         given = angles if by_angle else turning.rate
         numbers = given if isinstance(given, TimeTable) else TimeTable((0.0,), (float(given or 0),))
-        turn = {"table": _numbers(numbers), "places": by_angle}
+        turn = {"table": engine_table(numbers), "places": by_angle}
     corner = np.asarray(scene.lower, dtype=np.float64)
     # A prescribed region ends at its surface; its lattice needs no layer.
     whole = isinstance(boundary.response, Prescribed)
@@ -253,19 +253,9 @@ def lower_surface(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
             "spacing": field.spacing,
             "decay": "constrained" if whole else layer.function,
             "thickness": layer.thickness * scene.cell_size,
-            "path": None if table is None else {"table": _rows(table), "places": of_places},
+            "path": None if table is None else {"table": engine_table(table), "places": of_places},
             "turn": turn,
             "about": None if turning is None else np.asarray(turning.about) - corner,
             "axis": None if turning is None else np.asarray(turning.direction()),
         },
     }
-
-
-def _rows(table: TimeTable) -> dict[str, Any]:
-    time, value = table.arrays()
-    return {"time": time, "value": value, "end": table.end}
-
-
-def _numbers(table: TimeTable) -> dict[str, Any]:
-    time, value = table.arrays()
-    return {"time": time, "value": value.reshape(-1, 1), "end": table.end}

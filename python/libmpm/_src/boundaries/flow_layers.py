@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.base.time_tables import TimeTable, engine_table
 from libmpm._src.base.values import Checker, nearest
 from libmpm._src.boundaries.flows import MOST_PARTICLES, Flow, Inflow, Outflow
 from libmpm._src.output.series import Series
@@ -130,11 +130,6 @@ def _speed(speed: float | TimeTable) -> TimeTable:
     return speed if isinstance(speed, TimeTable) else TimeTable((0.0,), (float(speed),))
 
 
-def _table(table: TimeTable) -> dict[str, Any]:
-    time, value = table.arrays()
-    return {"time": time, "value": value, "end": table.end}
-
-
 def flow_entries(scene: SceneData, bodies: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the engine's "inlets" and "outlets", those that there are."""
     found: dict[str, list[dict[str, Any]]] = {"inlets": [], "outlets": []}
@@ -148,7 +143,7 @@ def flow_entries(scene: SceneData, bodies: list[dict[str, Any]]) -> dict[str, An
             "spacing": made.spacing,
             "points": made.points,
             "pressure": _pressure(scene, flow, body, made.points),
-            "velocity": _table(_speed(flow.velocity)),
+            "velocity": engine_table(_speed(flow.velocity)),
             "next_id": bodies[number]["count"],
         })  # fmt: skip
     for name, flow in _of_kind(scene, Outflow):

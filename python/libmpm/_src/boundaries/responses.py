@@ -13,15 +13,13 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from libmpm._src.base.arguments import keywords_only
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 
 __all__ = ["DecayLayer", "Displacement", "Mirror", "Prescribed", "Response", "Rotation"]
 __all__ += ["Separable", "Slip", "Sticky", "Travel", "decay_thickness"]
-
-#: Names of the axes, and of the components of a velocity.
-_AXES = ("x", "y", "z")
 
 
 class Response(Value):
@@ -177,15 +175,15 @@ class Prescribed(Response):
             return {}
         given = (self.components,) if isinstance(self.components, str) else self.components
         names = sequence(given) or []
-        if not names or any(name not in _AXES for name in names):
+        if not names or any(name not in AXES for name in names):
             check.fail(f'components is {shown(self.components)}; expected "all" or some of x, y, z')
             return {}
-        return {"components": tuple(a for a in _AXES if a in names)}
+        return {"components": tuple(a for a in AXES if a in names)}
 
     def axes(self, dimension: int) -> int:
         """Return the components as a bit mask."""
-        names = _AXES[:dimension] if self.components == "all" else self.components
-        return sum(1 << _AXES.index(a) for a in names)
+        names = AXES[:dimension] if self.components == "all" else self.components
+        return sum(1 << AXES.index(a) for a in names)
 
 
 @value
@@ -359,7 +357,7 @@ class Rotation(Value):
                 f"axis is {shown(self.axis)} in 2D, where shapes turn in the plane; leave it out"
             )
         elif isinstance(self.axis, str):
-            found["axis"] = check.choice("axis", self.axis, _AXES)
+            found["axis"] = check.choice("axis", self.axis, AXES)
         elif self.axis is not None:
             axis = check.given("axis", self)
             if axis and not any(axis):
@@ -377,7 +375,7 @@ class Rotation(Value):
     def direction(self) -> tuple[float, ...]:
         """Return the axis as a unit vector (3,)."""
         if self.axis is None or isinstance(self.axis, str):
-            k = 2 if self.axis is None else _AXES.index(self.axis)
+            k = 2 if self.axis is None else AXES.index(self.axis)
             return tuple(float(a == k) for a in range(3))
         length = math.hypot(*self.axis)
         return tuple(x / length for x in self.axis)

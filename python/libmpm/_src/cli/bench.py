@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from libmpm._src.base.tables import pair_table
 from libmpm._src.boundaries import responses
 from libmpm._src.cli import info
 from libmpm._src.errors import SceneError
@@ -265,7 +266,7 @@ def describe(result: Result) -> str:
         ("memory", f"{result.bytes_per_particle:.1f} bytes per particle all told"),
         ("phases", phases or "not measured"),
     ]
-    return "\n".join(f"{name:<12} {text}" for name, text in rows)
+    return pair_table(rows, 12)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

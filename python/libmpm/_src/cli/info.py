@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from libmpm._src.base.tables import pair_table
 from libmpm._src.output.folder_lock import LOCK
 from libmpm._src.output.locks import held_by, is_held
 from libmpm._src.run import backends
@@ -108,7 +109,7 @@ def describe() -> str:
         ("packages", _join(f"{name} {v}" for name, v in packages.items() if v is not None)),
         ("missing", _join(missing) or "none"),
     ]
-    return "\n".join(f"{name:<11} {text}" for name, text in rows)
+    return pair_table(rows, 11)
 
 
 # Files --------------------------------------------------------------------------------------------
@@ -232,7 +233,7 @@ def text_of(found: dict[str, Any]) -> str:
         rows += [(key, str(item)) for key, item in found["run"].items()]
     else:
         rows += _progress(found)
-    return "\n".join(f"{name:<11} {text or 'none'}" for name, text in rows)
+    return pair_table([(name, text or "none") for name, text in rows], 11)
 
 
 def _progress(found: dict[str, Any]) -> list[tuple[str, str]]:

@@ -120,7 +120,7 @@ class Comparison:
 
     def figure(self) -> Picture:
         """Return curves: the experiment's band, the published simulation, this run."""
-        from libmpm._src.flumes.drawing import curves
+        from libmpm._src.pictures.flume_drawings import curves
 
         return curves(self)
 

@@ -231,7 +231,7 @@ class Facility(Value):
 
     def preview(self) -> Picture:
         """Return a drawing from the side: bed, water, structure, debris, and all instruments."""
-        from libmpm._src.flumes.drawing import preview
+        from libmpm._src.pictures.flume_drawings import preview
 
         return preview(self)
 

@@ -23,7 +23,7 @@ from libmpm._src.grids.bases import (
     PowellSabin,
     degree_of,
 )
-from libmpm._src.grids.mesh import Mesh, pairs
+from libmpm._src.grids.mesh import Mesh, cross, pairs
 
 __all__ = ["SplineGrid", "TriangularGrid"]
 
@@ -138,7 +138,7 @@ def _check_split(check: Checker, mesh: Mesh, split: Any) -> None:
     corners = mesh.corners()
     sides = np.roll(corners, -1, axis=1) - corners
     # Every side has its triangle on the left.
-    outside = (_cross(sides, points[:, None] - corners) <= 0).any(axis=1)
+    outside = (cross(sides, points[:, None] - corners) <= 0).any(axis=1)
     if outside.any():
         check.fail(
             f"basis.split has points {marked(outside)} outside the triangles of these numbers; "
@@ -150,16 +150,12 @@ def _check_split(check: Checker, mesh: Mesh, split: Any) -> None:
     own, beyond = points[inner // 3], points[other[inner] // 3]
     start, end = (mesh.arrays()[0][edges[inner, k]] for k in (0, 1))
     line = beyond - own
-    missed = (_cross(line, start - own) >= 0) | (_cross(line, end - own) <= 0)
+    missed = (cross(line, start - own) >= 0) | (cross(line, end - own) <= 0)
     for i in inner[missed][:5].tolist():
         check.fail(
             f"basis.split: the line between the points of triangles {i // 3} and {other[i] // 3} "
             'misses their common side; expected to cross it; move the points, or use "incentre"'
         )
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 @value

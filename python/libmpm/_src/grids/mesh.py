@@ -21,7 +21,7 @@ from libmpm._src.grids.sources import Arrays, Floats, Numbers
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Mesh", "pairs"]
+__all__ = ["Mesh", "cross", "pairs"]
 
 #: Smallest angle in degrees below which a triangle counts as a sliver.
 _SLIVER = 10.0
@@ -210,7 +210,7 @@ class Mesh(Value):
         """Smallest angle of a triangle, degrees, at most 60."""
         edges = self._edges()
         before = np.roll(edges, 1, axis=1)
-        sine = np.abs(_cross(before, edges))
+        sine = np.abs(cross(before, edges))
         cosine = -(before * edges).sum(axis=2)
         return float(np.degrees(np.arctan2(sine, cosine)).min())
 
@@ -294,13 +294,14 @@ def _keys(edges: Numbers) -> Numbers:
     return np.asarray(edges[:, 0] * (edges.max() + 1) + edges[:, 1])
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return a_x b_y - a_y b_x of vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _areas(corners: Floats) -> Floats:
     """Return the areas of triangles (m, 3, 2), negative for clockwise ones."""
-    return _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    return cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
 
 
 def _vertices(check: Checker, item: Any) -> Floats | None:

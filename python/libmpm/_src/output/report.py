@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.tables import pair_table
 from libmpm._src.output.sensor_file import read_sensors
 from libmpm._src.output.series import Series, durations, moving_mean
 
@@ -102,8 +103,7 @@ def table(loads: Sequence[LoadSummary], speed: float, wall: float, steps: int) -
              if load.filter else f"{sampled}; {smooth}"),
         ]  # fmt: skip
     rows.append(("speed", f"{speed:.3g} particle-steps/s, {steps:,} steps in {wall:.1f} s"))
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {text}" for name, text in rows)
+    return pair_table(rows, 1 + max(len(name) for name, _ in rows))
 
 
 def _choose(times: Mapping[int, float], wanted: Sequence[float]) -> list[int]:

@@ -23,7 +23,7 @@ from libmpm._src.output.frames import frame_time, list_frames, read_frame, read_
 from libmpm._src.output.reading_files import is_cut
 from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.panel import Dots, Panel, height_of, legend_of
-from libmpm._src.pictures.plot import bodies_of, chosen_color
+from libmpm._src.pictures.plot import bodies_of, chosen_colour
 from libmpm._src.pictures.preview import vertical_of
 from libmpm._src.scene.scene import Scene
 
@@ -93,49 +93,50 @@ class RunFrames:
             names |= dict.fromkeys(arrays)
         return list(names)
 
-    def dots(self, index: int, color: str | None) -> tuple[dict[str, Dots], int]:
+    def dots(self, index: int, colour: str | None) -> tuple[dict[str, Dots], int]:
         """Return what is drawn of a frame, and how many particles it has."""
         found = {n: read_frame(f[index])[0] for n, f in self._files.items() if index in f}
         counts = [len(arrays["position"]) for arrays in found.values()]
         dots = {}
         shares = common.shares(counts, self._most)
-        coloured = chosen_color(self.scene, self.bodies, color, self._wanted)
+        coloured = chosen_colour(self.scene, self.bodies, colour, self._wanted)
         for (name, arrays), count, share in zip(found.items(), counts, shares, strict=True):
             rows = common.chosen(count, share)
             chosen = {key: values[rows] for key, values in arrays.items()}
             position = np.asarray(chosen["position"][:, : self.scene.dimension])
-            colour = self._colour(chosen, color if name in coloured else None)
-            dots[name] = Dots(position, colour, len(rows) / max(count, 1))
+            numbers = self._colour(chosen, colour if name in coloured else None)
+            dots[name] = Dots(position, numbers, len(rows) / max(count, 1))
         return dots, sum(counts)
 
     @staticmethod
-    def _colour(arrays: Mapping[str, NDArray[Any]], color: str | None) -> Array | None:
-        if color is None:
+    def _colour(arrays: Mapping[str, NDArray[Any]], colour: str | None) -> Array | None:
+        if colour is None:
             return None
-        if color in arrays:
-            return common.colours_of(arrays, color)
-        if color == "speed" and "velocity" in arrays:
+        if colour in arrays:
+            return common.colours_of(arrays, colour)
+        if colour == "speed" and "velocity" in arrays:
             return np.asarray(np.linalg.norm(arrays["velocity"], axis=1))
-        name, _ = common.split_name(color)
-        return common.colours_of(arrays, color) if name in arrays else None
+        name, _ = common.split_name(colour)
+        return common.colours_of(arrays, colour) if name in arrays else None
 
 
-def _check_color(run: RunFrames, color: str | None) -> None:
-    if color is None:
+def _check_colour(run: RunFrames, colour: str | None) -> None:
+    if colour is None:
         return
     known = run.attributes()
-    name, _ = common.split_name(color)
-    if color in known or name in known or (color == "speed" and "velocity" in known):
+    name, _ = common.split_name(colour)
+    if colour in known or name in known or (colour == "speed" and "velocity" in known):
         return
-    raise Error(f"color is {shown(color)}, which the frames do not have; {nearest(color, known)}; "
-                "Output(attributes=...) chooses what frames store")  # fmt: skip
+    raise Error(f"colour is {shown(colour)}, which the frames do not have; "
+                f"{nearest(colour, known)}; Output(attributes=...) chooses what frames "
+                "store")  # fmt: skip
 
 
-def _limits(run: RunFrames, indices: Sequence[int], color: str | None) -> tuple[float, float]:
+def _limits(run: RunFrames, indices: Sequence[int], colour: str | None) -> tuple[float, float]:
     picks = indices[:: max(1, -(-len(indices) // _LOOKED_AT))]
     values = []
     for index in picks:
-        dots, _ = run.dots(index, color)
+        dots, _ = run.dots(index, colour)
         values += [d.colour for d in dots.values() if d.colour is not None]
     return common.limits_of(values)
 
@@ -213,7 +214,7 @@ def animate(
         if not number >= least or number == 0:
             raise Error(f"{name} is {shown(number)}; expected {'>' if least == 0 else '≥'} {least}")
     frames = RunFrames(folder, bodies, most)
-    _check_color(frames, colour)
+    _check_colour(frames, colour)
     indices = frames.indices[:: int(every)]
     names = common.planes_of(frames.scene.dimension, plane, vertical_of(frames.scene))
     low, high = _limits(frames, indices, colour) if limits is None else common.check_limits(limits)
@@ -237,9 +238,9 @@ class _Film:
     """One picture whose particles move."""
 
     def __init__(
-        self, run: RunFrames, plane: str, color: str | None, norm: Normalize, width: float
+        self, run: RunFrames, plane: str, colour: str | None, norm: Normalize, width: float
     ) -> None:
-        self._run, self._color = run, color
+        self._run, self._colour_by = run, colour
         scene = run.scene
         vertical = vertical_of(scene)
         height = height_of(scene, plane, width)
@@ -249,16 +250,16 @@ class _Film:
             self._axes, scene, plane, vertical, bodies=run.bodies, norm=norm, later=True
         )
         self._dots = self._panel.bodies
-        self._bar = color is None
+        self._bar = colour is None
         self._named = False
 
     def show(self, index: int) -> None:
         """Draw a frame."""
-        dots, count = self._run.dots(index, self._color)
+        dots, count = self._run.dots(index, self._colour_by)
         image = self._panel.show(dots)
-        if image is not None and not self._bar and self._color is not None:
+        if image is not None and not self._bar and self._colour_by is not None:
             self._bar = True
-            self.picture.colorbar(image, ax=self._axes, label=common.label_of(self._color),
+            self.picture.colorbar(image, ax=self._axes, label=common.label_of(self._colour_by),
                                   shrink=0.85)  # fmt: skip
         plain = self._panel.plain(dots)
         if plain and len(self._dots) > 1 and not self._named:

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import Error
 from libmpm._src.output.frames import UNITS
@@ -38,7 +39,6 @@ _GOLDEN = 0.6180339887498949
 #: Of values beyond these percentiles the colours do not tell: spray would fade everything else.
 _PERCENTILES = (0.5, 99.5)
 
-AXES = "xyz"
 
 #: Colours of lines and bodies that differ in print and for the colour-blind, after Okabe and Ito
 #: (2008); water comes first.
@@ -108,17 +108,17 @@ def planes_of(dimension: int, planes: Sequence[str] | str | None, vertical: int)
     return wanted
 
 
-def split_name(color: str) -> tuple[str, tuple[int, ...] | None]:
+def split_name(colour: str) -> tuple[str, tuple[int, ...] | None]:
     """Return the attribute behind a name such as "velocity_x" or "stress_xy", and its component."""
-    base, _, axes = color.rpartition("_")
+    base, _, axes = colour.rpartition("_")
     if base and axes and all(a in AXES for a in axes) and len(axes) <= 2:
         return base, tuple(AXES.index(a) for a in axes)
-    return color, None
+    return colour, None
 
 
-def colours_of(arrays: Mapping[str, NDArray[Any]], color: str) -> Array:
+def colours_of(arrays: Mapping[str, NDArray[Any]], colour: str) -> Array:
     """Return the numbers (n,) that colour particles: a component, or the length of a vector."""
-    name, component = split_name(color)
+    name, component = split_name(colour)
     values = np.asarray(arrays[name])
     if component is None:
         return (
@@ -134,17 +134,17 @@ def colours_of(arrays: Mapping[str, NDArray[Any]], color: str) -> Array:
         return np.asarray(values[index], np.float64)
     except IndexError:
         raise Error(
-            f"color is {shown(color)}, but {name} has the shape {values.shape}; expected a "
+            f"colour is {shown(colour)}, but {name} has the shape {values.shape}; expected a "
             "component "
             "that it has"
         ) from None
 
 
-def label_of(color: str) -> str:
+def label_of(colour: str) -> str:
     """Return what a colour bar is titled."""
-    name, component = split_name(color)
+    name, component = split_name(colour)
     unit = UNITS.get(name, "1")
-    text = color.replace("_", " ")
+    text = colour.replace("_", " ")
     if component is None and name in ("velocity", "stress", "deformation_gradient"):
         text = f"|{text}|"
     return f"{text} [{unit}]"

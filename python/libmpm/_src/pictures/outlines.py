@@ -10,9 +10,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.boundaries.responses import Response
 from libmpm._src.grids.shapes import Outline
-from libmpm._src.pictures.figures import AXES
 from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox, faces_of
 

@@ -12,8 +12,9 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.pictures.directions import OBLIQUE, View
-from libmpm._src.pictures.figures import AXES, CYCLE
+from libmpm._src.pictures.figures import CYCLE
 from libmpm._src.pictures.outlines import (
     Plane,
     draw_boundaries,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from libmpm._src.run.running import Particles, Running
     from libmpm._src.scene.data import SceneData
 
-__all__ = ["bodies_of", "chosen_color", "extend_of", "plot", "sampled_particles"]
+__all__ = ["bodies_of", "chosen_colour", "extend_of", "plot", "sampled_particles"]
 
 Array = NDArray[np.float64]
 
@@ -41,46 +41,46 @@ def bodies_of(scene: SceneData, bodies: Sequence[str] | str | None) -> list[str]
     return wanted
 
 
-def _source(view: Particles, color: str | None) -> str | None:
+def _source(view: Particles, colour: str | None) -> str | None:
     """Return the attribute of a body that holds a colour: that of the name, or of its component."""
-    if color is None:
+    if colour is None:
         return None
-    candidates = (color, common.split_name(color)[0])
+    candidates = (colour, common.split_name(colour)[0])
     return next((name for name in candidates if view.refusal(name) is None), None)
 
 
 def sampled_particles(
-    simulation: Running, color: str | None, bodies: Sequence[str] | str | None, most: int
+    simulation: Running, colour: str | None, bodies: Sequence[str] | str | None, most: int
 ) -> tuple[dict[str, Dots], int]:
     """Return the dots of each body and the number of particles that they stand for."""
     names = bodies_of(simulation.scene, bodies)
     views = {name: simulation.particles[name] for name in names}
-    sources = {name: _source(view, color) for name, view in views.items()}
-    if color is not None and not any(sources.values()):
+    sources = {name: _source(view, colour) for name, view in views.items()}
+    if colour is not None and not any(sources.values()):
         first = next(iter(views.values()))
-        why = first.refusal(color) or nearest(color, first.names)
-        raise Error(f"color is {shown(color)}, which no body drawn has; {why}")
-    coloured = chosen_color(simulation.scene, names, color, bodies)
+        why = first.refusal(colour) or nearest(colour, first.names)
+        raise Error(f"colour is {shown(colour)}, which no body drawn has; {why}")
+    coloured = chosen_colour(simulation.scene, names, colour, bodies)
     counts = [len(views[name]) for name in names]
     dots = {}
     for name, count, share in zip(names, counts, common.shares(counts, most), strict=True):
         here = sources[name] if name in coloured else None
         arrays = views[name].read(["position", *([here] if here else [])])
         rows = common.chosen(count, share)
-        colour = None
-        if here is not None and color is not None:
+        numbers = None
+        if here is not None and colour is not None:
             picked = {here: np.asarray(arrays[here])[rows]}
-            colour = (
+            numbers = (
                 np.asarray(picked[here], float)
                 if picked[here].ndim == 1
-                else (common.colours_of(picked, color))
+                else common.colours_of(picked, colour)
             )
-        dots[name] = Dots(arrays["position"][rows], colour, len(rows) / max(count, 1))
+        dots[name] = Dots(arrays["position"][rows], numbers, len(rows) / max(count, 1))
     return dots, sum(counts)
 
 
-def chosen_color(
-    scene: SceneData, names: Sequence[str], color: str | None, bodies: Sequence[str] | str | None
+def chosen_colour(
+    scene: SceneData, names: Sequence[str], colour: str | None, bodies: Sequence[str] | str | None
 ) -> set[str]:
     """Return the bodies that an attribute colours.
 
@@ -88,7 +88,7 @@ def chosen_color(
     who names the bodies means all of them.
     """
     fluids = {name for name in names if is_fluid(scene, name)}
-    if color == "speed" and bodies is None and fluids:
+    if colour == "speed" and bodies is None and fluids:
         return fluids
     return set(names)
 
@@ -104,7 +104,7 @@ def extend_of(values: Sequence[Array], low: float, high: float) -> str:
 def plot(
     simulation: Running,
     *,
-    color: str | None = "speed",
+    colour: str | None = "speed",
     bodies: Sequence[str] | str | None = None,
     planes: Sequence[str] | str | None = None,
     cut: Sequence[float] | None = None,
@@ -119,7 +119,7 @@ def plot(
     cut = common.check_cut(scene.dimension, cut)
     if axes is not None and len(names) > 1:
         names = names[:1]
-    dots, count = sampled_particles(simulation, color, bodies, most)
+    dots, count = sampled_particles(simulation, colour, bodies, most)
     coloured = [d.colour for d in dots.values() if d.colour is not None]
     low, high = common.limits_of(coloured) if limits is None else common.check_limits(limits)
     picture = axes.figure if axes is not None else None
@@ -137,8 +137,8 @@ def plot(
         )  # fmt: skip
         image = panel.show(dots) or image
         panels.append(panel)
-    if image is not None and color is not None:
-        picture.colorbar(image, ax=[p.axes for p in panels], label=common.label_of(color),
+    if image is not None and colour is not None:
+        picture.colorbar(image, ax=[p.axes for p in panels], label=common.label_of(colour),
                          shrink=0.85, extend=extend_of(coloured, low, high))  # fmt: skip
     drawn = sum(map(len, dots.values()))
     plain = panels[0].plain(dots)

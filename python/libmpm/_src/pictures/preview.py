@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.values import shown, warned_already
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.pictures import figures as common
@@ -87,8 +88,8 @@ def preview(
     d = scene.dimension
     if planes is None and d == 3:
         flat = [a for a in range(3) if a != vertical]
-        names = [common.AXES[a] + common.AXES[vertical] for a in flat]
-        planes = [*names, common.AXES[flat[0]] + common.AXES[flat[1]]]
+        names = [AXES[a] + AXES[vertical] for a in flat]
+        planes = [*names, AXES[flat[0]] + AXES[flat[1]]]
     planes = common.planes_of(d, planes, vertical)
     cut = common.check_cut(d, cut)
     particles, count, problem = sampled_bodies(scene, most)
@@ -112,7 +113,7 @@ def preview(
             draw_shape(panel.axes, plane, body.shape, color=legend[body.name], linewidth=0.6)
         if plane.cut is not None and plane.hidden is not None:
             at = plane.cut[plane.hidden] + plane.origin[plane.hidden]
-            panel.axes.set_title(f"cut at {common.AXES[plane.hidden]} = {at:g} m", fontsize=9)
+            panel.axes.set_title(f"cut at {AXES[plane.hidden]} = {at:g} m", fontsize=9)
     lines = [Line2D([], [], color=colour, linewidth=3) for colour in legend.values()]
     if lines:
         show: Any = picture.legend

@@ -127,7 +127,7 @@ def preview_in_space(scene: SceneData, *, most: int, off_screen: bool | None = N
 def view(
     simulation: Running,
     *,
-    color: str | None = "speed",
+    colour: str | None = "speed",
     bodies: Sequence[str] | str | None = None,
     limits: tuple[float, float] | None = None,
     most: int = common.MOST,
@@ -136,7 +136,7 @@ def view(
     """See `Simulation.view`."""
     scene = simulation.scene
     pyvista, plotter = _plotter(scene, "Simulation.view", off_screen)
-    dots, count = sampled_particles(simulation, color, bodies, most)
+    dots, count = sampled_particles(simulation, colour, bodies, most)
     coloured = [d.colour for d in dots.values() if d.colour is not None]
     low, high = common.limits_of(coloured) if limits is None else common.check_limits(limits)
     colours = body_colours(scene)
@@ -145,10 +145,10 @@ def view(
             continue
         cloud = pyvista.PolyData(np.ascontiguousarray(body.position))
         size = radius_of(scene, name, body.share)
-        if body.colour is None or color is None:
+        if body.colour is None or colour is None:
             _add_balls(plotter, cloud, size, color=colours[name], name=f"body {name}")
             continue
-        label = common.label_of(color)
+        label = common.label_of(colour)
         cloud[label] = body.colour
         _add_balls(plotter, cloud, size, scalars=label, clim=(low, high), cmap=COLOUR_MAP,
                    name=f"body {name}")  # fmt: skip

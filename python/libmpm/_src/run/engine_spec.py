@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.formulas import Field
-from libmpm._src.base.time_tables import TimeTable, constant
+from libmpm._src.base.time_tables import TimeTable, constant, engine_table
 from libmpm._src.base.values import nearest, shown, warn
 from libmpm._src.boundaries.distance_field import lower_surface
 from libmpm._src.boundaries.flow_layers import flow_entries, keep_room, zones
@@ -177,7 +177,7 @@ def lower(
             "threads": threads,
             "cell_size": scene.cell_size,
             "cells": list(scene.cells),
-            "gravity": _table(gravity),
+            "gravity": engine_table(gravity),
             "cfl": scene.method.cfl,
             "time_step": fixed,
             "leaving": scene.method.leaving,
@@ -261,11 +261,6 @@ def _restored(scene: SceneData, body: Body, before: RestoredBody, fill: bool) ->
         "state": state,
         "state_width": state.shape[1],
     }
-
-
-def _table(table: TimeTable) -> dict[str, Any]:
-    time, value = table.arrays()
-    return {"time": time, "value": value, "end": table.end}
 
 
 def _body(scene: SceneData, body: Body, first: int, with_particles: bool) -> dict[str, Any]:
@@ -390,7 +385,9 @@ def _body_on_functions(
         which, length = placing.traction_rows(scene, body, traction)
         value = traction.value
         table = value if isinstance(value, TimeTable) else constant(value)
-        tractions.append({"particles": which.tolist(), "length": length, "value": _table(table)})
+        tractions.append(
+            {"particles": which.tolist(), "length": length, "value": engine_table(table)}
+        )
     return result | {"tractions": tractions}
 
 
@@ -459,7 +456,7 @@ def _boundary(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
         "faces": faces,
         "start": start,
         "end": end,
-        "velocity": _table(motion) if isinstance(motion, TimeTable) else None,
+        "velocity": engine_table(motion) if isinstance(motion, TimeTable) else None,
     }
 
 

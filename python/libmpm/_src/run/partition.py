@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, nearest, sequence, shown, value
 from libmpm._src.errors import SceneError
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Partition", "as_partition", "recorded_partition", "told_ranks"]
 
-_AXES = ("x", "y", "z")
 _KINDS = ("body", "material")
 #: What the engine calls cuts along the curve.
 _CURVE = -1
@@ -82,7 +82,7 @@ class Partition(Value):
     def _check(self, check: Checker) -> dict[str, Any]:
         found: dict[str, Any] = {}
         if self.cuts is not None:
-            choices = (*_AXES, "curve")
+            choices = (*AXES, "curve")
             if not isinstance(self.cuts, str) or self.cuts not in choices:
                 check.fail(
                     f"cuts is {shown(self.cuts)}; expected an axis, 'x', 'y' or 'z', to cut across "
@@ -119,7 +119,7 @@ class Partition(Value):
                     f"at[{k}] is {places[k]:g} m behind {places[k - 1]:g} m; expected ascending "
                     "places; put them in order, each once"
                 )
-        if self.cuts not in _AXES:
+        if self.cuts not in AXES:
             check.fail(
                 f"at is {shown(places)} and cuts is {shown(self.cuts)}; planes lie across an axis; "
                 "use cuts='x', 'y' or 'z', or leave at out"
@@ -151,8 +151,8 @@ class Partition(Value):
         """Refuse what a scene or the number of its ranks does not have; raises `SceneError`."""
         check = Checker("Partition")
         dimension = scene.dimension
-        if self.cuts in _AXES[dimension:]:
-            axes = " or ".join(f"'{name}'" for name in _AXES[:dimension])
+        if self.cuts in AXES[dimension:]:
+            axes = " or ".join(f"'{name}'" for name in AXES[:dimension])
             check.fail(
                 f"cuts is '{self.cuts}' in a scene of {dimension} dimensions; expected an axis "
                 f"that it has; use {axes}, 'curve' or None"
@@ -167,7 +167,7 @@ class Partition(Value):
     def _planes(self, scene: SceneData, ranks: int, check: Checker) -> list[int]:
         """Return the number of the first block behind each plane, along the axis."""
         places = tuple(self.at or ())
-        axis = _AXES.index(str(self.cuts))
+        axis = AXES.index(str(self.cuts))
         if len(places) != ranks - 1:
             check.fail(
                 f"at has {len(places)} places and there are {ranks} ranks; expected one place "
@@ -244,7 +244,7 @@ class Partition(Value):
         limit = math.inf if self.rebalance_above is None else self.rebalance_above
         told: dict[str, Any] = {"rebalance_above": limit}
         if self.cuts is not None:
-            told["axis"] = _CURVE if self.cuts == "curve" else _AXES.index(self.cuts)
+            told["axis"] = _CURVE if self.cuts == "curve" else AXES.index(self.cuts)
         check = Checker("Partition")
         if self.at is not None:
             told["planes"] = self._planes(scene, ranks, check)

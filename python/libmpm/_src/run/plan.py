@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.base.arguments import keywords_only
-from libmpm._src.base.tables import html_table, html_warnings, text_table
+from libmpm._src.base.tables import html_table, html_warnings, pair_table, text_table
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.boundaries.flow_layers import flow_rows
 from libmpm._src.errors import SceneError
@@ -392,7 +392,7 @@ class Plan:
 
     def __str__(self) -> str:
         """Return the plan as text for a terminal."""
-        lines = [f"{name:<10} {text}" for name, text in self._summary()]
+        lines = [pair_table(self._summary(), 10)]
         for head, rows in self._tables():
             lines += ["", text_table([head, *rows], flush="left")]
         if self._warnings:

@@ -17,11 +17,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pyvista import Plotter
 
-__all__ = ["Shown"]
+__all__ = ["SEAM", "Shown"]
+
+
+#: What parts of libmpm need of a simulation (see `Running`), and no script does.
+SEAM = (
+    "engine", "first_step", "flow_series", "offset", "particle_count", "recorded_output",
+    "recorded_until", "run_settings", "scene_document", "series", "set_initial", "set_output",
+    "totals",
+)  # fmt: skip
 
 
 class Shown:
     """Pictures, tables and arrays of whatever is `Running`, by what anyone may see of it."""
+
+    def __dir__(self) -> list[str]:
+        """List the names that scripts use, for completion."""
+        return sorted(set(super().__dir__()) - set(SEAM))
 
     @keywords_only("Simulation.device_arrays", 1)
     def device_arrays(self: Running, body: str, *fields: str) -> DeviceArrays:
@@ -89,7 +101,7 @@ class Shown:
 
         with self.paused():
             return plot(
-                self, color=colour, bodies=bodies, planes=planes, cut=cut,
+                self, colour=colour, bodies=bodies, planes=planes, cut=cut,
                 limits=limits, most=most, axes=axes,
             )  # fmt: skip
 
@@ -113,7 +125,7 @@ class Shown:
 
         with self.paused():
             return view(
-                self, color=colour, bodies=bodies, limits=limits, most=most,
+                self, colour=colour, bodies=bodies, limits=limits, most=most,
                 off_screen=off_screen,
             )  # fmt: skip
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.errors import SceneError
@@ -20,7 +21,7 @@ from libmpm._src.methods.transfer import SHIFTS
 from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.boxes import Box, OrientedBox
 from libmpm._src.shapes.filling import BOXES, fill, geometry_of
-from libmpm._src.shapes.oriented_boxes import AXES, close_pairs, reach
+from libmpm._src.shapes.oriented_boxes import close_pairs, reach
 from libmpm._src.shapes.particle_placement import Columns, Jitter
 from libmpm._src.shapes.point_file import PointFile
 from libmpm._src.shapes.solid import Bounds, Solid

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import FIXED, OWNER, TEXT, declared
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.values import Checker, Value, shown
@@ -208,8 +209,6 @@ def scale_scene(
 
 # Formulas of coordinates -------------------------------------------------------------------------
 
-_AXES = ("x", "y", "z")
-
 
 def _texts(field: Field) -> tuple[str, ...]:
     return tuple(field.components)
@@ -244,7 +243,7 @@ class _Coordinates(ast.NodeTransformer):
         return name if number == 1 else ast.BinOp(name, ast.Div(), ast.Constant(number))
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        return self._over(node, self._length) if node.id in _AXES else node
+        return self._over(node, self._length) if node.id in AXES else node
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         # The function's own name is no coordinate.
@@ -256,7 +255,7 @@ class _Coordinates(ast.NodeTransformer):
         if (
             isinstance(node.op, ast.Div)
             and isinstance(node.left, ast.Name)
-            and node.left.id in _AXES
+            and node.left.id in AXES
             and below is not None
         ):
             return self._over(node.left, below * self._length)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from libmpm._src.base.arguments import keywords_only
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.values import Checker, shown, warn
 from libmpm._src.errors import SceneError
-from libmpm._src.shapes.oriented_boxes import AXES
 from libmpm._src.shapes.solid import Array, Corner, Solid
 from libmpm._src.shapes.volume import volume_of
 

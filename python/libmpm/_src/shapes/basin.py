@@ -6,11 +6,11 @@ import numbers
 from collections.abc import Sequence
 
 from libmpm._src.base.arguments import keywords_only
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.values import sequence, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.boxes import Box
 from libmpm._src.shapes.combined import Difference
-from libmpm._src.shapes.oriented_boxes import AXES
 from libmpm._src.shapes.solid import Solid
 
 __all__ = ["basin", "has_bed"]

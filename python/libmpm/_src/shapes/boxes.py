@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from libmpm._src.base.arguments import keywords_only
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
-from libmpm._src.shapes.oriented_boxes import AXES, TurnedBox, rotation
+from libmpm._src.shapes.oriented_boxes import TurnedBox, rotation
 from libmpm._src.shapes.solid import Array, Bounds, Shape, Solid, box_distance, dot, from_box
 
 __all__ = ["FACES", "Box", "DomainWalls", "OrientedBox", "Shape", "Solid"]

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.shapes import lattices
 from libmpm._src.shapes.boxes import Box, OrientedBox
 from libmpm._src.shapes.combined import Intersection, Union
-from libmpm._src.shapes.oriented_boxes import AXES, Extent, TurnedBox
+from libmpm._src.shapes.oriented_boxes import Extent, TurnedBox
 from libmpm._src.shapes.particle_columns import Stacked
 from libmpm._src.shapes.particle_placement import Columns, Jitter, PoissonDisk, Sampling
 from libmpm._src.shapes.particle_tiles import Jittered, Remaining, Tiled, lattice_tile, random_tile

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "AXES",
     "Extent",
     "TurnedBox",
     "close_pairs",
@@ -28,7 +27,6 @@ __all__ = [
 Vector = tuple[float, ...]
 Matrix = tuple[Vector, ...]
 
-AXES = ("x", "y", "z")
 
 #: What rounding leaves of a zero in the product of two rotations.
 _ROUNDING = 1e-12

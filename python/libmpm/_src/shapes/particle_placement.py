@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, value
-from libmpm._src.shapes.oriented_boxes import AXES
 
 __all__ = ["Columns", "Jitter", "PoissonDisk", "Sampling"]
 

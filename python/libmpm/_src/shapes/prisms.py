@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
-from libmpm._src.shapes.oriented_boxes import AXES
 from libmpm._src.shapes.polygon import area, crossing, polygon_distance
 from libmpm._src.shapes.solid import Array, Bounds, Solid, from_box, slab
 

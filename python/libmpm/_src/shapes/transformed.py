@@ -10,10 +10,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, sequence, shown, value
 from libmpm._src.shapes.combined import EXAMPLE, check_length, least, shifted
-from libmpm._src.shapes.oriented_boxes import AXES, Matrix, rotation
+from libmpm._src.shapes.oriented_boxes import Matrix, rotation
 from libmpm._src.shapes.solid import Array, Bounds, Corner, Solid, dot
 
 __all__ = ["Moved", "Repeated", "Turned"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from libmpm._src.advice.cases.case import Options
 from libmpm._src.base.time_tables import TimeTable
@@ -16,7 +17,8 @@ from libmpm._src.run.simulation import Simulation
 from libmpm._src.scene.scene import Scene
 from libmpm._src.shapes.boxes import Box
 
-__all__ = ["Slab", "advance", "energies", "fluid_fbar", "method_of", "solid_choices"]
+__all__ = ["Slab", "advance", "energies", "fluid_fbar", "method_of", "rms"]
+__all__ += ["solid_choices"]
 
 
 def method_of(options: Options, cfl: float, flip: float = 0.0) -> Method:
@@ -36,6 +38,11 @@ def fluid_fbar(
 def solid_choices(options: Options) -> dict[str, Any]:
     """Return what to add to the arguments of a solid body."""
     return {} if options.solid_fbar in ("case", None) else {"fbar": options.solid_fbar}
+
+
+def rms(values: npt.NDArray[np.float64]) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def advance(simulation: Simulation, times: Iterable[float]) -> Iterator[float]:

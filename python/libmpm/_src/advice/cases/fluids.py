@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.advice.cases.case import Bound, Case, Options
-from libmpm._src.advice.cases.choices import Slab, advance, energies, fluid_fbar, method_of
+from libmpm._src.advice.cases.choices import Slab, advance, energies, fluid_fbar, method_of, rms
 from libmpm._src.advice.cases.coupled import CASES as _COUPLED
 from libmpm._src.base.formulas import Field
 from libmpm._src.boundaries.responses import Mirror, Response, Separable, Slip
@@ -114,12 +114,12 @@ def _read_tank(sim: Simulation, p: Parameters) -> dict[str, float]:
     # A field linear in the place has no part that alternates over two by two cells.
     alternating = (cell[:-1, :-1] - cell[1:, :-1] - cell[:-1, 1:] + cell[1:, 1:]) / 4
     return {
-        "profile": _rms(layer),
+        "profile": rms(layer),
         "bed": float(abs(layer[0])),
         "surface": float(abs(layer[-1])),
         "speed": math.sqrt(float(np.mean(squares)) / (p["gravity"] * p["depth"])),
-        "checkerboard": _rms(alternating),
-        "noise": _rms(error),
+        "checkerboard": rms(alternating),
+        "noise": rms(error),
         "level": float(2 * np.mean(place[:, 1]) - 1),
     }
 
@@ -128,11 +128,6 @@ def _means(index: npt.NDArray[np.int64], values: Floats, count: int) -> Floats:
     """Return the mean of the values of each index; zero where there are none."""
     members = np.bincount(index, minlength=count)
     return np.bincount(index, weights=values, minlength=count) / np.maximum(members, 1)
-
-
-def _rms(values: Floats) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 _AT_REST = {

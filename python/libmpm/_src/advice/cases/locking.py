@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.advice.cases.case import Bound, Case, Options
-from libmpm._src.advice.cases.choices import advance, method_of
+from libmpm._src.advice.cases.choices import advance, method_of, rms
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.boundaries.responses import Sticky
 from libmpm._src.materials.generated import FixedCorotated
@@ -133,13 +133,9 @@ def _measure_cook(simulation: Simulation, p: Parameters) -> dict[str, float]:
     return {
         "lift_ratio": lift / scale,
         "swing": float(np.ptp(lifts)) / scale,
-        "checkerboard": _rms(np.concatenate(jumps)) / traction,
-        "pressure": _rms(np.concatenate(pressures)) / traction,
+        "checkerboard": rms(np.concatenate(jumps)) / traction,
+        "pressure": rms(np.concatenate(pressures)) / traction,
     }
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 _FBAR = FBar()

@@ -10,6 +10,7 @@ from libmpm._src.errors import SceneError
 from libmpm._src.studies.debris.metadata import angle_data
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from libmpm._src.studies.debris.field import DebrisField
@@ -21,7 +22,7 @@ _ANGLE = "obliquity (degrees)"
 _ARROW, _ASIDE = 0.2, 0.06
 
 
-def _axes(ax: Any, **style: Any) -> Any:
+def _axes(ax: Axes | None, **style: Any) -> Any:
     """Return the given axes, or new ones."""
     if ax is None:
         import matplotlib.pyplot as plt
@@ -30,7 +31,7 @@ def _axes(ax: Any, **style: Any) -> Any:
     return ax
 
 
-def draw(field: DebrisField, ax: Any = None) -> Any:
+def draw(field: DebrisField, ax: Any = None) -> Axes:
     """Draw the plan to scale: footprint, pieces by prototype, direction of the flow."""
     from matplotlib.patches import Polygon
 
@@ -62,7 +63,7 @@ def draw(field: DebrisField, ax: Any = None) -> Any:
     return ax
 
 
-def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Any:
+def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
     """Draw shares of obliquities as a rose over [0, 90] degrees."""
     data = angle_data(field, bins=bins, flow=flow)
     ax = _axes(ax, projection="polar")
@@ -79,7 +80,7 @@ def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Any:
     return ax
 
 
-def histogram(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Any:
+def histogram(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
     """Draw numbers of pieces against obliquity."""
     data = angle_data(field, bins=bins, flow=flow)
     ax = _axes(ax)
@@ -91,7 +92,7 @@ def histogram(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Any:
     return ax
 
 
-def cumulative(field: DebrisField, ax: Any, *, flow: float) -> Any:
+def cumulative(field: DebrisField, ax: Any, *, flow: float) -> Axes:
     """Draw the share of pieces up to an obliquity as steps, with D10, D30 and D60."""
     data = angle_data(field, bins=1, flow=flow)
     ax = _axes(ax)

@@ -25,6 +25,7 @@ from libmpm._src.studies.demand.curves import (
     loads_of,
 )
 from libmpm._src.studies.demand.laws import Discrete, Law
+from libmpm._src.studies.demand.obliquity import in_radians
 from libmpm._src.studies.demand.ordered import (
     OrderedLoad,
     Reduction,
@@ -49,6 +50,7 @@ def exceedance(
     ordered: float | Callable[[Any], Any],
     *,
     count: Any = 1,
+    degrees: Any = None,
     angle: Any = None,
     angle_reduction: Reduction | Callable[[Floats], Any] | None = None,
     porosity: Any = None,
@@ -71,11 +73,11 @@ def exceedance(
     argument              default      meaning
     ====================  ===========  ==========================================================
     ordered, count,       1, order     as in `expected_load`
-    angle, porosity and
-    the reductions
+    degrees, porosity
+    and the reductions
     angles                "field"      one angle a field; "debris": every debris draws its own and
                                        their R(θ) are averaged (the same mean, less spread)
-    joint                 False        True: count, angle and porosity are columns (n,) of n real
+    joint                 False        True: count, degrees and porosity are columns (n,) of n real
                                        fields, each used once, so that what depends on each other
                                        stays together and the band knows how few they are
     samples               10,000       fields drawn, ≥ 2; not with `joint`
@@ -107,6 +109,7 @@ def exceedance(
     check = Checker("demand.exceedance")
     check.choice("angles", angles, ("field", "debris"))
     seed = check.integer("seed", seed)
+    angle, angle_reduction = in_radians(check, degrees, angle, angle_reduction)
     request = _Request.checked(check, rate, hazard, load, confidence, interval)
     models: list[Any] = [
         ordered,

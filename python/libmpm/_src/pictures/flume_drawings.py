@@ -1,4 +1,4 @@
-"""Drawings of a facility from the side, and of a run beside the measured curves."""
+"""Drawings of a laboratory flume from the side, and of a run beside the measured curves."""
 
 from __future__ import annotations
 
