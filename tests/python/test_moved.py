@@ -2,17 +2,22 @@
 
 import base64
 import importlib
+import inspect
+import json
 import pickle
 import subprocess
 import sys
 import warnings
 import zlib
+from pathlib import Path
 
 import pytest
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
 from libmpm._src import moved
+
+DATA = Path(__file__).parents[1] / "data"
 
 #: `pickle.dumps` of the scene below, made with version 0.1; compressed, in base 85.
 OLD = (
@@ -142,3 +147,36 @@ def test_names_that_meant_two_things_warn(module, old, new):
     assert old not in place.__all__ and new in place.__all__
     with pytest.raises(AttributeError, match="no_such"):
         _ = place.no_such
+
+
+def _parameters(thing):
+    """The arguments of a callable by name, those that were renamed by their old name too."""
+    found = inspect.signature(thing).parameters.values()
+    return {p.name for p in found if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)}
+
+
+#: Arguments that have a new name; the old one warns (`keywords_only`).
+RENAMED = {"animate": {"color"}, "Simulation.plot": {"color"}, "Simulation.view": {"color"}}
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_every_public_name_and_argument_of_the_version_before_is_there():
+    """Names, members and arguments as 0.1 had them: its scripts find all of them."""
+    then = json.loads((DATA / "public_names_0.1.json").read_text(encoding="utf-8"))
+    gone, seen = [], 0
+    for module, names in then.items():
+        place = importlib.import_module(module)
+        for name, members in names.items():
+            thing = getattr(place, name)
+            for member, arguments in members.items():
+                label = f"{name}.{member}" if member else name
+                fields = getattr(thing, "__annotations__", {})
+                if member and not hasattr(thing, member) and member not in fields:
+                    gone.append(f"{module}.{label}")
+                    continue
+                seen += 1
+                called = getattr(thing, member) if member and arguments else thing
+                if arguments:
+                    missing = set(arguments) - _parameters(called) - RENAMED.get(label, set())
+                    gone += [f"{module}.{label}({argument}=)" for argument in sorted(missing)]
+    assert seen > 1000 and not gone, gone

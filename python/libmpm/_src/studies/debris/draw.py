@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -60,7 +60,7 @@ def draw(field: DebrisField, ax: Any = None) -> Axes:
         names = {k: field.prototypes[k].name for k in sorted(first)}
         ax.legend([first[k] for k in names], list(names.values()), fontsize="small",
                   loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names))  # fmt: skip
-    return ax
+    return cast("Axes", ax)
 
 
 def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
@@ -77,7 +77,7 @@ def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
            linewidth=0.6, alpha=0.8)  # fmt: skip
     ax.set(thetamin=0, thetamax=90)
     ax.set_title("share by obliquity", fontsize="medium")
-    return ax
+    return cast("Axes", ax)
 
 
 def histogram(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
@@ -89,7 +89,7 @@ def histogram(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
            linewidth=0.6, alpha=0.8)  # fmt: skip
     ax.set(xlabel=_ANGLE, ylabel="pieces", xlim=(0, 90), xticks=edges)
     ax.yaxis.get_major_locator().set_params(integer=True)
-    return ax
+    return cast("Axes", ax)
 
 
 def cumulative(field: DebrisField, ax: Any, *, flow: float) -> Axes:
@@ -104,7 +104,7 @@ def cumulative(field: DebrisField, ax: Any, *, flow: float) -> Axes:
         ax.plot([0, angle, angle], [part / 100, part / 100, 0], "--", linewidth=0.8, label=label)
     ax.set(xlabel=_ANGLE, ylabel="share of pieces", xlim=(0, 90), ylim=(0, 1.02))
     ax.legend(loc="lower right", fontsize="small")
-    return ax
+    return cast("Axes", ax)
 
 
 def figure(field: DebrisField, *, bins: int, flow: float) -> Figure:
