@@ -25,7 +25,7 @@ def exact(load: Any, whole: float = 1000.0, minimum: float = 0.4) -> Any:
 
 
 def simple(**changes: Any) -> demand.Exceedance:
-    arguments: dict[str, Any] = {"angle": UNIFORM, "angle_reduction": ANGULAR, "samples": 400}
+    arguments: dict[str, Any] = {"degrees": UNIFORM, "angle_reduction": ANGULAR, "samples": 400}
     return demand.exceedance(1000.0, **(arguments | changes))
 
 
@@ -40,7 +40,7 @@ def test_curve_against_closed_form() -> None:
     assert error.max() > 0
     # ∫ P(F > f) df is the mean, and the law has no load below 400 N.
     mean = 400 + np.trapezoid(curve.probability[curve.load >= 400], curve.load[curve.load >= 400])
-    wanted = demand.expected_load(1000.0, angle=UNIFORM, angle_reduction=ANGULAR)
+    wanted = demand.expected_load(1000.0, degrees=UNIFORM, angle_reduction=ANGULAR)
     assert wanted == pytest.approx(600)
     assert mean == pytest.approx(wanted, abs=600 * dkw(samples) + 2)
 
@@ -93,7 +93,7 @@ def test_bands_cover_with_uncertain_parameters() -> None:
         curve = demand.exceedance(
             fitted(np.random.default_rng(seed), noise=300.0),
             count=8,
-            angle=UNIFORM,
+            degrees=UNIFORM,
             angle_reduction=ANGULAR,
             samples=200,
             seed=seed,
@@ -106,7 +106,7 @@ def test_bands_cover_with_uncertain_parameters() -> None:
 def test_uncertain_parameters_widen_the_band() -> None:
     ordered = fitted(np.random.default_rng(1), noise=300.0)
     load = np.linspace(0, 4000, 101)
-    arguments: dict[str, Any] = {"count": 8, "angle": UNIFORM, "load": load}
+    arguments: dict[str, Any] = {"count": 8, "degrees": UNIFORM, "load": load}
     known = demand.exceedance(ordered, **arguments, angle_reduction=ANGULAR, draws=0)
     fit = demand.exceedance(ordered, **arguments, angle_reduction=ANGULAR)
     both = demand.exceedance(
@@ -133,7 +133,7 @@ def test_curves_fall_within_their_bands(interval: Any) -> None:
     curve = demand.exceedance(
         fitted(np.random.default_rng(1)),
         count=stats.randint(1, 17),
-        angle=UNIFORM,
+        degrees=UNIFORM,
         angle_reduction=demand.Reduction.three_point(0.5, deviation=0.05),
         porosity=stats.beta(2, 5),
         porosity_reduction=POROUS,
@@ -151,7 +151,7 @@ def test_curves_fall_within_their_bands(interval: Any) -> None:
 def test_same_seed_same_curve() -> None:
     ordered = fitted(np.random.default_rng(1))
     arguments: dict[str, Any] = {"count": stats.poisson(6), "samples": 300, "load": [800, 1600]}
-    arguments |= {"angle": UNIFORM, "angle_reduction": ANGULAR}
+    arguments |= {"degrees": UNIFORM, "angle_reduction": ANGULAR}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Poisson counts go beyond the data
         one, same, other, more = (
@@ -221,7 +221,7 @@ def test_scenarios_add_up() -> None:
     load = np.linspace(0, 2500, 251)
     calm = simple(load=load)
     storm = demand.exceedance(
-        2000.0, angle=UNIFORM, angle_reduction=ANGULAR, samples=400, load=load
+        2000.0, degrees=UNIFORM, angle_reduction=ANGULAR, samples=400, load=load
     )
     together = demand.combine([(0.01, calm), (0.002, storm)])
     hazard = simple(load=load, hazard=[(0.01, 1.0), (0.002, 2.0)])
@@ -391,12 +391,18 @@ def test_examples_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         ({"count": stats.norm(5)}, "count reaches from -inf to inf; expected 0 or more"),
         ({"count": stats.gamma(2)}, "count is a continuous law"),
         ({"count": stats.rv_discrete(values=([1, 1.5], [0.5, 0.5]))}, "not whole; write it as"),
-        ({"angle": 45.0}, "angle reaches from 45 to 45; expected 0 to 1.5708 rad; use radians"),
-        ({"angle": lambda x: 1.0}, "angle is a function; expected a law; write demand.Density("),
-        ({"angle": np.zeros((2, 2))}, "angle has shape (2, 2); expected a number, (n,) samples"),
-        ({"angle": "steep"}, "angle is 'steep'; expected a number or an array of numbers"),
-        ({"angle": None}, "angle is missing for angle_reduction; expected a law, or 0.0 for order"),
-        ({"angle_reduction": None}, "angle_reduction is missing for angle; expected a"),
+        ({"degrees": 120.0}, "degrees reaches from 120 to 120; expected 0 to 90 degrees; fold"),
+        (
+            {"degrees": lambda x: 1.0},
+            "degrees is a function; expected a law; write demand.Density(",
+        ),
+        (
+            {"degrees": np.zeros((2, 2))},
+            "degrees has shape (2, 2); expected a number, (n,) samples",
+        ),
+        ({"degrees": "steep"}, "degrees is 'steep'; expected a number or an array of numbers"),
+        ({"degrees": None}, "degrees is missing for angle_reduction; expected a law, or 0.0"),
+        ({"angle_reduction": None}, "angle_reduction is missing for degrees; expected a"),
         ({"angle_reduction": 0.5}, "angle_reduction is 0.5; expected a demand.Reduction"),
         (
             {"angle_reduction": POROUS},

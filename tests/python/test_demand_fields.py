@@ -42,7 +42,7 @@ def test_perfect_order_has_the_ordered_load(zero: Any) -> None:
 @pytest.mark.parametrize(
     ("law", "mean"),
     [
-        (UNIFORM, 1 - 0.6 * 2 / 3),
+        (stats.uniform(0, QUARTER), 1 - 0.6 * 2 / 3),
         (demand.Histogram([2, 2, 2], [0, 0.3, 0.6, 0.9]), None),
         (demand.Histogram([1.0], [0, QUARTER]), 1 - 0.6 * 2 / 3),
         (demand.Density(lambda x: 1 / QUARTER, 0, QUARTER), 1 - 0.6 * 2 / 3),
@@ -77,7 +77,7 @@ def test_expected_load_of_laws_of_porosity_and_count(a: float, b: float) -> None
 def test_load_weighted_with_a_rate() -> None:
     """Eq. 11.6 with λ(n) = ν P(n) is ν times eq. 11.5: N per period, not a probability."""
     law = stats.beta(2, 5)
-    disorder = {"angle": UNIFORM, "angle_reduction": ANGULAR, "porosity_reduction": POROUS}
+    disorder = {"degrees": UNIFORM, "angle_reduction": ANGULAR, "porosity_reduction": POROUS}
     expected = demand.expected_load(900.0, porosity=law, **disorder)
     for per_year in (12.0, 1.0):
         found = demand.rate_weighted_load(

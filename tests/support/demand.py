@@ -16,7 +16,7 @@ QUARTER = math.pi / 2
 #: A reduction in the angle with a minimum of 0.4, and the law whose load has a closed form.
 ANGULAR = demand.Reduction.three_point(0.4)
 POROUS = demand.Reduction.linear(0.3)
-UNIFORM = stats.uniform(0, QUARTER)
+UNIFORM = stats.uniform(0, 90)
 #: Chance that a test of a random result may fail although all is well, for each of its looks.
 RARE = 1e-6
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.tables import html_table
 from libmpm._src.base.values import nearest
 from libmpm._src.output.series import Series
 from libmpm._src.sensors import attributes
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from libmpm._src.run.running import Running
 
 __all__ = ["BodyView", "GridView", "ParticlesView", "SensorsView", "world_shift"]
+
+
+_BODIES = ("body", "material")
 
 
 class BodyView(Mapping[str, NDArray[Any]]):
@@ -107,6 +111,7 @@ class ParticlesView(Mapping[str, BodyView]):
 
     def __init__(self, simulation: Running) -> None:
         """Make a view of every body of the scene."""
+        self._simulation = simulation
         names = [body.name for body in simulation.scene.bodies]
         self._views = {name: BodyView(simulation, i, name) for i, name in enumerate(names)}
 
@@ -123,6 +128,15 @@ class ParticlesView(Mapping[str, BodyView]):
     def __len__(self) -> int:
         """Return the number of bodies."""
         return len(self._views)
+
+    def __repr__(self) -> str:
+        """Return the bodies, without asking the device."""
+        return f"<particles of {', '.join(self._views) or 'no body'}>"
+
+    def _repr_html_(self) -> str:
+        """Return bodies and materials as a table for Jupyter, without asking the device."""
+        bodies = self._simulation.scene.bodies
+        return html_table([(b.name, type(b.material).__name__) for b in bodies], _BODIES)
 
 
 class GridView(Mapping[str, NDArray[np.float64]]):
@@ -152,6 +166,10 @@ class GridView(Mapping[str, NDArray[np.float64]]):
         """Return the number of arrays."""
         return len(self.names)
 
+    def __repr__(self) -> str:
+        """Return the names of the arrays, without asking the device."""
+        return f"<active nodes of the grid: {', '.join(self.names)}>"
+
 
 class SensorsView(Mapping[str, Series]):
     """Sensor name -> series with `time`, `values`, `components` and `units`."""
@@ -178,6 +196,10 @@ class SensorsView(Mapping[str, Series]):
     def __len__(self) -> int:
         """Return the number of sensors."""
         return len(self._names)
+
+    def __repr__(self) -> str:
+        """Return the names of the sensors, without asking for samples."""
+        return f"<series of {', '.join(self._names) or 'no sensor'}>"
 
     def _repr_html_(self) -> str:
         """Return names and kinds as a table for Jupyter; samples are not asked for."""

@@ -59,6 +59,9 @@ def in_radians(check: Checker, degrees: Any, angle: Any, reduction: Any) -> tupl
                 DeprecationWarning,
                 stacklevel=4,
             )
+        elif reduction is not None:
+            check.fail("degrees is missing for angle_reduction; expected a law, or 0.0 for order")
+            return None, None
         return angle, reduction
     before = len(check.problems)
     if angle is not None:
