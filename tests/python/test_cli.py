@@ -141,3 +141,14 @@ def test_the_demonstration_is_as_promised():
     assert "wave-gauge" in kinds
     structure = next(b for b in source.scene.boundaries if b.name == "structure")
     assert structure.shape.lower[2] > source.scene.lower[2]
+
+
+def test_options_of_a_run_are_grouped():
+    from libmpm._src.cli.options import parser
+
+    (commands,) = (a for a in parser()._actions if hasattr(a, "choices") and a.choices)
+    groups = {g.title: g._group_actions for g in commands.choices["run"]._action_groups}
+    assert {a.dest for a in groups["several devices or ranks"]} == {
+        "cuts", "at", "by", "weights", "rebalance_above",
+    }  # fmt: skip
+    assert len(groups["options"]) < 8 and all(len(group) < 9 for group in groups.values())

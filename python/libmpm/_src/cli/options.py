@@ -41,46 +41,49 @@ def seconds(text: str) -> float:
 
 
 def _add_execution(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    group = parser.add_argument_group("how it is computed")
+    group.add_argument(
         "--device", default="auto", help="auto, cpu, cuda, cuda:N, or several: cuda:0,cuda:1"
     )
-    parser.add_argument("--precision", default="auto", help="auto, single, mixed or double")
-    parser.add_argument("--pipeline", default="auto", help="auto, fused, two-pass or phased")
-    parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
+    group.add_argument("--precision", default="auto", help="auto, single, mixed or double")
+    group.add_argument("--pipeline", default="auto", help="auto, fused, two-pass or phased")
+    group.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
 
 
 def _add_writing(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--until", type=float, help="end of the run, s; overrides the file")
-    parser.add_argument(
+    group = parser.add_argument_group("the run and what it says")
+    group.add_argument("--until", type=float, help="end of the run, s; overrides the file")
+    group.add_argument(
         "--wall-limit", type=seconds, metavar="TIME",
         help="seconds, HH:MM:SS or D-HH:MM:SS of wall time from the command's start, after which "
         "the run stops with a checkpoint and exit code 6; leave room to write it",
     )  # fmt: skip
-    parser.add_argument("--no-picture", action="store_true", help="do not draw report.png")
-    parser.add_argument(
+    group.add_argument("--no-picture", action="store_true", help="do not draw report.png")
+    group.add_argument(
         "--no-guard", action="store_true",
         help="disable run-time checks (energy growth, volume change, particle loss)",
     )  # fmt: skip
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    parser.add_argument(
+    group.add_argument("--quiet", action="store_true", help="no progress bar")
+    group = parser.add_argument_group("several devices or ranks")
+    group.add_argument(
         "--cuts", choices=("x", "y", "z", "curve"),
         help="several devices: parts by planes across an axis, or along a space-filling curve",
     )  # fmt: skip
-    parser.add_argument(
+    group.add_argument(
         "--at", type=_places, metavar="X,...",
         help="with --cuts x, y or z: places of the first planes, m, one fewer than devices; "
         "--at=-1.2,0.4 where the first is negative",
     )  # fmt: skip
-    parser.add_argument(
+    group.add_argument(
         "--by", choices=("body", "material"),
         help="several devices: each begins with a body, or the bodies of one material",
     )  # fmt: skip
-    parser.add_argument(
+    group.add_argument(
         "--weights", choices=("particles", "measured"),
         help="several CPU ranks: loads by particles, or by the time that they took; default: "
         "particles",
     )  # fmt: skip
-    parser.add_argument(
+    group.add_argument(
         "--rebalance-above", type=float, metavar="RATIO",
         help="several devices: largest load over the mean above which cuts move; 0 = at every "
         "sort, inf = never; default: 1.05",
@@ -88,12 +91,13 @@ def _add_writing(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_scaling(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    group = parser.add_argument_group("similitude")
+    group.add_argument(
         "--scale", type=float, metavar="RATIO",
         help="Froude similitude: lengths times RATIO, times and velocities times its root, ...",
     )  # fmt: skip
-    parser.add_argument("--cauchy", action="store_true", help="with --scale: moduli scale too")
-    parser.add_argument("--reynolds", action="store_true", help="with --scale: viscosities too")
+    group.add_argument("--cauchy", action="store_true", help="with --scale: moduli scale too")
+    group.add_argument("--reynolds", action="store_true", help="with --scale: viscosities too")
 
 
 def parser() -> argparse.ArgumentParser:
