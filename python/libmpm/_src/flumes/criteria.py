@@ -186,7 +186,7 @@ def half_crest(name: str, window: tuple[float, float]) -> Callable[[Signals], fl
 
 
 def _first(time: Array, values: Array, level: float) -> float:
-    """Return when values first reach a level, linear between samples; not-a-number if never."""
+    """Return when values first reach a level, linear between samples; NaN if never."""
     above = values >= level
     if not above.any():
         return math.nan
