@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import libmpm
@@ -27,6 +29,46 @@ def test_a_simulation_is_not_copied(copied):
     with pytest.raises(libmpm.Error, match=r"cannot be copied or pickled.*continue from a check"):
         copied(sim)
     sim.step(1)
+
+
+def thrown():
+    """A block that leaves the domain, whose walls are missing."""
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1), name="thrown")
+    law = materials.FixedCorotated(density=600, youngs_modulus=1e5)
+    box = shapes.Box(lower=(0.3, 0.3), upper=(0.7, 0.7))
+    scene.add_body(name="block", shape=box, material=law, velocity=(5.0, 0.0))
+    return libmpm.Simulation(scene, device="cpu")
+
+
+def overflown():
+    """Water with a pressure beyond what single precision holds."""
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1), name="overflown")
+    law = materials.TaitFluid(bulk_modulus=1e16, exponent=20.0)
+    box = shapes.Box(lower=(0.3, 0.3), upper=(0.7, 0.7))
+    scene.add_body(name="block", shape=box, material=law)
+    sim = libmpm.Simulation(scene, device="cpu", precision="single")
+    pressure = 1e16 / 20 * math.expm1(-20 * math.log(0.06))
+    sim.particles["block"]["pressure"] = np.full(len(sim.particles["block"]), pressure)
+    return sim
+
+
+@pytest.mark.parametrize(
+    ("made", "what"), [(thrown, "left the domain"), (overflown, "no longer finite")]
+)
+def test_the_state_of_a_run_that_failed_is_not_saved(tmp_path, made, what):
+    """After particles had left it was: a checkpoint from which every run failed at once."""
+    sim = made()
+    with pytest.raises(libmpm.NumericalError, match=what):
+        sim.run(until=1.0, progress=False)
+    step, ids = sim.steps, np.array(sim.particles["block"]["id"])
+    for _ in range(2):
+        with pytest.raises(libmpm.NumericalError, match=rf"has failed.* not saved.*{what}"):
+            sim.save_checkpoint(tmp_path / "x.npz")
+        with pytest.raises(libmpm.NumericalError):
+            sim.step(1)
+    assert not (tmp_path / "x.npz").exists()
+    assert sim.steps == step
+    np.testing.assert_array_equal(sim.particles["block"]["id"], ids)
 
 
 @pytest.mark.parametrize("until", ["1", b"1", True, None, [1.0]])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from libmpm._src.errors import Error
+from libmpm._src.errors import Error, NumericalError
 from libmpm._src.materials.friction import with_cones
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.rank_files import open_together
@@ -52,6 +52,8 @@ class Files:
         self.settings: dict[str, Any] = {}
         #: Header of the checkpoint that was resumed from; empty of a new run.
         self.recorded: dict[str, Any] = {}
+        #: Why the run has failed; empty while it has not. No state is saved after that.
+        self.failure = ""
 
     def scene_document(self) -> dict[str, Any]:
         """Return the scene file of this run, with its "run" settings if it came with any."""
@@ -115,6 +117,12 @@ class Files:
         """Write a checkpoint of a run that was asked to go on until this time, s."""
         run, assembly = self._run, self._assembly
         engine, watch = assembly.engine, assembly.watch
+        if self.failure:
+            raise NumericalError(
+                f"simulation {run.scene.name!r}: its run has failed, and the state of a run that "
+                "failed is not saved: nothing could continue from it; resume an earlier "
+                f"checkpoint. The failure: {self.failure}"
+            )
         requested, backend, guard = assembly.requested, assembly.backend, assembly.guard
         if watch is not None:
             watch.before_saving()

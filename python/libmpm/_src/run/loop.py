@@ -192,9 +192,10 @@ class Loop:
             result = engine.run(0, target, math.inf)
         self._collect()
         if result["reason"] == "fault":
-            raise NumericalError(
-                describe_fault(result["fault"], engine.time_step, self._run.scene.cell_size)
+            self._files.failure = describe_fault(
+                result["fault"], engine.time_step, self._run.scene.cell_size
             )
+            raise NumericalError(self._files.failure)
         if watch is not None:
             watch.look()
         measured.service()
