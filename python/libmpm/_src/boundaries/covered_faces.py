@@ -87,6 +87,16 @@ class Covers:
             worst = np.maximum(worst, self.distances[which](points + place))
         return worst
 
+    def may_cover(
+        self, distance: Callable[[Array], Array], points: Array, radius: float
+    ) -> npt.NDArray[np.bool_]:
+        """Return beside which points (n,) covers may be nearer than a surface within a radius."""
+        found = np.zeros(len(points), dtype=bool)
+        reach = np.abs(distance(points)) + self.close + 2 * radius if self.distances else 0.0
+        for k in range(len(self.distances)):
+            found |= self.clear(k, points) <= reach
+        return found
+
     def seen(self, distance: Callable[[Array], Array], points: Array, spacing: float,
              depth: float) -> Array:  # fmt: skip
         """Return the distances (n,) of points from what is not covered of a surface, m."""
@@ -114,8 +124,12 @@ class Covers:
             unsure = np.abs(np.linalg.norm(slope, axis=1) - 1) > _UNIT
             found = ~hidden & ~unsure
             rows = np.flatnonzero(found)
+            if turn:
+                far, size, incline = self._first_seen(distance, x[rows], last[rows], spacing)
+            else:  # seen from where it began: there is nothing between
+                far, size, incline = x[rows], here[rows], slope[rows]
             away[left[rows]] = self._beyond(
-                distance, x[rows], last[rows], start[rows], points[left[rows]], spacing
+                distance, far, size, incline, start[rows], points[left[rows]], spacing
             )
             deep = ~found & (here < -depth)
             away[left[deep]] = np.minimum(away[left[deep]], here[deep])
@@ -153,13 +167,10 @@ class Covers:
                 direction[which] = self._off(k, places[which], spacing)
         return direction
 
-    def _beyond(self, distance: Callable[[Array], Array], x: Array, last: Array, start: Array,
-                points: Array, spacing: float) -> Array:  # fmt: skip
-        """Return the distances (n,) of points from the face that is nearest to x, continued.
-
-        `last` is the place before x on the way there, from which a covered face was nearest; of all
-        faces that are seen between, the first counts.
-        """
+    def _first_seen(self, distance: Callable[[Array], Array], x: Array, last: Array,
+                    spacing: float) -> tuple[Array, Array, Array]:  # fmt: skip
+        """Return the places (n, d) from which a face is first seen on the way from `last`, from
+        which a covered face was nearest, to x, and the distances and their slopes there."""
         far, near = x.copy(), last.copy()
         for _ in range(_HALVINGS if len(x) else 0):
             middle = 0.5 * (near + far)
@@ -172,8 +183,15 @@ class Covers:
         way = far - near
         size = np.linalg.norm(way, axis=1, keepdims=True)
         far += way * np.maximum(1, _OFF * spacing / np.where(size > 0, size, np.inf))
-        here = distance(far)
-        slope = _slope(distance, far, _STEP * spacing)
+        return far, distance(far), _slope(distance, far, _STEP * spacing)
+
+    def _beyond(self, distance: Callable[[Array], Array], far: Array, here: Array, slope: Array,
+                start: Array, points: Array, spacing: float) -> Array:  # fmt: skip
+        """Return the distances (n,) of points from the face that is nearest to `far`, continued.
+
+        `here` and `slope` are the distance there and its slope; points stand behind `start`.
+        """
+        slope = slope.copy()
         foot = far - here[:, None] * slope
         # Of an edge the face on the side of the point counts.
         way = start - foot

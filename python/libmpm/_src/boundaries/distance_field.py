@@ -11,6 +11,7 @@ import functools
 import itertools
 import json
 import math
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.time_tables import TimeTable, engine_table
+from libmpm._src.base.values import warn
 from libmpm._src.boundaries.covered_faces import Covers, covers_of, motion_of, moves
 from libmpm._src.boundaries.responses import DecayLayer, Prescribed
 from libmpm._src.errors import SceneError
@@ -41,8 +43,12 @@ _RIM = 3
 #: Points whose distance is asked for at a time.
 _PIECE = 1 << 20
 
-#: Blocks that one boundary may have to look through.
-_MOST_BLOCKS = 1 << 26
+#: Blocks that one boundary may have to look through, and bytes of the distances of those it keeps.
+_MOST_BLOCKS, _MOST_BYTES = 1 << 26, 4 << 30
+
+#: Seconds of work above which its estimate is given first; points of which the rate is a measure;
+#: and distances that a point beside what covers the surface costs, on average.
+_LONG, _MEASURED, _BESIDE_COVERS = 20.0, 1000, 20
 
 Array = npt.NDArray[np.float64]
 
@@ -176,7 +182,7 @@ def _sampled(
     # Of blocks further off than half a diagonal no corner can be within the band.
     radius = 0.5 * edge * math.sqrt(d)
     near, deep = [], []
-    whole = math.prod(counts)
+    whole, began = math.prod(counts), time.process_time()
     for start in range(0, whole, _PIECE):
         number = np.arange(start, min(start + _PIECE, whole))
         keys = np.stack(np.unravel_index(number, counts), axis=1) + np.array(first)
@@ -187,14 +193,16 @@ def _sampled(
         near.append(keys[np.abs(away) <= radius + max(band, depth)])
         deep.append(keys[away < -(radius + max(band, depth))])
     keys, inside = np.concatenate(near), np.concatenate([np.zeros((0, d), dtype=int), *deep])
-    corners = np.array(list(itertools.product(range(FIELD_EDGE + 1), repeat=d)), dtype=np.float64)
+    each = (time.process_time() - began) / whole if whole >= _MEASURED else 0.0
+    _bound_cost(held, (keys + 0.5) * edge + zero, radius, edge, each)
+    corners = np.array(list(itertools.product(range(FIELD_EDGE + 1), repeat=d)))
     values, kept = [], []
     some = max(1, _PIECE // len(corners))
     for start in range(0, len(keys), some):
         here = keys[start : start + some]
-        points = (here[:, None, :] * FIELD_EDGE + corners[None]) * spacing + zero
-        away = held.covers.seen(shape.distance, points.reshape(-1, d), spacing, depth)
-        away = away.reshape(len(here), -1)
+        points, which = _distinct((here[:, None, :] * FIELD_EDGE + corners).reshape(-1, d))
+        away = held.covers.seen(shape.distance, points * spacing + zero, spacing, depth)
+        away = away[which].reshape(len(here), -1)
         reached = (away.min(axis=1) <= band) & (away.max(axis=1) >= -depth)
         inside = np.concatenate([inside, here[away.max(axis=1) < -depth]])
         kept.append(here[reached])
@@ -208,6 +216,40 @@ def _sampled(
     order = np.lexsort(named.T[::-1])
     table = np.concatenate(values) if values else np.zeros((0, len(corners)), dtype=np.float32)
     return DistanceField(named[order].astype(np.int64), place[order], table, np.zeros(d), spacing)
+
+
+def _bound_cost(held: _Shape, middle: Array, radius: float, edge: float, each: float) -> None:
+    """Refuse distances in too many blocks, warn of many with an estimate, before they are paid.
+
+    `middle` (n, d) of the blocks and their `edge`, m; `each` is what a distance took, s.
+    """
+    n, d = middle.shape
+    most = _MOST_BYTES // (4 * (FIELD_EDGE + 1) ** d)
+    what = f"{held.shape!r:.80}: distances in {n:,} blocks of {edge:g} m"
+    remedy = f"use a larger spacing than {edge / FIELD_EDGE:g} m, or a smaller shape"
+    if n > most:
+        raise SceneError(f"{what} are needed; expected ≤ {most:,}; {remedy}")
+    points = FIELD_EDGE**d
+    if not n * points * _BESIDE_COVERS * each > _LONG:
+        return
+    beside = int(np.count_nonzero(held.covers.may_cover(held.shape.distance, middle, radius)))
+    seconds = each * points * (n + beside * (_BESIDE_COVERS - 1))
+    if seconds > _LONG:
+        warn([f"{what} will take about {seconds:.2g} s; expected ≤ {_LONG:g} s; {remedy}"], 2)
+
+
+def _distinct(
+    index: npt.NDArray[np.int64],
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return the different rows of (n, d), and which of them each is: blocks share their faces."""
+    low = index.min(axis=0)
+    size = tuple(index.max(axis=0) - low + 1)
+    if math.prod(map(int, size)) >= 2**62:
+        return index, np.arange(len(index))
+    number, which = np.unique(
+        np.ravel_multi_index(tuple((index - low).T), size), return_inverse=True
+    )
+    return np.stack(np.unravel_index(number, size), axis=1) + low, which
 
 
 def reach_of(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -40,6 +42,10 @@ class PatchTree:
             low, high = _halved(low, np.minimum), _halved(high, np.maximum)
             self._low.append(low)
             self._high.append(high)
+        self._ends = [
+            [_box_ends(axis, level, size) for axis, size in zip((x, y), low.shape, strict=True)]
+            for level, low in enumerate(self._low)
+        ]
 
     def distance(self, p: Array, bound: Array) -> Array:
         """Return the distance (n,) of points (n, 3) from the nearest patch, m.
@@ -56,31 +62,38 @@ class PatchTree:
     def _nearest(self, p: Array, bound: Array) -> Array:
         top = len(self._low) - 1
         best = bound.copy()
+        columns = tuple(np.ascontiguousarray(p.T))
         # Down to one patch first: how far it is rules out most of the others.
         i, j = np.zeros((2, len(p)), dtype=np.int64)
         for level in range(top - 1, -1, -1):
-            _, i, j = self._children(level, np.arange(len(p)), i, j)
-            away = self._to_box(np.repeat(p, 4, axis=0), level, i, j).reshape(-1, 4)
+            point, i, j = self._children(level, np.arange(len(p)), i, j)
+            away = self._to_box([c[point] for c in columns], level, i, j).reshape(-1, 4)
             row = 4 * np.arange(len(p)) + np.argmin(away, axis=1)
             i, j = i[row], j[row]
-        best = np.minimum(best, self._to_patch(p, i, j))
+        best = np.minimum(best, self._to_patch(columns, i, j))
+        done = i * len(self._y) + j
         point = np.arange(len(p))
         i, j = np.zeros((2, len(p)), dtype=np.int64)
         for level in range(top, -1, -1):
             if level < top:
                 point, i, j = self._children(level, point, i, j)
-            near = self._to_box(p[point], level, i, j) <= best[point] * (1.0 + 1e-9)
-            # A box beyond the edge was asked for as the last one before it.
-            near &= self._first_of(level, point, i, j)
+                # A box beyond the edge was asked for as the last one before it.
+                fresh = self._first_of(i, j)
+                if level == 0:
+                    fresh &= i * len(self._y) + j != done[point]
+                point, i, j = point[fresh], i[fresh], j[fresh]
+            away = self._to_box([c[point] for c in columns], level, i, j)
+            near = away <= best[point] * (1.0 + 1e-9)
             point, i, j = point[near], i[near], j[near]
             if len(point) > _PAIRS and len(p) > 1:
                 half = len(p) // 2
                 return np.concatenate(
                     [self._nearest(p[:half], bound[:half]), self._nearest(p[half:], bound[half:])]
                 )
-        for first in range(0, len(point), _PAIRS):
+        for first in range(0, len(point) if top else 0, _PAIRS):
             some = slice(first, first + _PAIRS)
-            np.minimum.at(best, point[some], self._to_patch(p[point[some]], i[some], j[some]))
+            there = [c[point[some]] for c in columns]
+            np.minimum.at(best, point[some], self._to_patch(there, i[some], j[some]))
         return best
 
     def _children(
@@ -92,35 +105,32 @@ class PatchTree:
                  for k, across, size in zip((i, j), _ACROSS, (n, m), strict=True)]  # fmt: skip
         return np.repeat(point, 4), below[0], below[1]
 
-    def _first_of(
-        self, level: int, point: Numbers, i: Numbers, j: Numbers
-    ) -> npt.NDArray[np.bool_]:
+    def _first_of(self, i: Numbers, j: Numbers) -> npt.NDArray[np.bool_]:
         """Return which rows name another box than the rows of the same four before them."""
-        if level == len(self._low) - 1:
-            return np.ones(len(point), dtype=bool)
-        slot = np.arange(len(point)) % 4
+        slot = np.arange(len(i)) % 4
         found: npt.NDArray[np.bool_] = ((i % 2) == slot // 2) & ((j % 2) == slot % 2)
         return found
 
-    def _to_box(self, p: Array, level: int, i: Numbers, j: Numbers) -> Array:
-        """Return the squared distance of points (n, 3) from a box of a level each."""
-        total = np.zeros(len(p))
-        for a, (axis, k) in enumerate(((self._x, i), (self._y, j))):
-            low, high = axis[k << level], axis[np.minimum((k + 1) << level, len(axis) - 1)]
-            away = np.maximum(np.maximum(low - p[:, a], p[:, a] - high), 0.0)
+    def _to_box(self, p: Sequence[Array], level: int, i: Numbers, j: Numbers) -> Array:
+        """Return the squared distance of points, a column an axis, from a box of a level each."""
+        ends, total = self._ends[level], np.zeros(len(i))
+        place = i * self._low[level].shape[1] + j
+        sides = [(ends[0], i), (ends[1], j), ((self._low[level], self._high[level]), place)]
+        for column, ((low, high), k) in zip(p, sides, strict=True):
+            away = np.maximum(low.take(k) - column, column - high.take(k))
+            np.maximum(away, 0.0, out=away)
             total += away * away
-        away = np.maximum(self._low[level][i, j] - p[:, 2], p[:, 2] - self._high[level][i, j])
-        away = np.maximum(away, 0.0)
-        return np.asarray(total + away * away)
+        return total
 
-    def _to_patch(self, p: Array, i: Numbers, j: Numbers) -> Array:
-        """Return the squared distance of points (n, 3) from a patch each."""
+    def _to_patch(self, p: Sequence[Array], i: Numbers, j: Numbers) -> Array:
+        """Return the squared distance of points, a column an axis, from a patch each."""
         x, y, z = self._x, self._y, self._z
+        here, across, along = z[i, j], z[i + 1, j], z[i, j + 1]
         return _ruled_distance2(
-            (p[:, 0] - x[i], p[:, 1] - y[j], p[:, 2] - z[i, j]),
+            (p[0] - x[i], p[1] - y[j], p[2] - here),
             (x[i + 1] - x[i], y[j + 1] - y[j]),
-            (z[i + 1, j] - z[i, j], z[i, j + 1] - z[i, j]),
-            z[i + 1, j + 1] - z[i + 1, j] - z[i, j + 1] + z[i, j],
+            (across - here, along - here),
+            z[i + 1, j + 1] - across - along + here,
         )
 
 
@@ -196,6 +206,12 @@ def _least(patch: _Ruled, low: float, high: float, before: Array, after: Array) 
         a, b, before, after, side, open_ = (c[on] for c in (a, b, before, after, side, open_))
         patch = patch.of(on)
     return result
+
+
+def _box_ends(axis: Array, level: int, size: int) -> tuple[Array, Array]:
+    """Return the lower and upper ends (size,) of boxes of a level along an axis, m."""
+    first = np.arange(size) << level
+    return axis[first], axis[np.minimum(first + (1 << level), len(axis) - 1)]
 
 
 def _halved(table: Array, of: np.ufunc) -> Array:
