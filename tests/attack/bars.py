@@ -16,10 +16,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-__all__ = ["GOALS", "choose", "done", "save", "stopped_by_signals"]
+__all__ = ["AIMS", "GOALS", "choose", "done", "save", "stopped_by_signals"]
 
 #: Attack -> how many of its units are aimed at.
 GOALS = {"inputs": 50_000, "values": 20_000, "forged": 5_000, "messages": 1_000_000, "kills": 2_000}
+#: Those that the page promises.
+AIMS = ("inputs", "forged", "kills", "messages")
 #: Seconds of a worker that a unit takes, before any were counted.
 _GUESS = {"inputs": 0.06, "values": 5e-3, "forged": 0.1, "messages": 4e-4, "kills": 0.5}
 #: Of the workers, those that may run kills while other aims are open: kills fill what is left.

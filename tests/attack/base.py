@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import fcntl
+import functools
 import importlib
 import json
 import os
@@ -14,7 +15,6 @@ import select
 import shutil
 import signal
 import sys
-import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -22,14 +22,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-__all__ = ["CASE", "PRINTED", "Attack", "Defect", "Result", "isolated", "run_cases"]
+from support.patience import Patience
+
+__all__ = ["CASE", "PRINTED", "Attack", "Defect", "Result", "import_all", "isolated", "run_cases"]
 
 #: In the room of a case: what it is, for people and for `--replay`; what it printed.
 CASE, PRINTED = "case.json", "printed.txt"
 #: Characters of what a case printed that are kept with a defect.
 _MOST = 4000
-#: Seconds for what all cases of an attack share.
-_PREPARATION = 300.0
+#: Seconds for what all cases of an attack share, and between two looks at what takes long.
+_PREPARATION, _LOOK = 300.0, 1.0
 
 
 class Defect(Exception):
@@ -49,7 +51,7 @@ class Attack:
     """Cases that follow from a seed and a number; each is accepted by libmpm or refused by name.
 
     A subclass says what it does (`what`), what its cases count (`unit`), which part of the time
-    it gets (`share`), after how many seconds of wall time a case is ended (`limit`), and how many
+    it gets (`share`), after how many seconds that it had a case is ended (`limit`), and how many
     cases one process runs (`batch`).
     """
 
@@ -63,6 +65,7 @@ class Attack:
     def __init__(self, folder: Path) -> None:
         """Take the folder of what all cases share."""
         self.folder = folder
+        self._begun = False
 
     def absent(self) -> str:
         """Return why the attack cannot be run here; empty if it can."""
@@ -74,20 +77,26 @@ class Attack:
     def open(self) -> None:
         """Read what all cases share. No engine may run in this process, which is forked later."""
 
-    def begin(self) -> None:
-        """Prepare the folder if nobody has done it for this attack's sources, and open it."""
+    def is_ready(self) -> bool:
+        """Return whether the folder has been prepared for the sources as they are."""
         ready = self.folder / "ready"
+        return ready.exists() and ready.read_text() == _sources()
+
+    def begin(self) -> None:
+        """Prepare the folder if nobody has done it for this attack's sources, and open it, once."""
+        if self._begun:
+            return
         self.folder.parent.mkdir(parents=True, exist_ok=True)
         with (self.folder.parent / f"{self.name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            state = _sources()
-            if not ready.exists() or ready.read_text() != state:
+            if not self.is_ready():
                 shutil.rmtree(self.folder, ignore_errors=True)
                 self.folder.mkdir()
                 isolated(self.prepare, _PREPARATION, self.folder / PRINTED)
-                ready.write_text(state)
-        _import_all()
+                (self.folder / "ready").write_text(_sources())
+        import_all()
         self.open()
+        self._begun = True
 
     def case(self, seed: str, number: int, room: Path) -> Mapping[str, int]:
         """Run a case in an empty folder; returns outcome -> number, raises for a defect."""
@@ -108,7 +117,8 @@ class Attack:
         path.write_text(json.dumps(before | content, indent=1, default=repr) + "\n")
 
 
-def _import_all() -> None:
+@functools.cache
+def import_all() -> None:
     """Import what cases need once, before this process is forked for them."""
     import libmpm
 
@@ -149,7 +159,7 @@ def isolated(call: Callable[[], Any], seconds: float, printed: Path | None = Non
         os.close(reading)
         _child(call, writing, printed)
     os.close(writing)
-    text, late = _read(reading, seconds)
+    text, late = _read(reading, seconds, pid)
     os.close(reading)
     if late:
         os.kill(pid, signal.SIGKILL)
@@ -195,17 +205,35 @@ def _described(error: BaseException) -> str:
     return f"{type(error).__name__}: {text[:_MOST]}\n  at {way}"
 
 
-def _read(handle: int, seconds: float) -> tuple[str, bool]:
-    """Return all that comes through a pipe, and whether that took too long."""
-    limit, parts = time.monotonic() + seconds, []
-    while True:
-        left = limit - time.monotonic()
-        if left <= 0 or not select.select([handle], [], [], left)[0]:
+def _read(handle: int, seconds: float, group: int) -> tuple[str, bool]:
+    """Return all that comes through a pipe of a process, and whether that took too long."""
+    parts = []
+    for part in _parts(handle, seconds, group, again=False):
+        if part is None:
             return "", True
-        part = os.read(handle, 1 << 16)
-        if not part:
-            return b"".join(parts).decode(errors="replace"), False
         parts.append(part)
+    return b"".join(parts).decode(errors="replace"), False
+
+
+def _parts(handle: int, seconds: float, group: int, *, again: bool) -> Iterator[bytes | None]:
+    """Yield what comes through a pipe from a group of processes; None where it takes too long.
+
+    The limit is of the time that they had; with `again` it is one of each part.
+    """
+    patience: Patience | None = None if again else Patience(seconds, group)
+    while True:
+        wait = _LOOK if patience is None else min(_LOOK, patience.left())
+        if wait <= 0:
+            yield None
+            return
+        if select.select([handle], [], [], min(wait, seconds))[0]:
+            part = os.read(handle, 1 << 16)
+            if not part:
+                return
+            yield part
+            patience = None if again else patience
+        elif patience is None:  # begun only where something takes long: it looks at all processes
+            patience = Patience(seconds - min(_LOOK, seconds), group)
 
 
 def _tail(printed: Path | None) -> str:
@@ -232,7 +260,7 @@ def run_cases(
             _cases(attack, seed, numbers, room, pipe)
     os.close(writing)
     number, said = None, ""
-    with contextlib.closing(_lines(reading, attack.limit)) as lines:
+    with contextlib.closing(_lines(reading, attack.limit, pid)) as lines:
         for line in lines:
             if line is None:
                 said = f"hang: no answer in {attack.limit:g} s"
@@ -285,16 +313,13 @@ def _cases(attack: Attack, seed: str, numbers: Iterator[int], room: Path, pipe: 
         os._exit(code)
 
 
-def _lines(handle: int, seconds: float) -> Iterator[str | None]:
+def _lines(handle: int, seconds: float, group: int) -> Iterator[str | None]:
     """Yield the lines that come through a pipe; None where the next one takes too long."""
     before = b""
     try:
-        while True:
-            if not select.select([handle], [], [], seconds)[0]:
+        for part in _parts(handle, seconds, group, again=True):
+            if part is None:
                 yield None
-                return
-            part = os.read(handle, 1 << 16)
-            if not part:
                 return
             *whole, before = (before + part).split(b"\n")
             yield from (line.decode(errors="replace") for line in whole)

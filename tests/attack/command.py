@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -17,7 +16,8 @@ from pathlib import Path
 from attack import bars, report
 from attack.base import CASE, Defect, isolated
 from attack.catalogue import ATTACKS
-from attack.work import commit, work
+from attack.serve import Server, serve
+from attack.work import commit
 
 __all__ = ["main"]
 
@@ -47,8 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--write", action="store_true", help="write docs/reliability.md")
     parser.add_argument("--collect", type=Path, nargs="+", default=[], metavar="FILE",
                         help="with --write: attacks.json of other machines too")  # fmt: skip
-    parser.add_argument("--work", nargs=4, metavar=("ATTACK", "SECONDS", "CASES", "SEED"),
-                        help=argparse.SUPPRESS)  # fmt: skip
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     return parser
 
 
@@ -56,9 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run attacks, or one kept case; returns 1 where there is a defect."""
     given = _parser().parse_args(arguments)
     given.folder = given.folder.resolve()
-    if given.work:
-        name, seconds, cases, seed = given.work
-        return work(name, seed, float(seconds), int(cases), given.folder)
+    if given.serve:
+        return serve(given.folder)
     if given.replay:
         return _replay(given.replay)
     if given.write:
@@ -94,46 +92,45 @@ def _run(given: argparse.Namespace) -> None:
     end = time.monotonic() + 60 * given.minutes
     total = 60 * given.minutes * given.workers
     spent = dict.fromkeys(names, 0.0)
-    busy: list[tuple[subprocess.Popen[bytes], str, float]] = []
+    busy: dict[int, tuple[str, float]] = {}  # turn -> attack and when it began
     environment = os.environ | {
         "OMP_NUM_THREADS": "1", "ATTACK_COMMIT": commit(), "MALLOC_PERTURB_": "165",
         "OPENBLAS_NUM_THREADS": "1", "ATTACK_DEAR": "50" if given.bars else "1",
     }  # fmt: skip
     left = dict.fromkeys(names, given.cases if given.cases is not None else sys.maxsize)
+    call = [sys.executable, "-m", "tests.attack", "--folder", str(folder), "--serve"]
+    server = Server(call, ROOT, environment)
     try:
         while True:
-            for one in [b for b in busy if b[0].poll() is not None]:
-                busy.remove(one)
-                if one[0].returncode:
-                    raise SystemExit(f"{one[1]} cannot begin, see above")
-                spent[one[1]] += time.monotonic() - one[2]
             remaining = end - time.monotonic()
             found = report.counted(folder) if given.bars or given.results else []
             save(found)
             due = [n for n in names if left[n] > 0]
             if given.bars:
-                counts = Counter(b[1] for b in busy)
+                counts = Counter(name for name, _ in busy.values())
                 first = bars.choose(due, found, counts, given.workers, bars.ready(names, folder))
                 due = [first] if first else []
             if (remaining <= 0 or not due) and not busy:
                 return
-            if len(busy) < given.workers and remaining > 0 and due:
-                running = {n: sum(time.monotonic() - b[2] for b in busy if b[1] == n) for n in due}
+            full = len(busy) >= given.workers
+            if not full and remaining > 0 and due:
+                running = {n: sum(time.monotonic() - began for name, began in busy.values()
+                                  if name == n) for n in due}  # fmt: skip
                 name = min(due, key=lambda n: (spent[n] + running[n]) / shares[n])
                 fair = total * shares[name] / sum(shares.values()) / given.workers
                 seconds = min(*((_BAR_TURN,) if given.bars else (_TURN, fair)), remaining)
-                call = [sys.executable, "-m", "tests.attack", "--folder", str(folder), "--work",
-                        name, str(seconds), str(left[name]), given.seed]  # fmt: skip
+                turn = server.start(name, seconds, left[name], given.seed)
                 if given.cases is not None:
                     left[name] = 0
-                child = subprocess.Popen(call, cwd=ROOT, env=environment)
-                busy.append((child, name, time.monotonic()))
-            time.sleep(0.2 if given.bars and not len(busy) < given.workers else 0.05)
+                busy[turn] = name, time.monotonic()
+                full = len(busy) >= given.workers
+            for turn, code in server.ended(0.2 if full else 0.02):
+                name, began = busy.pop(turn)
+                if code:
+                    raise SystemExit(f"{name} cannot begin, see above")
+                spent[name] += time.monotonic() - began
     finally:
-        for child, _, _ in busy:
-            child.terminate()
-        for child, _, _ in busy:
-            child.wait()
+        server.close()
         for stray in folder.glob("worker-*"):
             if not Path(f"/proc/{stray.name.removeprefix('worker-')}").exists():
                 shutil.rmtree(stray, ignore_errors=True)

@@ -10,6 +10,8 @@ import math
 import os
 import pickle
 import random
+import shutil
+import warnings
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -74,7 +76,7 @@ class Inputs(Attack):
     unit = "inputs"
     share = 3.0
     limit = 200.0
-    batch = 25
+    batch = 100
 
     #: Reader -> its part of the cases.
     PARTS: ClassVar[dict[str, float]] = {
@@ -95,6 +97,7 @@ class Inputs(Attack):
         """Read the documents, and name the kinds of input."""
         folder = self.folder
         self.documents = json.loads((folder / "documents.json").read_text())
+        _warm(self.documents)
         runs = {
             "frame": ("run/frames/*.vtkhdf*", self._judge_run),
             "sensors": ("run/sensors.h5", self._judge_run),
@@ -131,8 +134,6 @@ class Inputs(Attack):
 
     def _make_damage(self, _: Any, seed: str, case: int, room: Path, pattern: str) -> Broken:
         """Break one file of a copy of a folder."""
-        import shutil
-
         rng = random.Random(f"{seed}:{case}")
         root = pattern.split("/")[0]
         shutil.copytree(self.folder / root, room / root)
@@ -192,6 +193,15 @@ class Inputs(Attack):
             return "refused"
         assert run["status"].tolist() == ["finished"], str(run)
         return "read" if not isinstance(opened, libmpm.Error) else "run again"
+
+
+def _warm(documents: Mapping[str, Any]) -> None:
+    """Judge the whole documents, so that forks have what is kept of shapes that a case leaves."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for document in documents.values():
+            with contextlib.suppress(libmpm.Error):
+                libmpm.Scene.from_dict(document).validate()
 
 
 def _dear(broken: Broken) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import signal
@@ -26,6 +27,9 @@ __all__ = ["SCENES", "Kills", "compare", "go_on"]
 MOST = 10
 #: Steps of a run, about.
 STEPS = 600
+#: Parts of a run's length up to which the delays of a chain go: far apart, and so dense that most
+#: kills meet a run that has just been taken up.
+SPANS = (1.0, 0.5, 0.25)
 
 
 def _tank(scheme: str = "APIC", width: float = 2.0) -> libmpm.Scene:
@@ -124,16 +128,17 @@ class Kills(Attack):
         whole = self.folder / f"whole_{list(SCENES).index(name)}"
         until, seconds = self.about[name]["until"], self.about[name]["seconds"]
         folder, delays = room / "run", []
-        kills = 0
+        kills, span = 0, rng.choice(SPANS) * seconds
+        seen: set[tuple[str, int, int, int]] = set()
         self.note(room, scene=name)
         for _ in range(MOST):
-            delay = rng.uniform(0, 0.1 if rng.random() < 0.2 else seconds)
+            delay = rng.uniform(0, min(0.1, span) if rng.random() < 0.2 else span)
             delays.append(round(delay, 4))
             self.note(room, delays=delays)
             if _started(lambda: go_on(name, folder, until), delay, room):
                 break
             kills += 1
-            _compare_part(folder, whole)
+            _compare_part(folder, whole, seen)
         else:
             _started(lambda: go_on(name, folder, until), self.limit, room)
         compare(folder, whole)
@@ -194,10 +199,26 @@ def _ended(status: int, room: Path) -> bool:
     raise Defect(f"a run after a kill did not end: {said}")
 
 
-def _compare_part(folder: Path, whole: Path) -> None:
-    """What a killed run has left opens, and is the beginning of what the whole one wrote."""
+@functools.lru_cache(maxsize=256)
+def _frame(path: Path) -> Mapping[str, Any]:
+    """Return a frame of a run that nobody disturbs: nothing writes it any more."""
+    return read_frame(path)[0]
+
+
+@functools.lru_cache(maxsize=8)
+def _samples(path: Path) -> Mapping[str, Any]:
+    """Return the samples of such a run."""
+    return read_sensors(path)
+
+
+def _compare_part(folder: Path, whole: Path, seen: set[tuple[str, int, int, int]]) -> None:
+    """What a killed run has left opens, and is the beginning of what the whole one wrote.
+
+    `seen` are the frames that were compared after an earlier kill; a file that was written again
+    has another number, time or size.
+    """
     if (folder / "sensors.h5").exists():
-        reference = read_sensors(whole / "sensors.h5")
+        reference = _samples(whole / "sensors.h5")
         for name, series in read_sensors(folder / "sensors.h5").items():
             n = len(series)
             _same(series.time, reference[name].time[:n], f"times of '{name}' after a kill")
@@ -205,7 +226,11 @@ def _compare_part(folder: Path, whole: Path) -> None:
     there = list_frames(whole / "frames")
     for body, numbered in list_frames(folder / "frames").items():
         for index, path in numbered.items():
-            _same_frames(path, there[body][index])
+            about = path.stat()
+            mark = (str(path), about.st_ino, about.st_mtime_ns, about.st_size)
+            if mark not in seen:
+                _same_frames(path, there[body][index])
+                seen.add(mark)
 
 
 def compare(folder: Path, whole: Path) -> None:
@@ -244,7 +269,7 @@ def compare(folder: Path, whole: Path) -> None:
 
 
 def _same_frames(one: Path, two: Path) -> None:
-    first, second = read_frame(one)[0], read_frame(two)[0]
+    first, second = read_frame(one)[0], _frame(two)
     for name, values in second.items():
         _same(first[name], values, f"{one.name}: {name}")
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from attack.bars import AIMS, GOALS, done
 from attack.catalogue import ATTACKS
 
 __all__ = ["counted", "defects", "table", "write"]
@@ -77,7 +78,27 @@ def write(folder: Path, collected: Sequence[Path] = ()) -> None:
     LINES.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(_BEGIN)
     _, _, after = rest.partition(_END)
-    PAGE.write_text(f"{before}{_BEGIN}\n\n{_tables(lines)}\n\n{_END}{after}", encoding="utf-8")
+    text = f"{_aims(lines)}\n\n{_tables(lines)}"
+    PAGE.write_text(f"{before}{_BEGIN}\n\n{text}\n\n{_END}{after}", encoding="utf-8")
+
+
+def _aims(lines: Counts) -> str:
+    """Return a row an aim: what was counted over all commits, and of the latest sources alone."""
+    rows = [
+        "| aim | all commits | defects among them | the latest commit alone | defects |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name in AIMS:
+        mine = [line for line in lines if line["attack"] == name]
+        latest = [line for line in mine if line["commit"] == mine[-1]["commit"]]
+        cells = []
+        for some in (mine, latest):
+            wrong = sum(_short(line["outcomes"])["defect"] for line in some)
+            cells += [f"{done(some)[name]:,}", f"{wrong:,}"]
+        if mine:
+            cells[2] += f" ({latest[0]['commit']})"
+        rows.append(f"| {GOALS[name]:,} {ATTACKS[name].unit} | {' | '.join(cells)} |")
+    return "\n".join(rows)
 
 
 def _tables(lines: Counts) -> str:

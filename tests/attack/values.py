@@ -64,7 +64,6 @@ class Values(Attack):
 
     def open(self) -> None:
         """Find arguments that every call takes, and make one whole file of every kind."""
-        os.chdir(self.folder)
         self.calls = fuzz_values.calls(json.loads((self.folder / "documents.json").read_text()))
         atlas = Path(libmpm.__file__).with_name("data") / "atlas.json"
         whole = json.loads(atlas.read_text(encoding="utf-8"))
@@ -77,6 +76,7 @@ class Values(Attack):
     def case(self, seed: str, number: int, room: Path) -> Mapping[str, int]:
         """Call one thing with odd arguments, or damage one file and read it."""
         rng = self.rng(seed, number)
+        os.chdir(self.folder)  # a call may write to a name that it was given
         if rng.random() < _CALLS:
             call, arguments, said = fuzz_values.some(self.calls, rng)
             self.note(room, said=said)

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from attack.base import Attack, run_cases
-from attack.catalogue import ATTACKS
 
 __all__ = ["commit", "work"]
 
@@ -30,11 +29,11 @@ def commit() -> str:
     return found.stdout.strip()
 
 
-def work(name: str, seed: str, seconds: float, most: int, folder: Path) -> int:
+def work(attack: Attack, seed: str, seconds: float, most: int, folder: Path) -> int:
     """Run cases until the time is over or `most` are done; returns 1 where the attack is absent."""
+    name = attack.name
     own = folder / f"worker-{os.getpid()}"
     path = folder / "counts" / f"{name}-{seed}-{time.time_ns()}.json"
-    attack = ATTACKS[name](folder / "shared" / name)
     if attack.absent():
         return 1
     counts: Counter[str] = Counter()
@@ -80,6 +79,7 @@ def _record(
     content = {
         "attack": attack.name, "seed": seed, "commit": os.environ.get("ATTACK_COMMIT", commit()),
         "cases": cases, "outcomes": dict(counts), "defects": defects, "seconds": round(seconds, 1),
+        "parent": os.getppid(),
     }  # fmt: skip
     path.parent.mkdir(exist_ok=True)
     part = path.with_suffix(".part")

@@ -1,16 +1,21 @@
-"""A few cases of every attack of `python -m tests.attack`. Expected duration: 20 s."""
+"""A few cases of every attack of `python -m tests.attack`. Expected duration: 40 s."""
 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
-from attack import bars, report
+from attack import bars, base, report
 from attack.base import Attack, Defect, run_cases
 from attack.catalogue import ATTACKS
+from attack.serve import Server
+
+from support import fuzzing, patience
 
 #: Attack -> cases; those that take tens of seconds each are marked slow.
 FEW = {
@@ -83,6 +88,71 @@ def test_crashes_hangs_and_raw_errors_are_seen_and_kept(tmp_path):
     ]
 
 
+class _Slow(Attack):
+    """A case that is ready to run for longer than the limit, and one that sleeps."""
+
+    name = "slow"
+    limit = 1.0
+
+    def case(self, seed, number, room):
+        import time
+
+        time.sleep(2.5 if number == 0 else 30)
+        return {"well": 1}
+
+
+def test_waiting_for_a_processor_is_no_hang(tmp_path, monkeypatch):
+    """Of a machine that does something else for 2 s: nothing hangs; what sleeps does."""
+    monkeypatch.setattr(base, "_LOOK", 0.1)
+    queue = iter([k * 1.0 for k in range(100)])
+    monkeypatch.setattr(patience, "_queued_in", lambda group: {group: next(queue)})
+    attack, kept = _Slow(tmp_path), tmp_path / "kept"
+    (found,) = run_cases(attack, "s", iter([0]), tmp_path / "room", kept)
+    assert not found.defect
+    monkeypatch.setattr(patience, "_queued_in", lambda group: {group: 0.0})
+    (found,) = run_cases(attack, "s", iter([1]), tmp_path / "room", kept)
+    assert found.defect.startswith("hang: no answer in 1 s")
+
+
+def test_an_alarm_counts_the_time_that_the_process_had(monkeypatch):
+    monkeypatch.setattr(fuzzing, "BUSY", 1.0)
+    with pytest.raises(fuzzing.Hang), fuzzing.bounded(0.2):
+        time.sleep(5)
+    began = time.monotonic()
+    # All but half of the time went into waiting for a processor.
+    monkeypatch.setattr(fuzzing, "queued", lambda: 0.5 * (time.monotonic() - began))
+    with fuzzing.bounded(0.4):
+        time.sleep(0.6)
+    with pytest.raises(fuzzing.Hang), fuzzing.bounded(0.4):
+        time.sleep(5)
+
+
+def test_the_system_says_who_waits_for_a_processor():
+    mine = patience._queued_in(os.getpgid(0))
+    assert os.getpid() in mine
+    if Path("/proc/self/schedstat").exists():
+        assert patience.queued() > 0.0
+    assert patience.queued(10**9) == 0.0
+
+
+def test_turns_are_forks_of_one_process(tmp_path):
+    """Python starts and imports once, not for every turn."""
+    root = Path(__file__).parents[2]
+    call = [sys.executable, "-m", "tests.attack", "--folder", str(tmp_path), "--serve"]
+    server = Server(call, root, os.environ | {"ATTACK_COMMIT": "c"})
+    try:
+        for seed in ("0", "1", "2"):
+            turn, ended = server.start("values", 60.0, 20, seed), []
+            while not ended:
+                ended = server.ended(1.0)
+            assert ended == [(turn, 0)]
+    finally:
+        server.close()
+    found = report.counted(tmp_path)
+    assert [(one["seed"], one["cases"]) for one in found] == [("0", 20), ("1", 20), ("2", 20)]
+    assert {one["parent"] for one in found} == {server._process.pid}
+
+
 def _record(name, units, seconds):
     outcomes = {"kills": units} if name == "kills" else {"messages under the sanitizers": units}
     return {
@@ -114,4 +184,6 @@ def test_counts_of_another_machine_join_the_page_once(tmp_path, monkeypatch):
         report.write(tmp_path / "nothing", [tmp_path / "there" / "attacks.json"])
     found = [json.loads(line) for line in lines.read_text().splitlines()]
     assert [(f["attack"], f["cases"]) for f in found] == [("kills", 2000), ("inputs", 50_000)]
+    assert "| 2,000 kills | 2,000 | 0 | 2,000 (c) | 0 |" in page.read_text()
+    assert "| 1,000,000 messages | 0 | 0 | 0 | 0 |" in page.read_text()
     assert "50,000" in page.read_text() and "old" not in page.read_text()

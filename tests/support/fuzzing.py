@@ -13,6 +13,7 @@ import numbers
 import random
 import signal
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
@@ -24,6 +25,7 @@ from typing import Any
 import numpy as np
 
 import libmpm
+from support.patience import queued
 
 #: Seconds of processor time after which a case counts as hanging, and how many times as long it may
 #: take on a machine that others use too.
@@ -357,9 +359,18 @@ class Hang(BaseException):
 
 @contextlib.contextmanager
 def bounded(seconds: float = PATIENCE, room: int = ROOM) -> Iterator[None]:
-    """Interrupt what takes longer than so many seconds, and refuse it more than so much memory."""
+    """Interrupt what takes longer than so many seconds, and refuse it more than so much memory.
+
+    Seconds are of processor time; for what waits, of wall time in which it was not waiting for a
+    processor.
+    """
+    began, waited = time.monotonic(), queued()
 
     def ring(number: int, frame: object) -> None:
+        had = time.monotonic() - began - (queued() - waited)
+        if number == signal.SIGALRM and had < BUSY * seconds:
+            signal.setitimer(signal.ITIMER_REAL, max(BUSY * seconds - had, 0.1))
+            return
         raise Hang(f"no answer after {seconds:g} s")
 
     timers = {signal.SIGPROF: signal.ITIMER_PROF, signal.SIGALRM: signal.ITIMER_REAL}
