@@ -102,24 +102,27 @@ def _aims(lines: Counts) -> str:
 
 
 def _tables(lines: Counts) -> str:
-    """Return a row an attack and commit; of commits with defects the latest of an attack alone."""
+    """Return a row an attack and commit; of commits with defects the latest and the largest."""
     rows = ["| attack | commit | cases | outcomes | defects |", "| --- | --- | --- | --- | --- |"]
     whats = {name: kind.what for name, kind in ATTACKS.items()}
     seen: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for line in lines:
         seen.setdefault((line["attack"], line["commit"]), []).append(line)
     latest = dict(list(seen))  # attack -> its last commit
+    size = {key: sum(line["cases"] for line in mine) for key, mine in seen.items()}
+    largest = {name: max(n for (of, _), n in size.items() if of == name) for name in latest}
     for (name, commit), mine in seen.items():
         # Defects of earlier sources stand in the lines of results alone.
-        if latest[name] != commit and any(line["defects"] for line in mine):
+        shown = latest[name] == commit or size[name, commit] == largest[name]
+        if not shown and any(line["defects"] for line in mine):
             continue
         outcomes: Counter[str] = Counter()
         for line in mine:
             outcomes.update(_short(line["outcomes"]))
         wrong = outcomes.pop("defect", 0)
         said = ", ".join(f"{n:,} {what}" for what, n in sorted(outcomes.items()))
-        cases = sum(line["cases"] for line in mine)
-        rows.append(f"| {name}: {whats[name]} | {commit} | {cases:,} | {said} | {wrong:,} |")
+        cases = f"{size[name, commit]:,}"
+        rows.append(f"| {name}: {whats[name]} | {commit} | {cases} | {said} | {wrong:,} |")
     return "\n".join(rows)
 
 
