@@ -246,7 +246,7 @@ def test_new_axes(monkeypatch: pytest.MonkeyPatch) -> None:
     import matplotlib.pyplot as plt
 
     found = splines(3).plot_mesh()
-    assert found.get_xlabel() == "x (m)"
+    assert found.get_xlabel() == "x [m]"
     assert len(found.collections[0].get_segments()) == 8
     plt.close(found.figure)
 

@@ -210,13 +210,15 @@ def test_plot_colours_by_an_attribute(run):
     picture = run.plot("pressure")
     elevation, plan = panels(picture)
     water = run.particles["water"]
-    image = dots(elevation, "water")
+    image = dots(plan, "water")
     np.testing.assert_allclose(np.sort(image.get_array()), np.sort(water["pressure"]))
+    near = dots(elevation, "water")
+    assert 0 < len(near.get_array()) < len(image.get_array()), "a slice"
     both = np.concatenate([water["pressure"], run.particles["block"]["pressure"]])
     assert image.get_clim() == pytest.approx(tuple(np.percentile(both, (0.5, 99.5))))
-    assert dots(plan, "block").get_clim() == image.get_clim(), "one scale for all"
+    assert dots(elevation, "block").get_clim() == image.get_clim(), "one scale for all"
     position = water["position"]
-    np.testing.assert_allclose(np.sort(image.get_offsets()[:, 1]), np.sort(position[:, 2]))
+    np.testing.assert_allclose(np.sort(image.get_offsets()[:, 1]), np.sort(position[:, 1]))
     bar = next(a for a in picture.axes if a.get_label() == "<colorbar>")
     assert bar.get_ylabel() == "pressure [Pa]"
     assert f"{run.time:.4g} s" in elevation.get_title(loc="left")

@@ -60,10 +60,49 @@ def test_bodies_have_no_holes_at_any_size(size):
     inside = image[low[1] : high[1], low[0] : high[0]]
     blue = colour(panels.body_colours(scene)["water"])
     assert np.abs(inside - blue).max() < 0.02, "a lattice of dots would leave white between"
-    # A disc reaches about a particle's spacing beyond the body, not a size in points.
-    for x, inside_too in ((2.02, True), (2.12, False)):
+    # The body ends where its material does: half a spacing beyond the last particle.
+    for x, inside_too in ((1.98, True), (2.03, False)):
         away = np.abs(at(picture, axes, image, (x, 0.5)) - blue).max()
         assert (away < 0.3) == inside_too
+
+
+@pytest.mark.parametrize(("gap", "closed"), [(0.06, True), (0.09, True), (0.16, False)])
+def test_gaps_of_less_than_a_cell_are_closed_and_wider_ones_are_seen(gap, closed):
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(3, 2), gravity=(0, -9.81))
+    for name, low in (("water", 0.5), ("rest", 2.5)):
+        scene.add_body(name=name, shape=shapes.Box(lower=(low, 0), upper=(low + 0.4, 1)),
+                       material=materials.TaitFluid())  # fmt: skip
+    picture = Picture(figsize=(9, 6))
+    axes = picture.add_subplot()
+    panel = panels.Panel(axes, scene, "xy", 1, bodies=["water"], norm=matplotlib.colors.Normalize())
+    x, y = np.meshgrid(np.arange(0.525, 1.5, 0.05), np.arange(0.025, 1.0, 0.05))
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    points[points[:, 0] > 1.0, 0] += gap  # a slit of that width between the materials
+    panel.show({"water": panels.Dots(points, None)})
+    image = pixels(picture)
+    blue = colour(panels.body_colours(scene)["water"])
+    slit = at(picture, axes, image, (1.0 + gap / 2, 0.5))
+    assert (np.abs(slit - blue).max() < 0.3) == closed
+    # Nothing is drawn beyond the walls, though a disc would reach there.
+    assert np.abs(at(picture, axes, image, (0.8, -0.02)) - blue).max() > 0.3
+
+
+def test_titles_and_labels_lie_in_the_picture():
+    for upper in ((2, 1), (1, 1), (12, 1), (1, 3)):
+        scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=upper,
+                             gravity=(0, -9.81), name="a tank")  # fmt: skip
+        scene.add_body(name="water", shape=shapes.Box(lower=(0, 0), upper=(0.5, 0.5)),
+                       material=materials.TaitFluid())  # fmt: skip
+        scene.add_sensor(name="gauge", sensor=libmpm.sensors.WaveGauge(position=(0.7,),
+                                                                      interval=0.1))  # fmt: skip
+        for picture in (libmpm.Simulation(scene, device="cpu").plot("speed"), scene.preview()):
+            canvas = FigureCanvasAgg(picture)
+            canvas.draw()
+            whole = picture.bbox
+            for axes in picture.axes:
+                box = axes.get_tightbbox(canvas.get_renderer())
+                assert box.x0 >= 0 and box.y0 >= 0, upper
+                assert box.x1 <= whole.x1 and box.y1 <= whole.y1, upper
 
 
 def test_the_nearer_body_hides_the_other():
@@ -181,3 +220,60 @@ def test_load_cells_are_drawn_on_their_faces(tank):
     assert len(lines) == 1
     np.testing.assert_allclose(lines[0], [(0.5, 0.0), (0.5, 0.4)])
     assert "load" in {t.get_text() for t in axes.texts}
+
+
+@pytest.fixture
+def instruments():
+    """A scene in space with a load cell on a pier off the middle, a gauge and a probe."""
+    scene = scene_in_space(
+        front=((0.5, 0.1, 0.2), (1.0, 0.3, 0.8)), pier=((1.2, 0.5, 0.0), (1.6, 0.9, 0.5))
+    )
+    given = {
+        "load": libmpm.sensors.LoadCell(boundary="pier", faces=("x-",), interval=0.01),
+        "gauge": libmpm.sensors.WaveGauge(position=(0.3, 0.4), interval=0.01),
+        "probe": libmpm.sensors.PressureProbe(position=(0.7, 0.2, 0.3), interval=0.01),
+    }
+    for name, sensor in given.items():
+        scene.add_sensor(name=name, sensor=sensor)
+    return scene
+
+
+def test_instruments_are_drawn_in_a_view_from_above_a_corner(instruments):
+    (axes,) = instruments.preview(planes="3d").axes
+    assert {"load", "gauge", "probe"} <= {t.get_text() for t in axes.texts}
+    orange = [line.get_xydata() for line in axes.lines if line.get_color() == "#D55E00"]
+    assert len(orange) == 4, "the edges of the one face that is measured"
+    view = View.oblique(2)
+    corners = np.array([(1.2, y, z) for y in (0.5, 0.9) for z in (0.0, 0.5)])
+    expected = view.project(corners)[0]
+    for edge in orange:
+        for end in edge:
+            assert np.abs(expected - end).sum(axis=1).min() < 1e-12
+    gauge = next(line for line in axes.lines if line.get_linestyle() == "-.")
+    ends = view.project(np.array([(0.3, 0.4, 0.0), (0.3, 0.4, 1.0)]))[0]
+    np.testing.assert_allclose(gauge.get_xydata(), ends)
+
+
+def test_a_plot_in_space_is_cut_through_what_carries_the_load_cell(instruments):
+    sim = libmpm.Simulation(instruments, device="cpu")
+    picture = sim.plot(None)
+    elevation, plan = picture.axes
+    assert "cut at y = 0.7 m" in elevation.get_title(loc="left")
+    assert plan.get_title(loc="left") == ""
+    shown = {
+        axes: next(len(c.get_offsets()) for c in axes.collections if c.get_label() == "front")
+        for axes in picture.axes
+    }
+    assert shown[elevation] == 0 and shown[plan] == len(sim.particles["front"])
+    texts = {t.get_text() for t in picture.legends[0].get_texts()}
+    assert texts == {"load cell", "gauge", "probe"}, "one body needs no legend"
+
+
+def test_three_views_have_one_scale(instruments):
+    picture = instruments.preview()
+    FigureCanvasAgg(picture).draw()
+    scales = [a.bbox.width / np.ptp(a.get_xlim()) for a in picture.axes]
+    assert max(scales) < 1.15 * min(scales)
+    wide, tall = picture.get_size_inches() * picture.dpi
+    covered = sum(a.bbox.width * a.bbox.height for a in picture.axes)
+    assert covered > 0.4 * wide * tall, "half empty"

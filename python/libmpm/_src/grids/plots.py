@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.palette import CYCLE
 from libmpm._src.base.values import Checker
 from libmpm._src.errors import SceneError
 from libmpm._src.grids.grid import TriangularGrid
@@ -57,7 +58,7 @@ def plot_split(functions: Functions, ax: Axes | None = None, **style: Any) -> Ax
     ends = np.concatenate([functions.grid.mesh.corners(), sides], axis=1)
     lines = np.stack([np.broadcast_to(inner[:, None], ends.shape), ends], axis=2)
     ax = plot_mesh(functions, ax, color="k", linewidth=1.0)
-    dashed = {"color": "tab:blue", "linewidth": 0.5, "linestyle": "--"}
+    dashed = {"color": CYCLE[0], "linewidth": 0.5, "linestyle": "--"}
     return _draw_lines(ax, lines.reshape(-1, 2, 2), dashed | style)
 
 
@@ -67,7 +68,7 @@ def plot_control_triangles(functions: Functions, ax: Axes | None = None, **style
 
     corners = _powell_sabin(functions, functions.control_triangles)
     ax = plot_mesh(functions, ax)
-    look: dict[str, Any] = {"facecolor": "none", "edgecolor": "tab:red", "linewidth": 1.0} | style
+    look: dict[str, Any] = {"facecolor": "none", "edgecolor": CYCLE[1], "linewidth": 1.0} | style
     ax.add_collection(PolyCollection(list(corners), **look))
     ax.autoscale_view()
     return ax
@@ -141,7 +142,7 @@ def plot_particles(
             f"expected ({len(places)},)"
         )
     ax = _axes(ax)
-    drawn = ax.scatter(places[:, 0], places[:, 1], c="tab:blue" if values is None else values, s=4)
+    drawn = ax.scatter(places[:, 0], places[:, 1], c=CYCLE[0] if values is None else values, s=4)
     if values is not None:
         ax.figure.colorbar(drawn, ax=ax)
     return ax
@@ -153,7 +154,7 @@ def _axes(ax: Axes | None) -> Axes:
         import matplotlib.pyplot as plt
 
         ax = plt.subplots()[1]
-        ax.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+        ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     return ax
 
 

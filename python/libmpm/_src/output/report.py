@@ -126,7 +126,7 @@ def draw(folder: Path, *, length: float = 0.0) -> Path | None:
 
     from libmpm._src.pictures.animate import RunFrames
     from libmpm._src.pictures.figures import label_of, limits_of, note, planes_of
-    from libmpm._src.pictures.panel import Panel, height_of, legend_of
+    from libmpm._src.pictures.panel import Panel, height_of, legend_of, middle_of
     from libmpm._src.pictures.preview import vertical_of
 
     sensors = read_sensors(folder / "sensors.h5")
@@ -155,6 +155,7 @@ def draw(folder: Path, *, length: float = 0.0) -> Path | None:
         norm = Normalize(0.0, limits_of([c for c in found if c is not None])[1])
         image = None
         snapshots = []
+        middle = middle_of(run.scene)
         for row, index in enumerate(picks, 1):
             dots, count = moments[index]
             for column, plane in enumerate(planes):
@@ -162,12 +163,14 @@ def draw(folder: Path, *, length: float = 0.0) -> Path | None:
                 panel = Panel(
                     figure.add_subplot(cell), run.scene, plane, vertical, bodies=run.bodies,
                     norm=norm, later=run.time(index) > 0, sensors=row == 1,
+                    cut=middle if column == 0 and len(planes) > 1 else None,
                 )  # fmt: skip
                 image = panel.show(dots) or image
                 snapshots.append(panel.axes)
                 if column == 0:
                     drawn = note(sum(map(len, dots.values())), count)
-                    title = f"{run.time(index):.2f} s" + (f", {drawn}" if drawn else "")
+                    said = (f"{run.time(index):.2f} s", drawn, panel.place if row == 1 else "")
+                    title = ", ".join(x for x in said if x)
                     panel.axes.set_title(title, fontsize=9, loc="left")
                 if row == 1 and column == 0 and (plain := panel.plain(dots)):
                     panel.axes.legend(*legend_of(plain), fontsize=7, framealpha=0.8)

@@ -17,7 +17,6 @@ from libmpm._src.output.frames import UNITS
 from libmpm._src.pictures.directions import OBLIQUE
 
 __all__ = [
-    "CYCLE",
     "MOST",
     "Picture",
     "chosen",
@@ -30,7 +29,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Particles that a picture draws at most, unless told otherwise.
+#: Particles that a picture draws at most, unless another number is given.
 MOST = 200_000
 
 #: The golden ratio's fraction, whose multiples fill the unit interval evenly.
@@ -38,11 +37,6 @@ _GOLDEN = 0.6180339887498949
 
 #: Of values beyond these percentiles the colours do not tell: spray would fade everything else.
 _PERCENTILES = (0.5, 99.5)
-
-
-#: Colours of lines and bodies that differ in print and for the colour-blind, after Okabe and Ito
-#: (2008); water comes first.
-CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
 class Picture(Figure):

@@ -1,4 +1,4 @@
-"""Drawings of a laboratory flume from the side, and of a run beside the measured curves."""
+"""Drawings of a facility from the side, and of a run against the measured curves."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from libmpm._src.base.palette import CYCLE
 from libmpm._src.flumes import records
-from libmpm._src.pictures.figures import CYCLE, Picture
 
 if TYPE_CHECKING:
     from libmpm._src.flumes.comparison import Comparison
     from libmpm._src.flumes.facility import Facility
+    from libmpm._src.pictures.figures import Picture
 
 __all__ = ["curves", "preview"]
 
@@ -25,6 +26,8 @@ _KINDS = {
 
 def preview(facility: Facility) -> Picture:
     """See `Facility.preview`."""
+    from libmpm._src.pictures.figures import Picture
+
     figure = Picture(figsize=(10.0, 3.6), layout="constrained")
     axes = figure.add_subplot(1, 1, 1)
     x, z = (np.array(c) for c in zip(*facility.bed_profile, strict=True))
@@ -79,6 +82,8 @@ def curves(comparison: Comparison) -> Picture:
     panels = [(n, c) for n, c in panels if signals is not None and n in signals] or panels[:1]
     wide = 2 if len(panels) > 2 else 1
     tall = -(-len(panels) // wide)
+    from libmpm._src.pictures.figures import Picture
+
     figure = Picture(figsize=(5.2 * wide, 2.5 * tall + 0.8), layout="constrained")
     for k, (name, curve) in enumerate(panels):
         axes = figure.add_subplot(tall, wide, k + 1)

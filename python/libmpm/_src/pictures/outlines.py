@@ -1,4 +1,4 @@
-"""Outlines of shapes in a plane: bodies, boundaries, walls and sensors of a scene."""
+"""Outlines of shapes in a plane: bodies, boundaries, walls and zones of a scene."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
 from libmpm._src.base.axes import AXES
+from libmpm._src.base.palette import CYCLE, OUTLINE, STRUCTURE
 from libmpm._src.boundaries.responses import Response
 from libmpm._src.grids.shapes import Outline
-from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox, faces_of
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ __all__ = [
     "draw_boundaries",
     "draw_domain",
     "draw_flows",
-    "draw_sensors",
     "draw_shape",
     "sample_solid",
 ]
@@ -36,18 +35,13 @@ _IN_PLANE, _IN_SPACE = 200, 64
 
 #: Colours of walls and boundaries by what they do.
 COLOURS = {
-    "sticky": "tab:red",
-    "slip": "tab:green",
-    "separable": "tab:purple",
-    "mirror": "tab:cyan",
-    "mirror-sticky": "tab:cyan",
-    "prescribed": "tab:olive",
+    "sticky": "#000000",
+    "slip": "#009E73",
+    "separable": "#CC79A7",
+    "mirror": "#56B4E9",
+    "mirror-sticky": "#0072B2",
+    "prescribed": "#E69F00",
 }
-_OTHER = "0.25"
-#: The inside of structures.
-_FILLED = "0.78"
-#: Faces that a load cell measures.
-LOAD_CELL = "#D55E00"
 
 
 class Plane:
@@ -126,7 +120,7 @@ def _contour(axes: Any, plane: Plane, solid: Any, style: Mapping[str, Any], fill
     if distance.min() >= 0:
         return
     if fill:
-        axes.contourf(horizontal, vertical, turned, levels=[-np.inf, 0.0], colors=[_FILLED],
+        axes.contourf(horizontal, vertical, turned, levels=[-np.inf, 0.0], colors=[STRUCTURE],
                       alpha=0.9)  # fmt: skip
     if distance.max() > 0:
         axes.contour(horizontal, vertical, turned, levels=[0.0], colors=[style["color"]],
@@ -146,7 +140,7 @@ def draw_shape(
     """Draw the outline of a shape; what has none in space, such as given particles, is left out."""
     style = {"color": color, "linewidth": linewidth, "linestyle": linestyle}
     patch: dict[str, Any] = {"edgecolor": color, "linewidth": linewidth, "linestyle": linestyle}
-    patch |= {"zorder": 4, "facecolor": to_rgba(_FILLED, 0.9) if fill else "none"}
+    patch |= {"zorder": 4, "facecolor": to_rgba(STRUCTURE, 0.9) if fill else "none"}
     if isinstance(shape, Box):
         if plane.meets(shape.lower, shape.upper):
             (low, high) = plane.flat([shape.lower, shape.upper])
@@ -189,21 +183,26 @@ def moves(boundary: Any) -> bool:
 
 
 def draw_boundaries(
-    axes: Any, plane: Plane, scene: SceneData, later: bool = False, fill: bool = True
+    axes: Any,
+    plane: Plane,
+    scene: SceneData,
+    later: bool = False,
+    fill: bool = True,
+    kinds: bool = False,
 ) -> dict[str, str]:
     """Draw all boundaries; return label -> colour for a legend.
 
     `later`: the picture is not of the start, so that shapes that move are dashed where they began.
-    `fill`: shapes are tinted, not only outlined.
+    `fill`: shapes are tinted, not only outlined. `kinds`: coloured by what they do, else grey.
     """
     legend: dict[str, str] = {}
     for boundary in scene.boundaries:
         response = boundary.response
         if isinstance(boundary.shape, DomainWalls):
-            legend |= _draw_walls(axes, plane, scene, boundary)
+            legend |= _draw_walls(axes, plane, scene, boundary, kinds)
             continue
         one = response if isinstance(response, Response) else next(iter(response.values()))
-        colour = COLOURS.get(_kind(one), _OTHER)
+        colour = COLOURS.get(_kind(one), OUTLINE) if kinds else OUTLINE
         dashed = later and moves(boundary)
         draw_shape(axes, plane, boundary.shape, color=colour, linewidth=1.2,
                    fill=fill and not dashed,
@@ -212,7 +211,9 @@ def draw_boundaries(
     return legend
 
 
-def _draw_walls(axes: Any, plane: Plane, scene: SceneData, boundary: Any) -> dict[str, str]:
+def _draw_walls(
+    axes: Any, plane: Plane, scene: SceneData, boundary: Any, kinds: bool
+) -> dict[str, str]:
     faces = faces_of(scene.dimension)
     if boundary.shape.faces != "all":
         faces = tuple(f for f in faces if f in boundary.shape.faces)
@@ -224,13 +225,14 @@ def _draw_walls(axes: Any, plane: Plane, scene: SceneData, boundary: Any) -> dic
         axis = AXES.index(face[0])
         if one is None or axis not in plane.axes:
             continue
-        colour = COLOURS.get(_kind(one), _OTHER)
+        colour = COLOURS.get(_kind(one), OUTLINE) if kinds else OUTLINE
         legend[f"{boundary.name}: {_kind(one)}"] = colour
         across = plane.axes.index(axis)
         at = (low if face[1] == "-" else high)[across]
         ends = [low[1 - across], high[1 - across]]
         x, y = ([at, at], ends) if across == 0 else (ends, [at, at])
-        axes.plot(x, y, color=colour, linewidth=2.5, zorder=5, solid_capstyle="butt")
+        width = 2.0 if kinds else 1.2
+        axes.plot(x, y, color=colour, linewidth=width, zorder=5, solid_capstyle="projecting")
     return legend
 
 
@@ -243,7 +245,7 @@ def draw_flows(axes: Any, plane: Plane, scene: SceneData) -> dict[str, str]:
         axis = AXES.index(flow.face[0])
         if axis not in plane.axes:
             continue
-        colour = "tab:blue" if type(flow).__name__ == "Inflow" else "tab:orange"
+        colour = CYCLE[0] if type(flow).__name__ == "Inflow" else CYCLE[1]
         across = plane.axes.index(axis)
         corner, size = low.copy(), high - low
         size[across] = flow.zone * scene.cell_size
@@ -254,78 +256,3 @@ def draw_flows(axes: Any, plane: Plane, scene: SceneData) -> dict[str, str]:
         axes.add_patch(Rectangle(tuple(corner), *size, **style))
         legend[f"{placed.name}: {type(flow).__name__.lower()}"] = colour
     return legend
-
-
-def _draw_load_cell(axes: Any, plane: Plane, scene: SceneData, name: str, cell: LoadCell) -> int:
-    """Draw the faces that a load cell measures as thick lines; return 1 where any is seen."""
-    boundary = next((b for b in scene.boundaries if b.name == cell.boundary), None)
-    if boundary is None:
-        return 0
-    shape = boundary.shape
-    style: dict[str, Any] = {"color": LOAD_CELL, "linewidth": 2.2, "zorder": 6}
-    if not isinstance(shape, Box | DomainWalls):
-        draw_shape(axes, plane, shape, color=LOAD_CELL, linewidth=2.2)
-        bounds: Any = getattr(shape, "bounds", lambda: (plane.lower, plane.upper))()
-        low, high = (np.asarray(x, np.float64) for x in bounds)
-    elif isinstance(shape, Box):
-        low, high = np.asarray(shape.lower, np.float64), np.asarray(shape.upper, np.float64)
-    else:
-        low, high = plane.lower, plane.upper
-    low, high = np.maximum(low, plane.lower), np.minimum(high, plane.upper)
-    if not plane.meets(low, high):
-        return 0
-    (a, b) = plane.flat([low, high])
-    if isinstance(shape, Box | DomainWalls):
-        known = faces_of(scene.dimension)
-        if isinstance(shape, DomainWalls) and shape.faces != "all":
-            known = tuple(f for f in known if f in shape.faces)
-        wanted = known if cell.faces == "all" else cell.faces
-        for face in wanted:
-            axis = AXES.index(face[0])
-            if axis not in plane.axes:
-                continue
-            across = plane.axes.index(axis)
-            at, ends = (a if face[1] == "-" else b)[across], [a[1 - across], b[1 - across]]
-            axes.plot(*(([at, at], ends) if across == 0 else (ends, [at, at])), **style)
-    axes.annotate(name, (a[0], b[1]), fontsize=7, zorder=7, color=LOAD_CELL, va="bottom",
-                  xytext=(0, 2), textcoords="offset points")  # fmt: skip
-    return 1
-
-
-def draw_sensors(axes: Any, plane: Plane, scene: SceneData, vertical: int) -> int:
-    """Mark the sensors that have a place; return how many."""
-    drawn = 0
-    (low, high) = plane.flat([plane.lower, plane.upper])
-    for placed in scene.sensors:
-        sensor = placed.sensor
-        if isinstance(sensor, LoadCell):
-            drawn += _draw_load_cell(axes, plane, scene, placed.name, sensor)
-            continue
-        position = getattr(sensor, "position", None)
-        region = next(
-            (s for name in ("region", "within", "shape", "box")
-             if hasattr(s := getattr(sensor, name, None), "bounds") or isinstance(s, Box)),
-            None,
-        )  # fmt: skip
-        if region is not None:
-            draw_shape(axes, plane, region, color="k", linewidth=0.8, linestyle=":")
-            where = plane.flat([region.bounds()[0]])[0]
-        elif position is not None and np.ndim(position) == 1:
-            point = np.asarray(position, np.float64)
-            gauge = len(point) == scene.dimension - 1
-            if gauge:
-                point = np.insert(point, vertical, plane.lower[vertical])
-            where = plane.flat([point])[0]
-            if gauge and vertical in plane.axes:
-                across = 1 - plane.axes.index(vertical)
-                line = axes.axvline if across == 0 else axes.axhline
-                line(where[across], color="k", linewidth=0.8, linestyle="-.", zorder=6)
-                where[1 - across] = high[1 - across]
-            else:
-                axes.plot(*where, "k^" if gauge else "kx", markersize=5, zorder=6)
-        else:
-            continue
-        axes.annotate(placed.name, np.clip(where, low, high), fontsize=7, zorder=7,
-                      xytext=(2, 2), textcoords="offset points")  # fmt: skip
-        drawn += 1
-    return drawn

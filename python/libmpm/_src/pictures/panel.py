@@ -9,38 +9,54 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from libmpm._src.base.axes import AXES
+from libmpm._src.base.palette import FLUIDS, SOLIDS, STRUCTURE
 from libmpm._src.pictures.directions import OBLIQUE, View
-from libmpm._src.pictures.figures import CYCLE
+from libmpm._src.pictures.instruments import (
+    draw_sensors,
+    draw_sensors_in_space,
+    measured_bounds,
+)
 from libmpm._src.pictures.outlines import (
     Plane,
     draw_boundaries,
     draw_domain,
-    draw_sensors,
     sample_solid,
 )
 from libmpm._src.pictures.particle_discs import Layer, Splats, Surface
+from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.boxes import Box, DomainWalls
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
 
-__all__ = ["COLOUR_MAP", "Dots", "Panel", "body_colours", "height_of", "legend_of", "radius_of"]
+__all__ = [
+    "COLOUR_MAP",
+    "Dots",
+    "Panel",
+    "body_colours",
+    "height_of",
+    "legend_of",
+    "middle_of",
+    "radius_of",
+]
 
 Array = NDArray[np.float64]
 
 #: Colour map of all pictures: even steps of lightness in print, and for the colour-blind.
 COLOUR_MAP = "viridis"
-#: Structures, in all pictures in space.
-_STRUCTURE = "#8c8c8c"
 #: Places along the longest edge at which the surface of a general structure is looked for.
 _PLACES = 110
-#: Radius of a particle as a share of the spacing of the lattice it came from, so that neighbours
-#: overlap: those of a solid, and those of a fluid, which a flow pulls apart.
+#: Radius of balls in views that close no gaps, as a share of the spacing of the lattice that
+#: particles came from, so that neighbours overlap: of a solid, and of a fluid, which a flow pulls
+#: apart.
 _OVERLAP = {False: 0.75, True: 1.1}
+#: What is closed around a particle, as a share of a cell and of the spacing: a grid does not see
+#: gaps of less than a cell.
+_GAP = 0.5
 
 
 class Dots:
@@ -60,14 +76,17 @@ class Dots:
         return len(self.position)
 
 
-def radius_of(scene: SceneData, body: str, share: float = 1.0) -> float:
-    """Return the radius at which particles of a body overlap their neighbours, m."""
+def spacing_of(scene: SceneData, body: str, share: float = 1.0) -> float:
+    """Return the distance between neighbours at the start among the particles that are drawn, m."""
     found = next(b for b in scene.bodies if b.name == body)
     per_cell = max(1, found.particles_per_cell or 1)
-    d = scene.dimension
-    overlap = _OVERLAP[found.material.table.stores_volume]
-    made: float = overlap * scene.cell_size / (per_cell * max(share, 1e-9)) ** (1.0 / d)
+    made: float = scene.cell_size / (per_cell * max(share, 1e-9)) ** (1.0 / scene.dimension)
     return made
+
+
+def radius_of(scene: SceneData, body: str, share: float = 1.0) -> float:
+    """Return the radius at which balls of a body overlap their neighbours, m."""
+    return _OVERLAP[is_fluid(scene, body)] * spacing_of(scene, body, share)
 
 
 def is_fluid(scene: SceneData, body: str) -> bool:
@@ -80,8 +99,8 @@ def body_colours(scene: SceneData) -> dict[str, str]:
 
     Bodies whose names differ in a number alone, as pieces of debris do, share one.
     """
-    fluids = iter([CYCLE[0], CYCLE[5]] * len(scene.bodies))
-    solids = iter([CYCLE[1], CYCLE[4], CYCLE[2], CYCLE[3]] * len(scene.bodies))
+    fluids = iter(FLUIDS * len(scene.bodies))
+    solids = iter(SOLIDS * len(scene.bodies))
     kinds: dict[str, str] = {}
     found = {}
     for body in scene.bodies:
@@ -97,7 +116,7 @@ def _kind(name: str) -> str:
 
 
 def legend_of(colours: Mapping[str, str]) -> tuple[list[Any], list[str]]:
-    """Return handles and texts of a legend; bodies that share a colour have one entry."""
+    """Return handles and texts of a legend of bodies; those that share a colour have one entry."""
     groups: dict[tuple[str, str], list[str]] = {}
     for name, colour in colours.items():
         groups.setdefault((_kind(name), colour), []).append(name)
@@ -105,9 +124,7 @@ def legend_of(colours: Mapping[str, str]) -> tuple[list[Any], list[str]]:
         names[0] if len(names) == 1 else f"{kind} ({len(names)})": colour
         for (kind, colour), names in groups.items()
     }
-    handles = [
-        Line2D([], [], color=c, marker="o", markersize=6, linewidth=0) for c in entries.values()
-    ]
+    handles = [Patch(facecolor=c, edgecolor="none") for c in entries.values()]
     return handles, list(entries)
 
 
@@ -126,8 +143,12 @@ class Panel:
         later: bool = False,
         cut: Sequence[float] | None = None,
         sensors: bool = True,
+        kinds: bool = False,
     ) -> None:
-        """Draw all but the particles; `later` = not the start, `cut` (d,) m = a slice there."""
+        """Draw all but the particles; `later` = not the start, `cut` (d,) m = a slice there.
+
+        `kinds`: boundaries have the colours of what they do, for a legend; else they are grey.
+        """
         self.axes, self._scene = axes, scene
         self._cell = scene.cell_size
         #: The plane; None of the view from above a corner.
@@ -138,23 +159,27 @@ class Panel:
         else:
             self.view = View.along(scene.dimension, *self.plane.axes)
             draw_domain(axes, self.plane)
-        self._layer = Layer(self.view)
+        self._flat = not self.view.deep or cut is not None
+        clip = (
+            None if self.plane is None else self.plane.flat([self.plane.lower, self.plane.upper]).T
+        )
+        self._layer = Layer(self.view, lit=not self._flat, clip=clip)
         #: label -> colour of what was drawn of the boundaries.
         self.legend: dict[str, str] = {}
         space = scene.dimension == 3 and cut is None
         if space:
             self._layer.surfaces = _structures(scene, later)
         if self.plane is not None:
-            self.legend = draw_boundaries(axes, self.plane, scene, later, fill=not space)
+            self.legend = draw_boundaries(axes, self.plane, scene, later, not space, kinds)
             if sensors:
                 draw_sensors(axes, self.plane, scene, vertical)
+        elif sensors:
+            draw_sensors_in_space(axes, self.view, scene, vertical)
         colours = body_colours(scene)
         #: The particles of each body; `Splats` are scatters of matplotlib.
         self.bodies: dict[str, Splats] = {}
         for body in bodies:
-            splats = Splats(
-                body, radius_of(scene, body), solid=not is_fluid(scene, body), colour=colours[body]
-            )
+            splats = Splats(body, solid=not is_fluid(scene, body), colour=colours[body])
             splats.set_norm(norm)
             splats.set_cmap(COLOUR_MAP)
             self.bodies[body] = self._layer.add(axes, splats)
@@ -174,11 +199,24 @@ class Panel:
                 near = np.abs(position[:, plane.hidden] - at) <= self._cell
                 position = position[near]
                 colour = None if colour is None else colour[near]
-            splats.radius = radius_of(self._scene, name, body.share)
-            splats.place(*self.view.project(position), colour)
+            flat, depth = self.view.project(position)
+            if self._flat:  # solids in front, for what is drawn of the water is closed up to them
+                depth = np.full(len(depth), 2.0 * self._cell if splats.solid else 0.0)
+            spacing = spacing_of(self._scene, name, body.share)
+            gap = _GAP * max(self._cell, spacing)
+            splats.place(flat, depth, colour, 0.5 * spacing, gap)
             if colour is not None:
                 image = splats
         return image
+
+    @property
+    def place(self) -> str:
+        """What a title says of where the panel cuts the scene; empty where it does not."""
+        plane = self.plane
+        if plane is None or plane.cut is None or plane.hidden is None:
+            return ""
+        at = plane.cut[plane.hidden] + plane.origin[plane.hidden]
+        return f"cut at {AXES[plane.hidden]} = {at:.4g} m"
 
     def plain(self, dots: Mapping[str, Dots]) -> dict[str, str]:
         """Return the colours of the bodies shown that no attribute colours."""
@@ -187,6 +225,19 @@ class Panel:
             for name, body in dots.items()
             if body.colour is None and name in self.bodies
         }
+
+
+def middle_of(scene: SceneData) -> list[float]:
+    """Return the point (d,) m of a scene through which a slice says most.
+
+    The middle of what carries the first load cell, where that is not a wall; else of the domain.
+    """
+    lower, upper = np.asarray(scene.lower, np.float64), np.asarray(scene.upper, np.float64)
+    for placed in scene.sensors:
+        if isinstance(placed.sensor, LoadCell):
+            low, high = measured_bounds(scene, placed.sensor)
+            return [float(x) for x in 0.5 * (low + high)]
+    return [float(x) for x in 0.5 * (lower + upper)]
 
 
 def height_of(scene: SceneData, name: str, width: float) -> float:
@@ -213,11 +264,11 @@ def _structures(scene: SceneData, later: bool) -> list[Surface]:
         if isinstance(shape, Box):
             lower = np.maximum(np.asarray(shape.lower), low) + origin
             upper = np.minimum(np.asarray(shape.upper), high) + origin
-            found.append(Surface(_STRUCTURE, lower=lower, upper=upper))
+            found.append(Surface(STRUCTURE, lower=lower, upper=upper))
         elif hasattr(shape, "distance"):
             points = _surface_points(shape, low, high)
             if points is not None:
-                found.append(Surface(_STRUCTURE, points=points[0] + origin, spacing=points[1]))
+                found.append(Surface(STRUCTURE, points=points[0] + origin, spacing=points[1]))
     return found
 
 

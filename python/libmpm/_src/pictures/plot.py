@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import Error
 from libmpm._src.pictures import figures as common
-from libmpm._src.pictures.panel import Dots, Panel, height_of, is_fluid, legend_of
+from libmpm._src.pictures.instruments import legend_of_sensors
+from libmpm._src.pictures.panel import Dots, Panel, height_of, is_fluid, legend_of, middle_of
 from libmpm._src.pictures.preview import vertical_of
 
 if TYPE_CHECKING:
@@ -21,12 +22,14 @@ if TYPE_CHECKING:
     from libmpm._src.run.running import Particles, Running
     from libmpm._src.scene.data import SceneData
 
-__all__ = ["bodies_of", "chosen_colour", "extend_of", "plot", "sampled_particles"]
+__all__ = ["LEGEND", "bodies_of", "chosen_colour", "extend_of", "plot", "sampled_particles"]
 
 Array = NDArray[np.float64]
 
 #: Width of a picture, inches.
 _WIDTH = 8.0
+#: Height of a legend below the panels, inches.
+LEGEND = 0.3
 
 
 def bodies_of(scene: SceneData, bodies: Sequence[str] | str | None) -> list[str]:
@@ -117,6 +120,9 @@ def plot(
     vertical = vertical_of(scene)
     names = common.planes_of(scene.dimension, planes, vertical)
     cut = common.check_cut(scene.dimension, cut)
+    cuts = [cut] * len(names)
+    if planes is None and cut is None and scene.dimension == 3:
+        cuts[0] = middle_of(scene)  # from outside, the nearest water would hide what it meets
     if axes is not None and len(names) > 1:
         names = names[:1]
     dots, count = sampled_particles(simulation, colour, bodies, most)
@@ -125,7 +131,7 @@ def plot(
     picture = axes.figure if axes is not None else None
     if picture is None:
         heights = [height_of(scene, name, _WIDTH) for name in names]
-        picture = common.Picture(figsize=(_WIDTH, sum(heights)), layout="constrained")
+        picture = common.Picture(figsize=(_WIDTH, sum(heights) + LEGEND), layout="constrained")
         grid = picture.add_gridspec(len(names), 1, height_ratios=heights)
     image = None
     panels = []
@@ -133,7 +139,7 @@ def plot(
         panel = Panel(
             axes if axes is not None else picture.add_subplot(grid[k]),
             scene, name, vertical, bodies=list(dots), norm=Normalize(low, high),
-            later=simulation.time > 0, cut=cut,
+            later=simulation.time > 0, cut=cuts[k],
         )  # fmt: skip
         image = panel.show(dots) or image
         panels.append(panel)
@@ -141,9 +147,17 @@ def plot(
         picture.colorbar(image, ax=[p.axes for p in panels], label=common.label_of(colour),
                          shrink=0.85, extend=extend_of(coloured, low, high))  # fmt: skip
     drawn = sum(map(len, dots.values()))
-    plain = panels[0].plain(dots)
-    if plain and len(dots) > 1:
-        panels[0].axes.legend(*legend_of(plain), fontsize=8, loc="upper right", framealpha=0.8)
-    said = [scene.name, f"{simulation.time:.4g} s", common.note(drawn, count)]
+    plain = panels[0].plain(dots) if len(dots) > 1 else {}
+    handles, texts = (
+        a + b for a, b in zip(legend_of(plain), legend_of_sensors(scene), strict=True)
+    )
+    if handles and axes is None:
+        show: Any = picture.legend
+        show(handles, texts, loc="outside lower center", fontsize=8, ncols=6, frameon=False)
+    elif handles:
+        axes.legend(handles, texts, fontsize=8, framealpha=0.8)
+    said = [scene.name, f"{simulation.time:.4g} s", common.note(drawn, count), panels[0].place]
     panels[0].axes.set_title(", ".join(x for x in said if x), fontsize=10, loc="left")
+    for panel in panels[1:]:
+        panel.axes.set_title(panel.place, fontsize=10, loc="left")
     return picture

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_rgba
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from libmpm._src.base.axes import AXES
 from libmpm._src.base.values import shown, warned_already
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.pictures import figures as common
+from libmpm._src.pictures.instruments import legend_of_sensors
 from libmpm._src.pictures.outlines import draw_flows, draw_shape
-from libmpm._src.pictures.panel import Dots, Panel, body_colours
+from libmpm._src.pictures.panel import Dots, Panel, body_colours, height_of, legend_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["preview", "sampled_bodies", "vertical_of"]
 
+#: Widths of pictures of one plane after another, and of three views, inches.
+_WIDTH, _WIDE = 8.0, 11.0
 #: Rows that are asked for at a time of bodies of which few are drawn.
 _CHUNK = 1 << 20
 
@@ -86,40 +91,71 @@ def preview(
         raise Error(f"backend is {shown(backend)}; expected 'matplotlib' or 'pyvista'")
     vertical = vertical_of(scene)
     d = scene.dimension
-    if planes is None and d == 3:
+    three = planes is None and d == 3
+    if three:
         flat = [a for a in range(3) if a != vertical]
         names = [AXES[a] + AXES[vertical] for a in flat]
         planes = [*names, AXES[flat[0]] + AXES[flat[1]]]
     planes = common.planes_of(d, planes, vertical)
     cut = common.check_cut(d, cut)
     particles, count, problem = sampled_bodies(scene, most)
-    wide = 1 if len(planes) == 1 else 2
-    tall = -(-len(planes) // wide)
-    picture = common.Picture(figsize=(6.5 * wide, 4.0 * tall), layout="constrained")
+    picture, places = _three_views(scene, vertical) if three else _rows(scene, planes)
     drawn = sum(map(len, particles.values()))
-    legend: dict[str, str] = {}
-    for k, name in enumerate(planes):
+    colours = body_colours(scene)
+    boundaries: dict[str, str] = {}
+    flows: dict[str, str] = {}
+    for place, name in zip(places, planes, strict=True):
         panel = Panel(
-            picture.add_subplot(tall, wide, k + 1), scene, name, vertical,
-            bodies=list(particles), norm=Normalize(), cut=cut,
+            picture.add_subplot(place), scene, name, vertical,
+            bodies=list(particles), norm=Normalize(), cut=cut, kinds=True,
         )  # fmt: skip
         panel.show(particles)
-        legend |= body_colours(scene) | panel.legend
+        boundaries |= panel.legend
         plane = panel.plane
         if plane is None:
             continue
-        legend |= draw_flows(panel.axes, plane, scene)
+        flows |= draw_flows(panel.axes, plane, scene)
         for body in scene.bodies:
-            draw_shape(panel.axes, plane, body.shape, color=legend[body.name], linewidth=0.6)
-        if plane.cut is not None and plane.hidden is not None:
-            at = plane.cut[plane.hidden] + plane.origin[plane.hidden]
-            panel.axes.set_title(f"cut at {AXES[plane.hidden]} = {at:g} m", fontsize=9)
-    lines = [Line2D([], [], color=colour, linewidth=3) for colour in legend.values()]
-    if lines:
+            draw_shape(panel.axes, plane, body.shape, color=colours[body.name], linewidth=0.6)
+        if panel.place:
+            panel.axes.set_title(panel.place, fontsize=9)
+    handles, texts = legend_of(colours)
+    handles += [Line2D([], [], color=c, linewidth=2.0) for c in boundaries.values()]
+    handles += [Patch(facecolor=to_rgba(c, 0.12), edgecolor=c, hatch="//") for c in flows.values()]
+    texts += [*boundaries, *flows]
+    for more, into in zip(legend_of_sensors(scene), (handles, texts), strict=True):
+        into += more
+    if handles:
         show: Any = picture.legend
-        show(lines, list(legend), loc="outside lower center", fontsize=7, ncols=4)
+        show(handles, texts, loc="outside lower center", fontsize=8, ncols=4, frameon=False)
     said = [scene.name or "scene", f"{count:,} particles" if not problem else "cannot run yet",
             common.note(drawn, count)]  # fmt: skip
-    picture.suptitle(", ".join(x for x in said if x) + (f"\n{problem[:160]}" if problem else ""),
-                     fontsize=10)  # fmt: skip
+    title = ", ".join(x for x in said if x)
+    if problem:
+        title += "\n" + textwrap.fill(problem, int(11 * picture.get_figwidth()), max_lines=6)
+    picture.suptitle(title, fontsize=10)
     return picture
+
+
+def _rows(scene: SceneData, planes: Sequence[str]) -> tuple[common.Picture, list[Any]]:
+    """Return a figure with a row for each plane, and the places of its panels."""
+    heights = [height_of(scene, name, _WIDTH) for name in planes]
+    picture = common.Picture(figsize=(_WIDTH, sum(heights) + 0.7), layout="constrained")
+    grid = picture.add_gridspec(len(planes), 1, height_ratios=heights)
+    return picture, [grid[k] for k in range(len(planes))]
+
+
+def _three_views(scene: SceneData, vertical: int) -> tuple[common.Picture, list[Any]]:
+    """Return a figure with room for two elevations and a plan, at one scale where they fit.
+
+    The second elevation stands beside the first, the plan below it. A panel has an inch at least.
+    """
+    size = np.asarray(scene.upper, np.float64) - np.asarray(scene.lower, np.float64)
+    along, across = (size[a] for a in range(3) if a != vertical)
+    scale = min((_WIDE - 1.6) / (along + across), 7.0 / (size[vertical] + across))
+    wide = np.maximum(scale * np.array([along, across]), 1.2)
+    tall = np.maximum(scale * np.array([size[vertical], across]), 1.0)
+    figsize = (float(wide.sum()) + 1.6, float(tall.sum()) + 2.2)
+    picture = common.Picture(figsize=figsize, layout="constrained")
+    grid = picture.add_gridspec(2, 2, width_ratios=wide, height_ratios=tall)
+    return picture, [grid[0, 0], grid[0, 1], grid[1, 0]]

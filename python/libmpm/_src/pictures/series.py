@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from libmpm._src.base.palette import CYCLE
 from libmpm._src.errors import Error
 from libmpm._src.output.series import moving_mean
-from libmpm._src.pictures.figures import CYCLE, Picture
+from libmpm._src.pictures.figures import Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from libmpm._src.base import palette
 from libmpm._src.base.optional_packages import need
 from libmpm._src.errors import Error
 from libmpm._src.pictures import figures as common
+from libmpm._src.pictures.instruments import load_cell_edges, sensor_points
 from libmpm._src.pictures.outlines import COLOURS, moves, sample_solid
 from libmpm._src.pictures.panel import COLOUR_MAP, body_colours, radius_of
 from libmpm._src.pictures.plot import extend_of, sampled_particles
 from libmpm._src.pictures.preview import sampled_bodies, vertical_of
+from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.boxes import Box, DomainWalls
 
 if TYPE_CHECKING:
@@ -26,6 +29,9 @@ __all__ = ["preview_in_space", "view"]
 
 #: Places along the longest edge of a solid at which its distance is looked at.
 _PLACES = 72
+#: The colour bar: upright, so that its title stands above its numbers.
+_BAR = {"vertical": True, "title_font_size": 16, "label_font_size": 14, "position_x": 0.87,
+        "position_y": 0.2, "height": 0.6, "n_labels": 5}  # fmt: skip
 
 
 def _plotter(scene: SceneData, what: str, off_screen: bool | None) -> tuple[Any, Any]:
@@ -56,7 +62,10 @@ def surface_of(pyvista: Any, scene: SceneData, shape: Any) -> Any:
     return grid.contour([0.0], scalars="distance")
 
 
-def _surroundings(pyvista: Any, plotter: Any, scene: SceneData, later: bool) -> None:
+def _surroundings(
+    pyvista: Any, plotter: Any, scene: SceneData, *, later: bool, kinds: bool
+) -> None:
+    """Add the domain, the boundaries (`kinds`: coloured by what they do) and the sensors."""
     origin = np.asarray(scene.origin, np.float64)
     low, high = np.asarray(scene.lower) + origin, np.asarray(scene.upper) + origin
     domain = pyvista.Box(np.stack([low, high], axis=1).ravel())
@@ -69,9 +78,10 @@ def _surroundings(pyvista: Any, plotter: Any, scene: SceneData, later: bool) -> 
             continue
         response = boundary.response
         kind = getattr(response, "kind", "") or "several"
-        style = {"style": "wireframe"} if later and moves(boundary) else {"opacity": 0.45}
-        colour = COLOURS.get(kind, "grey").removeprefix("tab:")
+        style = {"style": "wireframe"} if later and moves(boundary) else {}
+        colour = COLOURS.get(kind, palette.STRUCTURE) if kinds else palette.STRUCTURE
         plotter.add_mesh(surface, color=colour, name=f"boundary {boundary.name}", **style)
+    _sensors(pyvista, plotter, scene)
     plotter.show_axes()
     vertical = vertical_of(scene)
     if vertical == 2:
@@ -80,9 +90,37 @@ def _surroundings(pyvista: Any, plotter: Any, scene: SceneData, later: bool) -> 
         plotter.camera_position = "xy" if vertical == 1 else "yz"
 
 
+def _sensors(pyvista: Any, plotter: Any, scene: SceneData) -> None:
+    """Add load cells as edges, gauges as lines, and the names of all sensors that have a place."""
+    origin = np.asarray(scene.origin, np.float64)
+    vertical = vertical_of(scene)
+    named: dict[str, np.ndarray[Any, Any]] = {}
+    for placed in scene.sensors:
+        if not isinstance(placed.sensor, LoadCell):
+            continue
+        edges = load_cell_edges(scene, placed.sensor)
+        if edges:
+            ends = np.concatenate(edges)
+            plotter.add_lines(ends, color=palette.LOAD_CELL, width=3, name=f"sensor {placed.name}")
+            named[placed.name] = ends[np.argmax(ends[:, vertical])]
+    for name, (place, gauge) in sensor_points(scene, vertical).items():
+        point = place + origin
+        if gauge:
+            top = point.copy()
+            top[vertical] = scene.upper[vertical] + origin[vertical]
+            plotter.add_lines(np.stack([point, top]), color=palette.SENSOR, width=1,
+                              name=f"sensor {name}")  # fmt: skip
+            point = top
+        named[name] = point
+    if named:
+        plotter.add_point_labels(np.stack(list(named.values())), list(named), font_size=12,
+                                 point_size=8, name="sensors", always_visible=True)  # fmt: skip
+
+
 def _add_balls(plotter: Any, points: Any, radius: float, **style: Any) -> None:
     """Add particles as lit balls of a radius in the world, m."""
-    actor = plotter.add_points(points, style="points_gaussian", emissive=False, **style)
+    actor = plotter.add_points(points, style="points_gaussian", emissive=False,
+                               render_points_as_spheres=True, **style)  # fmt: skip
     actor.mapper.scale_factor = radius
 
 
@@ -101,26 +139,13 @@ def preview_in_space(scene: SceneData, *, most: int, off_screen: bool | None = N
             if surface is not None and surface.n_points:
                 plotter.add_mesh(surface, style="wireframe", color=colours[body.name],
                                  label=body.name, name=f"body {body.name}")  # fmt: skip
-    _surroundings(pyvista, plotter, scene, later=False)
-    vertical = vertical_of(scene)
-    named: dict[str, np.ndarray[Any, Any]] = {}
-    for placed in scene.sensors:
-        position = getattr(placed.sensor, "position", None)
-        if position is None or np.ndim(position) != 1:
-            continue
-        point = np.asarray(position, np.float64)
-        if len(point) == scene.dimension - 1:
-            point = np.insert(point, vertical, scene.upper[vertical])
-        named[placed.name] = point + np.asarray(scene.origin)
-    if named:
-        plotter.add_point_labels(np.stack(list(named.values())), list(named), font_size=12,
-                                 point_size=8, name="sensors", always_visible=True)  # fmt: skip
+    _surroundings(pyvista, plotter, scene, later=False, kinds=True)
     drawn = sum(map(len, particles.values()))
     said = [scene.name, f"{count:,} particles" if not problem else problem[:100],
             common.note(drawn, count)]  # fmt: skip
     plotter.add_text(", ".join(x for x in said if x), font_size=9, name="title")
     if scene.bodies and (particles or problem):
-        plotter.add_legend(face="circle", bcolor=None, size=(0.15, 0.15))
+        plotter.add_legend(face="circle", bcolor=None, size=(0.1, 0.1))
     return cast("Plotter", plotter)
 
 
@@ -151,8 +176,8 @@ def view(
         label = common.label_of(colour)
         cloud[label] = body.colour
         _add_balls(plotter, cloud, size, scalars=label, clim=(low, high), cmap=COLOUR_MAP,
-                   name=f"body {name}")  # fmt: skip
-    _surroundings(pyvista, plotter, scene, later=simulation.time > 0)
+                   name=f"body {name}", scalar_bar_args=_BAR | {"title": f"{label}\n"})  # fmt: skip
+    _surroundings(pyvista, plotter, scene, later=simulation.time > 0, kinds=False)
     drawn = sum(map(len, dots.values()))
     beyond = (
         ""

@@ -85,9 +85,11 @@ class Shown:
                                       shown where `bodies` names them
         bodies     -     names        None = all
         planes     -     names        such as "xz", or "3d": lit, from above a corner; None = the
-                                      elevation and, in 3D, the plan
+                                      elevation and, in 3D, the plan; there the elevation is cut
+                                      through what carries the first load cell, else the middle
         cut        m     (3,)         in 3D: what lies within a cell of this point along the axis
-                                      that a plane does not show; None = seen from outside
+                                      that a plane does not show; None = planes that are named
+                                      are seen from outside
         limits     its   low < high   range of the colours; None = all but the outermost half
                                       percent at either end
         most       1     ≥ 1          particles drawn, always the same ones; the title says it

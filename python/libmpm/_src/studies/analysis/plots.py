@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from libmpm._src.base.palette import CYCLE
 from libmpm._src.studies.analysis.record import Floats
 
 if TYPE_CHECKING:
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["POINTS", "THIN", "axes", "diagonal"]
 
 #: Looks of points and of lines behind them.
-POINTS: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 4, "color": "tab:blue"}
+POINTS: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 4, "color": CYCLE[0]}
 THIN: dict[str, Any] = {"color": "0.6", "linewidth": 0.8}
 
 

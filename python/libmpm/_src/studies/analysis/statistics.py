@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
+from libmpm._src.base.palette import CYCLE
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, sequence, shown
@@ -283,7 +284,7 @@ class Parity:
         ax = plots.axes(ax, "measured", "simulated")
         plots.diagonal(ax, self.measured, self.simulated)
         ends = np.array([self.measured.min(), self.measured.max()])
-        ax.plot(ends, self.intercept + self.slope * ends, color="tab:red", linewidth=1.0)
+        ax.plot(ends, self.intercept + self.slope * ends, color=CYCLE[1], linewidth=1.0)
         ax.plot(self.measured, self.simulated, **(plots.POINTS | style))
         return ax
 

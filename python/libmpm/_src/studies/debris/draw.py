@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from libmpm._src.base.palette import CYCLE, FLUIDS, SOLIDS
 from libmpm._src.errors import SceneError
 from libmpm._src.studies.debris.metadata import angle_data
 
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["cumulative", "draw", "figure", "histogram", "rose"]
 
-_ANGLE = "obliquity (degrees)"
-#: Part of the footprint's longer edge: length of the arrow of the flow, and its place beside.
+_ANGLE = "obliquity [degrees]"
+#: Part of the footprint's longer edge: length of the arrow of the flow, and its distance.
 _ARROW, _ASIDE = 0.2, 0.06
 
 
@@ -42,17 +43,17 @@ def draw(field: DebrisField, ax: Any = None) -> Axes:
     for piece, corners in zip(field.pieces, field.rectangles().corners(), strict=True):
         k = piece.prototype
         patch = Polygon(
-            corners, gid="piece", facecolor=f"C{k % 10}", edgecolor="k", linewidth=0.6, alpha=0.8
+            corners, gid="piece", facecolor=SOLIDS[k % len(SOLIDS)], edgecolor="k", linewidth=0.6
         )
         first.setdefault(k, ax.add_patch(patch))
     low, high = outline.min(axis=0), outline.max(axis=0)
     longer = float(max(high - low))
     start = low[0], low[1] - _ASIDE * longer
     end = start[0] + _ARROW * longer, start[1]
-    ax.annotate("", xy=end, xytext=start, arrowprops={"arrowstyle": "->", "color": "tab:blue"})
+    ax.annotate("", xy=end, xytext=start, arrowprops={"arrowstyle": "->", "color": FLUIDS[0]})
     ax.annotate("flow", xy=end, xytext=(4, 0), textcoords="offset points", va="center",
-                color="tab:blue")  # fmt: skip
-    ax.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+                color=FLUIDS[0])  # fmt: skip
+    ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     # An annotation does not widen the view.
     ax.update_datalim([start])
     ax.autoscale_view()
@@ -65,6 +66,8 @@ def draw(field: DebrisField, ax: Any = None) -> Axes:
 
 def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
     """Draw shares of obliquities as a rose over [0, 90] degrees."""
+    from matplotlib.ticker import MaxNLocator
+
     data = angle_data(field, bins=bins, flow=flow)
     ax = _axes(ax, projection="polar")
     if ax.name != "polar":
@@ -74,8 +77,9 @@ def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
         )
     edges = np.radians(data["edges"])
     ax.bar(edges[:-1], data["shares"], width=np.diff(edges), align="edge", edgecolor="k",
-           linewidth=0.6, alpha=0.8)  # fmt: skip
+           linewidth=0.6, color=SOLIDS[0])  # fmt: skip
     ax.set(thetamin=0, thetamax=90)
+    ax.yaxis.set_major_locator(MaxNLocator(3))  # more would overlap along the small side
     ax.set_title("share by obliquity", fontsize="medium")
     return cast("Axes", ax)
 
@@ -86,7 +90,7 @@ def histogram(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
     ax = _axes(ax)
     edges = np.array(data["edges"])
     ax.bar(edges[:-1], data["counts"], width=np.diff(edges), align="edge", edgecolor="k",
-           linewidth=0.6, alpha=0.8)  # fmt: skip
+           linewidth=0.6, color=SOLIDS[0])  # fmt: skip
     ax.set(xlabel=_ANGLE, ylabel="pieces", xlim=(0, 90), xticks=edges)
     ax.yaxis.get_major_locator().set_params(integer=True)
     return cast("Axes", ax)
@@ -98,10 +102,11 @@ def cumulative(field: DebrisField, ax: Any, *, flow: float) -> Axes:
     ax = _axes(ax)
     angles, share = [0.0, *data["obliquity"], 90.0], [0.0, *data["cumulative"], 1.0]
     ax.step(angles, share, where="post", color="k")
-    for part in (10, 30, 60):
+    for part, colour in zip((10, 30, 60), CYCLE, strict=False):
         angle = data[f"D{part}"]
         label = f"D{part} = {angle:.3g}°"
-        ax.plot([0, angle, angle], [part / 100, part / 100, 0], "--", linewidth=0.8, label=label)
+        ax.plot([0, angle, angle], [part / 100, part / 100, 0], "--", color=colour,
+                linewidth=0.8, label=label)  # fmt: skip
     ax.set(xlabel=_ANGLE, ylabel="share of pieces", xlim=(0, 90), ylim=(0, 1.02))
     ax.legend(loc="lower right", fontsize="small")
     return cast("Axes", ax)
