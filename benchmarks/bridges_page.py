@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 from result_pages import Line, filled, load, markdown
 
+from libmpm._src.base.palette import CYCLE
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, FIGURES = ROOT / "docs" / "bridges.md", ROOT / "docs" / "figures"
 MARKS = "<!-- {} of benchmarks/bridges.py -->", "<!-- end of {} -->"
@@ -26,10 +28,10 @@ NAMES = {
 }  # fmt: skip
 LONG = NAMES | {m: f"{NAMES[m]}, FLIP" for m in METHODS if m.startswith("FLIP")}
 COLOURS = {
-    "fbar": "tab:red",
-    "FLIP fbar": "tab:blue",
-    "FLIP F0AL1": "tab:orange",
-    "FLIP NB": "tab:green",
+    "fbar": CYCLE[1],
+    "FLIP fbar": CYCLE[0],
+    "FLIP F0AL1": CYCLE[4],
+    "FLIP NB": CYCLE[2],
 }
 
 
@@ -246,13 +248,14 @@ def draw_bores(lines: Lines) -> None:
     ]
     if not models:
         return
-    figure = Figure(figsize=(10.5, 2.0 * len(models)), layout="constrained")
-    grid = figure.subplots(len(models), 4, squeeze=False, sharex=True)
+    # One row for each quantity and one column for each model, so that its unit stands once.
+    figure = Figure(figsize=(3.2 * len(models), 10.0), layout="constrained")
+    grid = figure.subplots(4, len(models), squeeze=False, sharex=True, sharey="row")
     columns = (
-        ("level", "level, m"), ("velocity", "velocity, m/s"), ("force_x", "F_x, N/m"),
-        ("force_y", "F_y, N/m"),
+        ("level", "level [m]"), ("velocity", "velocity [m/s]"), ("force_x", "$F_x$ [N/m]"),
+        ("force_y", "$F_y$ [N/m]"),
     )  # fmt: skip
-    for row, model in zip(grid, models, strict=True):
+    for row, model in zip(grid.T, models, strict=True):
         bore = MODELS[model].state()
         for axes, (name, title) in zip(row, columns, strict=True):
             for method in METHODS:
@@ -263,11 +266,14 @@ def draw_bores(lines: Lines) -> None:
             if name in ("level", "velocity"):
                 inlet = bore.depth if name == "level" else bore.velocity
                 axes.axhline(inlet, color="k", linestyle=":", linewidth=1.0)
-            axes.set_title(f"{model}: {title}", fontsize=8)
-            axes.tick_params(labelsize=7)
-    grid[0][0].legend(fontsize=7)
-    for axes in grid[-1]:
-        axes.set_xlabel("s", fontsize=7)
+            axes.grid(alpha=0.25, linewidth=0.5)
+            if model == models[0]:
+                axes.set_ylabel(title, fontsize=12)
+        row[0].set_title(model, fontsize=13)
+        row[-1].set_xlabel("time [s]", fontsize=12)
+    show: Any = figure.legend
+    show(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", fontsize=12,
+         ncols=len(METHODS), frameon=False)  # fmt: skip
     save(figure, "bores_at_decks")
 
 

@@ -66,8 +66,8 @@ def test_bodies_have_no_holes_at_any_size(size):
         assert (away < 0.3) == inside_too
 
 
-@pytest.mark.parametrize(("gap", "closed"), [(0.06, True), (0.09, True), (0.16, False)])
-def test_gaps_of_less_than_a_cell_are_closed_and_wider_ones_are_seen(gap, closed):
+@pytest.mark.parametrize(("gap", "closed"), [(0.06, True), (0.12, True), (0.2, False)])
+def test_gaps_that_the_grid_bridges_are_closed_and_wider_ones_are_seen(gap, closed):
     scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(3, 2), gravity=(0, -9.81))
     for name, low in (("water", 0.5), ("rest", 2.5)):
         scene.add_body(name=name, shape=shapes.Box(lower=(low, 0), upper=(low + 0.4, 1)),

@@ -24,6 +24,7 @@ from libmpm._src.pictures.outlines import (
     Plane,
     draw_boundaries,
     draw_domain,
+    moves,
     sample_solid,
 )
 from libmpm._src.pictures.particle_discs import Layer, Splats, Surface
@@ -54,9 +55,9 @@ _PLACES = 110
 #: particles came from, so that neighbours overlap: of a solid, and of a fluid, which a flow pulls
 #: apart.
 _OVERLAP = {False: 0.75, True: 1.1}
-#: What is closed around a particle, as a share of a cell and of the spacing: a grid does not see
-#: gaps of less than a cell.
-_GAP = 0.5
+#: What is closed around a particle, as a share of a cell or of the spacing: quadratic functions
+#: reach over gaps of less than a cell and a half, so that the grid does not part there.
+_GAP = 0.75
 
 
 class Dots:
@@ -160,10 +161,17 @@ class Panel:
             self.view = View.along(scene.dimension, *self.plane.axes)
             draw_domain(axes, self.plane)
         self._flat = not self.view.deep or cut is not None
-        clip = (
-            None if self.plane is None else self.plane.flat([self.plane.lower, self.plane.upper]).T
-        )
+        plane = self.plane
+        clip = None if plane is None else plane.flat([plane.lower, plane.upper]).T
         self._layer = Layer(self.view, lit=not self._flat, clip=clip)
+        if self._flat and plane is not None:
+            self._layer.blocked = [
+                plane.flat([b.shape.lower, b.shape.upper]).T
+                for b in scene.boundaries
+                if isinstance(b.shape, Box)
+                and not (later and moves(b))
+                and plane.meets(b.shape.lower, b.shape.upper)
+            ]
         #: label -> colour of what was drawn of the boundaries.
         self.legend: dict[str, str] = {}
         space = scene.dimension == 3 and cut is None
@@ -252,8 +260,6 @@ def height_of(scene: SceneData, name: str, width: float) -> float:
 
 def _structures(scene: SceneData, later: bool) -> list[Surface]:
     """Return the boundaries in space that have a shape, in the world, where they stand still."""
-    from libmpm._src.pictures.outlines import moves
-
     origin = np.asarray(scene.origin, np.float64)
     low, high = np.asarray(scene.lower, np.float64), np.asarray(scene.upper, np.float64)
     found = []

@@ -1,9 +1,10 @@
 """Particles drawn as the material they stand for, nearest to the viewer in front.
 
 Every particle is a disc, or in space a ball, of the size of the material it stands for, and gaps of
-less than a cell between particles of a body are closed. So a body is a surface and not a cloud of
-dots, whatever the size of the picture, and where a flow has pulled particles apart without parting
-the water. In space what is behind something is hidden by it, and surfaces are lit (`pixels.py`).
+less than a cell and a half between particles of a body are closed. So a body is a surface and not a
+cloud of dots, whatever the size of the picture, and where a flow has pulled particles apart without
+parting the water. In space what is behind something is hidden by it, and surfaces are lit
+(`pixels.py`).
 """
 
 from __future__ import annotations
@@ -103,6 +104,8 @@ class Layer(Artist):
         self.view = view
         self.bodies: list[Splats] = []
         self.surfaces: list[Surface] = []
+        #: Rectangles (2, 2) m, like `clip`, that structures fill: nothing is drawn in them.
+        self.blocked: list[Array] = []
         self._lit, self._clip = lit, clip
         self._drawn: tuple[Any, Array] | None = None
         self.set_zorder(2)
@@ -140,7 +143,7 @@ class Layer(Artist):
     def _image(self, limits: Array, size: NDArray[np.int_]) -> Array:
         """Return the picture (height, width, 4) of all bodies and structures."""
         fine = 2 if 4 * size[0] * size[1] <= _FINE else 1
-        pixels = Pixels(limits, size[0] * fine, size[1] * fine, self._clip)
+        pixels = Pixels(limits, size[0] * fine, size[1] * fine, self._clip, self.blocked)
         painted = []
         for body in self.bodies:
             painted.append(Painted(body.colours(), body.solid))

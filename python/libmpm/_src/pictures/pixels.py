@@ -41,12 +41,22 @@ class Painted:
 class Pixels:
     """Which particle of which body every pixel shows, and how near it is."""
 
-    def __init__(self, limits: Array, width: int, height: int, clip: Array | None) -> None:
-        """Take the limits (2, 2) m of the axes and, alike, those that nothing is drawn beyond."""
+    def __init__(
+        self,
+        limits: Array,
+        width: int,
+        height: int,
+        clip: Array | None = None,
+        blocked: Sequence[Array] = (),
+    ) -> None:
+        """Take the limits (2, 2) m of the axes and, alike, those that nothing is drawn beyond.
+
+        Nor is anything in the rectangles `blocked`.
+        """
         self._low = limits[:, 0]
         self._shape = (height, width)
         self._per_metre = np.array([width, height]) / (limits[:, 1] - limits[:, 0])
-        self._clip = clip
+        self._clip, self._blocked = clip, blocked
         self._depth = np.full(self._shape, -np.inf)
         self._owner = np.full(self._shape, -1, np.int32)
         self._row = np.zeros(self._shape, np.int64)
@@ -75,7 +85,7 @@ class Pixels:
         hit = np.isfinite(depths)
         inside = self._inside(left, low, hit.shape)
         if grown:
-            # Beyond the walls counts as filled, so that gaps at a wall are closed as well.
+            # Walls and structures count as filled, so that gaps at them are closed as well.
             hit &= _eroded(hit | ~inside, grown)
             depths = depths - gap
         y, x = np.nonzero(hit & inside)
@@ -87,13 +97,14 @@ class Pixels:
         self._bumps[owner] = pixels
 
     def _inside(self, left: int, low: int, shape: tuple[int, ...]) -> Mask:
-        """Return which pixels of a window lie within what nothing is drawn beyond."""
-        if self._clip is None:
-            return np.ones(shape, bool)
+        """Return the pixels of a window in which particles may be drawn."""
         u = self._low[0] + (np.arange(left, left + shape[1]) + 0.5) / self._per_metre[0]
         v = self._low[1] + (np.arange(low, low + shape[0]) + 0.5) / self._per_metre[1]
-        (a, b), (c, d) = self._clip
-        found: Mask = ((v >= c) & (v <= d))[:, None] & ((u >= a) & (u <= b))
+        found = np.ones(shape, bool)
+        if self._clip is not None:
+            found = _within(u, v, self._clip)
+        for rectangle in self._blocked:
+            found &= ~_within(u, v, rectangle)
         return found
 
     def _nearest(
@@ -243,6 +254,13 @@ class Pixels:
             normal[mine] = faces[self._row[part][mine]]
         lit: Array = _AMBIENT + (1.0 - _AMBIENT) * np.clip(normal @ _LIGHT, 0.0, 1.0) * 1.25
         return np.clip(lit, 0.0, 1.12)
+
+
+def _within(u: Array, v: Array, rectangle: Array) -> Mask:
+    """Return which of the places u (n,) across and v (m,) up lie in a rectangle, (m, n)."""
+    (a, b), (c, d) = rectangle
+    found: Mask = ((v >= c) & (v <= d))[:, None] & ((u >= a) & (u <= b))
+    return found
 
 
 def _shifted(array: NDArray[Any], step: int, axis: int) -> NDArray[Any]:
