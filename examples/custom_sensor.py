@@ -1,4 +1,4 @@
-"""A sensor of your own: a function that reads the simulation at every sample.
+"""A custom sensor: a function that reads the simulation at every sample.
 
     python examples/custom_sensor.py
 

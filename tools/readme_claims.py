@@ -35,7 +35,7 @@ def main(arguments: list[str]) -> int:
             missing = 1
             continue
         took, said = float(seconds) / 60, stated[rows[0]]
-        mark = "" if 0.5 <= took / said <= 2 else "  <- mend the README"
+        mark = "" if 0.5 <= took / said <= 2 else "  <- correct the README"
         print(f"{took:6.1f} min, README {said:g} min: {rows[0]}{mark}")
     return missing
 

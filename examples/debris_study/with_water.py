@@ -1,7 +1,7 @@
 """Random fields of floating debris that a surge carries into a raised box: water once, debris many.
 
 A flume with a still layer and a reservoir that is released at one end at t = 0. The trunk is the
-water alone, until just before the bore reaches the field. Each case goes on from there: blocks of
+water alone, until just before the bore reaches the field. Each case continues from there: blocks of
 polyethylene (981 kg/m³) float at rest on the layer, at random places and angles, and the bore takes
 them to the box, whose upstream face is a load cell. One more case has no debris.
 

@@ -108,7 +108,7 @@ def test_without_a_compiler_it_is_refused_by_name(monkeypatch, tmp_path):
 
 
 def test_headers_that_cannot_be_are_refused_by_name(cache, tmp_path):
-    with pytest.raises(libmpm.SceneError, match="does not say its name"):
+    with pytest.raises(libmpm.SceneError, match="does not define its name"):
         materials.from_header("struct A {\n};", cache=tmp_path)
     with pytest.raises(libmpm.SceneError, match="cannot be read"):
         materials.from_header(tmp_path / "none.hpp", cache=tmp_path)

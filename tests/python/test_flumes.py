@@ -266,7 +266,7 @@ def test_the_command_goes_on_where_it_was_stopped_and_compares(name, tmp_path, c
         capsys.readouterr()
         # Too short for any row, which is said and not passed over.
         assert main([*command, "--until", "0.5"]) == 2
-    assert "go on with it" in capsys.readouterr().err
+    assert "s or more; continue it" in capsys.readouterr().err
     assert libmpm.load(out).log["time"] == pytest.approx(0.5, abs=0.01) and stopped < 0.5
     assert main([*command, "--until", "0.5", "--table"]) == 2
     capsys.readouterr()

@@ -98,7 +98,7 @@ def test_what_particles_keep_does_not_go_with_placed_forces(transfer):
             material=materials.TaitFluid(density=1000.0, bulk_modulus=4e5),
         )  # fmt: skip
         if transfer == "FLIP" and placed:
-            with pytest.raises(libmpm.SceneError, match=r"Mirror beside a PlacedForce.*'APIC'"):
+            with pytest.raises(libmpm.SceneError, match=r"Mirror with a PlacedForce.*'APIC'"):
                 made.validate()
             return
         sim = libmpm.Simulation(made, device="cpu", threads=1, precision="double")

@@ -27,5 +27,5 @@ def test_every_row_that_ci_measures_is_in_the_readme():
 
 def test_a_row_that_is_not_there_fails_and_a_far_time_is_marked():
     assert said("make coffee=60").returncode == 1
-    assert "mend the README" in said("pytest=60000").stdout
-    assert "mend the README" not in said("pytest=600").stdout
+    assert "correct the README" in said("pytest=60000").stdout
+    assert "correct the README" not in said("pytest=600").stdout

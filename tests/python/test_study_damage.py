@@ -34,14 +34,14 @@ def test_a_case_over_its_limit_of_time_fails_and_goes_on_with_a_larger_one(tmp_p
     study = make(tmp_path / "limited", [{}], long_block, until=LONG)
     result = run(study, time_limit=0.3)
     (failed,) = result.failed
-    assert "its limit of time, 0.3 s, is over at " in failed["error"]
+    assert "its time limit, 0.3 s, was reached at " in failed["error"]
     assert "raise time_limit and run with retry_failed=True" in failed["error"]
     reached = study.cases[0].record["time"]
     assert 0 < reached < 10 * LONG
     # What it has used counts, so the same limit is over at once.
     again = run(make(tmp_path / "limited", [{}], long_block, until=LONG),
                 time_limit=0.3, retry_failed=True)  # fmt: skip
-    assert "is over at" in again.failed[0]["error"]
+    assert "was reached at" in again.failed[0]["error"]
     study = make(tmp_path / "limited", [{}], long_block, until=LONG)
     result = run(study, time_limit=600, retry_failed=True)
     assert not result.failed
@@ -75,7 +75,7 @@ def test_a_worker_that_hangs_beyond_the_limit_is_ended(tmp_path, monkeypatch):
     result = run(study, workers=1, time_limit=limit)
     stopper.join()
     assert result["status"].tolist() == ["failed", "finished"]
-    assert "its limit of time is 600 s: its worker was ended" in result.rows[0]["error"]
+    assert "its time limit is 600 s: its worker was ended" in result.rows[0]["error"]
     assert status(victim)["attempt"] == 1
     with pytest.raises(ProcessLookupError):
         os.kill(stopped[0], 0)

@@ -247,7 +247,7 @@ def _reason(name: str, new: dict[str, Any], old: dict[str, Any], why: str) -> Re
 
 
 def _why(rows: Table, chosen: Candidate, now: Candidate | None) -> str:
-    """Return what the settings reach on each case, beside the scene's own or the baseline."""
+    """Return what the settings reach on each case, against the scene's own or the baseline."""
     said = []
     for k, row in enumerate(chosen.rows):
         beside = rows[row.case][BASELINE] if now is None else now.rows[k]

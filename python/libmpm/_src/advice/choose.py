@@ -119,7 +119,7 @@ def _common(row: Row, of_case: Mapping[str, Row]) -> str:
 
 
 def _factor(row: Row, of_case: Mapping[str, Row]) -> float:
-    """Return what the method costs beside the default one with as many cells."""
+    """Return what the method costs relative to the default one with as many cells."""
     assert row.cost is not None
     ratio = row.changes.get("cells_ratio", 1.0)
     for other in of_case.values():

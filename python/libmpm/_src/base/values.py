@@ -427,7 +427,7 @@ _quiet: ContextVar[bool] = ContextVar("libmpm_quiet", default=False)
 
 @contextmanager
 def warned_already() -> Iterator[None]:
-    """Let `warn` pass over a scene's doubts, which its user has been told.
+    """Let `warn` skip a scene's warnings, which its user has had already.
 
     Filters of `warnings` belong to the process; several simulations may be made at a time.
     """

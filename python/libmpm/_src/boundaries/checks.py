@@ -129,7 +129,7 @@ def _check_mirror(check: Checker, scene: SceneData, boundary: Boundary) -> None:
         )
     if method.transfer_choice.stores_velocity and any(b.force is not None for b in scene.bodies):
         check.fail(
-            "response is Mirror beside a PlacedForce with transfer "
+            "response is Mirror with a PlacedForce and transfer "
             f"'{method.transfer_choice.scheme}': what particles keep counts the force at mirrored "
             "nodes again, and speeds grow without bound; expected 'APIC' or 'PIC', or Slip"
         )

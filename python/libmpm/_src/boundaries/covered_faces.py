@@ -44,8 +44,8 @@ _STEP, _UNIT = 1e-3, 0.01
 #: 1:100 it is found before its plane is a cell below.
 _FAR, _GROWTH, _TURNS, _HALVINGS = 2e4, 0.5, 30, 6
 
-#: What is told where all of a surface is covered, and how far off an edge its faces are asked for,
-#: in spacings.
+#: What is reported where all of a surface is covered, and how far off an edge its faces are
+#: asked for, in spacings.
 _NOWHERE, _BESIDE, _OFF = 32.0, 0.01, 0.1
 
 Array = npt.NDArray[np.float64]

@@ -239,7 +239,7 @@ def check_flows(scene: SceneData, problems: list[str], doubts: list[str]) -> Non
     if scene.start is not None and any(_of_kind(scene, Inflow)):
         problems.append(
             "flows: the scene continues from a checkpoint, which one with an Inflow cannot; "
-            "expected a run of its own; use Simulation.resume to go on with the same scene"
+            "expected a separate run; use Simulation.resume to continue the same scene"
         )
 
 

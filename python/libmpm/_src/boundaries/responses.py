@@ -260,7 +260,7 @@ class Displacement(Value):
         if isinstance(self.table, TimeTable) and self.table.end == "zero":
             check.fail(
                 "table ends with 'zero', which would throw the shape back to its place; expected "
-                "'hold' or 'repeat'; bring it back by rows of its own"
+                "'hold' or 'repeat'; add rows that bring it back"
             )
         return {}
 

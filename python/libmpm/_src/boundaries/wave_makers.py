@@ -91,7 +91,7 @@ def stroke_from_file(
     """Return the stroke that a file of rows separated by commas describes, in m.
 
     Rows have the time in s, the position in m and, if there is a third column, the velocity in m/s,
-    in that order; a head of names is passed over. The velocities must be the slope of the
+    in that order; a header line of names is skipped. The velocities must be the slope of the
     positions, to 5 % rms of the fastest motion's own: columns in another order are found out.
 
     =========  ====  ==========  ============================================================

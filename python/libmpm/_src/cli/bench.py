@@ -263,7 +263,7 @@ def describe(result: Result) -> str:
         ("speed", f"{result.particle_steps_per_s:.3e} particle-steps/s ({result.seconds:.2f} s)"),
         ("first tenth", f"{result.first_tenth:.3e} particle-steps/s"),
         ("last tenth", f"{result.last_tenth:.3e} particle-steps/s"),
-        ("memory", f"{result.bytes_per_particle:.1f} bytes per particle all told"),
+        ("memory", f"{result.bytes_per_particle:.1f} bytes per particle in all"),
         ("phases", phases or "not measured"),
     ]
     return pair_table(rows, 12)

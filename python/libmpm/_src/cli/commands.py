@@ -376,7 +376,7 @@ def _signals(command: str) -> Iterator[None]:
     try:
         previous = signal.signal(signal.SIGTERM, _terminate)
     except ValueError:
-        # Only the main thread may set handlers; elsewhere the caller looks after signals.
+        # Only the main thread may set handlers; elsewhere the caller handles signals.
         yield
         return
     try:

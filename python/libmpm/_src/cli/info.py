@@ -227,7 +227,7 @@ def text_of(found: dict[str, Any]) -> str:
         ("boundaries", _join(scene["boundaries"])),
     ]
     if scene["goes_on_from"]:
-        rows.append(("goes on", f"from {scene['goes_on_from']}"))
+        rows.append(("continues", f"from {scene['goes_on_from']}"))
     if found["kind"] == "scene":
         rows.append(("sensors", _join(f"{n} ({k})" for n, k in scene["sensors"].items())))
         rows += [(key, str(item)) for key, item in found["run"].items()]

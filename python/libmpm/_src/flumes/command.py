@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cell-size", type=float, help="m; default: the level's")
     parser.add_argument("--debris", help="name of a layout; default: the level's")
     parser.add_argument(
-        "-o", "--output", type=Path, help="folder; a run that was cut off there goes on"
+        "-o", "--output", type=Path, help="folder; a run that was interrupted there continues"
     )
     parser.add_argument("--overwrite", action="store_true", help="replace earlier results")
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""`Comparison`: a run beside what was measured: rows with verdicts, table, CSV, figure."""
+"""`Comparison`: a run against what was measured: rows with verdicts, table, CSV, figure."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def compare(facility: Facility, run: Any) -> Comparison:
             f"{facility.label}.compare: the run has "
             + (f"sensors {', '.join(sensors) or 'none'}; expected those of scene()" if lacking else
                f"reached {ends:.4g} s of the laboratory's time; expected "
-               f"{min(c.window[1] for c in facility.criteria()):.4g} s or more; go on with it")
+               f"{min(c.window[1] for c in facility.criteria()):.4g} s or more; continue it")
         )  # fmt: skip
     return Comparison(facility, rows, signals)
 

@@ -237,7 +237,7 @@ class Mesh(Value):
         except RuntimeError as error:
             raise SceneError(
                 f"grids.Mesh: {str(error).lower()}; expected triangles that meet in whole edges "
-                "and do not overlap; mend the mesh"
+                "and do not overlap; repair the mesh"
             ) from error
         inside = np.asarray(found(places[:, 0], places[:, 1]) >= 0)
         # The search may put a point of the outline on either side of it.
@@ -270,7 +270,7 @@ class Mesh(Value):
             import matplotlib.pyplot as plt
 
             ax = plt.subplots()[1]
-            ax.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+            ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
         vertices, triangles = self.arrays()
         ax.triplot(vertices[:, 0], vertices[:, 1], triangles, **style)
         return ax

@@ -92,7 +92,7 @@ def from_header(
     this first. The first simulation with it on a CUDA device compiles it for that, by ``nvcc``;
     without one it is refused by name, and device "auto" is the CPU.
 
-    Raises `SceneError` for a header that does not say its name, whose name is taken, or that does
+    Raises `SceneError` for a header without its name, whose name is taken, or that does
     not compile (with what the compiler says), and `Error` without a compiler or its headers.
     """
     for what, given in (("header", header), ("compiler", compiler), ("cache", cache)):
@@ -111,9 +111,7 @@ def from_header(
             "one law of a name; give it another name, or begin a new process"
         )
     if hasattr(importlib.import_module("libmpm._src.materials.generated"), name):
-        raise SceneError(
-            f"material '{name}' is built in; expected another name for a law of your own"
-        )
+        raise SceneError(f"material '{name}' is built in; expected another name for a custom law")
     folder = _folder(cache)
     core = importlib.import_module("libmpm._core")
     core.add_material(str(_library(name, text, "cpu", command, key, folder)))
@@ -179,7 +177,7 @@ def _name(text: str) -> str:
     said = re.search(r'static\s+constexpr\s+const\s+char\s*\*\s*name\s*=\s*"(\w+)"', text)
     if said is None or not re.search(rf"\bstruct\s+{said[1]}\b", text):
         raise SceneError(
-            "the header of a material does not say its name; expected a struct in namespace mpm "
+            "the header of a material does not define its name; expected a struct in namespace mpm "
             'with `static constexpr const char* name = "Law";` that is called Law itself'
         )
     return said[1]
@@ -193,7 +191,7 @@ def _compiler(wanted: str | None, name: str) -> str:
             return path
     raise Error(
         f"material '{name}' needs a C++20 compiler, and {', '.join(map(repr, tried))} is not "
-        "found; install g++ (Debian: apt install g++), or say which one: compiler='/path/to/g++'"
+        "found; install g++ (Debian: apt install g++), or name one: compiler='/path/to/g++'"
     )
 
 
@@ -240,7 +238,7 @@ def _folder(cache: str | Path | None) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         raise Error(
-            f"the folder of compiled materials {folder} cannot be made: {error}; say another: "
+            f"the folder of compiled materials {folder} cannot be made: {error}; give another: "
             "cache='folder', or LIBMPM_CACHE"
         ) from error
     return folder
@@ -271,7 +269,7 @@ def _compile(name: str, text: str, kind: str, command: list[str], library: Path)
             said = [line for line in done.stderr.splitlines() if "error" in line] or [done.stderr]
             raise SceneError(
                 f"material '{name}' does not compile: " + "; ".join(said[:3])[:1500] + "; "
-                "expected the members that docs/extending.md lists; mend the header"
+                "expected the members that docs/extending.md lists; correct the header"
             )
         os.replace(made, library)
 

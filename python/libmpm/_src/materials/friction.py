@@ -119,7 +119,7 @@ def with_cones(scene: Mapping[str, Any]) -> dict[str, Any]:
 def cone_warning(body: Mapping[str, Any], dimension: int) -> str | None:
     """Return what to say of a body of a scene file whose material means another cone than before.
 
-    The reader of a run that goes on names the cone instead (`with_cones`).
+    The reader of a run that continues names the cone instead (`with_cones`).
     """
     if dimension != 2 or not _unnamed(body):
         return None

@@ -97,7 +97,7 @@ class Smoothing(Value):
         return {"method": method, "gamma": gamma, "field": field, "flux_length": length}
 
     def specification(self, stores_volume: bool = True) -> dict[str, Any]:
-        """Return what the engine is told of a body whose material stores a volume ratio or not."""
+        """Return the engine's specification; `stores_volume`: the material has a volume ratio."""
         return {
             "method": self.method,
             "gamma": 1.0 if self.gamma is None else self.gamma,
@@ -149,7 +149,7 @@ class AssumedFields(Value):
         }
 
     def specification(self) -> dict[str, Any]:
-        """Return what the engine is told."""
+        """Return the engine's specification."""
         return {"over": self.over, "part": self.part, "rate": self.rate}
 
 

@@ -151,11 +151,11 @@ class Transfer(Value):
         return 1.0 if self.flip is None else self.flip
 
     def scene_part(self) -> dict[str, Any]:
-        """Return what the engine is told for the whole scene."""
+        """Return the engine's specification for the whole scene."""
         return {"scheme": self.scheme, "order": self.order, "every": self.every}
 
     def body_part(self) -> dict[str, Any]:
-        """Return what the engine is told for a body."""
+        """Return the engine's specification for a body."""
         return {
             "flip": self.kept,
             "affine": self.affine,
@@ -273,7 +273,7 @@ class Kernel(Value):
         return f"{self.name} boundary splines" if self.boundary else f"kernel '{self.name}'"
 
     def specification(self) -> dict[str, Any]:
-        """Return what the engine is told."""
+        """Return the engine's specification."""
         told = {"name": self.name, "gradient": self.form, "boundary": self.boundary}
         return told | ({"modified": True} if self.modified else {})
 

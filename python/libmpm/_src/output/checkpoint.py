@@ -48,7 +48,7 @@ _NAME = re.compile(r"step_(\d{10,})\.npz")
 
 @dataclass
 class Checkpoint:
-    """What a run needs to go on.
+    """What a run needs to continue.
 
     `header` is JSON: format, version, scene, device, precision, pipeline, threads, time_step,
     time (s), step, until (s), output settings. `state` is the engine's own, and `sensors` holds
@@ -196,8 +196,9 @@ def _header(path: Path, archive: Any) -> dict[str, Any]:
         missing = key not in header and key not in _LATER
         if missing or (key in header and not kind(header[key])):
             raise CheckpointError(
-                f"{path} is no whole checkpoint: its header has {key} = {shown(header.get(key))}; "
-                f"expected {wanted}; use the other generation in its folder"
+                f"{path} is not a complete checkpoint: its header has {key} = "
+                f"{shown(header.get(key))}; expected {wanted}; use the other generation in "
+                "its folder"
             )
     return header
 
@@ -296,8 +297,8 @@ def _opened(path: Path) -> Iterator[Any]:
     except Exception as error:
         size = path.stat().st_size if path.is_file() else 0
         raise CheckpointError(
-            f"{path} is no whole checkpoint: {size} bytes, {error}; it is truncated or damaged, "
-            "use the other generation in its folder"
+            f"{path} is not a complete checkpoint: {size} bytes, {error}; it is truncated or "
+            "damaged, use the other generation in its folder"
         ) from error
 
 
@@ -316,7 +317,7 @@ def _files_of(path: Path) -> list[Path]:
 def find_newest(path: Path, read: Callable[[Path], T]) -> tuple[Path, T]:
     """Return the file `path`, or the newest whole checkpoint of a folder, and what `read` gives.
 
-    A file that is not whole is passed over with a warning; the last one's error is raised.
+    A file that is not complete is skipped with a warning; the last one's error is raised.
     """
     if not path.is_dir():
         return path, read(path)

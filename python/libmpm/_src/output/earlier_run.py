@@ -112,8 +112,8 @@ def document_of(folder: Path) -> tuple[dict[str, Any] | None, str]:
 def other_run(folder: Path, wanted: Mapping[str, Any], series: Sequence[Series]) -> str:
     """Return why the results in a folder are not those of a run; empty where they may be.
 
-    `wanted` is the scene file of the run that goes on, `series` what its sensors have recorded: the
-    folder's own must have the same samples, as far as both go.
+    `wanted` is the scene file of the run that continues, `series` what its sensors have recorded:
+    the folder's own must have the same samples, as far as both go.
     """
     document, problem = document_of(folder)
     if problem:
@@ -237,7 +237,7 @@ def frame_times(folder: Path, body: str) -> dict[int, float]:
     if damaged:
         more = f"; and {len(damaged) - 1} more" if len(damaged) > 1 else ""
         warnings.warn(
-            f"{damaged[0]}{more}; the run goes on without, as it cannot be written again",
+            f"{damaged[0]}{more}; the run continues without it, as it cannot be written again",
             ModelWarning, stacklevel=6,
         )  # fmt: skip
     return times

@@ -225,7 +225,7 @@ def require_parts(path: Path, dataset: h5py.Dataset) -> None:
     if gone:
         raise OutputError(
             f"{path}: {len(gone)} of its {len(sources)} parts are missing or cut, the first "
-            f"{gone[0]}; keep the folder 'parts' of a run on several processes beside its frames"
+            f"{gone[0]}; keep the folder 'parts' of a run on several processes next to its frames"
         )
 
 

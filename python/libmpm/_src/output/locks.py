@@ -43,7 +43,7 @@ HEARTBEAT = 5.0
 STALE = 120.0
 #: The same for a file that names no owner: who makes it writes its name within the same moment.
 UNSIGNED = 10.0
-#: Seconds after which who waits for a lock of a moment's work says so.
+#: Seconds after which a process that waits for a short lock reports it.
 _PATIENCE = 5.0
 
 

@@ -223,7 +223,7 @@ class Results:
     """What a run has written into its folder; see `libmpm.load`.
 
     Nothing is read before it is asked for, nothing is kept but names, and nothing is locked: a run
-    that still goes on can be read, and shows what it has written since.
+    that is still running can be read, and shows what it has written since.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -243,7 +243,7 @@ class Results:
         """
         document, problem = document_of(self.path)
         if document is None:
-            raise SceneError(f"{problem}, but there is no whole one: put the scene file back")
+            raise SceneError(f"{problem}, but there is no complete one: restore the scene file")
         if problem:
             warnings.warn(f"{problem}: it is taken", ModelWarning, stacklevel=2)
         return document
@@ -262,7 +262,7 @@ class Results:
         content = read_log(self.path)
         if not content and (self.path / "log.json").exists():
             warnings.warn(
-                f"{self.path / 'log.json'}: is no whole log; what it said is left out",
+                f"{self.path / 'log.json'}: is not a complete log; its content is left out",
                 ModelWarning, stacklevel=2,
             )  # fmt: skip
         return content

@@ -109,7 +109,7 @@ class Writer:
             self._hold.release()
             raise OutputError(
                 f"{self._folder} has been written by another run since this one stopped; this "
-                "simulation cannot go on there: resume that run, or choose another folder"
+                "simulation cannot continue there: resume that run, or choose another folder"
             )
 
     def rest(self) -> None:
@@ -118,7 +118,7 @@ class Writer:
             self._hold.rest()
 
     def release(self) -> None:
-        """Leave the folder to whoever goes on."""
+        """Release the folder for the run that continues."""
         if self._hold is not None:
             self._hold.release()
 

@@ -1,1 +1,1 @@
-"""Running a scene: plan, simulation, guards, ranks, checkpoints taken up again."""
+"""Running a scene: plan, simulation, guards, ranks, restart."""

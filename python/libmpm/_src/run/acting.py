@@ -80,7 +80,7 @@ class Actions:
             self._all[name] = action
 
     def require(self) -> None:
-        """Refuse to go on without what acted on the run before; raises `CheckpointError`."""
+        """Refuse to continue without what acted on the run before; raises `CheckpointError`."""
         if self._busy:
             raise Error(
                 "the function of an action advances the simulation that calls it; expected it to "

@@ -181,7 +181,7 @@ class Assembly:
         with warned_already():
             specification = lower(
                 scene, device_index=self.backend.index,
-                # Of a scene that goes on, the state to load has all that its file had.
+                # Of a scene that continues, the state to load has all that its file had.
                 shell=start is not None and self._loads_state, **self.requested,
             )  # fmt: skip
         self.initial.into(specification)

@@ -77,7 +77,7 @@ def core() -> Any:
 
 
 def memory_free(backend: Backend) -> int | None:
-    """Return the bytes that a device can still give, or None where that cannot be told."""
+    """Return the bytes that a device can still give, or None where that is unknown."""
     if backend.kind == "cuda":
         found = backend.module.devices()
         if backend.link is not None:  # devices that share a scene are alike

@@ -242,7 +242,7 @@ def remaining(scene: SceneData, body: Body) -> tuple[npt.NDArray[np.int64], Arra
 
 
 def check_new_boundaries(scene: SceneData) -> None:
-    """Refuse boxes added to a scene that goes on where its particles are; raises `SceneError`."""
+    """Refuse boxes added to a scene that continues where its particles are; raises `SceneError`."""
     start = scene.start
     assert start is not None
     problems = []

@@ -1,4 +1,4 @@
-"""`Files`: the output folder and checkpoints of a simulation; a checkpoint taken up again."""
+"""`Files`: the output folder and checkpoints of a simulation; restart from a checkpoint."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Files:
             self.writer.close()
 
     def save(self, path: Path, until: float) -> None:
-        """Write a checkpoint of a run that was asked to go on until this time, s."""
+        """Write a checkpoint of a run that was asked to continue until this time, s."""
         run, assembly = self._run, self._assembly
         engine, watch = assembly.engine, assembly.watch
         if self.failure:

@@ -29,7 +29,7 @@ os.register_at_fork(after_in_child=_in_child)
 
 
 def forked(name: str) -> DeviceError:
-    """Return what is raised where a forked child goes on with its parent's engine."""
+    """Return what is raised where a forked child continues with its parent's engine."""
     return DeviceError(
         f"simulation {name!r}: this process is a fork of the one that made the engine, whose "
         "threads it does not have; make the Simulation in the child, or start processes with "

@@ -30,7 +30,7 @@ class Guard(Value):
     label: ClassVar[str] = "Guard"
 
     every: int | None = given(
-        "steps between two looks; None = 1000", default=None, unit="1", low=1, whole=True
+        "steps between two checks; None = 1000", default=None, unit="1", low=1, whole=True
     )
     energy: float | None = given(
         "growth of the mechanical energy, in parts of what has been released, of scenes on "

@@ -1,4 +1,4 @@
-"""What a guard remembers between its looks."""
+"""What a guard remembers between its checks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Memory:
     #: The smallest sum of the three, J, and its step.
     least: float = math.inf
     least_step: int = 0
-    #: Highest speed of a node in all looks, m/s.
+    #: Highest speed of a node in all checks, m/s.
     speed: float = 0.0
     #: Mean volume ratio of each body at the start; None where it had no particles.
     volumes: list[float | None] = field(default_factory=list)
@@ -70,7 +70,7 @@ class Memory:
                 raise ValueError(f"watch.{key} has {len(value)} entries; expected {bodies}, or 0")
         made = cls(**saved)
         if made.step >= 0 and not len(made.volumes) == len(made.particles) == bodies:
-            raise ValueError(f"watch has no volumes or particles of {bodies} bodies after its look")
+            raise ValueError(f"watch lacks volumes or particles of {bodies} bodies after its check")
         return made
 
 

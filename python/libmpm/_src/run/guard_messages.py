@@ -17,7 +17,7 @@ __all__ += ["moment", "most_strained", "smoothing_remedy"]
 #: Ids shown in a message; the rest is counted.
 _SHOWN = 8
 
-OFF = "Simulation(guard=None) goes on unwatched"
+OFF = "Simulation(guard=None) switches the run-time checks off"
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Watch"]
 
-#: Steps between two looks: a look takes half a step to five steps on every device.
+#: Steps between two checks: a check takes half a step to five steps on every device.
 EVERY = 1000
 
 #: Particles whose volume is looked at, of all bodies together.
@@ -51,7 +51,7 @@ SAMPLES = 4096
 RISE = 0.02
 #: Part of the sound speed at which everything may come to move by rounding.
 CALM = 1e-5
-#: Part of the elastic energy at the start that is not told from rounding.
+#: Part of the elastic energy at the start that is not distinguished from rounding.
 STORED = 0.01
 
 #: What the middle of water may lie too low by, in cells: the grid hardly sees where in a cell its
@@ -98,7 +98,7 @@ class Watch:
         #: What smoothing had taken in processes before this one, kg, by body: the engine's record
         #: begins again in each.
         self._taken = {name: row[0] for name, row in self._memory.smoothing.items()}
-        #: Why the run may not go on; empty while it may.
+        #: Why the run may not continue; empty while it may.
         self.broken = ""
 
     def memory(self) -> dict[str, Any]:
@@ -137,7 +137,7 @@ class Watch:
         memory.step = step
 
     def before_saving(self) -> None:
-        """Refuse a state that may not be, between looks too; nothing is remembered."""
+        """Refuse a state that may not be, between checks too; nothing is remembered."""
         self.refuse()
         if 0 <= self._memory.step < self._simulation.steps:
             kept = copy.deepcopy(self._memory)

@@ -125,7 +125,7 @@ class Partition(Value):
                 "use cuts='x', 'y' or 'z', or leave at out"
             )
         if self.by is not None:
-            check.fail("at and by both say where ranks begin; expected one of them; leave one out")
+            check.fail("at and by both define where ranks begin; expected one; leave the other out")
         return places
 
     def _check_by(self, check: Checker) -> Any:
@@ -240,7 +240,7 @@ class Partition(Value):
         return [next((k for k, group in enumerate(groups) if name in group), 0) for name in names]
 
     def specification(self, scene: SceneData, ranks: int) -> dict[str, Any]:
-        """Return what the engine is told of a scene that it fits."""
+        """Return the engine's specification, for a scene that it fits."""
         limit = math.inf if self.rebalance_above is None else self.rebalance_above
         told: dict[str, Any] = {"rebalance_above": limit}
         if self.cuts is not None:
@@ -282,7 +282,7 @@ def as_partition(given: Any, backend: Backend, scene: SceneData) -> Partition | 
 
 
 def recorded_partition(header: dict[str, Any], backend: Backend) -> Partition | None:
-    """Return the partition of the run that wrote a checkpoint; None where one rank goes on."""
+    """Return the partition of the run that wrote a checkpoint; None where one rank continues."""
     recorded = header.get("partition")
     if recorded is None or (backend.ranks == 1 and backend.link is None):
         return None
@@ -292,7 +292,7 @@ def recorded_partition(header: dict[str, Any], backend: Backend) -> Partition | 
 
 
 def told_ranks(backend: Backend, partition: Partition | None, scene: SceneData) -> dict[str, Any]:
-    """Return what the engine is told about its ranks: nothing where there is one."""
+    """Return the engine's specification of ranks: nothing where there is one."""
     if backend.ranks == 1:
         return {}
     told: dict[str, Any] = {"count": backend.ranks}

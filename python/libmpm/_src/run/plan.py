@@ -248,7 +248,7 @@ class Plan:
     def memory_of_rank(self) -> int:
         """Bytes of each rank, or device, while their shares are even.
 
-        A share may be `Partition.rebalance_above` times that; up to all with cuts that are told to
+        A share may be `Partition.rebalance_above` times that; up to all with cuts that are set to
         stay, or by measured time. On top come blocks beside the cuts, which several ranks hold, the
         wider sums of ranks on the CPU, and about 0.2 GB on a device.
         """

@@ -52,7 +52,7 @@ def run_to_end(
 ) -> str:
     """Run to `until` s and return the closing report with the paths of all files.
 
-    A run that is stopped before, after `wall_limit` s or by a signal, says how to go on instead.
+    A run that is stopped before, after `wall_limit` s or by a signal, says how to continue instead.
     """
     began, first = clock.monotonic(), simulation.steps
     reached = simulation.run(until=until, progress=progress, wall_limit=wall_limit)
@@ -60,7 +60,8 @@ def run_to_end(
     simulation.close()
     if not reached:
         output = simulation.output
-        on = "" if output is None else f"; checkpoint written, go on: libmpm resume {output.path}"
+        on = "; checkpoint written; continue with: libmpm resume"
+        on = "" if output is None else f"{on} {output.path}"
         return (
             f"stopped by {simulation.stopped} at {simulation.time:g} of {until:g} s, step "
             f"{simulation.steps}{on}"

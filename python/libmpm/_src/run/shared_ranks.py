@@ -57,7 +57,7 @@ class SharedRanks:
 
     @contextmanager
     def alike(self) -> Iterator[None]:
-        """What one rank refuses all refuse, each by an `Error` of that class: work may go on."""
+        """What one rank refuses all refuse, each by an `Error` of that class: work may continue."""
         own: Error | None = None
         try:
             yield

@@ -242,7 +242,7 @@ class Simulation(Shown, Acting):
 
     @property
     def statistics(self) -> dict[str, Any]:
-        """Counters of the engine; of several ranks the sums of theirs, unless said otherwise.
+        """Counters of the engine; of several ranks the sums of theirs, unless stated otherwise.
 
         ===============  ====  ================================================================
         key              unit  meaning
@@ -454,10 +454,9 @@ class Simulation(Shown, Acting):
         the checkpoint's time: samples, frames and checkpoints after it are removed. One that holds
         another run, of this scene or of another, is refused with `OutputError` at the first step,
         unless it may be overwritten. `functions` are those of `sensors.Custom` sensors, by name.
-        `guard` "same" watches as the parent run did. `ranks` "processes" is for the processes that
-        a launcher has started.
-        `partition` "same" cuts as the run before did, where several ranks go on; at the start the
-        cuts are made for the state of the checkpoint.
+        `guard` "same" continues the checks of the parent run. `ranks` "processes" continues in the
+        processes that a launcher has started. `partition` "same" cuts as the parent run did, where
+        several ranks continue; at the start the cuts are made for the state of the checkpoint.
         """
         source, arguments = recorded(Path(path), device, guard, ranks, partition)
         with warned_already():  # the run that wrote it has said them

@@ -47,8 +47,8 @@ def scene_from_checkpoint(
         check.choice("axis", axis, tuple(names))
     if before.grid is not None:
         check.fail(
-            "the run has a grid of functions; expected square or cubic cells; go on with "
-            "Simulation.resume, or begin a scene of its own"
+            "the run has a grid of functions; expected square or cubic cells; continue with "
+            "Simulation.resume, or begin a new scene"
         )
     if before.contacts:
         check.fail(

@@ -54,7 +54,7 @@ class PlacedForce(Value):
         }
 
     def specification(self, lower: Sequence[float]) -> dict[str, Any]:
-        """Return what the engine is told; places count from the domain's lower corner."""
+        """Return the engine's specification; places count from the domain's lower corner."""
         axis = "xyz".index(self.axis)
         return {
             "axis": axis,

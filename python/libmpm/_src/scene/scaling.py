@@ -155,8 +155,8 @@ class Scaling:
         if item is None or isinstance(item, str | bool) or callable(item):
             if unit == FIXED and item is not None:
                 raise SceneError(
-                    f"Scene.scaled: {label} is {shown(item)}, a file that has lengths of its own; "
-                    "expected a scene that stands for itself; scale the scene that wrote it, or "
+                    f"Scene.scaled: {label} is {shown(item)}, a file with its own lengths; "
+                    "expected a scene without one; scale the scene that wrote it, or "
                     "give the geometry as values"
                 )
             return item
@@ -184,7 +184,7 @@ class Scaling:
         if scene.start is not None:
             raise SceneError(
                 f"Scene.scaled: the scene continues from {scene.start.checkpoint}, whose particles "
-                "cannot be scaled; expected a scene of its own; scale the scene that wrote the "
+                "cannot be scaled; expected a scene that does not; scale the scene that wrote the "
                 "checkpoint, run it, and continue from there"
             )
         if scene.dimension != self.dimension:

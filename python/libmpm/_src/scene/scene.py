@@ -191,7 +191,7 @@ class Scene(SceneData):
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
         """Build the scene that `to_dict` described; raises `SceneError` with all problems.
 
-        A "run" key, with which `libmpm run` keeps its settings in the same file, is passed over.
+        A "run" key, with which `libmpm run` keeps its settings in the same file, is ignored.
         """
         from libmpm._src.scene.scene_file import SceneReader
 
@@ -211,7 +211,7 @@ class Scene(SceneData):
     def load(cls, path: str | Path) -> Scene:
         """Read a scene from a JSON file; raises `SceneError` with all problems.
 
-        A "run" key, with which `libmpm run` keeps its settings in the same file, is passed over.
+        A "run" key, with which `libmpm run` keeps its settings in the same file, is ignored.
         """
         from libmpm._src.scene.scene_file import read_json
 

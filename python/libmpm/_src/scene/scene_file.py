@@ -25,7 +25,7 @@ def read_json(path: Path) -> Any:
     """Return what a JSON file holds; raises `SceneError` naming the file.
 
     A key that an object has twice is refused, of which Python's own reader drops the first. A byte
-    order mark is passed over.
+    order mark is ignored.
     """
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

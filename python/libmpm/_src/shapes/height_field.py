@@ -34,7 +34,7 @@ class HeightField(Solid):
     {fields}
 
     Between its points the bed is linear in 2D and bilinear in 3D. Without a `base` it is a bed
-    without bottom that goes on level beyond its edges. With one it is a block with upright sides
+    without bottom that continues level beyond its edges. With one it is a block with upright sides
     that ends at them.
 
     The distance is exact, over steps and steep banks too. Raises `SceneError`.

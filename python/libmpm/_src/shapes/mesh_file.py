@@ -95,12 +95,12 @@ def read_surface(path: str, size: int, changed: int) -> Surface:
             "surface in 3D; in 2D use shapes.Extrusion"
         )
     if not np.isfinite(corners).all():
-        raise SceneError(f"{what} has corners that are not finite; expected numbers; mend the file")
+        raise SceneError(f"{what} has corners that are not finite; expected numbers; repair it")
     wrong = faces[(faces < 0) | (faces >= len(corners))]
     if len(wrong):
         raise SceneError(
             f"{what} has a triangle with corner {wrong[0]} of {len(corners)}; expected numbers of "
-            "corners, from 0; mend the file"
+            "corners, from 0; repair the file"
         )
     return _welded(corners, faces)
 

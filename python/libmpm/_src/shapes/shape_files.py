@@ -27,8 +27,8 @@ def check_file(check: Checker, file: Any, sha256: Any) -> tuple[str, str | None]
     elif sha256 is not None and sha256 != found:
         check.fail(
             f"file '{file}' has SHA-256 {found[:12]}..., the scene was made with "
-            f"{str(sha256)[:12]}...; expected the same file; put it back, or leave sha256 out to "
-            "take it as it is now"
+            f"{str(sha256)[:12]}...; expected the same file; restore it, or leave sha256 out to "
+            "use the present file"
         )
     # Absolute, so that what was begun in one folder can be resumed or read from another.
     return str(Path(file).absolute()), found

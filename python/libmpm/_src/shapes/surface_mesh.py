@@ -144,6 +144,6 @@ def _defects(file: str, surface: Surface) -> str:
         found.append(f"{surface.flipped} edges whose triangles are oriented differently")
     return (
         f"file '{file}': the mesh has {' and '.join(found)} among {len(surface.faces)} triangles; "
-        'expected a closed surface; mend it, or take heal="winding", which decides by winding '
+        'expected a closed surface; repair it, or use heal="winding", which decides by winding '
         "numbers what is inside"
     )

@@ -77,7 +77,7 @@ def take_reference(
         for name, item in given.items():
             if name in axes:
                 check.fail(
-                    f"reference has the axis '{name}' beside metrics; expected names of axes "
+                    f"reference has the axis '{name}' besides metrics; expected names of axes "
                     "alone, which mean a row, or of metrics alone"
                 )
             check.number(f"reference of '{name}'", item)

@@ -74,11 +74,11 @@ class TradeOff:
     column                   unit  meaning
     =======================  ====  ===============================================================
     error                    1     largest magnitude of the errors; None where the row failed, and
-                                   of the row that the others are held against
+                                   of the row that the others are compared with
     time                     1     s of the `clock` for a simulated second, the least of `repeats`
     front                    -     True where no row is as fast and more accurate, or as accurate
                                    and faster
-    reference                -     True of the row that the others are held against
+    reference                -     True of the row that the others are compared with
     wall_time                1     s of wall time in the engine for a simulated second
     processor_time           1     s of processor time in it, of all threads, for a simulated second
     spread                   1     largest `time` of the repeats over the least, less 1
@@ -107,7 +107,7 @@ class TradeOff:
     clock: str = "wall"
     """What `time` is of: "wall" or "processor"."""
     reference: str = ""
-    """What the results are held against, in words."""
+    """What the results are compared with, in words."""
     name: str = ""
     """Name for titles."""
 
@@ -260,7 +260,7 @@ class TradeOff:
         return plot(self, by=by, axes=axes)
 
     def summary(self) -> str:
-        """Return how many rows there are, what they are held against, and what failed."""
+        """Return how many rows there are, what they are compared with, and what failed."""
         rated = sum(map(is_rated, self.rows))
         lines = [f"{len(self)} rows, {rated} with an error, {len(self.pareto)} on the front (*)"]
         lines.append(f"time: s of {self.clock} time a simulated second")

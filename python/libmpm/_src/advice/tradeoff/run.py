@@ -98,7 +98,7 @@ def tradeoff(
 
     Times are those of the engine's steps alone: construction, sensors evaluated in Python and files
     do not count. The finest row has the smallest cell; then most particles, the finest precision,
-    the largest `bulk_modulus`, the smallest time step, the first place. It is held against nothing
+    the largest `bulk_modulus`, the smallest time step, the first place. It is compared with nothing
     and has no error itself. A scene without a sensor of its energy gets one, at 100 times, for the
     drift: change of kinetic + elastic + potential energy from the first sample to the mean of the
     last tenth, as a part of the largest, the potential one taken from the lower corner of the

@@ -99,7 +99,7 @@ def _tell_finer(
             ):
                 warnings.warn(
                     f"a finer row than the reference has failed: {case.parameters}: {case.error}; "
-                    f"the rows are held against {cases[which].parameters}",
+                    f"the rows are compared with {cases[which].parameters}",
                     ModelWarning,
                     stacklevel=4,
                 )

@@ -1,4 +1,4 @@
-"""Names in ClaymoreUW scene files: which spellings mean what, and which are passed over.
+"""Names in ClaymoreUW scene files: which spellings mean what, and which are ignored.
 
 Everything here is data. Spellings are compared after `fold`: case, blanks, hyphens, underscores
 and apostrophes do not count.

@@ -37,7 +37,7 @@ def walls_of(context: Context, boundaries: Sequence[BoundaryRecord]) -> Boundary
         if (other.lower, other.upper) != (walls[0].lower, walls[0].upper):
             context.fail(
                 other.path,
-                f"are walls beside those of {walls[0].path}, which is refused; keep one set, and "
+                f"are walls besides those of {walls[0].path}, which is refused; keep one set, and "
                 "make the others boxes",
             )
     return walls[0] if walls else None
@@ -165,7 +165,7 @@ def _axis_of(context: Context, one: BoundaryRecord, sizes: Sequence[float]) -> i
         u, v = (s for b, s in enumerate(sizes) if b != a)
         if abs(u - v) <= 1e-6 * max(sizes) and abs(u - sizes[a]) > 1e-6 * max(sizes):
             return a
-    context.note(f"{one.path}: its box does not tell the axis of the cylinder; y is taken")
+    context.note(f"{one.path}: its box does not determine the axis of the cylinder; y is used")
     return 1
 
 

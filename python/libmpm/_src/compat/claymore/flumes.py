@@ -39,7 +39,7 @@ def bed(context: Context, one: BoundaryRecord, setting: Setting) -> list[Made]:
     profile = one.bathymetry or (known.profile if known else ())
     edge = profile[0][0] - setting.fit.lower[0], setting.fit.stated[0] - profile[-1][0]
     if one.bathymetry and max(edge) > setting.fit.cell_size:
-        context.note(f"{one.path}: the bed goes on level beyond its first and last point")
+        context.note(f"{one.path}: the bed continues level beyond its first and last point")
     if any(b[0] < a[0] for a, b in itertools.pairwise(profile)):
         context.fail(one.path, "has a bathymetry whose x falls; expected rising x")
         return []

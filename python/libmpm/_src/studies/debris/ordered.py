@@ -83,7 +83,7 @@ def ordered(
     if seed is not None:
         seed = check.integer("seed", seed)
     if shares is not None and seed is None:
-        check.fail("shares are given without a seed; expected one, which says where each lies")
+        check.fail("shares are given without a seed; expected one, which places the pieces")
     check.finish()
     along = max(k.width if orientation else k.length for k in kinds)
     across = max(k.length if orientation else k.width for k in kinds)

@@ -305,7 +305,7 @@ class _Request:
 def _places(ordered: Floats, drawn: float, factors: Sequence[float]) -> Floats:
     """Return loads for a curve of sorted samples: evenly spaced, and dense in the tail.
 
-    Every wave has its own tail. The loads go on to `drawn`, the largest with drawn parameters, for
+    Every wave has its own tail. The loads extend to `drawn`, the largest with drawn parameters, for
     the band.
     """
     count, strongest = len(ordered), max(factors)

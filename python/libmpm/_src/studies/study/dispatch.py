@@ -41,7 +41,7 @@ _TELL = 0.1
 _WATCH = 0.5
 #: Seconds beyond its limit of time, and share of it, after which a worker that hangs is ended.
 _GRACE, _GRACE_SHARE = 60.0, 0.1
-#: Seconds after which a study that only waits for others says so.
+#: Seconds after which a study that only waits for others reports it.
 _SILENCE = 10.0
 #: Seconds that an interrupted study waits for cases in an executor that cannot take them back.
 _PATIENCE = 30.0
@@ -269,8 +269,8 @@ class Runner:
         # A worker that was killed is no reason to give up, even if it is the first one.
         if broken and not (began or self._alive) and self._executor.failed_to_start(future):
             raise Error(
-                f"the workers end before they begin ({type(error).__name__}: {error}); what they "
-                "say is printed above. A script that runs a study must do so under "
+                f"the workers exit before their first case ({type(error).__name__}: {error}); "
+                "their output is printed above. A script that runs a study must do so under "
                 "`if __name__ == '__main__':`, because every worker imports it, and it must be a "
                 "file, not text from a pipe; workers=0 needs no workers"
             ) from error
@@ -282,7 +282,7 @@ class Runner:
         if item.over_limit:
             item.deaths = self._attempts
             item.error = (
-                f"it did not answer for {clock.monotonic() - item.began:.0f} s, its limit of time "
+                f"it did not answer for {clock.monotonic() - item.began:.0f} s, its time limit "
                 f"is {self._time_limit:g} s: its worker was ended; raise time_limit if it needs "
                 "longer, and run with retry_failed=True"
             )
@@ -337,7 +337,7 @@ class Runner:
             first = next(iter(self._watched))
             warnings.warn(
                 f"waiting for {len(self._watched)} cases that others run; the first is "
-                f"{first.folder}, held by {held_by(first.folder / LOCK) or 'nobody any more'}. A "
+                f"{first.folder}, held by {held_by(first.folder / LOCK) or 'no process'}. A "
                 f"case is taken over {STALE:g} s after the last heartbeat of its lock, at once "
                 "where its process is known to be gone",
                 stacklevel=4,

@@ -162,7 +162,7 @@ class Planner:
         return plan
 
     def go_on(self, plan: Plan) -> None:
-        """Resolve the case of a row, if its trunk has finished by now."""
+        """Resolve the case of a row, if its trunk has finished."""
         folder = self.folder / TRUNKS / plan.trunk
         there = (folder / CHECKPOINT).is_file()
         if plan.case is None and there and glance_record(folder).get("status") == "finished":
@@ -240,7 +240,7 @@ class Planner:
 
 @contextlib.contextmanager
 def _noting(plan: Plan) -> Iterator[None]:
-    """Note a failure in the plan of its row: a factory may raise anything, the others go on."""
+    """Note a failure in the plan of its row: a factory may raise anything, the others continue."""
     try:
         yield
     except Exception as error:

@@ -70,7 +70,7 @@ class Study:
 
     The factory, `response` and other callables are called in this process only, so they may be
     lambdas; a factory must return equal scenes for equal rows, and should leave the filling of
-    bodies to the simulation. A row whose factory raises is a failed row; the others go on.
+    bodies to the simulation. A row whose factory raises is a failed row; the others continue.
 
     A case lies in ``cases/<hash>``, named by what decides its results: scene, end, precision, time
     step, pipeline and trunk. Device, threads and partition count only where rows vary them. Rows
@@ -247,12 +247,12 @@ class Study:
         attempts      1     workers that a case may cost before it counts as failed, ≥ 1
         progress      -     True a bar, False nothing, or a callable that receives a `StudyState`
         retry_failed  -     run failed cases again
-        time_limit    s     wall time of a case, > 0, over all runs that it goes on in; None = any
+        time_limit    s     wall time of a case, > 0, over all runs that it continues in; None = any
         ============  ====  ================================================================
 
         Finished cases are not run again; a failed one is recorded and does not stop the rest. A
         case that another study runs at this moment, in this folder, is waited for. Ctrl-C stops
-        every case at a step boundary; a later call goes on. A script needs
+        every case at a step boundary; a later call continues. A script needs
         ``if __name__ == "__main__":`` around this call, as its workers import the script.
 
         A case over its `time_limit` stops at a step boundary, writes a checkpoint and counts as

@@ -256,7 +256,7 @@ class _Attempt:
             left = max(limit - self._spent - (clock.monotonic() - self._began), 0.0)
         if not simulation.run(until=until, progress=self._watch, wall_limit=left):
             raise Error(
-                f"its limit of time, {limit:g} s, is over at {simulation.time:g} of {until:g} s, "
+                f"its time limit, {limit:g} s, was reached at {simulation.time:g} of {until:g} s, "
                 f"step {simulation.steps}; raise time_limit and run with retry_failed=True: it "
                 "continues from the checkpoint of this step"
             )
