@@ -67,7 +67,7 @@ _CAUSES = {
         "use a smaller cell, or let the smallest bodies stick to each other: contacts.Stick()",
     ),
     "fixed-point": (
-        "a grid sum left the range of the integers that hold it",
+        "a sum on the grid overflowed its fixed-point number",
         "lower Method.cfl or the time step, or use precision='double'",
     ),
 }

@@ -54,7 +54,7 @@ def read_motion(
         position = rows[:, 2]
         context.note(
             f"{where}: columns 2 and 3 of {path.name} are velocity and position, as their "
-            "differences show; ClaymoreUW's other files have them the other way about"
+            "differences show; ClaymoreUW's other files have them in the opposite order"
         )
     first = max(0, int(np.searchsorted(time, 0.0, side="right")) - 1)
     last = min(len(time), int(np.searchsorted(time, until, side="left")) + 2)
@@ -70,7 +70,7 @@ def read_motion(
 def _swapped(
     time: npt.NDArray[np.float64], second: npt.NDArray[np.float64], third: npt.NDArray[np.float64]
 ) -> bool:
-    """Return whether the second column is the slope of the third, and not the other way about."""
+    """Return whether the second column is the slope of the third, and not the reverse."""
 
     def misses(position: npt.NDArray[np.float64], velocity: npt.NDArray[np.float64]) -> float:
         slope = np.diff(position) / np.diff(time)

@@ -433,8 +433,8 @@ def _sensor(context: Context, one: Record, grid: bool) -> SensorRecord | None:
         context.fail(one.path, "has no domain_start or no domain_end; expected both, m")
         lower = upper = _ZERO
     elif any(a > b for a, b in zip(lower, upper, strict=True)):
-        context.note(f"{one.path}: spans {list(lower)} to {list(upper)}, from high to low; taken "
-                     "the other way about")  # fmt: skip
+        context.note(f"{one.path}: spans {list(lower)} to {list(upper)}, from high to low; the "
+                     "two are swapped")  # fmt: skip
         corners = list(zip(lower, upper, strict=True))
         lower, upper = tuple(map(min, corners)), tuple(map(max, corners))
     rate = one.number("output_frequency", 60.0, lower=0, above=True, unit="Hz")
