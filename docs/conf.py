@@ -19,7 +19,7 @@ if any((_tree / "libmpm").glob("_core.*.so")):
 project = "libmpm"
 copyright = "the libmpm authors"
 extensions = ["myst_nb", "sphinx.ext.autodoc"]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "README.md"]  # that page is for readers on a forge
 html_theme = "furo"
 html_title = "libmpm"
 # A notebook that fails, fails the build.

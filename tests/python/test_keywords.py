@@ -142,3 +142,9 @@ def test_warnings_point_at_the_line_that_called(scene):
         with pytest.warns(libmpm.ModelWarning, match="body 'film': 0.1 m thick") as seen:
             call()
         assert {warning.filename for warning in seen} == {__file__}
+
+
+def test_a_box_by_centre_and_size_is_sent_to_the_shape_that_has_them():
+    for key in ("center", "centre", "size"):
+        with pytest.raises(ArgumentError, match=r"use .*shapes.OrientedBox\(centre=, size=\)"):
+            shapes.Box(**{key: (1.0, 1.0)})

@@ -41,9 +41,7 @@ def test_a_row_that_is_not_there_fails_and_a_far_time_is_marked():
     assert "not measured" in compared("pytest=600").stdout, "rows that CI leaves out are named"
 
 
-def test_the_readme_script_runs_and_its_load_is_that_of_a_bore(
-    capsys, tmp_path, monkeypatch
-):
+def test_the_readme_script_runs_and_its_load_is_that_of_a_bore(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code = re.search(r"## Ten lines\n\n```python\n(.*?)```", README, re.DOTALL)[1]
     names = {}
@@ -81,3 +79,18 @@ def test_links_and_pictures_are_there_and_the_film_is_small():
     first = README.split("\n## ")[0]
     assert "docs/figures/demo.gif" in first, "the first screen shows what it does"
     assert (ROOT / "docs/figures/demo.gif").stat().st_size < 3e6
+
+
+def test_the_page_for_a_forge_lists_what_the_index_has():
+    docs = ROOT / "docs"
+    index = (docs / "index.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)
+    lines = [line for block in blocks for line in block.splitlines()]
+    pages = [line for line in lines if line and line[0] != ":"]
+    assert len(pages) > 40
+    forge = (docs / "README.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^- \[.*?\]\((.*?)\)", forge, re.MULTILINE)
+    assert [name.rsplit(".", 1)[0] for name in listed] == pages
+    assert all((docs / name).exists() for name in listed)
+    theory = (docs / "theory.md").read_text(encoding="utf-8")
+    assert "{math}" not in theory and theory.count("$$") > 20, "formulas that a forge shows"

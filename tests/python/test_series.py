@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import libmpm
+from libmpm._src.output.report import summaries, table
 from libmpm._src.output.series import Peak, Series
 
 
@@ -117,3 +118,14 @@ def test_plot_draws_forces_with_units():
     with pytest.raises(KeyError, match="has no component"):
         series.plot("level")
     plt.close(figure)
+
+
+def test_the_table_of_a_run_says_where_nothing_loaded_a_cell():
+    series = Series("load", ("force_x",), ("N",), {"kind": "load-cell", "interval": 0.01})
+    series.append(0.01 * np.arange(1, 100), np.zeros((99, 1)))
+    (load,) = summaries({"load": series}, 0.02)
+    text = table([load], 1e6, 2.0, 100)
+    assert "none, no sample differs from 0 N" in text
+    assert "arrival" not in text and "peak" not in text.split("samples and filter")[0]
+    loaded = table(summaries({"load": load_cell()}, 0.02), 1e6, 2.0, 100)
+    assert "arrival" in loaded and "first peak" in loaded

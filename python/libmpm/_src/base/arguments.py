@@ -20,6 +20,13 @@ T = TypeVar("T")
 P = ParamSpec("P")
 
 
+#: Arguments that another class has -> what to use.
+_ELSEWHERE = {
+    ("shapes.Box", key): "use lower and upper, or shapes.OrientedBox(centre=, size=)"
+    for key in ("center", "centre", "size")
+}
+
+
 def nearest(name: Any, names: Iterable[str]) -> str:
     """Return a hint naming the candidate closest to `name`, or all of them."""
     names = [str(n) for n in names]
@@ -73,7 +80,8 @@ def wrong_arguments(
         )
     for key in kwargs:
         if key not in names:
-            problems.append(f"{label}: unknown argument '{key}'; {nearest(key, names)}")
+            remedy = _ELSEWHERE.get((label, key), nearest(key, names))
+            problems.append(f"{label}: unknown argument '{key}'; {remedy}")
         elif key in names[: min(unnamed, positional)]:
             problems.append(f"{label}: argument '{key}' is given twice; expected it once")
     if unnamed <= positional:

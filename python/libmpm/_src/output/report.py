@@ -91,6 +91,10 @@ def table(loads: Sequence[LoadSummary], speed: float, wall: float, steps: int) -
         title = f"{load.name}, {load.component}"
         sampled = "every step" if load.interval == 0 else f"means over {1e3 * load.interval:g} ms"
         smooth = f"moving mean over {1e3 * load.filter:g} ms" if load.filter else "no filter"
+        if load.peak == 0.0:
+            rows += [(f"{title}: load", f"none, no sample differs from 0 {load.unit}"),
+                     ("   samples and filter", f"{sampled}; {smooth}")]  # fmt: skip
+            continue
         rows += [
             (f"{title}: arrival", f"{load.arrival:.3f} s ({ARRIVAL:.0%} of the largest force)"),
             (
