@@ -12,6 +12,11 @@ width, with instruments under their laboratory names:
 >>> sim.run(until=flume.until)  # doctest: +SKIP
 >>> print(flume.compare(sim))  # doctest: +SKIP
 
+Each has `cases`, the set-ups that were measured (`of_case`), and `collect`, all rows of all of them
+in one table with the numbers of the runs in folders. `friction` and `FRICTION` are documented
+values of debris on beds, `add_bed_friction` puts them on solids alone, `bevelled` cuts the edges of
+a box.
+
 `records` has the measured curves: `records.names()`, `records.load("lwf-waves")`. `named` returns a
 facility by its name on the command line, `libmpm flume lwf --level laptop -o out`.
 `stroke_of_gauge` makes a piston of a measured gauge.
@@ -23,18 +28,22 @@ from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes import records
+from libmpm._src.flumes.collection import Collection, median_of
 from libmpm._src.flumes.comparison import Comparison, Row, blank
 from libmpm._src.flumes.criteria import Criterion, Signals
 from libmpm._src.flumes.debris_flow_flume import DebrisFlowFlume
 from libmpm._src.flumes.directional_wave_basin import DirectionalWaveBasin
 from libmpm._src.flumes.facility import Difference, Facility, Instrument
 from libmpm._src.flumes.large_wave_flume import LargeWaveFlume
+from libmpm._src.flumes.structures import FRICTION, add_bed_friction, bevelled, friction
 from libmpm._src.flumes.virtual_paddle import stroke_of_gauge
 from libmpm._src.flumes.waseda_basin import WasedaBasin
 from libmpm._src.flumes.wasirf import WASIRF
 
 __all__ = [
+    "FRICTION",
     "WASIRF",
+    "Collection",
     "Comparison",
     "Criterion",
     "DebrisFlowFlume",
@@ -46,7 +55,11 @@ __all__ = [
     "Row",
     "Signals",
     "WasedaBasin",
+    "add_bed_friction",
+    "bevelled",
     "blank",
+    "friction",
+    "median_of",
     "named",
     "names",
     "records",

@@ -272,23 +272,27 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _flume(arguments: argparse.Namespace) -> int:
-    from libmpm._src.flumes.command import facility_of, report
+    from libmpm._src.flumes.command import facility_of, keep, report, table
     from libmpm._src.output.folder_lock import held_folder
 
-    facility, folder = facility_of(arguments), arguments.output
+    folder, case = arguments.output, arguments.case or ""
     if arguments.table:
-        print(report(facility, folder))
+        print(table(arguments.name, folder))
         return ExitCode.DONE
+    facility = facility_of(arguments)
     if folder is None:
         raise SceneError("flume: no folder for the results; pass -o, or --table for the rows alone")
     arguments.without_debris, arguments.file = False, facility.title
     with held_folder(folder):
+        # First, so that a run that is cut off says what it is; last, where it was overwritten.
+        keep(facility, folder, case, arguments.overwrite)
         code = _run_source(
             facility.run_file(), arguments,
             overwrite=arguments.overwrite, go_on=not arguments.overwrite,
         )  # fmt: skip
+        keep(facility, folder, case, True)
     if code == ExitCode.DONE:
-        print(report(facility, folder))
+        print(report(facility, folder, case))
     return code
 
 

@@ -11,17 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.flumes.criteria import Criterion, Signals
 from libmpm._src.output.atomic_files import replacing
 
 if TYPE_CHECKING:
     from libmpm._src.flumes.facility import Facility
+    from libmpm._src.flumes.records import Curve
     from libmpm._src.pictures.figures import Picture
 
-__all__ = ["Comparison", "Row", "blank", "compare"]
+__all__ = ["HEAD", "Comparison", "Row", "blank", "compare", "verdict_of"]
 
-_HEAD = ("id", "quantity", "unit", "measured", "this run", "error", "tolerance", "published",
+#: Heads of the columns of a table.
+HEAD = ("id", "quantity", "unit", "measured", "this run", "error", "tolerance", "published",
          "verdict")  # fmt: skip
 
 
@@ -30,8 +33,10 @@ class Row:
     """One number: measured, of this run, and the verdict.
 
     `verdict` is "passed" or "failed" of rows that decide, "reported" or "held out" of others,
-    "not reached" where the run ended before, "no instrument" where the scene has none of it, and
-    "not run" of a table without a run. `error` is the run less what was measured.
+    "not reached" where the run ended before, "no instrument" where the scene has none of it, "no
+    record" where a measured curve is needed that `compare` was not given, and "not run" of a table
+    without a run. `error` is the run less what was measured. `case` is the set-up that gives the
+    row; `spread` the smallest and largest of several runs, of which `simulated` is the median.
     """
 
     id: str
@@ -42,6 +47,9 @@ class Row:
     tolerance: str
     published: str
     verdict: str
+    case: str = ""
+    spread: tuple[float, float] | None = None
+    runs: int = 1
 
     @property
     def error(self) -> float | None:
@@ -57,8 +65,12 @@ class Row:
             return "" if x is None else f"{x:.4g}"
 
         shown = "held out" if self.verdict == "held out" else number(self.measured)
-        return (self.id, self.quantity, self.unit, shown, number(self.simulated),
-                number(self.error), self.tolerance, self.published, self.verdict)  # fmt: skip
+        found = number(self.simulated)
+        if self.spread is not None:
+            low, high = (number(x) for x in self.spread)
+            found += f" ({low} to {high}, {self.runs} runs)"
+        return (self.id, self.quantity, self.unit, shown, found, number(self.error),
+                self.tolerance, self.published, self.verdict)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +96,7 @@ class Comparison:
 
     def table(self) -> str:
         """Return all rows as a table in plain text."""
-        return text_table([_HEAD, *(row.texts() for row in self.rows)], flush="left")
+        return text_table([HEAD, *(row.texts() for row in self.rows)], flush="left")
 
     def __str__(self) -> str:
         """Return facility, table and verdict."""
@@ -94,7 +106,7 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """Return the table for a notebook."""
-        return html_table([row.texts() for row in self.rows], _HEAD)
+        return html_table([row.texts() for row in self.rows], HEAD)
 
     @keywords_only("flumes.Comparison.to_csv", 1)
     def to_csv(self, path: str | Path) -> None:
@@ -104,7 +116,7 @@ class Comparison:
             part.open("w", encoding="utf-8", newline="") as file,
         ):
             writer = csv.writer(file)
-            writer.writerow(_HEAD)
+            writer.writerow(HEAD)
             writer.writerows(row.texts() for row in self.rows)
 
     def to_dict(self) -> dict[str, Any]:
@@ -125,21 +137,40 @@ class Comparison:
         return curves(self)
 
 
-@keywords_only("flumes.blank", 1, method=False)
-def blank(facility: Facility) -> Comparison:
+@keywords_only("flumes.blank", 2, method=False)
+def blank(facility: Facility, case: str = "") -> Comparison:
     """Return the table of a facility without a run."""
-    rows = tuple(_row(one, None, "not run") for one in facility.criteria())
+    rows = tuple(_row(one, None, "not run", case) for one in facility.criteria())
     return Comparison(facility, rows, None)
 
 
-def compare(facility: Facility, run: Any) -> Comparison:
-    """Return the comparison of a run, a `Simulation` or `Results`; see `Facility.compare`."""
+def compare(
+    facility: Facility,
+    run: Any,
+    curves: Mapping[str, Curve] | None = None,
+    case: str = "",
+    strict: bool = True,
+) -> Comparison:
+    """Return the comparison of a run, a `Simulation` or `Results`; see `Facility.compare`.
+
+    A run of which nothing can be compared is an error if `strict`, else a table that says why.
+    """
     sensors: Mapping[str, Any] = run.sensors
-    signals = Signals(sensors, facility.clock, facility.instruments(), facility.rest)
-    rows = tuple(_judged(one, signals) for one in facility.criteria())
-    if not any(row.simulated is not None for row in rows):
-        lacking = {row.verdict for row in rows} == {"no instrument"}
+    known = facility.instruments()
+    for name in curves or {}:
+        if name not in [i.name for i in known]:
+            hint = nearest(name, [i.name for i in known])
+            raise SceneError(f"{facility.label}.compare: curves has {shown(name)}; {hint}")
+    signals = Signals(sensors, facility.clock, known, facility.rest, curves)
+    rows = tuple(_judged(one, signals, case) for one in facility.criteria())
+    if strict and not any(row.simulated is not None for row in rows):
+        lacking = {row.verdict for row in rows} <= {"no instrument", "no record"}
         ends = max((signals.end(n) for n in sensors if n in signals), default=facility.clock)
+        if not rows:
+            raise SceneError(
+                f"{facility.label}.compare: this set-up has no rows; expected one that was "
+                f"measured; cases are {', '.join(facility.cases)}"
+            )
         raise SceneError(
             f"{facility.label}.compare: the run has "
             + (f"sensors {', '.join(sensors) or 'none'}; expected those of scene()" if lacking else
@@ -149,26 +180,32 @@ def compare(facility: Facility, run: Any) -> Comparison:
     return Comparison(facility, rows, signals)
 
 
-def _row(one: Criterion, simulated: float | None, verdict: str) -> Row:
+def _row(one: Criterion, simulated: float | None, verdict: str, case: str) -> Row:
     measured = None if one.held_out else one.measured
     return Row(one.id, one.quantity, one.unit, measured, simulated, one.tolerance, one.published,
-               verdict)  # fmt: skip
+               verdict, case)  # fmt: skip
 
 
-def _judged(one: Criterion, signals: Signals) -> Row:
+def _judged(one: Criterion, signals: Signals, case: str) -> Row:
     """Return a criterion with its verdict."""
     if not all(name in signals for name in one.needs):
-        return _row(one, None, "no instrument")
+        return _row(one, None, "no instrument", case)
     slack = 1e-3 + 0.1  # a sample short of the window's end
     if any(signals.end(name) < one.window[1] - slack for name in one.needs):
-        return _row(one, None, "not reached")
+        return _row(one, None, "not reached", case)
+    if one.curve and one.curve not in signals.curves:
+        return _row(one, None, "no record", case)
     try:
         found = one.measure(signals)
     except (Error, KeyError, ValueError) as error:
         raise SceneError(f"{one.id}, {one.quantity}: cannot be measured: {error}") from error
     if one.held_out:
-        return _row(one, found, "held out")
+        return _row(one, found, "held out", case)
+    return _row(one, found, verdict_of(one, found), case)
+
+
+def verdict_of(one: Criterion, found: float) -> str:
+    """Return the verdict on a number."""
     if not one.gates:
-        return _row(one, found, "reported")
-    good = math.isfinite(found) and one.low <= found <= one.high
-    return _row(one, found, "passed" if good else "failed")
+        return "reported"
+    return "passed" if math.isfinite(found) and one.low <= found <= one.high else "failed"

@@ -15,8 +15,8 @@ from libmpm._src.flumes.facility import Instrument
 from libmpm._src.flumes.records import Curve
 
 __all__ = [
-    "Criterion", "Signals", "arrival", "crest", "half_crest", "impulse", "mean_level", "mean_of",
-    "near", "peak_load", "peak_time", "rms", "within",
+    "Criterion", "Signals", "arrival", "crest", "half_crest", "impulse", "mean_level", "mean_load",
+    "mean_of", "near", "peak_load", "peak_time", "rms", "rms_of", "within",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -31,13 +31,16 @@ class Signals:
         clock: float,
         instruments: Sequence[Instrument],
         rest: float = 2.0,
+        curves: Mapping[str, Curve] | None = None,
     ) -> None:
         """`sensors` are series by name, `clock` measured time less that of the run, s.
 
         `rest` s from its start on a run is still: levels are changes from their mean then.
+        `curves` are measured curves by instrument that are not in the package.
         """
         self._sensors, self._clock, self._rest = sensors, clock, rest
         self._known = {i.name: i for i in instruments}
+        self.curves: Mapping[str, Curve] = {} if curves is None else curves
 
     def __contains__(self, name: object) -> bool:
         """Tell whether the run has the instrument, with two samples or more."""
@@ -59,6 +62,10 @@ class Signals:
         time = np.asarray(series.time, np.float64)
         return time + self._clock, np.asarray(series[component], np.float64)
 
+    def components(self, name: str) -> list[str]:
+        """Return the names of an instrument's columns."""
+        return list(self._sensors[name].components)
+
     def level(self, name: str) -> tuple[Array, Array]:
         """Return the change of a level from their mean while the run is still, m.
 
@@ -71,11 +78,16 @@ class Signals:
         return time, found - float(np.mean(rest if len(rest) else found[:1]))
 
     def depth(self, name: str) -> tuple[Array, Array]:
-        """Return the depth over the bed at a gauge, `Instrument.z`, m; 0 where it is dry."""
+        """Return the depth over the bed at a gauge, `Instrument.z`, m; 0 where it is dry.
+
+        Of a "height" how far up the highest particle is from there.
+        """
         one = self._known[name]
         time, found = self.column(name, self._sensors[name].components[0])
         if one.kind == "depth":
             return time, np.nan_to_num(found) * one.scale
+        if one.kind == "height":
+            return time, np.maximum(np.nan_to_num(found - one.z) * one.scale, 0.0)
         return time, np.where(np.isfinite(found), np.maximum(found - one.z, 0.0), 0.0)
 
     @keywords_only("flumes.Signals.load", 1)
@@ -92,7 +104,8 @@ class Criterion:
     `measure` takes the `Signals` of a run that reaches the end of `window`, in the laboratory's
     time, and has the instruments in `needs`. It passes from `low` to `high`. `measured` is None
     where there is no number at hand, `published` what the published simulation got. `gates` says
-    whether it decides; rows that are `held_out` are produced and not judged.
+    whether it decides; rows that are `held_out` are produced and not judged. A row with a `curve`
+    needs the measured curve of that instrument, which is not in the package: `compare` takes it.
     """
 
     id: str
@@ -108,6 +121,7 @@ class Criterion:
     published: str = ""
     gates: bool = True
     held_out: bool = False
+    curve: str = ""
 
 
 def within(measured: float, share: float) -> dict[str, Any]:
@@ -139,6 +153,27 @@ def rms(name: str, curve: Curve, window: tuple[float, float]) -> Callable[[Signa
         known = np.isfinite(wanted)
         off = np.interp(when[known], time, level) - wanted[known]
         return float(np.sqrt(np.mean(off**2)))
+
+    return measure
+
+
+def rms_of(
+    name: str, window: tuple[float, float], load: bool = False
+) -> Callable[[Signals], float]:
+    """Return what measures the rms distance from a curve that the caller has given.
+
+    Of a level in m, as `rms`; of a `load`, in means of 0.1 s, as a share of the curve's peak.
+    """
+
+    def measure(signals: Signals) -> float:
+        curve = signals.curves[name]
+        if not load:
+            return rms(name, curve, window)(signals)
+        time, force = signals.load(name)
+        when, wanted = _cut(curve.time, smooth(curve.time, curve.value, 0.1), window)
+        known = np.isfinite(wanted)
+        off = np.interp(when[known], time, smooth(time, force, 0.1)) - wanted[known]
+        return float(np.sqrt(np.mean(off**2)) / np.max(np.abs(wanted[known])))
 
     return measure
 
@@ -225,6 +260,16 @@ def impulse(name: str, window: tuple[float, float]) -> Callable[[Signals], float
     def measure(signals: Signals) -> float:
         time, force = _cut(*signals.load(name), window)
         return float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(time)))
+
+    return measure
+
+
+def mean_load(name: str, window: tuple[float, float]) -> Callable[[Signals], float]:
+    """Return what measures the mean load in a window, N."""
+
+    def measure(signals: Signals) -> float:
+        _, force = _cut(*signals.load(name), window)
+        return float(np.mean(force)) if len(force) else math.nan
 
     return measure
 

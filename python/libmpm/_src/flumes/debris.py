@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,10 +20,43 @@ from libmpm._src.studies.debris.field import DebrisField
 if TYPE_CHECKING:
     from libmpm._src.flumes.criteria import Signals
 
-__all__ = ["add_field", "carried_speed", "displacement", "lengthened", "spread", "track"]
+__all__ = [
+    "add_field", "carried_speed", "displacement", "first_contact", "lengthened", "pieces_at_rest",
+    "scattered", "spread", "track", "widest_spread", "width_across",
+]  # fmt: skip
 
 #: Speed above which a piece counts as carried, m/s.
 _CARRIED = 0.1
+#: Largest shift of a piece of a field with a seed, in cells.
+_SHIFT = 0.25
+
+
+def scattered(field: DebrisField, seed: int, cell_size: float, across: bool = True) -> DebrisField:
+    """Return a field whose pieces are shifted at random by up to a quarter of a cell.
+
+    Debris in a flow is chaotic: fields that differ in `seed` alone are repeats of one experiment.
+    0 shifts nothing. Pieces above each other move together; `across` = False shifts along the flow
+    alone. Gaps of less than half a cell are shared out: pieces never overlap.
+    """
+    if seed == 0:
+        return field
+    by = min(_SHIFT * cell_size, 0.49 * field.clearance)
+    random = np.random.default_rng(seed)
+    shifts: dict[tuple[float, float], tuple[float, float]] = {}
+    pieces = []
+    for piece in field.pieces:
+        at = (piece.x, piece.y)
+        if at not in shifts:
+            x, y = random.uniform(-by, by, 2)
+            shifts[at] = (round(float(x), 9), round(float(y), 9) if across else 0.0)
+        x, y = shifts[at]
+        pieces.append(replace(piece, x=piece.x + x, y=piece.y + y))
+    corner = [a - by for a in field.corner]
+    footprint = [a + 2 * by for a in field.footprint]
+    return DebrisField(
+        prototypes=field.prototypes, pieces=pieces, corner=corner, footprint=footprint,
+        rotation=field.rotation, clearance=max(0.0, field.clearance - 2 * by - 1e-9),
+    )  # fmt: skip
 
 
 def add_field(
@@ -106,3 +140,57 @@ def spread(signals: Signals) -> float:
     _, paths = _paths(signals)
     along, across = np.moveaxis(paths[:, :, -1] - paths[:, :, 0], 1, 0)
     return float(np.median(np.degrees(np.arctan2(across, along))))
+
+
+def widest_spread(signals: Signals) -> float:
+    """Return the largest angle of a piece's way against the flow, degrees, of either sign."""
+    _, paths = _paths(signals)
+    along, across = np.moveaxis(paths[:, :, -1] - paths[:, :, 0], 1, 0)
+    return float(np.max(np.abs(np.degrees(np.arctan2(across, along)))))
+
+
+def width_across(after: float, edge: float, columns: int) -> Callable[[Signals], float]:
+    """Return what measures how wide the field is across the flow, in edges of a block.
+
+    `after` s from when its blocks begin to move, counted as in the experiment, where `columns`
+    blocks that touch were so many wide: gaps between blocks at the start are left out.
+    """
+
+    def measure(signals: Signals) -> float:
+        time, paths = _paths(signals)
+        speed = np.gradient(paths[:, 0], time, axis=1).mean(axis=0)
+        if not (speed > _CARRIED).any():
+            return math.nan
+        begins = float(time[int(np.argmax(speed > _CARRIED))])
+        if begins + after > time[-1]:
+            return math.nan
+        wide = np.ptp(paths[:, 1], axis=0)
+        grown = float(np.interp(begins + after, time, wide)) - float(wide[0])
+        return columns + grown / edge
+
+    return measure
+
+
+def first_contact(face: float, half: float, slack: float) -> Callable[[Signals], float]:
+    """Return what measures when a piece comes first to a face across the flow at x, s.
+
+    `half` m of a piece lie before its centroid; `slack` m is how far off bodies meet on a grid.
+    """
+
+    def measure(signals: Signals) -> float:
+        time, paths = _paths(signals)
+        near = (paths[:, 0] + half >= face - slack).any(axis=0)
+        return float(time[int(np.argmax(near))]) if near.any() else math.nan
+
+    return measure
+
+
+def pieces_at_rest(low: float, high: float) -> Callable[[Signals], float]:
+    """Return what counts the pieces whose centroid ends between two x, m."""
+
+    def measure(signals: Signals) -> float:
+        _, paths = _paths(signals)
+        last = paths[:, 0, -1]
+        return float(np.count_nonzero((last >= low) & (last <= high)))
+
+    return measure

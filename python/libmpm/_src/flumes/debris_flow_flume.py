@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any, ClassVar, Literal
-
-import numpy as np
 
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, value
 from libmpm._src.boundaries.responses import Displacement, Rotation, Separable
-from libmpm._src.flumes import criteria as measures
-from libmpm._src.flumes import records
+from libmpm._src.flumes import debris_flow_flume_rows
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import lengthened
+from libmpm._src.flumes.debris_flow_flume_shape import (
+    ALONG,
+    FOOT,
+    PRISM,
+    RADIUS,
+    SLOPE,
+    TURN,
+    UP,
+    bed_line,
+    place,
+)
 from libmpm._src.flumes.facility import (
     GRAVITY,
     Difference,
@@ -32,49 +41,18 @@ from libmpm._src.shapes.prisms import Extrusion
 
 __all__ = ["DebrisFlowFlume"]
 
-_SLOPE, _PAD = math.radians(31.0), math.radians(2.4)
-#: Where the bed begins to curve, m, and the radius of the arc, m (drawing of hdro-0008).
-_FOOT, _RADIUS = 74.0, 20.0
-_TURN = _SLOPE - _PAD
-#: Release: corners of the prism (x, z), m: bed, gate, top (drawing of hdro-0008).
-_PRISM: Pairs = ((-4.7, 0.0), (0.0, 0.0), (-0.979, 1.629), (-4.181, 0.831))
 _GATE_HEIGHT = 1.9
-#: Vertical and downstream directions (x, z) in the flume's coordinates.
-_UP = (-math.sin(_SLOPE), math.cos(_SLOPE))
-_ALONG = (math.cos(_SLOPE), math.sin(_SLOPE))
 _STATIONS = (2.0, 32.0, 66.0, 80.0, 90.0)
 #: Bed: solids' share of the volume, basal friction in degrees, bulk density kg/m³.
 _BEDS = {"rough": (0.61, 40.7, 2076.0), "smooth": (0.64, 28.0, 2088.0)}
 #: Sliding block of row U1: corners, m.
 _BLOCK = ((-3.0, 0.0), (-2.0, 0.4))
 _GONE = 1.0  # m, how far above its place the lifted gate ends
-
-
-def _place(s: float) -> tuple[float, float]:
-    """Return (x, z) of a place s m along the bed, m."""
-    angle = min(max((s - _FOOT) / _RADIUS, 0.0), _TURN)
-    x, z = _RADIUS * math.sin(angle), _RADIUS * (1.0 - math.cos(angle))
-    rest = max(s - _FOOT - _RADIUS * _TURN, 0.0)
-    return (
-        min(s, _FOOT) + x + rest * math.cos(_TURN),
-        z + rest * math.sin(_TURN),
-    )
-
-
-def _along_bed(x: float) -> float:
-    """Return how far along the bed a place x is, m: the inverse of `_place`."""
-    end = _FOOT + _RADIUS * math.sin(_TURN)
-    if x <= _FOOT:
-        return x
-    if x <= end:
-        return _FOOT + _RADIUS * math.asin((x - _FOOT) / _RADIUS)
-    return _FOOT + _RADIUS * _TURN + (x - end) / math.cos(_TURN)
-
-
-def _profile(first: float, last: float) -> Pairs:
-    """Return the bed between two places along it, its arc in pieces of a degree, (x, z), m."""
-    arc = [_FOOT + _RADIUS * _TURN * k / 28 for k in range(29)]
-    return tuple(_place(s) for s in (first, *[s for s in arc if first < s < last], last))
+#: Volume of the prism, m³, and of the tests with a wall.
+_VOLUME = 9.9
+_WALLS = {"1994-06-21": 9.3, "1994-06-23": 10.1}
+#: Wall: way along the bed, height, width, and where the side walls then end, m.
+_WALL = (91.0, 2.4, 5.2, 87.4)
 
 
 @value
@@ -92,8 +70,9 @@ class DebrisFlowFlume(Facility):
     =====================  ==============================================  ====================
     channel                2 m wide, walls 1.2 m high until s 82.4 m       drawing of hdro-0008
     bed                    31° to s 74 m, an arc of radius 20.0 m to       Iverson et al. (2016);
-                           2.4° at s 84 m, then level so                   drawing of hdro-0008
-    pad                    8.2 m wide from s 85 m                          drawing of hdro-0008
+                           2.4° at s 84 m, then straight on                drawing of hdro-0008
+    pad                    8.2 m wide from s 85 m, 6.1 m from s 97 m, to   drawing of hdro-0008
+                           s 107.7 m; here 8.2 m throughout, to s 118 m
     release (x, z), m      (-4.7, 0) (0, 0) (-0.979, 1.629)                drawing of hdro-0008:
                            (-4.181, 0.831): 4.95 m² × 2 m = 9.9 m³         bed 4.7, gate 1.9, top
                                                                            3.3 m at 17°
@@ -101,6 +80,8 @@ class DebrisFlowFlume(Facility):
     stations               s 2, 32, 66, 80, 90 m                           George, Iverson (2014)
     rough bed, SGM         solids 0.61, friction 40.7°, 2076 kg/m³         George, Iverson (2014)
     smooth bed, SG         solids 0.64, friction 28°, 2088 kg/m³           Iverson et al. (2016)
+    wall                   s 91.0 m, 2.4 m high, 5.2 m wide, side walls    Iverson et al. (2016),
+                           prolonged to s 87.4 m; 9.3 and 10.1 m³          table 1
     =====================  ==============================================  ====================
 
     The public scene files release a block of 28 m³ of 1700 or 2400 kg/m³ and turn the bed by three
@@ -118,8 +99,16 @@ class DebrisFlowFlume(Facility):
     `release` "block" is an elastic block in its place, that slides by v² = 2 g s (sin 31° - μ cos
     31°), row U1: the check of the bed's friction.
 
+    `friction_factor` multiplies both frictions of the bed in steps of time: 1 less the share of
+    the normal stress that pore pressure carries. It is one number for all of the bed at a time,
+    while pore pressure diffuses where the mixture is and stays high in the front's rear: it can
+    stand for a liquefied start, not for a front that is dry and a tail that is not. Between two
+    rows of the table it is their mean; the last row holds.
+
     A depth is the mass on a piece of the bed 0.3 m long, over its area and the density at rest:
-    what flies or has opened counts as it weighs. There is no wall, bump or trunk on the pad yet.
+    what flies or has opened counts as it weighs. `obstacle` is the wall of two tests on the smooth
+    bed, each with its volume, which scales the prism; "run-up" is the highest particle within two
+    cells before it. There is no bump, trunk or box on the pad.
 
     Raises `SceneError`.
 
@@ -130,12 +119,21 @@ class DebrisFlowFlume(Facility):
     short: ClassVar[str] = "usgs"
     title: ClassVar[str] = "USGS debris-flow flume"
     granular: ClassVar[bool] = True
-    bed_profile: ClassVar[Pairs] = _profile(-8.0, 118.0)
+    bed_profile: ClassVar[Pairs] = bed_line(-8.0, 118.0)
     levels: ClassVar[dict[str, dict[str, Any]]] = {
         "reduced": {"width": "slice", "cell_size": 0.1, "end": 8.0},
         "quick": {"width": "slice", "cell_size": 0.1},
         "laptop": {"width": "slice", "cell_size": 0.05},
         "full": {"width": "half", "cell_size": 0.025},
+    }
+
+    cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
+        "slice": ("laptop", {}),
+        "block": ("quick", {"release": "block", "end": 20.0}),
+        "rough": ("full", {}),
+        "smooth": ("full", {"bed": "smooth"}),
+        "wall-1994-06-21": ("full", {"bed": "smooth", "obstacle": "1994-06-21"}),
+        "wall-1994-06-23": ("full", {"bed": "smooth", "obstacle": "1994-06-23"}),
     }
 
     cell_size: float = given("edge Δx of the cells", default=0.05, unit="m", above=0, high=0.2)
@@ -157,6 +155,17 @@ class DebrisFlowFlume(Facility):
     )
     gate_time: float = given("in which the gate opens", default=0.85, unit="s", above=0)
     youngs_modulus: float = given("E of mixture or block", default=2e6, unit="Pa", above=0)
+    friction_factor: TimeTable | None = given(
+        "share of both frictions over time, for pore pressure at the bed; None = 1", default=None,
+        unit="1",
+    )  # fmt: skip
+    volume: float | None = given(
+        "of the release, which scales the prism; None = 9.9, or that of the obstacle's test",
+        default=None, unit="m³", above=1.0, high=20.0,
+    )  # fmt: skip
+    obstacle: Literal["1994-06-21", "1994-06-23"] | None = given(
+        "the wall on the pad, by the day of its test; None = none", default=None
+    )
     end: float | None = given(
         "s at which the flume is cut, and all that comes leaves; None = 118 m",
         default=None, unit="m", above=3.0, high=118.0,
@@ -173,6 +182,21 @@ class DebrisFlowFlume(Facility):
             found[name] = check.given(name, self)
         if self.end is not None:
             found["end"] = check.given("end", self)
+        if self.volume is not None:
+            found["volume"] = check.given("volume", self)
+        table = self.friction_factor
+        if table is not None:
+            check.instance("friction_factor", table, (TimeTable,), "a TimeTable of numbers")
+        if isinstance(table, TimeTable) and (
+            table.components or table.end != "hold" or min(table.value) < 0
+        ):
+            check.fail("friction_factor has vectors, numbers below 0, or ends other than with "
+                       "'hold'; expected plain numbers ≥ 0 that hold their end")  # fmt: skip
+        if self.obstacle is not None:
+            check.choice("obstacle", self.obstacle, tuple(_WALLS))
+            if self.end is not None and self.end < 95.0:
+                check.fail(f"obstacle with end {self.end:g} m, but the wall stands at s 91 m; "
+                           "expected end ≥ 95 m, or None")  # fmt: skip
         return found
 
     # The scene -------------------------------------------------------------------------------
@@ -203,20 +227,34 @@ class DebrisFlowFlume(Facility):
         wide = last > 82.4
         y = self._across(8.2 if wide and self.width != "slice" else 2.0)
         side = (y[0] - 1.0, y[1] + 1.0)
-        end = _place(last)
-        top = max(2.6, end[1] + (1.5 if last > _FOOT else 0.0))
-        gravity = (GRAVITY * math.sin(_SLOPE), 0.0, -GRAVITY * math.cos(_SLOPE))
+        end = place(last)
+        top = max(2.6, end[1] + (1.5 if last > FOOT else 0.0))
+        if self.obstacle is not None:
+            top = max(top, place(_WALL[0])[1] + 4.0)
+        gravity = (GRAVITY * math.sin(SLOPE), 0.0, -GRAVITY * math.cos(SLOPE))
         made = self._new_scene((-6.0, y[0], -4 * h), (end[0], y[1], top), gravity)
         channel, pad, _ = self.frictions()
-        foot = min(_FOOT, last + 1.0)
+        foot = min(FOOT, last + 1.0)
         parts: list[tuple[str, Pairs, float]] = [("channel", ((-7.0, 0.0), (foot, 0.0)), channel)]
-        if last > _FOOT:
-            parts.append(("pad", _profile(_FOOT, last + 2.0), pad))
+        if last > FOOT:
+            parts.append(("pad", bed_line(FOOT, last + 2.0), pad))
         for name, profile, friction in parts:
-            response = Separable(static_friction=friction, dynamic_friction=friction, cell="linear")
-            made.add_boundary(name=name, shape=axes.bed(profile, side), response=response)
+            shape = axes.bed(profile, side)
+            for which, (window, factor) in enumerate(self._windows(), 1):
+                mu = friction * factor
+                made.add_boundary(
+                    name=name if window is None else f"{name}-{which}", shape=shape, time=window,
+                    response=Separable(static_friction=mu, dynamic_friction=mu, cell="linear"),
+                )  # fmt: skip
         if self.width != "slice":
-            self._add_walls(made, y, min(last + 2.0, 82.4))
+            self._add_walls(made, y, min(last + 2.0, 82.4 if self.obstacle is None else _WALL[3]))
+        if self.obstacle is not None:
+            half = 0.5 * _WALL[2]
+            made.add_boundary(
+                name="wall", response=Separable(cell="linear"),
+                shape=axes.prism(self._standing(-0.6, _WALL[1], 0.0, 0.5),
+                                 (-half if y[0] < 0 else y[0] - 1.0, half)),
+            )  # fmt: skip
         if self.release == "block":
             (x, z), (u, w) = _BLOCK
             reach = 0.5 * 2.0
@@ -226,13 +264,27 @@ class DebrisFlowFlume(Facility):
             )  # fmt: skip
         else:
             half = self._cells(1.0)
-            shape = axes.prism(_PRISM, (max(y[0], -half), half))
+            shape = axes.prism(self.prism(), (max(y[0], -half), half))
             made.add_body(name="mixture", shape=shape, material=self.material())
             self._add_gate(made)
         body = self._body()
         every = 0.05 if axes.flat else 0.2
         reach = self._reach()
+        if self.end is None:
+            made.add_sensor(
+                name="mass",
+                sensor=ParticleSensor(attribute="mass", operation="sum", body=body,
+                                      interval=every),
+            )  # fmt: skip
         for one in self.instruments():
+            if one.kind == "height":
+                shape = axes.prism(self._standing(0.0, 4.0, -2 * h, 0.0), (max(y[0], -1.0), 1.0))
+                sensor = ParticleSensor(
+                    attribute="position", operation="max", body=body, region=shape,
+                    direction="y" if axes.flat else "z", interval=every,
+                )  # fmt: skip
+                made.add_sensor(name=one.name, sensor=sensor)
+                continue
             region = axes.box((one.x - reach, max(y[0], -reach), one.z - 4 * h),
                               (one.x + reach, reach, top))  # fmt: skip
             made.add_sensor(
@@ -246,6 +298,41 @@ class DebrisFlowFlume(Facility):
         )
         return made
 
+    def prism(self) -> Pairs:
+        """Return the corners of the release (x, z), m, scaled to its volume about the gate's foot.
+
+        Its gate is 1.9 m high with 9.9 m³.
+        """
+        scale = self._scale()
+        return tuple((scale * x, scale * z) for x, z in PRISM)
+
+    def _scale(self) -> float:
+        volume = _WALLS.get(self.obstacle or "", _VOLUME) if self.volume is None else self.volume
+        return math.sqrt(volume / _VOLUME)
+
+    def _windows(self) -> list[tuple[tuple[float, float] | None, float]]:
+        """Return spans of time, s, and the factor of the bed's friction in each."""
+        if self.friction_factor is None:
+            return [(None, 1.0)]
+        time, value = self.friction_factor.arrays()
+        spans: list[tuple[tuple[float, float] | None, float]] = []
+        if time[0] > 0:
+            spans.append(((0.0, float(time[0])), float(value[0])))
+        for (a, u), (b, v) in itertools.pairwise(zip(time, value, strict=True)):
+            if b > max(a, 0.0):
+                spans.append(((max(float(a), 0.0), float(b)), 0.5 * float(u + v)))
+        spans.append(((max(float(time[-1]), 0.0), math.inf), float(value[-1])))
+        return spans
+
+    @staticmethod
+    def _standing(low: float, high: float, before: float, behind: float) -> Pairs:
+        """Return a vertical plate at the wall's place, heights and way downstream, (x, z), m."""
+        x, z = place(_WALL[0])
+        return tuple(
+            (x + UP[0] * a + ALONG[0] * b, z + UP[1] * a + ALONG[1] * b)
+            for a, b in ((low, before), (low, behind), (high, behind), (high, before))
+        )
+
     def _reach(self) -> float:
         """Return half the edge of what a depth is weighed on, m."""
         return max(0.15, 2 * self.cell_size)
@@ -256,8 +343,8 @@ class DebrisFlowFlume(Facility):
     def _add_walls(self, made: Scene, y: tuple[float, float], last: float) -> None:
         """Add the channel's side walls, 1.2 m high, and the plane of symmetry."""
         half = self._cells(1.0)
-        low = [(-7.0, -1.0), *[(a, b - 1.0) for a, b in _profile(-7.0, last)]]
-        high = [(a, b + 1.2) for a, b in reversed(_profile(-7.0, last))]
+        low = [(-7.0, -1.0), *[(a, b - 1.0) for a, b in bed_line(-7.0, last)]]
+        high = [(a, b + 1.2) for a, b in reversed(bed_line(-7.0, last))]
         # Behind the gate the bin's walls hold all of the prism.
         profile = [*low, *high[:-1], (2.0, 1.2), (2.0, 2.4), (-7.0, 2.4)]
         profile = [p for k, p in enumerate(profile) if k == 0 or p != profile[k - 1]]
@@ -275,7 +362,7 @@ class DebrisFlowFlume(Facility):
         if self.axes.flat:
             plate = Extrusion(profile=self._plate(below, _GATE_HEIGHT + 0.6, thick))
             way = _GATE_HEIGHT + 0.6 - below + _GONE
-            far = [_UP[0] * way, _UP[1] * way]
+            far = [UP[0] * way, UP[1] * way]
             made.add_boundary(
                 name="gate", shape=plate, response=Separable(cell="linear"),
                 motion=Displacement(TimeTable((0.0, self.gate_time), ((0.0, 0.0), tuple(far)))),
@@ -289,7 +376,7 @@ class DebrisFlowFlume(Facility):
             plate = Extrusion(profile=self._plate(0.0, _GATE_HEIGHT + 0.2, thick), axis="y",
                               lower=low, upper=high)  # fmt: skip
             turn = Rotation(
-                about=(0.0, sign * half, 0.0), axis=(_UP[0], 0.0, _UP[1]),
+                about=(0.0, sign * half, 0.0), axis=(UP[0], 0.0, UP[1]),
                 degrees=TimeTable((0.0, self.gate_time), (0.0, 90.0 * sign)),
             )  # fmt: skip
             made.add_boundary(
@@ -300,7 +387,7 @@ class DebrisFlowFlume(Facility):
     def _plate(low: float, high: float, thick: float) -> Pairs:
         """Return corners of a plate on the gate's downstream side, heights along it, (x, z), m."""
         return tuple(
-            (_UP[0] * a + _ALONG[0] * b, _UP[1] * a + _ALONG[1] * b)
+            (UP[0] * a + ALONG[0] * b, UP[1] * a + ALONG[1] * b)
             for a, b in ((low, 0.0), (low, thick), (high, thick), (high, 0.0))
         )
 
@@ -314,19 +401,25 @@ class DebrisFlowFlume(Facility):
         found = []
         for s in _STATIONS:
             if s < last - 0.5:
-                turn = min(max((s - _FOOT) / _RADIUS, 0.0), _TURN)
+                turn = min(max((s - FOOT) / RADIUS, 0.0), TURN)
                 scale = math.cos(turn) / (_BEDS[self.bed][2] * area)
-                x, z = _place(s)
+                x, z = place(s)
                 found.append(Instrument(f"depth {s:g} m", "depth", x, 0.0, z, scale=scale))
+        if self.obstacle is not None:
+            x, z = place(_WALL[0])
+            found.append(Instrument("run-up", "height", x, 0.0, z, scale=1.0 / UP[1]))
         return tuple(found)
 
     def outlines(self) -> tuple[tuple[str, Pairs], ...]:
         """Return release and gate from the side."""
-        gate = self._plate(0.0, _GATE_HEIGHT, 0.2)
+        gate = self._plate(0.0, self._scale() * _GATE_HEIGHT, 0.2)
         if self.release == "block":
             (x, z), (u, w) = _BLOCK
             return (("block", ((x, z), (u, z), (u, w), (x, w))),)
-        return (("release", _PRISM), ("gate", gate))
+        found: list[tuple[str, Pairs]] = [("release", self.prism()), ("gate", gate)]
+        if self.obstacle is not None:
+            found.append(("wall", self._standing(0.0, _WALL[1], 0.0, 0.5)))
+        return tuple(found)
 
     # What it is compared with ----------------------------------------------------------------
 
@@ -345,100 +438,16 @@ class DebrisFlowFlume(Facility):
             found.append(Difference("pad", "8.2 m wide", "as wide as the channel", "a slice"))
         else:
             found += lengthened("channel's width", 2.0, 2 * self._cells(1.0))
+            found.append(
+                Difference("pad", "8.2 m wide, 6.1 m from s 97 m, to s 107.7 m",
+                           "8.2 m wide to s 118 m", "what leaves it is of no row")
+            )  # fmt: skip
+        if self.obstacle is not None and self.axes.flat:
+            found.append(Difference("wall", "5.2 m wide", "across all of the flow", "a slice"))
         if self.end is not None:
             found.append(Difference("end", "deposit on the pad", f"cut at {self.end:g} m", "cost"))
         return tuple(found)
 
     def criteria(self) -> tuple[Criterion, ...]:
-        """Return row U1 of the block, or U2 to U5 and U8 of the mixture."""
-        if self.release == "block":
-            return (Criterion(
-                "U1", "v² over 2 g s (sin 31° - μ cos 31°)", "1", ("block",), (0.0, 3.0),
-                self._slides, **measures.within(1.0, 0.03),
-            ),)  # fmt: skip
-        first, rough = (0.0, 4.0), self.bed == "rough"
-        last = 118.0 if self.end is None else self.end
-        gates = rough and self.mixture == "equivalent"
-        held: dict[str, Any] = {"gates": False, "held_out": True}
-        found = []
-        if rough:
-            found += [
-                Criterion("U2", "largest depth, 2 m", "m", ("depth 2 m",), first,
-                          measures.crest("depth 2 m", first, True), published="0.48 m (D-Claw)",
-                          gates=gates, **measures.within(0.60, 0.30)),
-                Criterion("U2", "time of the largest depth, 2 m", "s", ("depth 2 m",), first,
-                          measures.peak_time("depth 2 m", first), published="1.6 s (D-Claw)",
-                          gates=gates, **measures.near(1.65, 0.3, "s")),
-            ]  # fmt: skip
-        for s, until, front, by, rival, depth, other in (
-            (32, 10.0, 3.95, 0.6, "3.75 s (D-Claw)", 0.17, "0.19 m (D-Claw)"),
-            (66, 15.0, 7.0, 1.0, "6.2 s (D-Claw)", 0.15, "0.12 m (D-Claw)"),
-        ):  # fmt: skip
-            if s > last - 0.5:
-                continue
-            name, window = f"depth {s} m", (0.0, until)
-            arrives: dict[str, Any] = {"gates": False, "published": rival,
-                                       **measures.near(front, by, "s")}  # fmt: skip
-            largest: dict[str, Any] = {"gates": False, "published": other,
-                                       **measures.within(depth, 0.40)}  # fmt: skip
-            if not rough:
-                arrives = {"tolerance": "± 1 s", **held}
-                largest = {"tolerance": "± 50 %", **held}
-            found += [
-                Criterion("U3" if rough else "U5", f"front, {s} m", "s", (name,), window,
-                          _front(name, window), **arrives),
-                Criterion("U4" if rough else "U5", f"largest depth, means of 0.2 s, {s} m", "m",
-                          (name,), window, _largest(name, window), **largest),
-            ]  # fmt: skip
-        if last >= 118.0:
-            window = (0.0, 20.0)
-            deposits = records.load("usgs-deposits")
-            rows = [float(x) for x, kind in zip(deposits["front_x_m"], deposits["set"], strict=True)
-                    if kind == ("SGM" if rough else "SG")]  # fmt: skip
-            found.append(Criterion(
-                "U8", "farthest of the deposit, along the bed", "m", ("mixture",), window,
-                _farthest, gates=False, **measures.near(round(float(np.mean(rows)), 1), 6.0, "m"),
-            ))  # fmt: skip
-        return tuple(found)
-
-    def _slides(self, signals: measures.Signals) -> float:
-        """Return v² of the block over that of the law, a mean over its third second."""
-        time, x = signals.column("block", "centroid_x")
-        _, speed = signals.column("block", "velocity_x")
-        law = GRAVITY * (math.sin(_SLOPE) - self.frictions()[0] * math.cos(_SLOPE))
-        keep = (time >= 2.0) & (time <= 3.0)
-        if law <= 0:
-            # It does not slide; the law's speed is 0.
-            return 1.0 if float(np.abs(speed[keep]).max()) < 1e-2 else math.nan
-        start = 0.5 * (_BLOCK[0][0] + _BLOCK[1][0])
-        return float(np.mean(speed[keep] ** 2 / (2 * law * (x[keep] - start))))
-
-
-def _front(name: str, window: tuple[float, float]) -> Any:
-    """Return what measures when half of the largest depth has come, s."""
-
-    def measure(signals: measures.Signals) -> float:
-        time, depth = signals.depth(name)
-        keep = (time >= window[0]) & (time <= window[1])
-        mean = measures.smooth(time, depth, 0.2)
-        above = mean[keep] >= 0.5 * float(mean[keep].max())
-        reached = float(mean[keep].max()) > 0
-        return float(time[keep][int(np.argmax(above))]) if reached else math.nan
-
-    return measure
-
-
-def _largest(name: str, window: tuple[float, float]) -> Any:
-    """Return what measures the largest mean of a depth over 0.2 s, m."""
-
-    def measure(signals: measures.Signals) -> float:
-        time, depth = signals.depth(name)
-        keep = (time >= window[0]) & (time <= window[1])
-        return float(measures.smooth(time, depth, 0.2)[keep].max())
-
-    return measure
-
-
-def _farthest(signals: measures.Signals) -> float:
-    """Return the way along the bed of the farthest particle at the end of the run, m."""
-    return _along_bed(float(signals.column("mixture", "upper_x")[1][-1]))
+        """Return row U1 of the block, or U2 to U8 of the mixture with its mass balance."""
+        return debris_flow_flume_rows.criteria(self)

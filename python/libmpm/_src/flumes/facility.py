@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, nearest, shown
-from libmpm._src.boundaries.responses import Separable, Slip
+from libmpm._src.boundaries.responses import Slip
 from libmpm._src.errors import SceneError
 from libmpm._src.methods.method import Method
 from libmpm._src.methods.transfer import Transfer
@@ -24,8 +24,10 @@ from libmpm._src.shapes.prisms import Extrusion
 from libmpm._src.studies.debris.field import DebrisField
 
 if TYPE_CHECKING:
-    from libmpm._src.flumes.comparison import Comparison
+    from libmpm._src.flumes.collection import Collection
+    from libmpm._src.flumes.comparison import Comparison, Row
     from libmpm._src.flumes.criteria import Criterion
+    from libmpm._src.flumes.records import Curve
     from libmpm._src.pictures.figures import Picture
     from libmpm._src.scene.run_file import RunFile
 
@@ -37,15 +39,19 @@ WIDTHS = ("slice", "half", "full")
 #: Acceleration of gravity, m/s².
 GRAVITY = 9.81
 
+#: How long a set-up runs that is compared with nothing, s.
+_UNCOMPARED = 30.0
+
 Pairs = tuple[tuple[float, float], ...]
 
 
 class Instrument(NamedTuple):
     """One instrument under its laboratory name, in the facility's coordinates.
 
-    `kind` is "level", "depth", "velocity", "load" or "track"; `x`, `y`, `z` are its place, m (z
+    `kind` is "level", "depth", "height", "velocity" or "load"; `x`, `y`, `z` are its place, m (z
     where it has one), `boundary` what a load cell is part of. `scale` is what a reading stands for:
-    2 of a load on half a structure, the depth of 1 kg where mass is weighed, in m.
+    2 of a load on half a structure, the depth of 1 kg where mass is weighed, in m, the run-up of 1
+    m along the scene's vertical axis.
     """
 
     name: str
@@ -140,6 +146,8 @@ class Facility(Value):
     rest: ClassVar[float] = 2.0
     #: Arguments of each level; see `at_level`.
     levels: ClassVar[Mapping[str, Mapping[str, Any]]]
+    #: Set-ups that were measured: their level and arguments; see `of_case`.
+    cases: ClassVar[Mapping[str, tuple[str, Mapping[str, Any]]]]
     #: Corners of the bed, (x, z), m.
     bed_profile: ClassVar[Pairs] = ()
 
@@ -176,9 +184,12 @@ class Facility(Value):
 
     @property
     def until(self) -> float:
-        """How long a run must be for all rows, those that are held out too, s of the run."""
+        """How long a run must be for all rows, those that are held out too, s of the run.
+
+        30 s where a set-up has no rows.
+        """
         ends = [c.window[1] for c in self.criteria() if math.isfinite(c.window[1])]
-        return max(ends, default=0.0) - self.clock
+        return max(ends) - self.clock if ends else _UNCOMPARED
 
     def outlines(self) -> tuple[tuple[str, Pairs], ...]:
         """Return what `preview` draws beside bed and water: names and polygons (x, z), m."""
@@ -197,6 +208,36 @@ class Facility(Value):
             raise SceneError(f"{cls.label}: level is {shown(level)}; {nearest(level, cls.levels)}")
         return cls(**{**cls.levels[level], **changes})
 
+    @classmethod
+    def of_case(cls, case: str, level: str | None = None, **changes: Any) -> Any:
+        """Return the facility in a set-up that was measured, with some arguments changed.
+
+        `level` None is the set-up's own: "laptop" or "full". Raises `SceneError`.
+        """
+        if case not in cls.cases:
+            raise SceneError(f"{cls.label}: case is {shown(case)}; {nearest(case, cls.cases)}")
+        own, arguments = cls.cases[case]
+        return cls.at_level(own if level is None else level, **{**arguments, **changes})
+
+    @classmethod
+    def joint_rows(cls, comparisons: Sequence[Comparison]) -> list[Row]:
+        """Return rows that take several set-ups, from those of their comparisons that are there."""
+        return []
+
+    @classmethod
+    def collect(
+        cls, folders: Sequence[str | Path] = (), *, curves: Mapping[str, Curve] | None = None
+    ) -> Collection:
+        """Return all rows of all set-ups, with the numbers of the runs in folders.
+
+        Each folder is that of a run of `libmpm flume`, or holds such folders; runs of one set-up
+        that differ in `seed` alone are one row with median and spread. `curves` as of `compare`.
+        Raises `SceneError`.
+        """
+        from libmpm._src.flumes.collection import collect
+
+        return collect(cls, [Path(one) for one in folders], curves)
+
     @property
     def axes(self) -> Axes:
         """How (x, y, z) are coordinates of the scene."""
@@ -214,20 +255,28 @@ class Facility(Value):
         settings = RunSettings(until=end, checkpoint_interval=max(end / 10, 0.1), debris=debris)
         return RunFile(self.scene(), settings)
 
-    @keywords_only("flumes.Facility.compare", 1)
-    def compare(self, run: Any) -> Comparison:
+    @keywords_only("flumes.Facility.compare", 2)
+    def compare(
+        self, run: Any, curves: Mapping[str, Curve] | None = None, *, case: str = ""
+    ) -> Comparison:
         """Compare a run with what was measured: a table with verdicts, and a figure.
 
-        `run` is a `Simulation`, `Results`, or the folder of a run of `scene()`. Raises
-        `SceneError` where it lacks all instruments, or ends before anything can be compared.
+        `run` is a `Simulation`, `Results`, or the folder of a run of `scene()`; of a list or tuple
+        of them the rows are medians with their spread: debris is chaotic, so runs that differ in
+        `seed`. `curves` are measured curves by instrument that are not in the package, for rows
+        that need them (`records.curve`). `case` names the set-up in the rows. Raises `SceneError`
+        where a run lacks all instruments, or ends before anything can be compared.
         """
+        from libmpm._src.flumes.collection import median_of
         from libmpm._src.flumes.comparison import compare
 
+        if isinstance(run, list | tuple):
+            return median_of([self.compare(one, curves, case=case) for one in run])
         if isinstance(run, str | Path):
             from libmpm._src.output.results import load
 
             run = load(run)
-        return compare(self, run)
+        return compare(self, run, curves, case)
 
     def preview(self) -> Picture:
         """Return a drawing from the side: bed, water, structure, debris, and all instruments."""
@@ -312,16 +361,6 @@ class Facility(Value):
 def wall() -> Slip:
     """Return what walls and pistons do."""
     return Slip(cell="linear")
-
-
-def free_wall() -> Separable:
-    """Return what a structure does."""
-    return Separable(cell="linear")
-
-
-def rubbing(friction: float) -> Separable:
-    """Return what a floor does to debris alone; linear cells are for all bodies together."""
-    return Separable(static_friction=friction, dynamic_friction=friction)
 
 
 def check_debris(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal
-
-import numpy as np
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
@@ -13,10 +12,9 @@ from libmpm._src.base.values import Checker, shown, value
 from libmpm._src.boundaries.responses import Displacement
 from libmpm._src.boundaries.wave_makers import piston_stroke
 from libmpm._src.errors import SceneError
-from libmpm._src.flumes import criteria as measures
-from libmpm._src.flumes import records
+from libmpm._src.flumes import large_wave_flume_rows, records
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris import add_field, lengthened
+from libmpm._src.flumes.debris import add_field, lengthened, scattered
 from libmpm._src.flumes.facility import (
     Difference,
     Facility,
@@ -24,10 +22,10 @@ from libmpm._src.flumes.facility import (
     Pairs,
     Width,
     check_debris,
-    free_wall,
     modulus_at_speed,
     wall,
 )
+from libmpm._src.flumes.structures import EDGE_TEXT, EDGES, Edges, add_structure
 from libmpm._src.materials.generated import FixedCorotated, TaitFluid
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.engine_sensors import LoadCell
@@ -37,6 +35,9 @@ from libmpm._src.shapes.particle_placement import Columns
 from libmpm._src.studies.debris.field import DebrisField
 from libmpm._src.studies.debris.ordered import ordered
 from libmpm._src.studies.debris.prototype import Prototype
+
+if TYPE_CHECKING:
+    from libmpm._src.flumes.comparison import Comparison, Row
 
 __all__ = ["LargeWaveFlume"]
 
@@ -50,8 +51,31 @@ _POISSON = 0.4
 _MEASURED_MODULUS = 0.8e9
 _GAUGES = (
     ("WG1", 14.0), ("WG2", 32.294), ("WG3", 36.139), ("USWG1", 39.625), ("USWG2", 43.255),
-    ("USWG4", 46.955),
+    ("USWG3", 44.285), ("USWG4", 46.955),
 )  # fmt: skip
+
+
+def _layouts() -> dict[str, tuple[int, int, bool]]:
+    """Return rows along the flow, columns across it, and whether bars lie across, by name."""
+    found: dict[str, tuple[int, int, bool]] = {}
+    drawn = records.load("lwf-layouts")
+    keys = ("case_in_first_peak_figure", "orientation_L_longitudinal_T_transverse",
+            "streamwise_rows", "cross_columns")  # fmt: skip
+    for case, turn, rows, columns in zip(*(drawn[k] for k in keys), strict=True):
+        if case:
+            found.setdefault(case, (int(rows), int(columns), turn == "T"))
+    peaks = records.load("lwf-first-peaks")
+    keys = ("case", keys[1], "array_streamwise_m", "array_cross_m")
+    for case, turn, deep, wide in zip(*(peaks[k] for k in keys), strict=True):
+        edges = (0.1, 0.5) if turn == "T" else (0.5, 0.1)
+        found.setdefault(
+            case, (round(float(deep) / edges[0]), round(float(wide) / edges[1]), turn == "T")
+        )
+    return found
+
+
+#: Layouts of bars by the name that the figure of first peaks gives them.
+_LAYOUTS = _layouts()
 #: Gauges beside which no box stands: across, m from the centreline.
 _BESIDE = 1.3
 
@@ -79,7 +103,9 @@ class LargeWaveFlume(Facility):
     box                    1.016 × 1.016 × 0.615 m, front at x 43.80,          Bonus (2023) 7.3
                            underside z 2.00
     WG1, WG2, WG3          x 14.00, 32.294, 36.139 m                           hdro-0021
-    USWG1, USWG2, USWG4    x 39.625, 43.255, 46.955 m                          hdro-0021
+    USWG1, USWG2           x 39.625, 43.255 m                                  hdro-0021
+    USWG3, USWG4           x 44.285 (the drawing has USWG3 beside USWG2),      hdro-0021
+                           46.955 m
     ADV                    x 43.255, y 1.3, 0.15 m above the bed               height chosen
     bar                    0.5 × 0.1 × 0.05 m, 981 kg/m³, E 0.8 GPa, ν 0.4     Bonus (2023) 7.3
     field of bars          downstream edge 2.0 m before the box                Bonus (2023) 7.3
@@ -117,6 +143,12 @@ class LargeWaveFlume(Facility):
         "full": {"width": "half", "cell_size": 0.05, "structure": "box", "end": 70.0},
     }
 
+    cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
+        "waves": ("laptop", {}),
+        "box": ("full", {}),
+        **{name: ("full", {"debris": name}) for name in large_wave_flume_rows.COMPARED},
+    }
+
     cell_size: float = given("edge Δx of the cells", default=0.05, unit="m", above=0, high=0.5)
     still_water_level: float | None = given(
         "level at rest; None = that of the wave: 2.00 m unbroken, 1.85 m broken",
@@ -143,6 +175,11 @@ class LargeWaveFlume(Facility):
         "between the bars of a layout; None = two cells; none in the experiment",
         default=None, unit="m", low=0,
     )  # fmt: skip
+    seed: int = given(
+        "of shifts of the bars by up to a quarter of a cell; 0 = none", default=0, unit="1", low=0,
+        whole=True,
+    )  # fmt: skip
+    edges: Edges = given("of the box: " + EDGE_TEXT, default="free")
     debris_modulus: float | Literal["measured"] | None = given(
         'E of the bars; "measured" = 0.8 GPa; None = with the wave speed of the water',
         default=None, unit="Pa", above=0,
@@ -171,8 +208,9 @@ class LargeWaveFlume(Facility):
                 check.fail("structure is 'box' with width 'slice', where it would close the flume; "
                            "expected None; use width='half'")  # fmt: skip
         check.choice("bars", self.bars, tuple(_BARS))
-        names = [str(n) for n in records.load("lwf-first-peaks")["case"]]
-        found["debris"] = check_debris(check, self.debris, names, self.width)
+        check.choice("edges", self.edges, EDGES)
+        found["seed"] = check.given("seed", self)
+        found["debris"] = check_debris(check, self.debris, tuple(_LAYOUTS), self.width)
         if self.gap is not None:
             found["gap"] = check.given("gap", self)
         modulus = self.debris_modulus
@@ -233,7 +271,7 @@ class LargeWaveFlume(Facility):
         )
         made.add_boundary(name="walls", shape=DomainWalls(), response=wall())
         if self.structure is not None:
-            made.add_boundary(name="box", shape=self.box(), response=free_wall())
+            add_structure(made, "box", self.box(), self.edges, half=self.width == "half")
         if self.debris is not None:
             self._add_debris(made)
         for one in self.instruments():
@@ -293,7 +331,7 @@ class LargeWaveFlume(Facility):
             raise SceneError(
                 f"{self.label}: debris is None; expected a layout, such as '8-L-1.0x0.4'"
             )
-        row = records.load("lwf-first-peaks").row("case", self.debris)
+        rows, columns, turned = _LAYOUTS[self.debris]
         (length, width, height), density = _BARS[self.bars]
         bar = Prototype(
             length=length, width=width, height=height, name="bar",
@@ -301,16 +339,14 @@ class LargeWaveFlume(Facility):
                 density=density, youngs_modulus=self.modulus(), poissons_ratio=_POISSON
             ),
         )  # fmt: skip
-        lengthwise = row["orientation_L_longitudinal_T_transverse"] == "L"
-        along, across = (length, width) if lengthwise else (width, length)
-        rows = max(1, round(float(row["array_streamwise_m"]) / along))
-        columns = max(1, round(float(row["array_cross_m"]) / across))
+        along = width if turned else length
         gap = 2 * self.cell_size if self.gap is None else self.gap
         deep = rows * along + (rows - 1) * gap
-        return ordered(
-            bar, rows=rows, columns=columns, clearance=gap, orientation=0 if lengthwise else 90,
+        made = ordered(
+            bar, rows=rows, columns=columns, clearance=gap, orientation=90 if turned else 0,
             centre=(_BOX[0][0] - 2.0 - 0.5 * deep, 0.0),
         )  # fmt: skip
+        return scattered(made, self.seed, self.cell_size, across=self.width != "half")
 
     def modulus(self) -> float:
         """Return E of the bars, Pa."""
@@ -359,101 +395,13 @@ class LargeWaveFlume(Facility):
 
     def criteria(self) -> tuple[Criterion, ...]:
         """Return rows L1 to L9; those of the box where there is one, of debris with its layout."""
-        if self.wave != "unbroken":
-            return self._loads()
-        coarse = self.cell_size >= 0.075
-        record = records.load("lwf-waves")
-        window, found = (15.5, 34.0), []
-        published = {"WG1": ("0.0088", "-0.18 s", "+7 %"), "WG2": ("0.0044", "-0.25 s", "-1 %"),
-                     "WG3": ("0.0052", "-0.25 s", "0 %")}  # fmt: skip
-        half = {"WG1": 23.62, "WG2": 28.20, "WG3": 29.42}
-        crests = {"WG1": 0.198, "WG2": 0.238, "WG3": 0.242}
-        limit = 0.015 if coarse else 0.0125
-        for name, (off, late, high) in published.items():
-            found.append(Criterion(
-                "L1", f"rms of the level, {name}", "m", (name,), window,
-                measures.rms(name, record.curve(name), window), 0.0, 0.0, limit, f"≤ {limit:g} m",
-                off,
-            ))  # fmt: skip
-            found.append(Criterion(
-                "L2", f"half of the crest, {name}", "s", (name,), window,
-                measures.half_crest(name, window), published=late,
-                **measures.near(half[name], 0.35 if coarse else 0.2, "s"),
-            ))  # fmt: skip
-            found.append(Criterion(
-                "L3", f"crest, {name}", "m", (name,), window, measures.crest(name, window),
-                published=high, **measures.within(crests[name], 0.15 if coarse else 0.10),
-            ))  # fmt: skip
-        if self.structure is None:
-            found.append(Criterion(
-                "L4", "rise before the box's place, USWG2", "m", ("USWG2",), (15.5, 40.0),
-                measures.crest("USWG2", (15.5, 40.0)), **measures.within(0.278, 0.15),
-            ))  # fmt: skip
-            found.append(Criterion(
-                "L4", "speed before the box's place, ADV", "m/s", ("ADV",), (15.5, 40.0),
-                _fastest, 1.2, 1.0, 1.4, "1.0 to 1.4 m/s",
-            ))  # fmt: skip
-        return (*found, *self._loads())
+        return large_wave_flume_rows.criteria(self)
 
-    def _loads(self) -> tuple[Criterion, ...]:
-        """Return the rows of the box."""
-        if self.structure is None:
-            return ()
-        window = (30.0, 45.0)
-        if self.debris is not None:
-            return self._first_peak(window) if isinstance(self.debris, str) else ()
-        if self.wave != "unbroken":
-            return ()
-        return (
-            Criterion("L5", "peak of the load, means of 0.1 s", "N", ("box",), (30.0, 42.0),
-                      measures.peak_load("box", (30.0, 42.0)), published="+34 %",
-                      **measures.within(214.4, 0.25)),
-            Criterion("L6", "impulse of the load, 30 to 45 s", "N s", ("box",), window,
-                      measures.impulse("box", window), published="-3 %",
-                      **measures.within(1217.0, 0.10)),
-            *(Criterion("L7", f"arrival of {100 * share:g} % of the peak load", "s", ("box",),
-                        (30.0, 42.0), _load_arrival(share, (30.0, 42.0)), tolerance="± 0.4 s",
-                        published="+0.7 to 1.0 s", held_out=True, gates=False)
-              for share in (0.05, 0.5)),
-        )  # fmt: skip
-
-    def _first_peak(self, window: tuple[float, float]) -> tuple[Criterion, ...]:
-        """Return the first peak of a layout with its fences."""
-        row = records.load("lwf-first-peaks").row("case", str(self.debris))
-        median = float(row["exp_mascarenas2022_median_N"])
-        simulated = float(row["mpm_bonus2023_N"])
-        said = "" if math.isnan(simulated) else f"{simulated:g} N"
-        measure = measures.peak_load("box", window, 0.01)
-        what = f"first peak of the load, {self.debris}"
-        if math.isnan(median):
-            return (Criterion("L9", what, "N", ("box",), window, measure, published=said,
-                              gates=False),)  # fmt: skip
-        low = float(row["exp_whisker_low_N"])
-        high = float(row["exp_whisker_high_N"])
-        bounds = measures.within(median, 0.2)
-        bounds |= {"low": max(bounds["low"], low), "high": min(bounds["high"], high),
-                   "tolerance": f"± 20 %, {low:g} to {high:g} N"}  # fmt: skip
-        return (Criterion("L8", what, "N", ("box",), window, measure, published=said, **bounds),)
+    @classmethod
+    def joint_rows(cls, comparisons: Sequence[Comparison]) -> list[Row]:
+        """Return row L10, the line through first peaks of all layouts with a box plot."""
+        return large_wave_flume_rows.parity(comparisons)
 
 
 def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
     return ((x, z), (u, z), (u, w), (x, w))
-
-
-def _fastest(signals: measures.Signals) -> float:
-    """Return the largest mean of the speed over a second, m/s."""
-    time, speed = signals.column("ADV", "velocity_x")
-    return float(np.nanmax(measures.smooth(time, np.nan_to_num(speed), 1.0)))
-
-
-def _load_arrival(share: float, window: tuple[float, float]) -> Any:
-    """Return what measures when a share of the peak of the load is first reached, s."""
-
-    def measure(signals: measures.Signals) -> float:
-        time, force = signals.load("box")
-        mean = measures.smooth(time, force, 0.1)
-        keep = (time >= window[0]) & (time <= window[1])
-        above = mean[keep] >= share * float(mean[keep].max())
-        return float(time[keep][int(np.argmax(above))])
-
-    return measure

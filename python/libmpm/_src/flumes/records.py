@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 
-__all__ = ["Curve", "Record", "load", "names", "read", "table"]
+__all__ = ["Curve", "Record", "curve", "load", "names", "read", "table"]
 
 Array = NDArray[np.float64]
 
@@ -112,6 +112,34 @@ class Record:
             raise SceneError(f"record '{self.name}': {column} is {shown(value)}; "
                              f"{nearest(value, texts)}")  # fmt: skip
         return {key: items[texts.index(value)] for key, items in self.columns.items()}
+
+
+def curve(
+    instrument: str,
+    time: Sequence[float] | NDArray[Any],
+    value: Sequence[float] | NDArray[Any],
+    *,
+    quantity: str = "level",
+    unit: str = "m",
+    uncertainty: float = 0.0,
+    time_uncertainty: float = 0.0,
+) -> Curve:
+    """Return a measured curve of the caller's, for `compare(run, curves={instrument: ...})`.
+
+    `time` (n,) s of the laboratory's clock, rising; `value` (n,) in `unit`, NaN where there is
+    none. Raises `SceneError`.
+    """
+    when, what = (np.asarray(x, np.float64) for x in (time, value))
+    label = f"records.curve({shown(instrument)})"
+    if when.ndim != 1 or when.shape != what.shape or len(when) < 2:
+        raise SceneError(f"{label}: time has shape {when.shape} and value {what.shape}; expected "
+                         "two or more readings of each")  # fmt: skip
+    if not np.all(np.diff(when) > 0):
+        raise SceneError(f"{label}: times do not rise; expected seconds in order")
+    if not np.any(np.isfinite(what)):
+        raise SceneError(f"{label}: value has no number; expected readings in {unit}")
+    return Curve(instrument, quantity, unit, when, what, what, what, {}, (), uncertainty,
+                 time_uncertainty)  # fmt: skip
 
 
 def _folder() -> Path:

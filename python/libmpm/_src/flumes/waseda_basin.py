@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, Literal
 
-import numpy as np
-
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, value
 from libmpm._src.boundaries.responses import Displacement
 from libmpm._src.errors import SceneError
-from libmpm._src.flumes import criteria as measures
-from libmpm._src.flumes import records
+from libmpm._src.flumes import records, waseda_basin_rows
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris import add_field, displacement, lengthened, spread, track
+from libmpm._src.flumes.debris import add_field, lengthened, scattered, track
 from libmpm._src.flumes.facility import (
     Difference,
     Facility,
@@ -23,10 +20,16 @@ from libmpm._src.flumes.facility import (
     Pairs,
     Width,
     check_debris,
-    free_wall,
     modulus_at_speed,
-    rubbing,
     wall,
+)
+from libmpm._src.flumes.structures import (
+    EDGE_TEXT,
+    EDGES,
+    Edges,
+    add_bed_friction,
+    add_structure,
+    friction,
 )
 from libmpm._src.flumes.virtual_paddle import stroke_of_gauge
 from libmpm._src.materials.generated import FixedCorotated, TaitFluid
@@ -117,6 +120,15 @@ class WasedaBasin(Facility):
         "full": {"width": "full", "cell_size": 0.02, "rows": 1, "debris": "3x2-upstream"},
     }
 
+    cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
+        "waves": ("laptop", {}),
+        "0x0-up": ("full", {"rows": 0, "debris": "3x2-upstream"}),
+        "5x1-up": ("full", {"rows": 1, "debris": "3x2-upstream"}),
+        "5x2-up": ("full", {"rows": 2, "debris": "3x2-upstream"}),
+        "5x1-down": ("full", {"rows": 1, "debris": "3x2-downstream"}),
+        "5x2-down": ("full", {"rows": 2, "debris": "3x2-downstream"}),
+    }
+
     cell_size: float = given("edge Δx of the cells", default=0.015, unit="m", above=0, high=0.05)
     drive: Literal["paddle", "column"] = given(
         '"paddle" is a piston that sends the measured WG1; "column" falls freely', default="paddle"
@@ -134,7 +146,15 @@ class WasedaBasin(Facility):
         default=None,
     )
     gap: float | None = given("between pieces; None = two cells", default=None, unit="m", low=0)
-    friction: float = given("of debris on the apron", default=0.4, unit="1", low=0)
+    seed: int = given(
+        "of shifts of the pieces by up to a quarter of a cell; 0 = none", default=0, unit="1",
+        low=0, whole=True,
+    )  # fmt: skip
+    friction: float = given(
+        "μ of debris on the apron; `flumes.FRICTION` has 0.4 and 0.25",
+        default=friction("hdpe", "plywood", "dry"), unit="1", low=0,
+    )  # fmt: skip
+    edges: Edges = given("of the columns: " + EDGE_TEXT, default="free")
     width: Width = given('"slice" in 2D, "half" from the centreline, or "full"', default="slice")
     bulk_modulus: float = given(
         "K of the water; 2.2 GPa is water's own", default=2e5, unit="Pa", above=0
@@ -143,8 +163,10 @@ class WasedaBasin(Facility):
     def _check(self, check: Checker) -> dict[str, Any]:
         found = self._common(check)
         check.choice("drive", self.drive, ("paddle", "column"))
-        for name in ("still_water_level", "column_spacing", "friction", "bulk_modulus", "rows"):
+        for name in ("still_water_level", "column_spacing", "friction", "bulk_modulus", "rows",
+                     "seed"):  # fmt: skip
             found[name] = check.given(name, self)
+        check.choice("edges", self.edges, EDGES)
         if found["rows"] > 2:
             check.fail(f"rows is {found['rows']}; expected 0, 1 or 2 rows of columns")
         if self.rows and self.width == "slice":
@@ -215,13 +237,11 @@ class WasedaBasin(Facility):
                 shape=axes.box((front, y[0], slot[1]), (slot[0], y[1], made.upper[-1])),
             )  # fmt: skip
         for name, low, high in self._columns():
-            made.add_boundary(name=name, shape=axes.box(low, high), response=free_wall())
+            add_structure(made, name, axes.box(low, high), self.edges, half=self.width == "half")
         if self.debris is not None:
             names = add_field(made, self.field(), elevation=_APRON)
             track(made, names, 1 / 30)
-            made.add_boundary(
-                name="apron-friction", shape=bed, response=rubbing(self.friction), bodies=names
-            )
+            add_bed_friction(made, bed, dict.fromkeys(names, self.friction), "apron-friction")
         for one in self.instruments():
             if one.kind == "level":
                 sensor: Any = axes.gauge(one.x, one.y, one.z, 1 / 50, max(0.03, h),
@@ -268,10 +288,11 @@ class WasedaBasin(Facility):
             ),
         )  # fmt: skip
         gap = 2 * self.cell_size if self.gap is None else self.gap
-        return ordered(
+        made = ordered(
             piece, rows=1, columns=3, layers=int(number[2]), clearance=(gap, gap, 0.0),
             orientation=90, centre=(_QUAY + _STARTS[place], 0.005),
         )  # fmt: skip
+        return scattered(made, self.seed, self.cell_size)
 
     def instruments(self) -> tuple[Instrument, ...]:
         """Return gauges, current meter, and with columns their load cells."""
@@ -325,78 +346,26 @@ class WasedaBasin(Facility):
         ]  # fmt: skip
         if self.width != "slice":
             found += lengthened("width", 4.0, 2 * self._across(4.0)[1])
+        for row in range(self.rows):
+            face = 0.70 + 0.45 * row
+            moved = round(self._cells(_QUAY + face) - _QUAY, 9)
+            found += lengthened(f"face of row {row + 1}", face, moved)
+        if self.rows:
+            low, high = self._columns()[-1][1:]
+            found += lengthened("columns across", 0.10, round(high[1] - low[1], 9))
         if self.debris is not None:
             modulus = self.field().prototypes[0].material.parameters()["youngs_modulus"]
             found.append(Difference("E of the debris", "about 1 GPa", f"{modulus:.3g} Pa",
                                     "longer steps"))  # fmt: skip
+            gap = 2 * self.cell_size if self.gap is None else self.gap
+            found.append(Difference("gap between pieces", "not stated", f"{gap:g} m",
+                                    "bodies share velocities at nodes: no contact"))  # fmt: skip
         return tuple(found)
 
     def criteria(self) -> tuple[Criterion, ...]:
         """Return rows T1 to T3, with debris T4 to T7, with columns T8."""
-        record = records.load("waseda-waves")
-        first, second = (0.0, 3.5), (0.0, 5.0)
-        found = [
-            Criterion("T1", "rms of the level, WG1", "m", ("WG1",), first,
-                      measures.rms("WG1", record.curve("WG1"), first), 0.0, 0.0, 0.010,
-                      "≤ 0.01 m", "0.028 (column)", gates=self.drive == "paddle"),
-            Criterion("T2", "arrival of 2 cm, WG3", "s", ("WG3",), second,
-                      measures.arrival("WG3", 0.02, second), published="+0.04 s",
-                      **measures.near(2.45, 0.1, "s")),
-            Criterion("T2", "crest, WG3", "m", ("WG3",), second, measures.crest("WG3", second),
-                      published="-30 %", **measures.within(0.14, 0.20)),
-            Criterion("T2", "rms of the level, WG3", "m", ("WG3",), second,
-                      measures.rms("WG3", record.curve("WG3"), second), 0.0, 0.0, 0.015,
-                      "≤ 0.015 m", "0.011"),
-        ]  # fmt: skip
-        for name, high in (("WG2", "-8 %"), ("WG4", "-28 %")):
-            found += [
-                Criterion("T3", f"arrival of 2 cm, {name}", "s", (name,), second,
-                          measures.arrival(name, 0.02, second), tolerance="± 0.1 s",
-                          gates=False, held_out=True),
-                Criterion("T3", f"crest, {name}", "m", (name,), second,
-                          measures.crest(name, second), tolerance="± 20 %", published=high,
-                          gates=False, held_out=True),
-            ]  # fmt: skip
-        if self.rows:
-            blow = (1.5, 3.6)
-            found += [
-                Criterion("T8", "first blow on the middle column, surge", "s", ("column-1-3",),
-                          blow, _blow, **measures.near(2.60, 0.1, "s")),
-            ]  # fmt: skip
-        if isinstance(self.debris, str):
-            found += self._rest()
-        return tuple(found)
-
-    def _rest(self) -> list[Criterion]:
-        place = self.debris.split("-")[1] if isinstance(self.debris, str) else ""
-        case = {(0, "upstream"): ("T4", "0x0_up", 0.4), (1, "upstream"): ("T5", "5x1_up", 0.5),
-                (2, "downstream"): ("T5", "5x2_down", 0.5)}.get((self.rows, place))  # fmt: skip
-        window, needs = (0.0, 9.0), ("debris-1",)
-        if case is None:
-            return [Criterion(
-                "T6", "displacement at rest, median", "m", needs, window, displacement,
-                tolerance="± 0.5 m", gates=False, held_out=True,
-            )]  # fmt: skip
-        key = "case_obstacles_columns_x_rows_and_debris_position"
-        row = records.load("waseda-displacements").row(key, case[1])
-        angle = records.load("waseda-spread").row(key, case[1])
-        way = round(float(row["exp_goseberg2016_median_m"]), 2)
-        turn = round(float(angle["exp_goseberg2016_median_deg"]), 2)
-        return [
-            Criterion(case[0], "displacement at rest, median", "m", needs, window, displacement,
-                      **measures.near(way, case[2], "m")),
-            Criterion("T7", "spread, median", "degrees", needs, window, spread, gates=False,
-                      **measures.near(turn, 3.0, "°")),
-        ]  # fmt: skip
+        return waseda_basin_rows.criteria(self)
 
 
 def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
     return ((x, z), (u, z), (u, w), (x, w))
-
-
-def _blow(signals: measures.Signals) -> float:
-    """Return when a tenth of the largest load on the middle column is first reached, s."""
-    time, force = signals.load("column-1-3")
-    keep = (time > 1.5) & (time < 3.6)
-    above = force[keep] >= 0.1 * float(np.max(force[keep]))
-    return float(time[keep][int(np.argmax(above))])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -15,8 +16,9 @@ from libmpm._src.boundaries.responses import Prescribed
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes import criteria as measures
 from libmpm._src.flumes import records
+from libmpm._src.flumes.comparison import Comparison, Row
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris import add_field, lengthened, track
+from libmpm._src.flumes.debris import add_field, lengthened, scattered, track
 from libmpm._src.flumes.facility import (
     Difference,
     Facility,
@@ -24,9 +26,15 @@ from libmpm._src.flumes.facility import (
     Pairs,
     Width,
     check_debris,
-    free_wall,
     modulus_at_speed,
     wall,
+)
+from libmpm._src.flumes.structures import (
+    EDGE_TEXT,
+    EDGES,
+    Edges,
+    add_structure,
+    structure_solid,
 )
 from libmpm._src.materials.generated import FixedCorotated, TaitFluid
 from libmpm._src.scene.scene import Scene
@@ -57,6 +65,8 @@ _SCALE = 4.0
 #: Load of the wave alone on the box of the Large Wave Flume, N, its level above the underside
 #: and its speed at 1:4.
 _LWF_LOAD, _LWF_DEPTH, _LWF_SPEED = 214.4, 0.07, 0.65
+#: Largest difference of two scales that counts as none.
+_ALIKE = 0.01
 #: Range of the drag coefficient of the box.
 _DRAG = (0.8, 1.45)
 
@@ -113,6 +123,16 @@ class WASIRF(Facility):
         "full": {"width": "half", "cell_size": 0.0125, "structure": "box"},
     }
 
+    cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
+        "current": ("laptop", {}),
+        "box": ("full", {}),
+        "lwf-box": ("full", {"speed": _LWF_SPEED, "still_water_level": 0.15 + _LWF_DEPTH}),
+        "8-L": ("full", {"speed": _LWF_SPEED, "still_water_level": 0.15 + _LWF_DEPTH,
+                         "debris": "8-L"}),
+        "24-L": ("full", {"speed": _LWF_SPEED, "still_water_level": 0.15 + _LWF_DEPTH,
+                          "debris": "24-L"}),
+    }  # fmt: skip
+
     cell_size: float = given("edge Δx of the cells", default=0.025, unit="m", above=0, high=0.05)
     speed: float = given("u of the current", default=0.6, unit="m/s", above=0, high=1.0)
     still_water_level: float = given("depth of the water", default=0.20, unit="m", above=0.05,
@@ -127,6 +147,11 @@ class WASIRF(Facility):
         default=None,
     )
     gap: float | None = given("between bars; None = two cells", default=None, unit="m", low=0)
+    seed: int = given(
+        "of shifts of the debris by up to a quarter of a cell; 0 = none", default=0, unit="1",
+        low=0, whole=True,
+    )  # fmt: skip
+    edges: Edges = given("of the box: " + EDGE_TEXT, default="free")
     start: float = given("x of the inlet", default=4.0, unit="m", low=0, high=5.0)
     width: Width = given('"slice" in 2D, "half" from the centreline, or "full"', default="slice")
     bulk_modulus: float = given(
@@ -145,6 +170,8 @@ class WASIRF(Facility):
         found["debris"] = check_debris(check, self.debris, (*_PIECES, *_BARS), self.width)
         if self.gap is not None:
             found["gap"] = check.given("gap", self)
+        check.choice("edges", self.edges, EDGES)
+        found["seed"] = check.given("seed", self)
         return found
 
     @property
@@ -164,7 +191,9 @@ class WASIRF(Facility):
         top = made.upper[-1]
         water: Solid = axes.box((first, y[0], 0.0), (made.upper[0], y[1], level))
         if self.structure is not None:
-            water = water - self.box()
+            water = water - structure_solid(
+                self.box(), self.edges, made.cell_size, self.width == "half"
+            )
         made.add_body(
             name="water", material=TaitFluid(bulk_modulus=self.bulk_modulus), hydrostatic=level,
             shape=water,
@@ -183,7 +212,7 @@ class WASIRF(Facility):
         made.add_flow(name="feed", flow=Inflow(body="water", face="x-", velocity=u, level=level))
         made.add_flow(name="drain", flow=Outflow(face="x+", velocity=u))
         if self.structure is not None:
-            made.add_boundary(name="box", shape=self.box(), response=free_wall())
+            add_structure(made, "box", self.box(), self.edges, half=self.width == "half")
         if self.debris is not None:
             field = self.field()
             names = add_field(made, field, elevation=level + 0.5 * self.cell_size,
@@ -232,8 +261,9 @@ class WASIRF(Facility):
         )  # fmt: skip
         gap = 2 * self.cell_size if self.gap is None else self.gap
         deep = rows * sizes[0] + (rows - 1) * gap
-        return ordered(piece, rows=rows, columns=columns, clearance=gap,
+        made = ordered(piece, rows=rows, columns=columns, clearance=gap,
                        centre=(_FRONT - _AWAY - 0.5 * deep, 0.0))  # fmt: skip
+        return scattered(made, self.seed, self.cell_size, across=self.width != "half")
 
     def instruments(self) -> tuple[Instrument, ...]:
         """Return two gauges and two velocimeters as in the public scene, and the load cell."""
@@ -323,17 +353,52 @@ class WASIRF(Facility):
         if wet > 0:
             unit = 0.5 * 1000.0 * _BOX[1] * min(wet, _BOX[2]) * u**2
             found.append(Criterion(
-                "W2", "steady drag of the box", "N", ("box",), steady, _mean_load(steady),
+                "W2", "steady drag of the box", "N", ("box",), steady,
+                measures.mean_load("box", steady),
                 unit * 0.5 * sum(_DRAG), unit * _DRAG[0], unit * _DRAG[1],
                 f"C {_DRAG[0]:g} to {_DRAG[1]:g}",
             ))  # fmt: skip
         if abs(wet - _LWF_DEPTH) < 0.006 and abs(u - _LWF_SPEED) < 0.011:
             found.append(Criterion(
                 "W3", "load at 1:4 of the Large Wave Flume, × 64", "N", ("box",), steady,
-                lambda signals: _SCALE**3 * _mean_load(steady)(signals),
+                lambda signals: _SCALE**3 * measures.mean_load("box", steady)(signals),
                 **measures.within(_LWF_LOAD, 0.25),
             ))  # fmt: skip
         return tuple(found)
+
+    def similarity(self, *, until: float = 2.0, scale: float = 4.0, threads: int = 0) -> Row:
+        """Return row W5: the same scene at λ 1 and `scale`, by Froude and Cauchy, run on the CPU.
+
+        `until` s of the scene at λ 1. The number is the largest difference of a level or speed
+        at a gauge, in parts of the largest, lengths over λ and speeds over √λ. Raises `SceneError`.
+        """
+        from libmpm._src.run.simulation import Simulation
+
+        scene = self.scene()
+        runs = []
+        for ratio, one in ((1.0, scene), (scale, scene.scaled(scale, cauchy=True))):
+            simulation = Simulation(one, device="cpu", threads=threads)
+            simulation.run(until=until * math.sqrt(ratio), progress=False)
+            runs.append(simulation.sensors)
+        worst = 0.0
+        for name in [i.name for i in self.instruments() if i.kind in ("level", "velocity")]:
+            small, large = (one[name] for one in runs)
+            for column in small.components:
+                speed = column.startswith("velocity")
+                unit = math.sqrt(scale) if speed else scale
+                a, b = (np.asarray(one[column], np.float64) for one in (small, large))
+                n = min(len(a), len(b))
+                off, most = np.abs(b[:n] / unit - a[:n]), self.speed if speed else self.still_water
+                worst = max(worst, float(np.nanmax(off)) / most)
+        verdict = "passed" if worst <= _ALIKE else "failed"
+        return Row("W5", f"λ 1 and {scale:g}, levels and speeds alike", "1", 0.0, worst, "1 %", "",
+                   verdict, "similarity()")  # fmt: skip
+
+    @classmethod
+    def joint_rows(cls, comparisons: Sequence[Comparison]) -> list[Row]:
+        """Return row W5, which `similarity` fills."""
+        return [Row("W5", "λ 1 and 4, levels and speeds alike", "1", 0.0, None, "1 %", "",
+                    "not run", "similarity()")]  # fmt: skip
 
     def _first_peak(self) -> tuple[Criterion, ...]:
         """Return the first peak of bars at 1:4 against the fences of the Large Wave Flume."""
@@ -358,14 +423,3 @@ class WASIRF(Facility):
 
 def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
     return ((x, z), (u, z), (u, w), (x, w))
-
-
-def _mean_load(window: tuple[float, float]) -> Any:
-    """Return what measures the mean load on the box in a window, N."""
-
-    def measure(signals: measures.Signals) -> float:
-        time, force = signals.load("box")
-        keep = (time >= window[0]) & (time <= window[1])
-        return float(np.mean(force[keep]))
-
-    return measure

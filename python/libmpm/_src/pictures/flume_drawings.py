@@ -10,15 +10,17 @@ from libmpm._src.base.palette import CYCLE
 from libmpm._src.flumes import records
 
 if TYPE_CHECKING:
+    from libmpm._src.flumes.collection import Collection
     from libmpm._src.flumes.comparison import Comparison
     from libmpm._src.flumes.facility import Facility
     from libmpm._src.pictures.figures import Picture
 
-__all__ = ["curves", "preview"]
+__all__ = ["curves", "preview", "ratios"]
 
 _KINDS = {
     "level": ("v", CYCLE[1]),
     "depth": ("v", CYCLE[1]),
+    "height": ("^", CYCLE[1]),
     "velocity": ("o", CYCLE[2]),
     "load": ("s", CYCLE[3]),
 }
@@ -71,13 +73,14 @@ def curves(comparison: Comparison) -> Picture:
     panels: list[tuple[str, Any]] = []
     for name in records.names(type(facility).__name__):
         panels += [(c.instrument, c) for c in records.load(name).curves]
+    panels += [] if signals is None else list(signals.curves.items())
     known = {i.name: i for i in facility.instruments()}
     panels = [(n, c) for n, c in panels if n in known]
     shown = {n for n, _ in panels}
     panels += [
         (n, None)
         for n, i in known.items()
-        if n not in shown and i.kind in ("level", "depth", "load")
+        if n not in shown and i.kind in ("level", "depth", "height", "load")
     ]
     panels = [(n, c) for n, c in panels if signals is not None and n in signals] or panels[:1]
     wide = 2 if len(panels) > 2 else 1
@@ -88,7 +91,7 @@ def curves(comparison: Comparison) -> Picture:
     for k, (name, curve) in enumerate(panels):
         axes = figure.add_subplot(tall, wide, k + 1)
         if curve is not None:
-            as_depth = curve.quantity == "depth"
+            as_depth = curve.quantity != "level"
             middle = curve.value if as_depth else curve.change()
             base = 0.0 if as_depth else float((curve.value - middle)[0])
             axes.fill_between(curve.time, curve.low - base - curve.uncertainty,
@@ -102,7 +105,7 @@ def curves(comparison: Comparison) -> Picture:
             kind = known[name].kind
             if kind == "load":
                 time, values = signals.load(name)
-            elif kind == "depth" or (curve is not None and curve.quantity == "depth"):
+            elif kind in ("depth", "height") or (curve is not None and curve.quantity == "depth"):
                 time, values = signals.depth(name)
             else:
                 time, values = signals.level(name)
@@ -114,4 +117,25 @@ def curves(comparison: Comparison) -> Picture:
         axes.legend(fontsize=6)
     cell = f"cells of {facility.cell_size:g} m, {facility.width}"
     figure.suptitle(f"{facility.title}: {cell}", fontsize=10)
+    return figure
+
+
+def ratios(collection: Collection) -> Picture:
+    """See `Collection.figure`."""
+    rows = [r for r in collection.rows if r.measured and r.simulated is not None]
+    figure = Picture(figsize=(8.0, 0.22 * max(len(rows), 4) + 1.4), layout="constrained")
+    axes = figure.add_subplot(1, 1, 1)
+    colours = {"passed": CYCLE[2], "failed": CYCLE[3]}
+    for k, row in enumerate(rows):
+        assert row.measured is not None and row.simulated is not None
+        colour = colours.get(row.verdict, "0.4")
+        if row.spread is not None:
+            axes.plot([x / row.measured for x in row.spread], [k, k], color=colour, linewidth=1.0)
+        axes.plot([row.simulated / row.measured], [k], "o", color=colour, markersize=4)
+    axes.axvline(1.0, color="k", linewidth=0.7)
+    axes.set_yticks(range(len(rows)), [f"{r.id} {r.quantity}" for r in rows], fontsize=6)
+    axes.invert_yaxis()
+    axes.tick_params(axis="x", labelsize=7)
+    axes.set_xlabel("this run over measured; green passed, red failed, grey reported", fontsize=8)
+    axes.set_title(collection.kind.title, fontsize=10)
     return figure

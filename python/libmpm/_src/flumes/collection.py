@@ -1,0 +1,205 @@
+"""`Collection`: all rows of a facility: of its set-ups, and of several runs of each."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.base.values import from_plain, shown
+from libmpm._src.errors import Error, SceneError
+from libmpm._src.flumes.comparison import HEAD, Comparison, Row, blank, compare, verdict_of
+from libmpm._src.output.atomic_files import replacing, write_json
+
+if TYPE_CHECKING:
+    from libmpm._src.flumes.facility import Facility
+    from libmpm._src.pictures.figures import Picture
+
+__all__ = ["RECORD", "Collection", "collect", "median_of", "recall", "remember", "runs_in"]
+
+#: File in a run's folder that says which facility was run.
+RECORD = "flume.json"
+
+_HEAD = ("set-up", *HEAD)
+
+
+def remember(facility: Facility, folder: Path, case: str) -> None:
+    """Write which facility and set-up a folder holds. Raises `OutputError`."""
+    write_json(folder / RECORD, {"case": case, "facility": facility.to_dict()})
+
+
+def recall(folder: Path) -> tuple[Facility, str] | None:
+    """Return the facility and the name of the set-up of a run's folder; None where it has none."""
+    import json
+
+    import libmpm.flumes  # noqa: F401  # the classes that the file names
+    from libmpm._src.flumes.facility import Facility
+
+    path = folder / RECORD
+    if not path.is_file():
+        return None
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        facility, case = from_plain(found["facility"]), found["case"]
+    except (OSError, ValueError, LookupError, TypeError, Error) as error:
+        raise SceneError(f"{path}: does not say which flume was run: {error}; expected what "
+                         "`libmpm flume` has written") from error  # fmt: skip
+    if not isinstance(facility, Facility) or not isinstance(case, str):
+        raise SceneError(f"{path}: is about {shown(facility)}; expected a facility and the name of "
+                         "a set-up, as `libmpm flume` has written them")  # fmt: skip
+    return facility, case
+
+
+def runs_in(folder: Path) -> list[Path]:
+    """Return the folder if it is that of a run, else the runs in it, by name."""
+    if (folder / RECORD).is_file():
+        return [folder]
+    found = sorted(p.parent for p in folder.glob(f"*/{RECORD}"))
+    if not found:
+        raise SceneError(f"{folder}: holds no run of a flume; expected the folder of one, or a "
+                         "folder of such folders")  # fmt: skip
+    return found
+
+
+def median_of(comparisons: Sequence[Comparison]) -> Comparison:
+    """Return the rows of several runs of one set-up: medians, with smallest and largest.
+
+    Rows that some of them lack are of those that have them. Debris is chaotic: five runs that
+    differ in `seed` alone. Raises `SceneError` where there is none.
+    """
+    if not comparisons:
+        raise SceneError("flumes.median_of: there is no comparison; expected one or more")
+    first = comparisons[0]
+    if len(comparisons) == 1:
+        return first
+    criteria = {(c.id, c.quantity): c for c in first.facility.criteria()}
+    rows = []
+    for row in first.rows:
+        key = (row.id, row.quantity)
+        same = [r for c in comparisons for r in c.rows if (r.id, r.quantity) == key]
+        values = [r.simulated for r in same if r.simulated is not None]
+        if not values:
+            rows.append(row)
+            continue
+        known = [v for v in values if math.isfinite(v)]
+        middle = statistics.median(known) if known else math.nan
+        limits = (min(known), max(known)) if known else (math.nan, math.nan)
+        verdict = next(r.verdict for r in same if r.simulated is not None)
+        if verdict in ("passed", "failed"):
+            # A run without a number counts: it fails the row.
+            finite = middle if len(known) == len(values) else math.nan
+            verdict = verdict_of(criteria[key], finite)
+        rows.append(dataclasses.replace(row, simulated=middle, verdict=verdict, spread=limits,
+                                        runs=len(values)))  # fmt: skip
+    return Comparison(first.facility, tuple(rows), first.signals)
+
+
+@dataclass(frozen=True, eq=False)
+class Collection:
+    """All rows of a facility: of every set-up that was measured, run or not; prints as a table."""
+
+    kind: type[Facility]
+    rows: tuple[Row, ...]
+    comparisons: tuple[Comparison, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether a row has passed and none that decides has failed."""
+        verdicts = [row.verdict for row in self.rows]
+        return "failed" not in verdicts and "passed" in verdicts
+
+    def __getitem__(self, which: str) -> Row:
+        """Return a row by id and start of its quantity, such as "L8" or "L1 rms"."""
+        for row in self.rows:
+            if f"{row.id} {row.quantity}".startswith(which):
+                return row
+        raise KeyError(f"no row {which!r}; there are {', '.join(r.id for r in self.rows)}")
+
+    def _texts(self) -> list[tuple[str, ...]]:
+        return [(row.case, *row.texts()) for row in self.rows]
+
+    def table(self) -> str:
+        """Return all rows as a table in plain text."""
+        return text_table([_HEAD, *self._texts()], flush="left")
+
+    def __str__(self) -> str:
+        """Return facility, table and how many rows have which verdict."""
+        verdicts = [row.verdict for row in self.rows]
+        counts = [f"{verdicts.count(v)} {v}" for v in dict.fromkeys(verdicts)]
+        return f"{self.kind.title}\n{self.table()}\n{len(verdicts)} rows: {', '.join(counts)}"
+
+    def _repr_html_(self) -> str:
+        """Return the table for a notebook."""
+        return html_table(self._texts(), _HEAD)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write all rows; the file appears whole or not at all. Raises `OutputError`."""
+        with (
+            replacing(Path(path)) as part,
+            part.open("w", encoding="utf-8", newline="") as file,
+        ):
+            writer = csv.writer(file)
+            writer.writerow(_HEAD)
+            writer.writerows(self._texts())
+
+    def figure(self) -> Picture:
+        """Return what was simulated over what was measured, with the line of equality.
+
+        One point a row that has both numbers, in parts of the measured one: bars are tolerances
+        and the spread of several runs.
+        """
+        from libmpm._src.flumes.drawing import ratios
+
+        return ratios(self)
+
+
+def _load(folder: Path) -> Any:
+    from libmpm._src.output.results import load
+
+    return load(folder)
+
+
+def collect(kind: type[Facility], folders: Sequence[Path] = (), curves: Any = None) -> Collection:
+    """Return all rows of a facility, of the runs in folders and "not run" of what was not.
+
+    Each folder is that of a run of `libmpm flume`, or holds such folders. Several runs of one
+    set-up that differ in `seed` alone are one row with median and spread. `curves` are measured
+    curves by instrument, as of `Facility.compare`. Raises `SceneError` where a folder holds another
+    facility's run.
+    """
+    groups: dict[str, list[Comparison]] = {}
+    cases: dict[str, str] = {}
+    for folder in [run for one in folders for run in runs_in(Path(one))]:
+        found = recall(folder)
+        assert found is not None
+        facility, case = found
+        if type(facility) is not kind:
+            raise SceneError(f"{folder}: holds a run of {facility.title}; expected {kind.title}")
+        plain = {k: v for k, v in facility.to_dict().items() if k != "seed"}
+        key = repr(plain)
+        known = {i.name for i in facility.instruments()}
+        given = {k: v for k, v in (curves or {}).items() if k in known}
+        one = compare(facility, _load(folder), given, case, strict=False)
+        groups.setdefault(key, []).append(one)
+        cases[key] = case
+    comparisons = tuple(median_of(group) for group in groups.values())
+    rows = [row for one in comparisons for row in one.rows]
+    done = {(row.id, row.quantity) for row in rows if row.simulated is not None}
+    rows = [row for row in rows if row.simulated is not None or (row.id, row.quantity) not in done]
+    seen = {(row.id, row.quantity) for row in rows}
+    ran = set(cases.values())
+    for case in kind.cases:
+        for row in blank(kind.of_case(case), case).rows:
+            key2 = (row.id, row.quantity)
+            if key2 not in seen and case not in ran:
+                rows.append(row)
+                seen.add(key2)
+    rows += kind.joint_rows(comparisons)
+    rows.sort(key=lambda r: (r.id[:1], int(r.id[1:]) if r.id[1:].isdigit() else 0))
+    return Collection(kind, tuple(rows), comparisons)
