@@ -36,7 +36,7 @@ from libmpm._src.flumes.directional_wave_basin import DirectionalWaveBasin
 from libmpm._src.flumes.facility import Difference, Facility, Instrument
 from libmpm._src.flumes.large_wave_flume import LargeWaveFlume
 from libmpm._src.flumes.structures import FRICTION, add_bed_friction, bevelled, friction
-from libmpm._src.flumes.virtual_paddle import stroke_of_gauge
+from libmpm._src.flumes.virtual_paddle import piston_of_flow, stroke_of_gauge
 from libmpm._src.flumes.waseda_basin import WasedaBasin
 from libmpm._src.flumes.wasirf import WASIRF
 
@@ -62,6 +62,7 @@ __all__ = [
     "median_of",
     "named",
     "names",
+    "piston_of_flow",
     "records",
     "stroke_of_gauge",
 ]

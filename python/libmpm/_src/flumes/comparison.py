@@ -33,7 +33,8 @@ class Row:
     """One number: measured, of this run, and the verdict.
 
     `verdict` is "passed" or "failed" of rows that decide, "reported" or "held out" of others,
-    "not reached" where the run ended before, "no instrument" where the scene has none of it, "no
+    "not reached" where the run ended before, "begins late" where it begins after the row's time,
+    as a near field does, "no instrument" where the scene has none of it, "no
     record" where a measured curve is needed that `compare` was not given, and "not run" of a table
     without a run. `error` is the run less what was measured. `case` is the set-up that gives the
     row; `spread` the smallest and largest of several runs, of which `simulated` is the median.
@@ -161,7 +162,7 @@ def compare(
         if name not in [i.name for i in known]:
             hint = nearest(name, [i.name for i in known])
             raise SceneError(f"{facility.label}.compare: curves has {shown(name)}; {hint}")
-    signals = Signals(sensors, facility.clock, known, facility.rest, curves)
+    signals = Signals(sensors, facility.clock, known, facility.rest, curves, facility.still_water)
     rows = tuple(_judged(one, signals, case) for one in facility.criteria())
     if strict and not any(row.simulated is not None for row in rows):
         lacking = {row.verdict for row in rows} <= {"no instrument", "no record"}
@@ -193,6 +194,8 @@ def _judged(one: Criterion, signals: Signals, case: str) -> Row:
     slack = 1e-3 + 0.1  # a sample short of the window's end
     if any(signals.end(name) < one.window[1] - slack for name in one.needs):
         return _row(one, None, "not reached", case)
+    if any(signals.begin(name) > max(one.window[0], signals.clock) + slack for name in one.needs):
+        return _row(one, None, "begins late", case)
     if one.curve and one.curve not in signals.curves:
         return _row(one, None, "no record", case)
     try:

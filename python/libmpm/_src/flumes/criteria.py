@@ -32,15 +32,23 @@ class Signals:
         instruments: Sequence[Instrument],
         rest: float = 2.0,
         curves: Mapping[str, Curve] | None = None,
+        still: float | None = None,
     ) -> None:
         """`sensors` are series by name, `clock` measured time less that of the run, s.
 
         `rest` s from its start on a run is still: levels are changes from their mean then.
-        `curves` are measured curves by instrument that are not in the package.
+        Where it begins later, as a near field does, they are changes from `still`, m, the level at
+        rest. `curves` are measured curves by instrument that are not in the package.
         """
+        self._still = still
         self._sensors, self._clock, self._rest = sensors, clock, rest
         self._known = {i.name: i for i in instruments}
         self.curves: Mapping[str, Curve] = {} if curves is None else curves
+
+    @property
+    def clock(self) -> float:
+        """Measured time less that of the run, s."""
+        return self._clock
 
     def __contains__(self, name: object) -> bool:
         """Tell whether the run has the instrument, with two samples or more."""
@@ -50,6 +58,10 @@ class Signals:
     def names(self) -> list[str]:
         """Return the names of all instruments with samples."""
         return [name for name in self._sensors if name in self]
+
+    def begin(self, name: str) -> float:
+        """Return the laboratory's time of the first sample, s."""
+        return float(self._sensors[name].time[0]) + self._clock
 
     def end(self, name: str) -> float:
         """Return the laboratory's time of the last sample, s."""
@@ -75,7 +87,9 @@ class Signals:
         time, found = self.column(name, self._sensors[name].components[0])
         found = np.where(np.isfinite(found), found, one.z)
         rest = found[time - self._clock <= self._rest]
-        return time, found - float(np.mean(rest if len(rest) else found[:1]))
+        if not len(rest):
+            return time, found - (float(found[0]) if self._still is None else self._still)
+        return time, found - float(np.mean(rest))
 
     def depth(self, name: str) -> tuple[Array, Array]:
         """Return the depth over the bed at a gauge, `Instrument.z`, m; 0 where it is dry.

@@ -1,7 +1,8 @@
-"""`stroke_of_gauge`: a piston that sends the wave that a gauge has measured."""
+"""Pistons that send a measured wave (`stroke_of_gauge`) or move with a recorded flow."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, keywords_only
 
-__all__ = ["stroke_of_gauge"]
+__all__ = ["piston_of_flow", "stroke_of_gauge"]
 
 #: Share of the still depth below which a level counts as still.
 _STILL = 0.01
@@ -91,3 +92,78 @@ def stroke_of_gauge(
         places.append(place)
         speed = u
     return TimeTable([t - start for t in times], places), start
+
+
+@keywords_only("piston_of_flow", 3, method=False)
+def piston_of_flow(
+    time: Sequence[float] | npt.NDArray[Any],
+    place: Sequence[float] | npt.NDArray[Any],
+    velocity: npt.NDArray[Any] | Sequence[Sequence[float]],
+    *,
+    begin: float,
+    at: float,
+    until: float | None = None,
+) -> TimeTable:
+    """Return the places (m) of a piston that moves with the water of a run, as a `TimeTable`.
+
+    =========  ====  ============  ==============================================================
+    parameter  unit  range         meaning
+    =========  ====  ============  ==============================================================
+    time       s     rising (n,)   of the readings, in the run's clock
+    place      m     rising (k,)   x of the stations along the flow, k ≥ 2
+    velocity   m/s   (n, k)        mean over the depth of the water at each station
+    begin      s     in time       when the piston begins to move
+    at         m     in place      x at which it then stands
+    until      s     > begin       end of the table; None = that of the readings
+    =========  ====  ============  ==============================================================
+
+    A vertical plane that moves with the mean velocity of the water in it, dX/dt = u(X, t), has the
+    same water on each side for good: a wall in its place sends into a near field what the run sent
+    there, and lets in nothing else. It is exact for long waves, whose velocity is the same at all
+    depths. Places count from `at`, are 0 until `begin` and hold their end. Waves that come back
+    from the near field in another way than in the run meet it as a wall.
+
+    u is linear between stations and readings, X is found by steps of the readings (Heun). Raises
+    `SceneError` where the plane leaves the stations.
+    """
+    check = Checker("piston_of_flow")
+    when, x = np.asarray(time, np.float64), np.asarray(place, np.float64)
+    u = np.asarray(velocity, np.float64)
+    begin = check.number("begin", begin, unit="s")
+    at = check.number("at", at, unit="m")
+    if when.ndim != 1 or len(when) < 2 or np.any(np.diff(when) <= 0):
+        check.fail(f"time has shape {when.shape}; expected two or more rising times")
+    if x.ndim != 1 or len(x) < 2 or np.any(np.diff(x) <= 0):
+        check.fail(f"place has shape {x.shape}; expected two or more stations at rising x")
+    if u.shape != (*when.shape, *x.shape):
+        check.fail(f"velocity has shape {u.shape}; expected {(*when.shape, *x.shape)}, a row a "
+                   "reading and a column a station")  # fmt: skip
+    elif not np.all(np.isfinite(u)):
+        check.fail("velocity has gaps; expected a number at each station and time; leave out "
+                   "stations that fall dry")  # fmt: skip
+    check.finish()
+    end = float(when[-1]) if until is None else check.number("until", until, unit="s")
+    if not when[0] <= begin < end <= when[-1] + 1e-9:
+        check.fail(f"begin is {begin:g} and until {end:g} s; expected rising, within the readings "
+                   f"from {when[0]:g} to {when[-1]:g} s")  # fmt: skip
+    if not x[0] <= at <= x[-1]:
+        check.fail(f"at is {at:g} m; expected within the stations, {x[0]:g} to {x[-1]:g} m")
+    check.finish()
+
+    def speed(t: float, where: float) -> float:
+        rows = [float(np.interp(t, when, column)) for column in u.T]
+        return float(np.interp(where, x, rows))
+
+    steps = [begin, *[float(t) for t in when if begin < t < end], end]
+    places = [at]
+    for t, later in itertools.pairwise(steps):
+        first = speed(t, places[-1])
+        second = speed(later, places[-1] + (later - t) * first)
+        places.append(places[-1] + 0.5 * (later - t) * (first + second))
+        if not x[0] <= places[-1] <= x[-1]:
+            check.fail(f"the water at {at:g} m goes to {places[-1]:g} m by {later:g} s; expected "
+                       f"within the stations, {x[0]:g} to {x[-1]:g} m; record more of them, or "
+                       "end before")  # fmt: skip
+            check.finish()
+    head = [0.0] if begin > 0 else []
+    return TimeTable([*head, *steps], [*head, *(p - at for p in places)])

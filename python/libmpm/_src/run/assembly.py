@@ -233,7 +233,7 @@ class Assembly:
         self._loads_state = start.as_it_was(
             len(scene.bodies), scene.sensors, self.requested["time_step"]
         )
-        if start.tiles > 1:
+        if start.tiles > 1 or start.first_cell is not None:
             source.sensors.clear()
         self.restored = source
         if self._loads_state:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -69,6 +69,26 @@ class Snapshot:
             weight = self.sums.get(f"mass:{name.partition(':')[2]}", self.sums["mass"])
             found[name] = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0)
         return found
+
+    def cut(self, first: Sequence[int], cells: Sequence[int], cell_size: float) -> Snapshot:
+        """Return what lies in a box of whole cells: particles, and the nodes that they reach.
+
+        `first` (d,) is its lowest cell, `cells` (d,) how many there are, `cell_size` m the
+        edge of a cell. Nodal velocities stay what they were with the particles that are cut off
+        (design/branches.md, 3).
+        """
+        low, high = np.asarray(first), np.asarray(first) + np.asarray(cells)
+        bodies = {}
+        for name, (ids, position, state) in self.bodies.items():
+            home = np.floor(position / cell_size)
+            kept = np.all((home >= low) & (home < high), axis=1)
+            bodies[name] = (ids[kept], position[kept] - low * cell_size, state[kept])
+        near = np.all((self.cell >= low - 1) & (self.cell <= high), axis=1)
+        sums = {name: total[near] for name, total in self.sums.items()}
+        return Snapshot(
+            self.time, self.step, self.time_step, bodies, self.cell[near] - low, sums, self.frozen,
+            {},
+        )  # fmt: skip
 
     def tiled(self, start: Start, axis: int, cells: int, cell_size: float) -> Snapshot:
         """Return the copies of `start` side by side, each `cells` further along an axis.
@@ -147,6 +167,8 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
 def _read(start: Start, cells: int, cell_size: float, _version: tuple[int, int] | None) -> Snapshot:
     start.check_file()
     whole = take_apart(load_checkpoint(Path(start.checkpoint)))
+    if start.first_cell is not None and start.cut_cells is not None:
+        whole = whole.cut(start.first_cell, start.cut_cells, cell_size)
     if start.tiles == 1:
         return whole
     return whole.tiled(start, "xyz".index(str(start.axis)), cells, cell_size)

@@ -11,9 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, warn
 from libmpm._src.errors import SceneError
 from libmpm._src.materials.friction import with_cones
+from libmpm._src.scene.cut import cells_within, cut_parts, require_particles
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.start import RestoredBody, Start, digest_of
 from libmpm._src.sensors.engine_sensors import ParticleTracker
@@ -23,13 +24,20 @@ from libmpm._src.shapes.boxes import Box, OrientedBox
 __all__ = ["scene_from_checkpoint"]
 
 S = TypeVar("S", bound=SceneData)
+#: Lowest cell, and how many along each axis.
+Cells = tuple[tuple[int, ...], tuple[int, ...]]
 
 #: Part of a cell by which a box may miss the side of a slice and still go through it.
 _THROUGH = 1e-6
 
 
 def scene_from_checkpoint(
-    path: Path, tiles: int, axis: str | None, *, read: Callable[[dict[str, Any]], S]
+    path: Path,
+    tiles: int,
+    axis: str | None,
+    within: Box | None = None,
+    *,
+    read: Callable[[dict[str, Any]], S],
 ) -> S:
     """Return the scene of a checkpoint, which continues from there; see `Scene.from_checkpoint`.
 
@@ -56,7 +64,10 @@ def scene_from_checkpoint(
             "node; expected a run without contacts; go on with Simulation.resume, or begin a scene "
             "of its own"
         )
+    if within is not None:
+        check.instance("within", within, (Box,), "a shapes.Box, or None for all of the run")
     check.finish()
+    cut = None if within is None else cells_within(check, before, within)
     bodies = [
         RestoredBody(
             name=name, first_id=tiles * first, ids=tiles * ids, particle_mass=mass,
@@ -72,9 +83,43 @@ def scene_from_checkpoint(
     )  # fmt: skip
     data = before.to_dict()
     data.pop("start", None)
+    if cut is not None:
+        before, data, start = _cut_out(before, start, cut, read)
     if tiles > 1:
         data = _side_by_side(before, data, start, names.index(str(axis)))
     return read(data | {"start": start.to_dict()})
+
+
+def _cut_out(
+    before: S, start: Start, cut: Cells, read: Callable[[dict[str, Any]], S]
+) -> tuple[S, dict[str, Any], Start]:
+    """Return the scene of what lies in some cells of a run, as JSON too, and where it starts."""
+    from libmpm._src.output.checkpoint import load_checkpoint
+    from libmpm._src.run.checkpoint_state import take_apart
+
+    first, cells = cut
+    h = before.cell_size
+    lower = [a + n * h for a, n in zip(before.lower, first, strict=True)]
+    upper = [a + n * h for a, n in zip(lower, cells, strict=True)]
+    state = take_apart(load_checkpoint(Path(start.checkpoint))).cut(first, cells, h)
+    left = {name: len(rows[0]) for name, rows in state.bodies.items()}
+    require_particles(start.checkpoint, left)
+    gone, blind = cut_parts(before, lower, upper)
+    said = [f"boundary '{name}'" for name in gone] + [f"sensor '{name}'" for name in blind]
+    if said:
+        warn([f"Scene.from_checkpoint: {', '.join(said)} of the run lie outside of what is cut "
+              "out of it and are left out"], stacklevel=4)  # fmt: skip
+    data = before.to_dict()
+    data.pop("start", None)
+    data |= {"lower": lower, "upper": upper}
+    data["boundaries"] = [b for b in data["boundaries"] if b["name"] not in gone]
+    data["sensors"] = [s for s in data["sensors"] if s["name"] not in blind]
+    bodies = [dataclasses.replace(one, left=left[one.name]) for one in start.bodies]
+    start = dataclasses.replace(
+        start, bodies=bodies, boundaries=len(data["boundaries"]), sensors=len(data["sensors"]),
+        first_cell=first, cut_cells=cells,
+    )  # fmt: skip
+    return read(data), data, start
 
 
 def _side_by_side(

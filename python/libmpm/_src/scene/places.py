@@ -125,5 +125,10 @@ def body_counts(scene: SceneData) -> list[int]:
     counts = []
     for b in scene.bodies:
         before = None if scene.start is None else scene.start.restored(b.name)
-        counts.append(fill(scene, b).points.count if before is None else before.ids)
+        if before is None:
+            counts.append(fill(scene, b).points.count)
+        elif before.left is None or scene.start is None:
+            counts.append(before.ids)
+        else:
+            counts.append(before.left * scene.start.tiles)
     return counts

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from libmpm._src.advice.result import Advice
     from libmpm._src.run.plan import Plan
+    from libmpm._src.shapes.boxes import Box
 
 __all__ = ["HEAD", "SCHEMA", "Body", "Boundary", "PlacedSensor", "Scene"]
 
@@ -161,7 +162,14 @@ class Scene(SceneData):
 
     @classmethod
     @keywords_only("Scene.from_checkpoint", 1)
-    def from_checkpoint(cls, path: str | Path, *, tiles: int = 1, axis: str | None = None) -> Scene:
+    def from_checkpoint(
+        cls,
+        path: str | Path,
+        *,
+        tiles: int = 1,
+        axis: str | None = None,
+        within: Box | None = None,
+    ) -> Scene:
         """Return a scene that continues from a checkpoint: water once, debris many times.
 
         Bodies, boundaries and sensors may be added to it. New bodies take the place of the
@@ -178,14 +186,21 @@ class Scene(SceneData):
                                      slice one cell thick becomes a flume
         axis       -     "x"|"y"|    across which they lie; needed with tiles > 1
                          "z"
+        within     m     a `Box`     what is cut out of the run before it is tiled, moved out to
+                                     faces of cells; None = all of it
         =========  ====  ==========  ======================================================
+
+        A cut is the domain of the scene: what lies outside is gone, and `DomainWalls` stand at its
+        faces. Boundaries and sensors that lie outside of it are left out, with a warning that
+        names them; sensors begin again. What enters or leaves through its faces is for the caller
+        to hold: by a piston that moves as the water did (`flumes.piston_of_flow`).
 
         The scene refers to the file by its path and SHA-256; it must stay where it is until the
         run has begun. Raises `CheckpointError` and `SceneError`.
         """
         from libmpm._src.scene.from_checkpoint import scene_from_checkpoint
 
-        return scene_from_checkpoint(Path(path), tiles, axis, read=cls.from_dict)
+        return scene_from_checkpoint(Path(path), tiles, axis, within, read=cls.from_dict)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:

@@ -38,6 +38,11 @@ class RestoredBody(Value):
         whole=True,
     )
 
+    left: int | None = given(
+        "how many of its particles a cut has left, before tiling; None = all: nothing was cut",
+        default=None, low=1, whole=True,
+    )  # fmt: skip
+
     def _label(self) -> str:
         return "Start: a body" if not isinstance(self.name, str) else f"Start: body '{self.name}'"
 
@@ -48,6 +53,7 @@ class RestoredBody(Value):
             "ids": check.given("ids", self),
             "particle_mass": check.given("particle_mass", self),
             "stored_as": check.given("stored_as", self),
+            "left": None if self.left is None else check.given("left", self),
         }
 
 
@@ -76,6 +82,14 @@ class Start(Value):
         "copies of its domain side by side along `axis`", default=1, low=1, whole=True
     )
     axis: str | None = given('"x", "y" or "z"; None where there is one copy', default=None)
+    first_cell: Sequence[int] | None = given(
+        "cell of the run's domain at the lower corner of what was cut out of it; None = not cut",
+        default=None, shape="(2|3,)", unit="cells",
+    )  # fmt: skip
+    cut_cells: Sequence[int] | None = given(
+        "how many cells were cut out along each axis, before tiling; None = not cut",
+        default=None, shape="(2|3,)", unit="cells",
+    )  # fmt: skip
 
     def _check(self, check: Checker) -> dict[str, Any]:
         tiles = check.given("tiles", self)
@@ -87,6 +101,18 @@ class Start(Value):
         if bodies is None or not all(isinstance(body, RestoredBody) for body in bodies):
             check.fail(f"bodies is {shown(self.bodies)}; expected what Scene.from_checkpoint gives")
             bodies = []
+        cut: dict[str, tuple[int, ...] | None] = {}
+        for name in ("first_cell", "cut_cells"):
+            cells = getattr(self, name)
+            cut[name] = None
+            if cells is not None:
+                lower = int(name == "cut_cells")
+                cut[name] = tuple(
+                    check.integer(f"{name}[{a}]", n, lower=lower)
+                    for a, n in enumerate(sequence(cells) or ())
+                )
+        if (self.first_cell is None) != (self.cut_cells is None):
+            check.fail("first_cell and cut_cells are not both given; expected both, or none")
         step = self.time_step
         if step is not None:
             step = check.given("time_step", self, step)
@@ -98,6 +124,7 @@ class Start(Value):
             "boundaries": check.given("boundaries", self),
             "sensors": check.given("sensors", self),
             "time_step": step,
+            **cut,
         }
 
     def restored(self, name: str) -> RestoredBody | None:
@@ -123,6 +150,7 @@ class Start(Value):
         """
         return (
             self.tiles == 1
+            and self.first_cell is None
             and time_step == self.time_step
             and bodies == len(self.bodies)
             and not self._kept_apart(sensors)
