@@ -15,7 +15,7 @@ from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.values import from_plain, shown
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.flumes.comparison import HEAD, Comparison, Row, blank, compare, verdict_of
-from libmpm._src.output.atomic_files import replacing, write_json
+from libmpm._src.output.atomic_files import replacing, write_json, writing
 
 if TYPE_CHECKING:
     from libmpm._src.flumes.facility import Facility
@@ -31,6 +31,8 @@ _HEAD = ("set-up", *HEAD)
 
 def remember(facility: Facility, folder: Path, case: str) -> None:
     """Write which facility and set-up a folder holds. Raises `OutputError`."""
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / RECORD, {"case": case, "facility": facility.to_dict()})
 
 

@@ -293,18 +293,24 @@ class LargeWaveFlume(Facility):
         return dataclasses.replace(self, width="strip", structure=None, debris=None, seed=0)
 
     def near_field(
-        self, folder: str | Path, *, begin: float = 27.5, lower: float = 26.0, **options: Any
+        self,
+        folder: str | Path,
+        *,
+        begin: float = 27.5,
+        lower: float = 26.0,
+        until: float | None = None,
+        **options: Any,
     ) -> Scene:
         """Return the part of the flume about the box, cut out of a run of `trunk()`.
 
         The strip is run once, into `folder`, with `options` of `Simulation`; what lies there is
         used again, so that all layouts have one water. The near field continues from `begin`, s of
-        the laboratory, and takes the flume from `lower`, x in m, on: cut, tiled to half of the
-        width, with box and debris of this value. At `lower` a piston moves as the water of the
-        strip did (`flumes.piston_of_flow`). For `width` "half". `compare` takes its run; rows of
-        gauges begin too late in it. Raises `SceneError`.
+        the laboratory, up to `until` (None = the end of all rows), and takes the flume from
+        `lower`, x in m, on: cut, tiled to half of the width, with box and debris of this value. At
+        `lower` a piston moves as the water of the strip did (`flumes.piston_of_flow`). For `width`
+        "half". `compare` takes its run; rows of gauges begin too late in it. Raises `SceneError`.
         """
-        return near_field.near_field(self, Path(folder), begin, lower, options)
+        return near_field.near_field(self, Path(folder), begin, lower, until, options)
 
     def half_width(self) -> float:
         """Return half of the flume's width on faces of cells, m."""

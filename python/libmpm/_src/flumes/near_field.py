@@ -48,7 +48,12 @@ def add_stations(scene: Scene) -> None:
 
 
 def near_field(
-    flume: LargeWaveFlume, folder: Path, begin: float, lower: float, options: Mapping[str, Any]
+    flume: LargeWaveFlume,
+    folder: Path,
+    begin: float,
+    lower: float,
+    until: float | None,
+    options: Mapping[str, Any],
 ) -> Scene:
     """See `LargeWaveFlume.near_field`."""
     label = f"{flume.label}.near_field"
@@ -59,10 +64,11 @@ def near_field(
         raise SceneError(f"{label}: lower is {lower:g} m; expected between the stations, "
                          f"{STATIONS[0]:g} to {STATIONS[-1]:g} m")  # fmt: skip
     start = begin - flume.clock
-    if not 0 < start < flume.until:
+    end = flume.until if until is None else until - flume.clock
+    if not 0 < start < end:
         raise SceneError(f"{label}: begin is {begin:g} s of the laboratory; expected between "
-                         f"{flume.clock:g} and {flume.until + flume.clock:g} s")  # fmt: skip
-    results = _trunk(flume, folder, start, options)
+                         f"{flume.clock:g} and {end + flume.clock:g} s")  # fmt: skip
+    results = _trunk(flume, folder, start, end, options)
     h, before = flume.cell_size, results.scene
     low = round(lower / h) * h
     with warnings.catch_warnings():
@@ -91,8 +97,10 @@ def near_field(
     return made
 
 
-def _trunk(flume: LargeWaveFlume, folder: Path, start: float, options: Mapping[str, Any]) -> Any:
-    """Return the results of the strip's run to the end, with a checkpoint at `start` s of it.
+def _trunk(
+    flume: LargeWaveFlume, folder: Path, start: float, until: float, options: Mapping[str, Any]
+) -> Any:
+    """Return the results of the strip's run to `until` s, with a checkpoint at `start` s of it.
 
     A run that is whole is taken as it is; one that was cut off is continued, or begun again where
     its time is past `start` without the checkpoint.
@@ -102,7 +110,6 @@ def _trunk(flume: LargeWaveFlume, folder: Path, start: float, options: Mapping[s
     from libmpm._src.run.simulation import Simulation
 
     scene, run, file = flume.trunk().scene(), folder / "trunk", folder / CHECKPOINT
-    until = flume.until
     simulation = None
     if (run / "log.json").is_file():
         results = load(run)
