@@ -339,7 +339,9 @@ class LargeWaveFlume(Facility):
         beside = 0.0 if self.width == "slice" else min(_BESIDE, self._across(3.66)[1] - 0.2)
         if self.width == "strip":
             beside = 0.5 * self.cell_size
-        found = [Instrument(n, "level", x, beside, self._bed_at(x)) for n, x in _GAUGES if x < end]
+        # In a strip, and in the near field made of it, USWG3 would stand in the box.
+        gauges = [(n, x) for n, x in _GAUGES if x < end and (n, self.width) != ("USWG3", "strip")]
+        found = [Instrument(n, "level", x, beside, self._bed_at(x)) for n, x in gauges]
         adv = 43.255
         found.append(Instrument("ADV", "velocity", adv, beside, self._bed_at(adv) + 0.15))
         if self.structure is not None:

@@ -248,13 +248,8 @@ def _restored(scene: SceneData, body: Body, before: RestoredBody, fill: bool) ->
         "fbar": _fbar(scene, body),
         "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
     } | _over_cells(scene, body)
-    if scene.start is not None and before.left is not None:
-        # Its shape says where it was, which may be outside of what was cut out.
-        edges = np.array(scene.cells) * scene.cell_size
-        result["count"] = before.left * scene.start.tiles
-        result["bounds"] = np.array([np.zeros(scene.dimension), edges])
     if not fill:
-        return result
+        return result | before.of_cut(scene.start, scene.cells, scene.cell_size)
     from libmpm._src.run.checkpoint_state import remaining
 
     ids, position, state = remaining(scene, body)

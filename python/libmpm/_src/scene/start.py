@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from libmpm._src.base.declarations import FIXED, given
 from libmpm._src.base.file_digest import file_digest
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
@@ -54,6 +56,19 @@ class RestoredBody(Value):
             "particle_mass": check.given("particle_mass", self),
             "stored_as": check.given("stored_as", self),
             "left": None if self.left is None else check.given("left", self),
+        }
+
+    def of_cut(self, start: Start | None, cells: Sequence[int], cell_size: float) -> dict[str, Any]:
+        """Return count and bounds in a domain of so many cells of a cut; {} where nothing was cut.
+
+        The body's shape says where it was at its start, which may be outside.
+        """
+        if start is None or self.left is None:
+            return {}
+        edges = np.array(cells) * cell_size
+        return {
+            "count": self.left * start.tiles,
+            "bounds": np.array([np.zeros(len(edges)), edges]),
         }
 
 
