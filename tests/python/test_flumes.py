@@ -283,7 +283,7 @@ def test_the_table_has_all_rows_measured_or_not(name, capsys):
         flumes.named(name).of_case("nothing")
 
 
-def test_layouts_that_are_held_out_and_those_of_the_older_series_are_told_apart():
+def test_layouts_that_are_held_out_and_those_of_the_older_series_are_kept_apart():
     held = {"8-T-0.8x0.5", "16-L-2.0x0.4", "16-T-0.4x2.0", "24-L-2.0x0.6"}
     for name in flumes.LargeWaveFlume.cases:
         if name in ("waves", "box"):

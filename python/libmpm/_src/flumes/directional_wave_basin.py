@@ -104,7 +104,7 @@ class DirectionalWaveBasin(Facility):
 
     Blocks share the velocity of the water at the nodes of the grid: there is no contact with slip
     or friction between bodies yet. Friction with the platform acts on blocks alone, each kind with
-    its own (`flumes.FRICTION`): pieces of a field of your own are of the kind that their prototype
+    its own (`flumes.FRICTION`): pieces of a custom field are of the kind that their prototype
     is named after, others need a number.
 
     Raises `SceneError`.

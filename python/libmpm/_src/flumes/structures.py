@@ -61,7 +61,7 @@ def add_bed_friction(
     ========  ====  =====  ====================================================================
     argument  unit  range  meaning
     ========  ====  =====  ====================================================================
-    scene     -     -      the scene, whose bed is a boundary of its own that does not rub
+    scene     -     -      the scene, whose bed is another boundary, which does not rub
     shape     m     -      the bed's shape
     by_body   1     ≥ 0    μ by name of the body, static and dynamic alike
     name      -     -      of the boundary; with several μ it is numbered

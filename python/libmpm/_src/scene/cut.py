@@ -32,7 +32,7 @@ def cells_within(
     """
     if before.flows:
         check.fail("within is given, but the run has flows through faces of its domain; expected "
-                   "none; a cut has faces of its own")  # fmt: skip
+                   "none; a cut has other faces")  # fmt: skip
     if len(within.lower) != before.dimension:
         check.fail(f"within has {len(within.lower)} axes; expected {before.dimension}, those of "
                    "the run")  # fmt: skip
