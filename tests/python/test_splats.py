@@ -10,6 +10,7 @@ from libmpm import boundaries, materials, shapes
 from libmpm._src.pictures import panel as panels
 from libmpm._src.pictures.directions import View
 from libmpm._src.pictures.figures import Picture
+from libmpm._src.pictures.pixels import _eroded
 
 matplotlib.use("Agg", force=False)
 
@@ -88,8 +89,8 @@ def test_gaps_that_the_grid_bridges_are_closed_and_wider_ones_are_seen(gap, clos
 
 
 def test_titles_and_labels_lie_in_the_picture():
-    for upper in ((2, 1), (1, 1), (12, 1), (1, 3)):
-        scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=upper,
+    for upper in ((2, 1), (12, 1), (1, 2)):
+        scene = libmpm.Scene(dimension=2, cell_size=0.05, lower=(0, 0), upper=upper,
                              gravity=(0, -9.81), name="a tank")  # fmt: skip
         scene.add_body(name="water", shape=shapes.Box(lower=(0, 0), upper=(0.5, 0.5)),
                        material=materials.TaitFluid())  # fmt: skip
@@ -277,3 +278,15 @@ def test_three_views_have_one_scale(instruments):
     wide, tall = picture.get_size_inches() * picture.dpi
     covered = sum(a.bbox.width * a.bbox.height for a in picture.axes)
     assert covered > 0.4 * wide * tall, "half empty"
+
+
+@pytest.mark.parametrize("radius", [1.0, 2.5, 6.3])
+def test_what_is_farther_than_a_radius_from_the_rest_is_found_exactly(radius):
+    mask = np.random.default_rng(0).random((40, 50)) > 0.02
+    rim = 8  # the border counts as not of the mask
+    y, x = np.nonzero(~np.pad(mask, rim))
+    down, along = np.mgrid[0:40, 0:50] + rim
+    away = np.min((down[..., None] - y) ** 2 + (along[..., None] - x) ** 2, axis=-1)
+    kept = _eroded(mask, radius)
+    np.testing.assert_array_equal(kept, mask & (away > radius**2))
+    assert kept.any() and (mask & ~kept).any()

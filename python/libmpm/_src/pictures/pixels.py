@@ -281,13 +281,13 @@ def _eroded(mask: Mask, radius: float) -> Mask:
     line = np.arange(inside.shape[0], dtype=np.int32)[:, None]
     last = np.maximum.accumulate(np.where(inside, -far, line), axis=0)
     following = np.minimum.accumulate(np.where(inside, far, line)[::-1], axis=0)[::-1]
-    away = np.minimum(np.minimum(line - last, following - line), reach + 1).astype(np.int64) ** 2
+    away = np.minimum(np.minimum(line - last, following - line), reach + 1) ** 2
     width = mask.shape[1]
     core = slice(reach + 1, reach + 1 + mask.shape[0])
-    kept = mask.copy()
+    kept, limit = mask.copy(), math.floor(radius**2)
     for dx in range(-reach, reach + 1):
         across = away[core, reach + 1 + dx : reach + 1 + dx + width]
-        kept &= across + dx * dx > radius**2
+        kept &= across > limit - dx * dx
     return kept
 
 
