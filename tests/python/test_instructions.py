@@ -32,7 +32,7 @@ scene.add_body(
     name="body", material=material, shape=shapes.Box(lower=(0.0,) * d, upper=(0.3,) * d),
 )
 sim = libmpm.Simulation(scene, device="cpu", precision=precision)
-sim.run(steps=40)
+sim.step(40)
 body = sim.particles["body"]
 order = np.argsort(body["id"])
 np.save(out, np.concatenate([body[name][order] for name in ("position", "velocity")]))

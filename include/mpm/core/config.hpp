@@ -19,3 +19,11 @@
 #define MPM_UNROLL _Pragma("GCC unroll 32")
 #define MPM_NO_UNROLL _Pragma("GCC unroll 1")
 #endif
+
+// For lambdas in functions that are compiled for several instruction sets (kernels/cpu/levels.hpp):
+// one that stays a call there is compiled for the lowest of them, and was called wrongly.
+#if defined(__CUDACC__)
+#define MPM_INLINE_LAMBDA
+#else
+#define MPM_INLINE_LAMBDA __attribute__((always_inline))
+#endif

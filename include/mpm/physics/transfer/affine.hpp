@@ -90,7 +90,7 @@ MPM_INLINE void spread(Sums& sums, const Weights<V, D>& w, V weight, const V (&c
                        const V (&slope)[D][C], int node) {
     using T = ScalarOf<V>;
     constexpr int step = (D - 1 - Axis) == 0 ? 1 : ((D - 1 - Axis) == 1 ? 3 : 9);
-    const auto plane = [&](int k, V share, const V(&at)[C]) {
+    const auto plane = [&](int k, V share, const V(&at)[C]) MPM_INLINE_LAMBDA {
         if constexpr (Axis == D - 1) {
             sums.add_mass(node + k, share);
             MPM_UNROLL for (int c = 0; c < C; ++c) sums.add(node + k, c, share * at[c]);
