@@ -32,17 +32,17 @@ def stroke_of_gauge(
 ) -> tuple[TimeTable, float]:
     """Return the places (m) of a piston whose wave is a measured one at a distance, and its start.
 
-    =========  ====  ==========  ================================================================
-    parameter  unit  range       meaning
-    =========  ====  ==========  ================================================================
-    time       s     rising (n,) of the readings
-    level      m     (n,)        change η of the level from that at rest
-    depth      m     > 0         h, of the still water, the same from piston to gauge
-    distance   m     > 0         from the piston's place at the start to the gauge
-    gravity    m/s²  > 0         g
-    until      s     in time     readings after that are left out; None = none
-    smooth     s     ≥ 0         length of the centred mean taken of the readings first
-    =========  ====  ==========  ================================================================
+    =========  ====  ===========  ===============================================================
+    parameter  unit  range        meaning
+    =========  ====  ===========  ===============================================================
+    time       s     rising (n,)  of the readings
+    level      m     (n,)         change η of the level from that at rest
+    depth      m     > 0          h, of the still water, the same from piston to gauge
+    distance   m     > 0          from the piston's place at the start to the gauge
+    gravity    m/s²  > 0          g
+    until      s     in time      readings after that are left out; None = none
+    smooth     s     ≥ 0          length of the centred mean taken of the readings first
+    =========  ====  ===========  ===============================================================
 
     The second number is the time of the readings at which the piston begins, s: the clock of a run
     that starts with it. A simple wave carries η with 3 √(g (h + η)) - 2 √(g h) and moves its water
