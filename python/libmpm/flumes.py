@@ -12,8 +12,8 @@ width, with instruments under their laboratory names:
 >>> sim.run(until=flume.until)  # doctest: +SKIP
 >>> print(flume.compare(sim))  # doctest: +SKIP
 
-Each has `cases`, the set-ups that were measured (`of_case`), and `collect`, all rows of all of them
-in one table with the numbers of the runs in folders. `friction` and `FRICTION` are documented
+Each has `cases`, the set-ups that were measured (`of_case`); `collect` gives all rows of all of
+them in one table with the numbers of the runs in folders. `friction` and `FRICTION` are documented
 values of debris on beds, `add_bed_friction` puts them on solids alone, `bevelled` cuts the edges of
 a box.
 
@@ -28,8 +28,8 @@ from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes import records
-from libmpm._src.flumes.collection import Collection, median_of
-from libmpm._src.flumes.comparison import Comparison, Row, blank
+from libmpm._src.flumes.collection import Collection, collect
+from libmpm._src.flumes.comparison import Comparison, Row, blank, median_of
 from libmpm._src.flumes.criteria import Criterion, Signals
 from libmpm._src.flumes.debris_flow_flume import DebrisFlowFlume
 from libmpm._src.flumes.directional_wave_basin import DirectionalWaveBasin
@@ -58,6 +58,7 @@ __all__ = [
     "add_bed_friction",
     "bevelled",
     "blank",
+    "collect",
     "friction",
     "median_of",
     "named",

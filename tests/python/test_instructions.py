@@ -15,7 +15,7 @@ import numpy as np
 import libmpm
 from libmpm import boundaries, materials, shapes
 from libmpm.methods import Method, Transfer
-precision, dimension, scheme, law, out = sys.argv[1:]
+precision, dimension, scheme, law, out, pipeline = sys.argv[1:]
 d = int(dimension)
 scene = libmpm.Scene(
     dimension=d, cell_size=0.05, lower=(0.0,) * d, upper=(0.6,) * d,
@@ -31,7 +31,7 @@ material = {
 scene.add_body(
     name="body", material=material, shape=shapes.Box(lower=(0.0,) * d, upper=(0.3,) * d),
 )
-sim = libmpm.Simulation(scene, device="cpu", precision=precision)
+sim = libmpm.Simulation(scene, device="cpu", precision=precision, pipeline=pipeline)
 sim.step(40)
 body = sim.particles["body"]
 order = np.argsort(body["id"])
@@ -57,19 +57,21 @@ def run(level, *arguments):
 
 
 @pytest.mark.parametrize(
-    ("precision", "dimension", "scheme", "law", "bound"),
+    ("precision", "dimension", "scheme", "law", "pipeline", "bound"),
     [
-        ("double", 2, "APIC", "fluid", 1e-9),
-        ("double", 3, "APIC", "sand", 1e-9),
-        ("double", 3, "FLIP", "fluid", 1e-9),
-        ("single", 3, "APIC", "fluid", 2e-3),
+        ("double", 2, "APIC", "fluid", "fused", 1e-9),
+        ("double", 3, "APIC", "sand", "fused", 1e-9),
+        ("double", 3, "FLIP", "fluid", "fused", 1e-9),
+        ("single", 3, "APIC", "fluid", "fused", 2e-3),
+        ("double", 3, "APIC", "fluid", "two-pass", 1e-9),
+        ("single", 2, "APIC", "sand", "two-pass", 2e-3),
     ],
 )
-def test_all_levels_agree(tmp_path, precision, dimension, scheme, law, bound):
+def test_all_levels_agree(tmp_path, precision, dimension, scheme, law, pipeline, bound):
     found = []
     for level in levels():
         out = tmp_path / f"{level}.npy"
-        done = run(level, precision, dimension, scheme, law, out)
+        done = run(level, precision, dimension, scheme, law, out, pipeline)
         assert done.returncode == 0, done.stderr
         found.append(np.load(out))
     assert np.abs(found[0]).max() > 0.1
@@ -80,7 +82,7 @@ def test_all_levels_agree(tmp_path, precision, dimension, scheme, law, bound):
 
 def test_a_level_that_is_not_there_is_refused_by_name():
     levels()
-    done = run("x86-64-v9", "double", 2, "APIC", "fluid", "none.npy")
+    done = run("x86-64-v9", "double", 2, "APIC", "fluid", "none.npy", "fused")
     assert done.returncode != 0
     for words in ("LIBMPM_INSTRUCTIONS", "x86-64-v9", "x86-64-v3", "leave it out"):
         assert words in done.stderr

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
-import math
-import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.values import from_plain, shown
 from libmpm._src.errors import Error, SceneError
-from libmpm._src.flumes.comparison import HEAD, Comparison, Row, blank, compare, verdict_of
+from libmpm._src.flumes.comparison import HEAD, Comparison, Row, blank, compare, median_of
 from libmpm._src.output.atomic_files import replacing, write_json, writing
 
 if TYPE_CHECKING:
     from libmpm._src.flumes.facility import Facility
+    from libmpm._src.flumes.records import Curve
     from libmpm._src.pictures.figures import Picture
 
-__all__ = ["RECORD", "Collection", "collect", "median_of", "recall", "remember", "runs_in"]
+__all__ = ["RECORD", "Collection", "collect", "recall", "remember", "runs_in"]
 
 #: File in a run's folder that says which facility was run.
 RECORD = "flume.json"
@@ -40,7 +39,6 @@ def recall(folder: Path) -> tuple[Facility, str] | None:
     """Return the facility and the name of the set-up of a run's folder; None where it has none."""
     import json
 
-    import libmpm.flumes  # noqa: F401  # the classes that the file names
     from libmpm._src.flumes.facility import Facility
 
     path = folder / RECORD
@@ -67,39 +65,6 @@ def runs_in(folder: Path) -> list[Path]:
         raise SceneError(f"{folder}: holds no run of a flume; expected the folder of one, or a "
                          "folder of such folders")  # fmt: skip
     return found
-
-
-def median_of(comparisons: Sequence[Comparison]) -> Comparison:
-    """Return the rows of several runs of one set-up: medians, with smallest and largest.
-
-    Rows that some of them lack are of those that have them. Debris is chaotic: five runs that
-    differ in `seed` alone. Raises `SceneError` where there is none.
-    """
-    if not comparisons:
-        raise SceneError("flumes.median_of: there is no comparison; expected one or more")
-    first = comparisons[0]
-    if len(comparisons) == 1:
-        return first
-    criteria = {(c.id, c.quantity): c for c in first.facility.criteria()}
-    rows = []
-    for row in first.rows:
-        key = (row.id, row.quantity)
-        same = [r for c in comparisons for r in c.rows if (r.id, r.quantity) == key]
-        values = [r.simulated for r in same if r.simulated is not None]
-        if not values:
-            rows.append(row)
-            continue
-        known = [v for v in values if math.isfinite(v)]
-        middle = statistics.median(known) if known else math.nan
-        limits = (min(known), max(known)) if known else (math.nan, math.nan)
-        verdict = next(r.verdict for r in same if r.simulated is not None)
-        if verdict in ("passed", "failed"):
-            # A run without a number counts: it fails the row.
-            finite = middle if len(known) == len(values) else math.nan
-            verdict = verdict_of(criteria[key], finite)
-        rows.append(dataclasses.replace(row, simulated=middle, verdict=verdict, spread=limits,
-                                        runs=len(values)))  # fmt: skip
-    return Comparison(first.facility, tuple(rows), first.signals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +121,7 @@ class Collection:
         One point a row that has both numbers, in parts of the measured one: bars are tolerances
         and the spread of several runs.
         """
-        from libmpm._src.flumes.drawing import ratios
+        from libmpm._src.pictures.flume_drawings import ratios
 
         return ratios(self)
 
@@ -167,7 +132,13 @@ def _load(folder: Path) -> Any:
     return load(folder)
 
 
-def collect(kind: type[Facility], folders: Sequence[Path] = (), curves: Any = None) -> Collection:
+@keywords_only("flumes.collect", 2, method=False)
+def collect(
+    kind: type[Facility],
+    folders: Sequence[str | Path] = (),
+    *,
+    curves: Mapping[str, Curve] | None = None,
+) -> Collection:
     """Return all rows of a facility, of the runs in folders and "not run" of what was not.
 
     Each folder is that of a run of `libmpm flume`, or holds such folders. Several runs of one

@@ -74,12 +74,12 @@ def table(name: str, folder: Path | None) -> str:
     Writes table.csv and table.png there.
     """
     from libmpm._src.output.atomic_files import replacing
-    from libmpm.flumes import named
+    from libmpm.flumes import collect, named
 
     kind = named(name)
     if folder is None:
-        return str(kind.collect())
-    found = kind.collect([folder])
+        return str(collect(kind))
+    found = collect(kind, [folder])
     found.to_csv(folder / "table.csv")
     with replacing(folder / "table.png") as part:
         found.figure().savefig(part, format="png", dpi=130)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
-from collections.abc import Mapping
+import statistics
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +19,7 @@ from libmpm._src.flumes.criteria import Criterion, Signals
 from libmpm._src.output.atomic_files import replacing
 
 if TYPE_CHECKING:
-    from libmpm._src.flumes.facility import Facility
+    from libmpm._src.flumes.laboratory import Laboratory
     from libmpm._src.flumes.records import Curve
     from libmpm._src.pictures.figures import Picture
 
@@ -78,7 +80,7 @@ class Row:
 class Comparison:
     """What `compare` of a facility returns; prints as a table."""
 
-    facility: Facility
+    facility: Laboratory
     rows: tuple[Row, ...]
     signals: Signals | None
 
@@ -139,14 +141,14 @@ class Comparison:
 
 
 @keywords_only("flumes.blank", 2, method=False)
-def blank(facility: Facility, case: str = "") -> Comparison:
+def blank(facility: Laboratory, case: str = "") -> Comparison:
     """Return the table of a facility without a run."""
     rows = tuple(_row(one, None, "not run", case) for one in facility.criteria())
     return Comparison(facility, rows, None)
 
 
 def compare(
-    facility: Facility,
+    facility: Laboratory,
     run: Any,
     curves: Mapping[str, Curve] | None = None,
     case: str = "",
@@ -212,3 +214,36 @@ def verdict_of(one: Criterion, found: float) -> str:
     if not one.gates:
         return "reported"
     return "passed" if math.isfinite(found) and one.low <= found <= one.high else "failed"
+
+
+def median_of(comparisons: Sequence[Comparison]) -> Comparison:
+    """Return the rows of several runs of one set-up: medians, with smallest and largest.
+
+    Rows that some of them lack are of those that have them. Debris is chaotic: five runs that
+    differ in `seed` alone. Raises `SceneError` where there is none.
+    """
+    if not comparisons:
+        raise SceneError("flumes.median_of: there is no comparison; expected one or more")
+    first = comparisons[0]
+    if len(comparisons) == 1:
+        return first
+    criteria = {(c.id, c.quantity): c for c in first.facility.criteria()}
+    rows = []
+    for row in first.rows:
+        key = (row.id, row.quantity)
+        same = [r for c in comparisons for r in c.rows if (r.id, r.quantity) == key]
+        values = [r.simulated for r in same if r.simulated is not None]
+        if not values:
+            rows.append(row)
+            continue
+        known = [v for v in values if math.isfinite(v)]
+        middle = statistics.median(known) if known else math.nan
+        limits = (min(known), max(known)) if known else (math.nan, math.nan)
+        verdict = next(r.verdict for r in same if r.simulated is not None)
+        if verdict in ("passed", "failed"):
+            # A run without a number counts: it fails the row.
+            finite = middle if len(known) == len(values) else math.nan
+            verdict = verdict_of(criteria[key], finite)
+        rows.append(dataclasses.replace(row, simulated=middle, verdict=verdict, spread=limits,
+                                        runs=len(values)))  # fmt: skip
+    return Comparison(first.facility, tuple(rows), first.signals)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.arguments import keywords_only
-from libmpm._src.flumes.facility import Instrument
+from libmpm._src.flumes.laboratory import Instrument
 from libmpm._src.flumes.records import Curve
 
 __all__ = [

@@ -14,6 +14,7 @@ from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, nearest, shown
 from libmpm._src.boundaries.responses import Slip
 from libmpm._src.errors import SceneError
+from libmpm._src.flumes.laboratory import Instrument
 from libmpm._src.methods.method import Method
 from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.scene import Scene
@@ -24,7 +25,6 @@ from libmpm._src.shapes.prisms import Extrusion
 from libmpm._src.studies.debris.field import DebrisField
 
 if TYPE_CHECKING:
-    from libmpm._src.flumes.collection import Collection
     from libmpm._src.flumes.comparison import Comparison, Row
     from libmpm._src.flumes.criteria import Criterion
     from libmpm._src.flumes.records import Curve
@@ -43,24 +43,6 @@ GRAVITY = 9.81
 _UNCOMPARED = 30.0
 
 Pairs = tuple[tuple[float, float], ...]
-
-
-class Instrument(NamedTuple):
-    """One instrument under its laboratory name, in the facility's coordinates.
-
-    `kind` is "level", "depth", "height", "velocity" or "load"; `x`, `y`, `z` are its place, m (z
-    where it has one), `boundary` what a load cell is part of. `scale` is what a reading stands for:
-    2 of a load on half a structure, the depth of 1 kg where mass is weighed, in m, the run-up of 1
-    m along the scene's vertical axis.
-    """
-
-    name: str
-    kind: str
-    x: float
-    y: float = 0.0
-    z: float = 0.0
-    boundary: str = ""
-    scale: float = 1.0
 
 
 class Difference(NamedTuple):
@@ -226,20 +208,6 @@ class Facility(Value):
         """Return rows that take several set-ups, from those of their comparisons that are there."""
         return []
 
-    @classmethod
-    def collect(
-        cls, folders: Sequence[str | Path] = (), *, curves: Mapping[str, Curve] | None = None
-    ) -> Collection:
-        """Return all rows of all set-ups, with the numbers of the runs in folders.
-
-        Each folder is that of a run of `libmpm flume`, or holds such folders; runs of one set-up
-        that differ in `seed` alone are one row with median and spread. `curves` as of `compare`.
-        Raises `SceneError`.
-        """
-        from libmpm._src.flumes.collection import collect
-
-        return collect(cls, [Path(one) for one in folders], curves)
-
     @property
     def axes(self) -> Axes:
         """How (x, y, z) are coordinates of the scene."""
@@ -269,8 +237,7 @@ class Facility(Value):
         that need them (`records.curve`). `case` names the set-up in the rows. Raises `SceneError`
         where a run lacks all instruments, or ends before anything can be compared.
         """
-        from libmpm._src.flumes.collection import median_of
-        from libmpm._src.flumes.comparison import compare
+        from libmpm._src.flumes.comparison import compare, median_of
 
         if isinstance(run, list | tuple):
             return median_of([self.compare(one, curves, case=case) for one in run])

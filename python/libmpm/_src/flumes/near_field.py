@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -37,7 +37,10 @@ def add_stations(scene: Scene) -> None:
     h = scene.cell_size
     for k, x in enumerate(STATIONS):
         region = Box(lower=(x - h, *scene.lower[1:]), upper=(x + h, *scene.upper[1:]))
-        for name, attribute in (("flow", "momentum"), ("mass", "mass")):
+        measured: tuple[tuple[str, Literal["momentum", "mass"]], ...] = (
+            ("flow", "momentum"), ("mass", "mass"),
+        )  # fmt: skip
+        for name, attribute in measured:
             scene.add_sensor(
                 name=f"{name}-{k}",
                 sensor=GridSensor(

@@ -12,7 +12,7 @@ from libmpm._src.flumes import records
 if TYPE_CHECKING:
     from libmpm._src.flumes.collection import Collection
     from libmpm._src.flumes.comparison import Comparison
-    from libmpm._src.flumes.facility import Facility
+    from libmpm._src.flumes.laboratory import Laboratory
     from libmpm._src.pictures.figures import Picture
 
 __all__ = ["curves", "preview", "ratios"]
@@ -26,7 +26,7 @@ _KINDS = {
 }
 
 
-def preview(facility: Facility) -> Picture:
+def preview(facility: Laboratory) -> Picture:
     """See `Facility.preview`."""
     from libmpm._src.pictures.figures import Picture
 
