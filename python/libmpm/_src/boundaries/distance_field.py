@@ -235,7 +235,7 @@ def _bound_cost(held: _Shape, middle: Array, radius: float, edge: float, each: f
     beside = int(np.count_nonzero(held.covers.may_cover(held.shape.distance, middle, radius)))
     seconds = each * points * (n + beside * (_BESIDE_COVERS - 1))
     if seconds > _LONG:
-        warn([f"{what} will take about {seconds:.2g} s; expected ≤ {_LONG:g} s; {remedy}"], 2)
+        warn([f"{what} will take about {seconds:.2g} s; expected ≤ {_LONG:g} s; {remedy}"])
 
 
 def _distinct(

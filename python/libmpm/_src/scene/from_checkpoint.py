@@ -108,7 +108,7 @@ def _cut_out(
     said = [f"boundary '{name}'" for name in gone] + [f"sensor '{name}'" for name in blind]
     if said:
         warn([f"Scene.from_checkpoint: {', '.join(said)} of the run lie outside of what is cut "
-              "out of it and are left out"], stacklevel=4)  # fmt: skip
+              "out of it and are left out"])  # fmt: skip
     data = before.to_dict()
     data.pop("start", None)
     data |= {"lower": lower, "upper": upper}
