@@ -27,7 +27,6 @@ from libmpm._src.errors import (
 from libmpm._src.methods.method import FBar, Method
 from libmpm._src.run.guard import Guard
 from libmpm._src.run.partition import Partition
-from libmpm._src.scene.placed_force import PlacedForce
 from libmpm._src.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -64,7 +63,6 @@ __all__ = [
     "Output",
     "OutputError",
     "Partition",
-    "PlacedForce",
     "Plan",
     "Results",
     "Scene",
@@ -129,6 +127,7 @@ _MOVED = {
     "Advice": "advice",
     "AssumedFields": "methods",
     "Kernel": "methods",
+    "PlacedForce": "boundaries",
     "Smoothing": "methods",
     "TradeOff": "advice",
     "Traction": "grids",

@@ -3,7 +3,7 @@
 `DecayLayer` says how the hold of a surface fades with the distance from it; `Displacement`,
 `Travel` and `Rotation` move a shape. `Inflow` and `Outflow` let particles in and out through a
 face of the domain; `riemann_inlet` gives those of a bore. `piston_stroke` and `stroke_from_file`
-are places of a wave maker.
+are places of a wave maker. `PlacedForce` is a force by mass that depends on the place.
 """
 
 from libmpm._src.boundaries.flows import Bore, Flow, Inflow, Outflow, riemann_inlet
@@ -21,6 +21,7 @@ from libmpm._src.boundaries.responses import (
     decay_thickness,
 )
 from libmpm._src.boundaries.wave_makers import piston_stroke, stroke_from_file
+from libmpm._src.scene.placed_force import PlacedForce
 
 __all__ = [
     "Bore",
@@ -30,6 +31,7 @@ __all__ = [
     "Inflow",
     "Mirror",
     "Outflow",
+    "PlacedForce",
     "Prescribed",
     "Response",
     "Rotation",

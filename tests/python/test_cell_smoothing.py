@@ -14,7 +14,7 @@ from support.bars import YOUNG, Bar
 from support.drifting import DX, SOFT, by_id, drifting, state_of, undecided
 
 WATER = materials.TaitFluid(density=1000, bulk_modulus=1e6)
-FORCE = libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((-4.0, 0.0), (4.0, 0.0)))
+FORCE = libmpm.boundaries.PlacedForce(axis="x", place=(0.0, 1.0), value=((-4.0, 0.0), (4.0, 0.0)))
 STEEL = materials.LinearElastic(density=1000, youngs_modulus=1e6, poissons_ratio=0.2)
 
 
@@ -59,7 +59,7 @@ def test_threads_and_portions_change_no_bit(tmp_path, method):
             tmp_path, 3, "quadratic", libmpm.methods.Smoothing(method=method),
             threads=threads, n=5000,
             assumed=libmpm.methods.AssumedFields(over="cell", part="full"), modulus=50.0,
-            force=libmpm.PlacedForce(
+            force=libmpm.boundaries.PlacedForce(
                 axis="x", place=(0.0, 1.0), value=((-4.0, 0.0, 0.0), (4.0, 0.0, 0.0))
             ),
         )  # fmt: skip
@@ -344,12 +344,19 @@ def body_scene(material, method=None, **body):
         ),
         (
             lambda: body_scene(
-                STEEL, force=libmpm.PlacedForce(axis="z", place=(0.0, 1.0), value=FORCE.value)
+                STEEL,
+                force=libmpm.boundaries.PlacedForce(axis="z", place=(0.0, 1.0), value=FORCE.value),
             ),
             "2 axes",
         ),
-        (lambda: libmpm.PlacedForce(axis="x", place=(1.0, 0.0), value=FORCE.value), "increasing"),
-        (lambda: libmpm.PlacedForce(axis="x", place=(0.0,), value=FORCE.value), "as many"),
+        (
+            lambda: libmpm.boundaries.PlacedForce(axis="x", place=(1.0, 0.0), value=FORCE.value),
+            "increasing",
+        ),
+        (
+            lambda: libmpm.boundaries.PlacedForce(axis="x", place=(0.0,), value=FORCE.value),
+            "as many",
+        ),
         (lambda: libmpm.methods.Kernel(name="cubic", modified=True), "linear functions"),
         (lambda: libmpm.methods.Smoothing(method="C0", gamma=0.5), "'F0'"),
         (lambda: libmpm.methods.Smoothing(method="F0", flux_length="inertia"), "'F1'"),

@@ -199,7 +199,11 @@ def test_long_runs_lose_energy_alone():
         ({"assumed": libmpm.methods.AssumedFields()}, "assumed fields"),
         ({"damping": 0.1}, "damping"),
         (
-            {"force": libmpm.PlacedForce(axis="x", place=(0.0, 1.0), value=((1.0,) * 2,) * 2)},
+            {
+                "force": libmpm.boundaries.PlacedForce(
+                    axis="x", place=(0.0, 1.0), value=((1.0,) * 2,) * 2
+                )
+            },
             "placed forces",
         ),
     ],

@@ -92,7 +92,7 @@ def test_what_particles_keep_does_not_go_with_placed_forces(transfer):
             method=libmpm.Method(transfer=transfer),
         )  # fmt: skip
         made.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Mirror())
-        placed = force and libmpm.PlacedForce(axis="y", place=(0,), value=((0, force),))
+        placed = force and libmpm.boundaries.PlacedForce(axis="y", place=(0,), value=((0, force),))
         made.add_body(
             name="water", shape=shapes.Box(lower=(0, 0), upper=(0.4, 0.4)), fbar=None, force=placed,
             material=materials.TaitFluid(density=1000.0, bulk_modulus=4e5),

@@ -71,7 +71,9 @@ class Bar:
             smoothing=smoothing,
             damping=damping,
             assumed=assumed,
-            force=libmpm.PlacedForce(axis="x", place=ends, value=((-pull, 0.0), (pull, 0.0)))
+            force=libmpm.boundaries.PlacedForce(
+                axis="x", place=ends, value=((-pull, 0.0), (pull, 0.0))
+            )
             if free
             else None,
         )

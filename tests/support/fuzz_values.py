@@ -119,7 +119,7 @@ def calls(documents: Mapping[str, Any]) -> list[Call]:
             for key, inner in vars(thing).items() if inspect.isclass(thing) else ():
                 if isinstance(inner, classmethod) and key not in _NOT_MADE and key[0] != "_":
                     found[f"{module.__name__.split('.')[-1]}.{name}.{key}"] = getattr(thing, key)
-    for name in ("FBar", "Field", "Guard", "Method", "Output", "Partition", "PlacedForce", "Scene"):
+    for name in ("FBar", "Field", "Guard", "Method", "Output", "Partition", "Scene"):
         found[name] = getattr(libmpm, name)
     found |= {"TimeTable": libmpm.TimeTable, "TimeTable.sample": libmpm.TimeTable.sample}
     known: dict[str, list[dict[str, Any]]] = {}
