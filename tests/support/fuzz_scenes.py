@@ -340,7 +340,9 @@ def _methods() -> list[libmpm.Scene]:
         name="bar", shape=_box(0.6, 0.1, 0.9, 0.4), material=materials.LinearElastic(**SOLID),
         stress=libmpm.Field(components=("-100 * y", "3", "x")),
         smoothing=libmpm.methods.Smoothing(method="F1", flux_length="inertia"), damping=0.02,
-        force=libmpm.boundaries.PlacedForce(axis="x", place=(0.0, 1.0), value=((0.1, 0.0), (-0.1, 0.2))),
+        force=libmpm.boundaries.PlacedForce(
+            axis="x", place=(0.0, 1.0), value=((0.1, 0.0), (-0.1, 0.2))
+        ),
     )  # fmt: skip
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
     return [*found, scene]
