@@ -182,7 +182,7 @@ def test_other_files_and_versions_are_named(tmp_path, monkeypatch):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     (tmp_path / "text.npz").write_text("hello")
     for name in ("other.npz", "text.npz"):
-        with pytest.raises(libmpm.CheckpointError, match="no whole checkpoint"):
+        with pytest.raises(libmpm.CheckpointError, match="is not a complete checkpoint"):
             libmpm.Simulation.resume(tmp_path / name)
     with pytest.raises(libmpm.CheckpointError, match="does not exist"):
         libmpm.Simulation.resume(tmp_path / "none.npz")

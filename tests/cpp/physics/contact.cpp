@@ -77,7 +77,7 @@ double worst_angle(int points, int planes) {
             }
             return 2 * sum - 1;  // of one body less that of the other
         };
-        Vec<double, D> found;
+        Vec<double, D> found{};
         EXPECT_TRUE((descent<double, D>(fraction, found)));
         double dot = 0;
         for (int a = 0; a < D; ++a) dot += n[a] * found[a];

@@ -285,7 +285,7 @@ def _constructor(
     defaults = {f.name: f.default for f in fields if f.default is not missing}
     required = [name for name in names if name not in defaults]
 
-    def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
+    def __init__(self: Any, /, *args: Any, **kwargs: Any) -> None:
         problems = wrong_arguments(label, names, required, len(args), positional, kwargs)
         if problems:
             raise ArgumentError(problems)

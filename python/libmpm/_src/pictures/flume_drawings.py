@@ -122,6 +122,8 @@ def curves(comparison: Comparison) -> Picture:
 
 def ratios(collection: Collection) -> Picture:
     """See `Collection.figure`."""
+    from libmpm._src.pictures.figures import Picture
+
     rows = [r for r in collection.rows if r.measured and r.simulated is not None]
     figure = Picture(figsize=(8.0, 0.22 * max(len(rows), 4) + 1.4), layout="constrained")
     axes = figure.add_subplot(1, 1, 1)

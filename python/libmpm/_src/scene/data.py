@@ -415,6 +415,10 @@ class SceneData:
             left_out.add("start")
         return tuple(key for key in HEAD if key not in left_out)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take a pickle, of a version before contacts too."""
+        self.__dict__.update({"_contacts": {}} | state)
+
     def _parts(self) -> dict[str, Sequence[Value]]:
         parts: dict[str, Sequence[Value]] = {
             "bodies": self.bodies,
