@@ -167,9 +167,7 @@ def test_a_layout_of_bars_lies_before_the_box():
         ("lwf", {"cell_size": 0}, "cell_size is 0; expected > 0"),
         ("dwb", {"width": "full", "friction": "damp"}, "friction is 'damp'"),
         ("dwb", {"width": "full", "friction": -0.1}, "friction is -0.1; expected"),
-        ("dwb", {"width": "strip"}, "width is 'strip'"),
         ("lwf", {"width": "half", "edges": "round"}, "edges is 'round'"),
-        ("lwf", {"width": "strip", "structure": "box"}, "structure is 'box' with width 'strip'"),
         ("usgs", {"obstacle": "1994-06-22"}, "did you mean '1994-06-2"),
         ("usgs", {"obstacle": "1994-06-21", "end": 80.0}, "the wall stands at s 91 m"),
         ("usgs", {"friction_factor": libmpm.TimeTable([0, 1], [1, -1])}, "numbers below 0"),
@@ -359,7 +357,7 @@ def test_a_measured_curve_of_the_caller_is_compared():
         flume.compare(run, {"boxx": curve})
 
 
-def test_rows_of_gauges_begin_too_late_in_a_near_field():
+def test_rows_of_gauges_that_begin_too_late():
     flume = flumes.LargeWaveFlume()
     run = Run(flume, 45.0)
     for one in run.sensors.values():
@@ -516,33 +514,3 @@ def test_a_current_at_four_times_the_size_is_the_same():
     one, other = (np.asarray(s.sensors["WG1"]["velocity_x"]) for s in (small, large))
     n = min(len(one), len(other))
     assert np.allclose(other[:n], 2.0 * one[:n], rtol=0.01)
-
-
-def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path):
-    flume = flumes.LargeWaveFlume(
-        width="half", cell_size=0.2, structure="box", debris="1-T-0.1x0.5", gap=0.4, end=60.0
-    )
-    given = {"begin": 15.2, "lower": 30.0, "until": 15.4, "device": "cpu"}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", libmpm.ModelWarning)
-        made = flume.near_field(tmp_path, **given)
-        log = (tmp_path / "trunk" / "log.json").stat().st_mtime_ns
-        again = flume.near_field(tmp_path, **given)
-        assert again == made and (tmp_path / "trunk" / "log.json").stat().st_mtime_ns == log
-        assert made.lower[0] == pytest.approx(30.0) and made.upper[0] == pytest.approx(60.0)
-        assert made.upper[1] == pytest.approx(1.8)
-        assert {"bed", "walls", "near-piston", "box"} == {b.name for b in made.boundaries}
-        assert {"WG2", "WG3", "USWG2", "ADV", "box"} <= {s.name for s in made.sensors}
-        sim = libmpm.Simulation(made, device="cpu", threads=1)
-        sim.step(3)
-    # At rest, and the water of half of the flume from the cut on.
-    x = np.linspace(30.0, 60.0, 4001)
-    bed = np.array([flume._bed_at(float(one)) for one in x])
-    water = 1.8 * np.trapezoid(np.clip(2.0 - bed, 0, None), x)
-    volume = len(sim.particles["water"]) * 0.2**3 / 8
-    assert volume == pytest.approx(water, rel=0.03)
-    assert sim.displaced["water"] > 0
-    with pytest.raises(libmpm.SceneError, match="lower is 40 m; expected between the stations"):
-        flume.near_field(tmp_path, lower=40.0)
-    with pytest.raises(libmpm.SceneError, match="holds another run"):
-        replace(flume, cell_size=0.25).near_field(tmp_path)

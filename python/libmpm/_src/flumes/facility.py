@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 __all__ = ["WIDTHS", "Axes", "Difference", "Facility", "Instrument", "Width"]
 
-Width = Literal["slice", "strip", "half", "full"]
-WIDTHS = ("slice", "strip", "half", "full")
+Width = Literal["slice", "half", "full"]
+WIDTHS = ("slice", "half", "full")
 
 #: Acceleration of gravity, m/s².
 GRAVITY = 9.81
@@ -124,8 +124,6 @@ class Facility(Value):
     violent: ClassVar[bool] = False
     #: Whether grains flow and not water: APIC in space too, which adds no velocity of its own.
     granular: ClassVar[bool] = False
-    #: Whether it can be one cell wide, which `near_field` cuts and tiles.
-    strips: ClassVar[bool] = False
     #: How long a run is still at all gauges, s, by which their zero is set.
     rest: ClassVar[float] = 2.0
     #: Arguments of each level; see `at_level`.
@@ -277,10 +275,9 @@ class Facility(Value):
 
     def _common(self, check: Checker) -> dict[str, Any]:
         """Check cell size and width."""
-        widths = [w for w in WIDTHS if w != "strip" or self.strips]
         return {
             "cell_size": check.given("cell_size", self),
-            "width": check.choice("width", self.width, widths),
+            "width": check.choice("width", self.width, WIDTHS),
         }
 
     def _bed_at(self, x: float) -> float:
@@ -297,8 +294,6 @@ class Facility(Value):
 
     def _across(self, width: float) -> tuple[float, float]:
         """Return the y between which the scene lies: half of it from the centreline."""
-        if self.width == "strip":
-            return (0.0, self.cell_size)
         half = max(self._cells(0.5 * width), self.cell_size)
         return (0.0, half) if self.width == "half" else (-half, half)
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from libmpm._src.base.declarations import given
@@ -14,7 +12,7 @@ from libmpm._src.base.values import Checker, shown, value
 from libmpm._src.boundaries.responses import Displacement
 from libmpm._src.boundaries.wave_makers import piston_stroke
 from libmpm._src.errors import SceneError
-from libmpm._src.flumes import large_wave_flume_rows, near_field, records
+from libmpm._src.flumes import large_wave_flume_rows, records
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import add_field, lengthened, scattered
 from libmpm._src.flumes.facility import (
@@ -133,7 +131,6 @@ class LargeWaveFlume(Facility):
     label: ClassVar[str] = "flumes.LargeWaveFlume"
     short: ClassVar[str] = "lwf"
     title: ClassVar[str] = "OSU Large Wave Flume"
-    strips: ClassVar[bool] = True
     clock_offset: ClassVar[float] = 15.0
     bed_profile: ClassVar[Pairs] = (
         (-6.0, 0.0), (14.275, 0.0), (14.28, 0.226), (17.933, 0.226), (28.906, 1.1404),
@@ -207,8 +204,8 @@ class LargeWaveFlume(Facility):
             found["still_water_level"] = check.given("still_water_level", self)
         if self.structure is not None:
             check.choice("structure", self.structure, ("box",))
-            if self.width in ("slice", "strip"):
-                check.fail(f"structure is 'box' with width {self.width!r}, where it would close "
+            if self.width == "slice":
+                check.fail("structure is 'box' with width 'slice', where it would close "
                            "the flume; expected None; use width='half'")  # fmt: skip
         check.choice("bars", self.bars, tuple(_BARS))
         check.choice("edges", self.edges, EDGES)
@@ -280,41 +277,7 @@ class LargeWaveFlume(Facility):
                 made.add_sensor(name=one.name, sensor=axes.gauge(one.x, one.y, one.z, 1 / 20, hat))
             elif one.kind == "velocity":
                 made.add_sensor(name=one.name, sensor=axes.probe(one.x, one.y, one.z, 1 / 30))
-        if self.width == "strip":
-            near_field.add_stations(made)
         return made
-
-    def trunk(self) -> LargeWaveFlume:
-        """Return the flume one cell wide, without box and debris, for `near_field`.
-
-        Its scene has stations "flow-0", ... beside its instruments, which record the mean velocity
-        of the water before the box's place.
-        """
-        return dataclasses.replace(self, width="strip", structure=None, debris=None, seed=0)
-
-    def near_field(
-        self,
-        folder: str | Path,
-        *,
-        begin: float = 27.5,
-        lower: float = 26.0,
-        until: float | None = None,
-        **options: Any,
-    ) -> Scene:
-        """Return the part of the flume about the box, cut out of a run of `trunk()`.
-
-        The strip is run once, into `folder`, with `options` of `Simulation`; what lies there is
-        used again, so that all layouts have one water. The near field continues from `begin`, s of
-        the laboratory, up to `until` (None = the end of all rows), and takes the flume from
-        `lower`, x in m, on: cut, tiled to half of the width, with box and debris of this value. At
-        `lower` a piston moves as the water of the strip did (`flumes.piston_of_flow`). For `width`
-        "half". `compare` takes its run; rows of gauges begin too late in it. Raises `SceneError`.
-        """
-        return near_field.near_field(self, Path(folder), begin, lower, until, options)
-
-    def half_width(self) -> float:
-        """Return half of the flume's width on faces of cells, m."""
-        return self._cells(0.5 * 3.66)
 
     def add_parts(self, made: Scene) -> None:
         """Add box and debris to a scene of the flume, and the load cell."""
@@ -337,10 +300,7 @@ class LargeWaveFlume(Facility):
         """Return gauges, the velocimeter, and with the box its load cell."""
         end = math.inf if self.end is None else self.end
         beside = 0.0 if self.width == "slice" else min(_BESIDE, self._across(3.66)[1] - 0.2)
-        if self.width == "strip":
-            beside = 0.5 * self.cell_size
-        # In a strip, and in the near field made of it, USWG3 would stand in the box.
-        gauges = [(n, x) for n, x in _GAUGES if x < end and (n, self.width) != ("USWG3", "strip")]
+        gauges = [(n, x) for n, x in _GAUGES if x < end]
         found = [Instrument(n, "level", x, beside, self._bed_at(x)) for n, x in gauges]
         adv = 43.255
         found.append(Instrument("ADV", "velocity", adv, beside, self._bed_at(adv) + 0.15))
