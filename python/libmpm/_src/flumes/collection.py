@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.base.arguments import keywords_only
-from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.values import from_plain, shown
 from libmpm._src.errors import Error, SceneError
-from libmpm._src.flumes.comparison import HEAD, Comparison, Row, blank, compare, median_of
-from libmpm._src.output.atomic_files import replacing, write_json, writing
+from libmpm._src.flumes.comparison import HEAD, Comparison, Row, Table, blank, compare, median_of
+from libmpm._src.output.atomic_files import write_json, writing
 
 if TYPE_CHECKING:
     from libmpm._src.flumes.facility import Facility
@@ -68,52 +66,24 @@ def runs_in(folder: Path) -> list[Path]:
 
 
 @dataclass(frozen=True, eq=False)
-class Collection:
+class Collection(Table):
     """All rows of a facility: of every set-up that was measured, run or not; prints as a table."""
 
     kind: type[Facility]
     rows: tuple[Row, ...]
     comparisons: tuple[Comparison, ...]
 
-    @property
-    def passed(self) -> bool:
-        """Whether a row has passed and none that decides has failed."""
-        verdicts = [row.verdict for row in self.rows]
-        return "failed" not in verdicts and "passed" in verdicts
-
-    def __getitem__(self, which: str) -> Row:
-        """Return a row by id and start of its quantity, such as "L8" or "L1 rms"."""
-        for row in self.rows:
-            if f"{row.id} {row.quantity}".startswith(which):
-                return row
-        raise KeyError(f"no row {which!r}; there are {', '.join(r.id for r in self.rows)}")
-
     def _texts(self) -> list[tuple[str, ...]]:
         return [(row.case, *row.texts()) for row in self.rows]
 
-    def table(self) -> str:
-        """Return all rows as a table in plain text."""
-        return text_table([_HEAD, *self._texts()], flush="left")
+    def _head(self) -> tuple[str, ...]:
+        return _HEAD
 
     def __str__(self) -> str:
         """Return facility, table and how many rows have which verdict."""
         verdicts = [row.verdict for row in self.rows]
         counts = [f"{verdicts.count(v)} {v}" for v in dict.fromkeys(verdicts)]
         return f"{self.kind.title}\n{self.table()}\n{len(verdicts)} rows: {', '.join(counts)}"
-
-    def _repr_html_(self) -> str:
-        """Return the table for a notebook."""
-        return html_table(self._texts(), _HEAD)
-
-    def to_csv(self, path: str | Path) -> None:
-        """Write all rows; the file appears whole or not at all. Raises `OutputError`."""
-        with (
-            replacing(Path(path)) as part,
-            part.open("w", encoding="utf-8", newline="") as file,
-        ):
-            writer = csv.writer(file)
-            writer.writerow(_HEAD)
-            writer.writerows(self._texts())
 
     def figure(self) -> Picture:
         """Return what was simulated over what was measured, with the line of equality.

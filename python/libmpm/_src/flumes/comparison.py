@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from libmpm._src.flumes.records import Curve
     from libmpm._src.pictures.figures import Picture
 
-__all__ = ["HEAD", "Comparison", "Row", "blank", "compare", "verdict_of"]
+__all__ = ["HEAD", "Comparison", "Row", "Table", "blank", "compare", "verdict_of"]
 
 #: Heads of the columns of a table.
 HEAD = ("id", "quantity", "unit", "measured", "this run", "error", "tolerance", "published",
@@ -76,13 +76,16 @@ class Row:
                 self.tolerance, self.published, self.verdict)  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """What `compare` of a facility returns; prints as a table."""
+class Table:
+    """Rows of a facility with what tables of one set-up and of all have in common."""
 
-    facility: Laboratory
     rows: tuple[Row, ...]
-    signals: Signals | None
+
+    def _texts(self) -> list[tuple[str, ...]]:
+        return [row.texts() for row in self.rows]
+
+    def _head(self) -> tuple[str, ...]:
+        return HEAD
 
     @property
     def passed(self) -> bool:
@@ -99,17 +102,11 @@ class Comparison:
 
     def table(self) -> str:
         """Return all rows as a table in plain text."""
-        return text_table([HEAD, *(row.texts() for row in self.rows)], flush="left")
-
-    def __str__(self) -> str:
-        """Return facility, table and verdict."""
-        counts = {v: sum(r.verdict == v for r in self.rows) for v in ("passed", "failed")}
-        said = f"{counts['passed']} passed, {counts['failed']} failed of {len(self.rows)} rows"
-        return f"{self.facility.title}\n{self.table()}\n{said}"
+        return text_table([self._head(), *self._texts()], flush="left")
 
     def _repr_html_(self) -> str:
         """Return the table for a notebook."""
-        return html_table([row.texts() for row in self.rows], HEAD)
+        return html_table(self._texts(), self._head())
 
     @keywords_only("flumes.Comparison.to_csv", 1)
     def to_csv(self, path: str | Path) -> None:
@@ -119,8 +116,23 @@ class Comparison:
             part.open("w", encoding="utf-8", newline="") as file,
         ):
             writer = csv.writer(file)
-            writer.writerow(HEAD)
-            writer.writerows(row.texts() for row in self.rows)
+            writer.writerow(self._head())
+            writer.writerows(self._texts())
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(Table):
+    """What `compare` of a facility returns; prints as a table."""
+
+    facility: Laboratory
+    rows: tuple[Row, ...]
+    signals: Signals | None
+
+    def __str__(self) -> str:
+        """Return facility, table and verdict."""
+        counts = {v: sum(r.verdict == v for r in self.rows) for v in ("passed", "failed")}
+        said = f"{counts['passed']} passed, {counts['failed']} failed of {len(self.rows)} rows"
+        return f"{self.facility.title}\n{self.table()}\n{said}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return rows as plain numbers and texts, keyed by id and quantity."""

@@ -270,7 +270,7 @@ class LargeWaveFlume(Facility):
             name="piston", shape=piston, response=wall(), motion=Displacement(self._along(stroke))
         )
         made.add_boundary(name="walls", shape=DomainWalls(), response=wall())
-        self.add_parts(made)
+        self._add_parts(made)
         for one in self.instruments():
             if one.kind == "level":
                 hat = max(0.1, h)
@@ -279,7 +279,7 @@ class LargeWaveFlume(Facility):
                 made.add_sensor(name=one.name, sensor=axes.probe(one.x, one.y, one.z, 1 / 30))
         return made
 
-    def add_parts(self, made: Scene) -> None:
+    def _add_parts(self, made: Scene) -> None:
         """Add box and debris to a scene of the flume, and the load cell."""
         if self.structure is not None:
             add_structure(made, "box", self.box(), self.edges, half=self.width == "half")
