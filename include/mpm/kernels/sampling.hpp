@@ -188,7 +188,7 @@ struct SamplePoints {
         SensorRecord& r = sensors[points[k].sensor];
         if (r.due) sample(points[k], open_row(r, node.clock->time));
     }
-    MPM_INLINE void sample(const PointRecord<D>& point, double* row) const {
+    MPM_CALL void sample(const PointRecord<D>& point, double* row) const {
         if (point.axis >= 0) {
             SampleGauge<T, Sum, D>{node, point, cell_size, cells}(row);
             return;
