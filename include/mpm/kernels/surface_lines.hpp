@@ -18,7 +18,7 @@ struct SurfaceView {
     int away = 0;   // the sign of the normal along it
 
     MPM_CALL SurfaceView(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
-                           const std::int64_t (&cell)[D]) {
+                         const std::int64_t (&cell)[D]) {
         double x[D], there[D], own[D];
         node_position<D>(cell, all.cell_size, x);
         s.to_body(x, there);
@@ -117,7 +117,7 @@ struct SurfaceLine {
     /// Does another face meet this one within two cells of the line? Splines there do not vanish on
     /// it, and what even pressure does to their nodes is not along its normal.
     MPM_CALL bool beside_edge(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
-                                const std::int64_t (&cell)[D]) const {
+                              const std::int64_t (&cell)[D]) const {
         std::int64_t foot[D], there[D];
         for (int step = 0; step < 5; ++step) {
             moved_along<D>(cell, axis, -step * sign, foot);

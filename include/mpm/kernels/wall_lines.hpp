@@ -99,7 +99,7 @@ MPM_INLINE int room_before(const BoundaryView<D>& all, const WallPlane<D>& wall,
 /// Does a node stand right before a face across an axis whose normal has this sign?
 template <int D>
 MPM_CALL bool before_face(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int axis,
-                            int sign) {
+                          int sign) {
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
         if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
@@ -278,7 +278,7 @@ struct FollowLines {
     }
     /// In the same order from wherever on the line, so that all its nodes find the same numbers.
     MPM_CALL Sums sum(const WallLine& line, int axis, const std::int64_t (&cell)[D],
-                        const Seat& own, const Vec<T, D>& moving) const {
+                      const Seat& own, const Vec<T, D>& moving) const {
         Sums out;
         for (int at = line.first(); at >= -1; --at) {
             Seat s = own;
@@ -302,8 +302,8 @@ struct FollowLines {
     }
     /// `v` is the node's velocity by itself.
     template <class Seen>
-    MPM_INLINE void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
-                               Vec<T, D>& v, const Seen& seen) const {
+    MPM_CALL void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
+                             Vec<T, D>& v, const Seen& seen) const {
         push_at_edges(slot, number, cell, mass, v, seen);
         const Seat own{mass, v};
         WallLine lines[D];

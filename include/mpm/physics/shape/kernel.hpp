@@ -144,8 +144,8 @@ struct Stencil {
 
 /// `xi` is the offset from the centre of cell `cell` of the domain, in [-1/2, 1/2].
 template <int W, class V, int D>
-MPM_CALL Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& xi,
-                                       const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
+MPM_HOST_CALL Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& xi,
+                                          const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
     Stencil<V, D, W> s;
     const int degree = is_linear(k.kernel) ? 1 : (k.kernel == Kernel::quadratic ? 2 : 3);
     MPM_UNROLL for (int a = 0; a < D; ++a) {
