@@ -108,7 +108,6 @@ __global__ void __launch_bounds__(max_threads)
         if (x > 0) {
             atomicMax(reinterpret_cast<unsigned long long*>(maxima) + threadIdx.x,
                       static_cast<unsigned long long>(__double_as_longlong(x)));
-            __threadfence();
         }
     }
     last_of(gridDim.x, arrivals, [&] {
