@@ -31,6 +31,7 @@
 #include "mpm/kernels/sweep.hpp"
 #include "mpm/kernels/telling.hpp"
 #include "mpm/solver/body_store.hpp"
+#include "mpm/solver/boundaries.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/rank_share.hpp"
 #include "mpm/solver/state_check.hpp"
@@ -83,6 +84,8 @@ public:
     std::map<std::string, double> statistics() const override;
 
 private:
+    /// What of X components that know no precision are compiled for.
+    using Base = ExecutorBase<X>;
     using Body = BodyStore<X, T, D>;
     /// Which slots hold particles of each body.
     struct Homes {
@@ -108,10 +111,6 @@ private:
     };
 
     // domain_setup.hpp
-    void set_boundaries();
-    void set_pressures();
-    SurfaceRecord<D> surface(const SurfaceSpec& spec);
-    MotionView upload_motion(const MotionSpec& motion, int components);
     void set_sensors();
     void list_measured();
 
@@ -141,7 +140,6 @@ private:
     std::vector<double> sums_as_numbers(const std::vector<Sum>& sums) const;
     void adopt_sums(const std::vector<double>& value);
     void set_scales(double mass, double momentum_limit, double group_limit);
-    TimeTableView upload_table(const TableSpec& table, int components);
 
     // domain_step.hpp
     void one_step();
@@ -242,7 +240,6 @@ private:
     std::vector<std::vector<std::uint64_t>> gather_tables(const Buffer<X, std::uint64_t>& keys);
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
     void end_of_sums(int parity, bool first);
-    void list_mirrors();
     void rebalance(const std::vector<std::uint64_t>& load);
     void weigh_by_time(std::vector<BlockWeight>& blocks);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
@@ -360,13 +357,11 @@ private:
     NodeUpdate<Grid, Sum, D> node_update(int parity) {
         return {grid_view(parity),
                 clock_buffer_.data(),
-                {boundary_records_.data(), int(spec_.boundaries.size()), surfaces_.data(),
-                 spec_.cell_size, wide_kernel() ? 2 : 1, linear_walls_, linear_surfaces_,
-                 mirrored_walls_},
-                touched_.data(),
+                boundaries_.view(),
+                boundaries_.touched().data(),
                 least_mass_,
-                pressures_.data(),
-                int(pressures_.size())};
+                boundaries_.pressures().data(),
+                int(boundaries_.pressures().size())};
     }
     template <bool keeps, bool special>
     UpdateGrid<Grid, Sum, D, keeps, special> grid_update(int parity) {
@@ -377,10 +372,7 @@ private:
                 plan_.groups.size() == 1 ? plan_.groups[0] : GroupChannels{},
                 plan_.kept};
     }
-    BeginStep<D> begin_step() {
-        return {clock_buffer_.data(), gravity_, boundary_records_.data(),
-                int(spec_.boundaries.size()), surfaces_.data()};
-    }
+    BeginStep<D> begin_step() { return boundaries_.begin_step(clock_buffer_.data()); }
     TurnStep<D> turn_step() { return {{clock_buffer_.data(), spec_.cell_size}, begin_step()}; }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
     double now() const {
@@ -400,23 +392,12 @@ private:
     Buffer<X, BodyConstants> constants_{exec_};
     Buffer<X, BodyNumbers> numbers_{exec_};
     Buffer<X, GroupChannels> groups_{exec_};
-    Buffer<X, BoundaryRecord<D>> boundary_records_{exec_};
-    Buffer<X, SurfaceRecord<D>> surfaces_{exec_};
-    bool special_boundaries_ = false;  // kernels/boundaries.hpp
-    bool linear_walls_ = false;        // kernels/wall_lines.hpp
-    bool linear_surfaces_ = false;
-    bool mirrored_walls_ = false;
-    Buffer<X, GroupPressure> pressures_{exec_};
-    std::vector<Buffer<X, std::uint64_t>> surface_keys_;
-    std::vector<Buffer<X, std::int32_t>> surface_places_;
-    std::vector<Buffer<X, float>> surface_values_;
-    std::vector<Buffer<X, double>> table_memory_;
-    TimeTableView gravity_{};
+    Boundaries<Base, D> boundaries_{exec_, spec_, plan_};
+    TimeTables<Base> inlet_tables_{exec_};
 
     BlockTableView<D> table_{};
     Buffer<X, std::uint64_t> keys_{exec_};
     Buffer<X, std::int32_t> neighbours_{exec_}, corners_{exec_};
-    Buffer<X, std::uint32_t> touched_{exec_};
     Buffer<X, std::uint32_t> occupied_{exec_};  // (slots,): does any body hold particles there
     int sorts_of_table_ = 0;
     Buffer<X, Grid> velocity_{exec_};
@@ -440,7 +421,6 @@ private:
     Buffer<X, SumSet> measured_{exec_};  // of load cells: nodes of the blocks in measured_slots_
     Buffer<X, std::int32_t> measured_slots_{exec_};
     std::int32_t measured_places_ = 0;
-    Buffer<X, BoundaryRecord<D>> measured_boundaries_{exec_};  // of each load cell, its faces alone
 
     // Where contact is declared: laws, and the blocks with several fields of velocities.
     Buffer<X, ContactLaw> contact_laws_{exec_};

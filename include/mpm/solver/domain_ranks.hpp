@@ -12,30 +12,6 @@
 
 namespace mpm {
 
-template <class X, class T, int D>
-void Domain<X, T, D>::list_mirrors() {
-    const auto block = [](std::int64_t cell) {
-        constexpr std::int64_t edge = Block<D>::edge, rim = BlockKeys<D>::rim;
-        return (cell + rim * edge) / edge - rim;
-    };
-    for (const BoundaryRecord<D>& r : boundary_records_.host()) {
-        for (int f = 0; f < 2 * D && !r.is_box && r.surface == 0; ++f) {
-            if (!r.present[f] || !mirrors(r.law[f].response)) continue;
-            const std::int64_t plane = f % 2 == 0 ? r.lower[f / 2] : r.upper[f / 2];
-            const MirrorPlane sides{f / 2, block(plane - 1), block(plane)};
-            if (sides.low != sides.high) share_->mirrors.push_back(sides);
-        }
-        // The nodes of a line read one another's sums too.
-        for (int f = 0; f < 2 * D && r.surface == 0; ++f) {
-            if (!r.present[f] || !r.law[f].linear) continue;
-            const WallPlane<D> wall(r, f);
-            const MirrorPlane sides{f / 2, block(wall.plane - (wall.sign > 0 ? 1 : 2)),
-                                    block(wall.plane + (wall.sign > 0 ? 1 : 0))};
-            if (sides.low != sides.high) share_->mirrors.push_back(sides);
-        }
-    }
-}
-
 /// The keys of everyone's table. All ranks together.
 template <class X, class T, int D>
 std::vector<std::vector<std::uint64_t>> Domain<X, T, D>::gather_tables(

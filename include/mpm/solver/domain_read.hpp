@@ -388,7 +388,7 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     out["fastest_node"] = clock_.speed;
     out["drift"] = clock_.drift;
     double bytes =
-        double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() + touched_.bytes() +
+        double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() + boundaries_.touched().bytes() +
                velocity_.bytes() + sums_[0].bytes() + sums_[1].bytes());
     bytes += double(cells_.bytes() + smoothing_energies_.bytes() + shared_out_.bytes() +
                     shared_in_.bytes() + told_sums_.bytes() + told_sums_in_.bytes() +

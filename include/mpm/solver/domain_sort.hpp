@@ -17,10 +17,7 @@ void Domain<X, T, D>::link_table() {
                    LinkBlocks<D>{table_, neighbours_.data(), corners_.data()});
     table_.neighbours = neighbours_.data();
     table_.corners = corners_.data();
-    touched_.reserve_discard(slots);
-    exec_.for_each(
-        slots, TouchBoundaries<D>{table_, boundary_records_.data(), int(spec_.boundaries.size()),
-                                  surfaces_.data(), spec_.cell_size, touched_.data()});
+    boundaries_.touch(table_);
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
     if (load_count_ > 0 && !share_) list_measured();

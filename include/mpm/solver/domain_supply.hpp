@@ -14,7 +14,7 @@ void Domain<X, T, D>::set_supplies() {
     for (std::size_t b = 0; b < next_id_.size(); ++b) next_id_[b] = spec_.bodies[b].count;
     std::vector<SupplyRecord> records;
     for (const InletSpec& s : spec_.inlets) {
-        records.push_back({upload_table(s.velocity, 1), 0, s.spacing, 0});
+        records.push_back({inlet_tables_.upload(s.velocity, 1), 0, s.spacing, 0});
         auto& next = next_id_.at(std::size_t(s.body));
         next = std::max(next, s.next_id);
         // Points of a layer in any cell of the face, each with the largest weight in a node's
