@@ -3,8 +3,11 @@
 #pragma once
 
 #include "mpm/solver/boundaries.hpp"
+#include "mpm/solver/sensors.hpp"
 #include "mpm/solver/time_tables.hpp"
 
 /// `prefix`: extern, or nothing in the unit that compiles them.
-#define MPM_COMPONENTS(prefix, X, D) prefix template class Boundaries<X, D>;
+#define MPM_COMPONENTS(prefix, X, D)        \
+    prefix template class Boundaries<X, D>; \
+    prefix template class Sensors<X, D>;
 #define MPM_COMPONENTS_OF_ALL(prefix, X) prefix template class TimeTables<X>;

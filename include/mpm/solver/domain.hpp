@@ -33,7 +33,9 @@
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/boundaries.hpp"
 #include "mpm/solver/engine.hpp"
+#include "mpm/solver/homes.hpp"
 #include "mpm/solver/rank_share.hpp"
+#include "mpm/solver/sensors.hpp"
 #include "mpm/solver/state_check.hpp"
 
 namespace mpm {
@@ -61,7 +63,7 @@ public:
         const auto& b = bodies_.at(std::size_t(body));
         return b.count + b.frozen_id.size();
     }
-    std::vector<Samples> drain() override;
+    std::vector<Samples> drain() override { return sensors_.drain(); }
     std::vector<Removed> removed() override { return std::exchange(removed_, {}); }
     std::vector<Flow> flows() override { return std::exchange(flows_, {}); }
     SmoothingHistory smoothing(int body) const override {
@@ -87,32 +89,15 @@ private:
     /// What of X components that know no precision are compiled for.
     using Base = ExecutorBase<X>;
     using Body = BodyStore<X, T, D>;
-    /// Which slots hold particles of each body.
-    struct Homes {
-        std::vector<Buffer<X, std::uint32_t>> flag, position;  // (slots,), and its scan
-        std::vector<std::uint32_t> count;
-    };
     /// Rows that an inlet adds to a body at one moment.
     struct Arrival {
         int body;
         BodySpec rows;
     };
-    struct Sensor {
-        SensorSpec spec;
-        Buffer<X, double> times, values, first;
-        Buffer<X, std::uint32_t> ids;
-        Buffer<X, std::int32_t> columns;
-        Buffer<X, double> partial;  // energy: of each home, then of the parts of their sum
-        Buffer<X, SumSet> set;
-        std::int64_t homes = -1;  // that `set` and `partial` are for
-        Samples drained;
-        explicit Sensor(X& x)
-            : times(x), values(x), first(x), ids(x), columns(x), partial(x), set(x) {}
-    };
 
-    // domain_setup.hpp
-    void set_sensors();
-    void list_measured();
+    void list_measured() {
+        sensors_.measure(table_, boundaries_, share_ ? counts_.data() : nullptr);
+    }
 
     // domain_contact.hpp
     void set_contact();
@@ -145,7 +130,7 @@ private:
     void one_step();
     void update_grid();
     void run_sensors();
-    void sample_energy(Sensor& sensor, SensorRecord* record);
+    void sample_energy(Sensor<Base>& sensor, SensorRecord* record);
     void reserve_deposits(Body& body);
     std::uint64_t workers_of(const Body& body) const;
     void run_bodies();
@@ -178,8 +163,6 @@ private:
     // domain_state.hpp
     void check_laws(const State& state) const;
     void restore_supplies(const State& state);
-    void restore_sensors(const std::vector<std::int64_t>& next, const std::vector<double>& last,
-                         const std::vector<double>& first, std::vector<double> impulse);
     std::vector<std::uint32_t> cell_by_cell(const Body& body,
                                             std::vector<std::uint8_t>* cell = nullptr) const;
 
@@ -197,7 +180,6 @@ private:
     };
     void see_rate(const PhaseNumbers& n, const SeenGrid& grid, const Standing<double, D>& at,
                   const double* state, double (&rate)[D][D]) const;
-    void collect_samples();
 
     // domain_supply.hpp
     void set_supplies();
@@ -227,11 +209,9 @@ private:
     void adopt_table(Buffer<X, std::uint64_t>& keys);
     void permute(Body& body, const std::uint32_t* order);
     void link_table();
-    Homes find_homes();
-    template <class Flag>
-    void add_homes(Homes& homes, std::uint32_t* count, const Flag& flag);
-    void list_homes(const Homes& homes);
-    void join_homes(const Homes& homes, Buffer<X, std::uint32_t>& any);
+    Homes<Base> find_homes();
+    void list_homes(const Homes<Base>& homes);
+    void join_homes(const Homes<Base>& homes, Buffer<X, std::uint32_t>& any);
     void sort_by_colour(Body& body);
     void heavy_first(Body& body);
     void list_by_kind(Body& body, const Buffer<X, std::uint32_t>& position);
@@ -244,8 +224,6 @@ private:
     void weigh_by_time(std::vector<BlockWeight>& blocks);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
     // domain_points.hpp
-    std::vector<std::uint64_t> blocks_of_points(const std::vector<PointRecord<D>>& points) const;
-    KernelChoice point_functions() const;
     SamplePoints<Grid, Sum, D> sample_points();
     void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void open_points();
@@ -411,16 +389,7 @@ private:
     Buffer<X, double> smoothing_energies_{exec_};
     std::vector<Body> bodies_;
 
-    std::vector<Sensor> sensors_;
-    Buffer<X, SensorRecord> sensor_records_{exec_};
-    Buffer<X, LoadCellRecord<D>> load_cells_{exec_};
-    Buffer<X, PointRecord<D>> points_{exec_};  // gauges and probes
-    int load_count_ = 0, point_count_ = 0;
-    Buffer<X, double> load_impulse_{exec_};
-    Buffer<X, double> load_partial_{exec_};
-    Buffer<X, SumSet> measured_{exec_};  // of load cells: nodes of the blocks in measured_slots_
-    Buffer<X, std::int32_t> measured_slots_{exec_};
-    std::int32_t measured_places_ = 0;
+    Sensors<Base, D> sensors_{exec_, spec_, plan_};
 
     // Where contact is declared: laws, and the blocks with several fields of velocities.
     Buffer<X, ContactLaw> contact_laws_{exec_};

@@ -246,7 +246,7 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     list_shared();
     s.counts = counts_.host();
     link_points();
-    if (load_count_ > 0) list_measured();
+    list_measured();
 }
 
 /// Homes, and who shares what, after the table was made anew but for sorts. All ranks together.

@@ -139,7 +139,7 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
         exec_.zero(larger.data() + before, (size - before) * sizeof(Sum));
         sums.swap(larger);
     }
-    if (load_count_ > 0) list_measured();
+    list_measured();
 }
 
 /// What ranks have staged comes to all who hold the block, and everyone adds it up in the same

@@ -341,41 +341,6 @@ NodalSums Domain<X, T, D>::sums() {
     return out;
 }
 
-/// Rows that the sensors have left in their rings, appended to what waits for `drain`.
-template <class X, class T, int D>
-void Domain<X, T, D>::collect_samples() {
-    if (sensors_.empty()) return;
-    auto records = sensor_records_.host();
-    bool any_row = false;
-    for (std::size_t k = 0; k < sensors_.size(); ++k) {
-        SensorRecord& r = records[k];
-        if (r.count == 0) continue;
-        any_row = true;
-        Samples& to = sensors_[k].drained;
-        const std::size_t rows = r.count, width = r.columns, have = to.time.size();
-        to.time.resize(have + rows);
-        to.values.data.resize((have + rows) * width);
-        exec_.download(to.time.data() + have, r.times, rows * sizeof(double));
-        exec_.download(to.values.data.data() + have * width, r.values,
-                       rows * width * sizeof(double));
-        to.values.shape = {have + rows, width};
-        r.count = 0;
-    }
-    if (any_row) sensor_records_.assign(records);
-}
-
-template <class X, class T, int D>
-std::vector<Samples> Domain<X, T, D>::drain() {
-    collect_samples();
-    std::vector<Samples> out;
-    for (auto& s : sensors_) {
-        const std::size_t width = s.drained.values.shape[1];
-        out.push_back(std::exchange(s.drained, Samples{}));
-        s.drained.values.shape = {0, width};
-    }
-    return out;
-}
-
 template <class X, class T, int D>
 std::map<std::string, double> Domain<X, T, D>::statistics() const {
     std::map<std::string, double> out;
@@ -387,9 +352,9 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     out["lone"] = lone;
     out["fastest_node"] = clock_.speed;
     out["drift"] = clock_.drift;
-    double bytes =
-        double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() + boundaries_.touched().bytes() +
-               velocity_.bytes() + sums_[0].bytes() + sums_[1].bytes());
+    double bytes = double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() +
+                          boundaries_.touched().bytes() + velocity_.bytes() + sums_[0].bytes() +
+                          sums_[1].bytes());
     bytes += double(cells_.bytes() + smoothing_energies_.bytes() + shared_out_.bytes() +
                     shared_in_.bytes() + told_sums_.bytes() + told_sums_in_.bytes() +
                     told_velocity_.bytes() + told_velocity_in_.bytes());

@@ -20,31 +20,17 @@ void Domain<X, T, D>::link_table() {
     boundaries_.touch(table_);
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
-    if (load_count_ > 0 && !share_) list_measured();
+    if (!share_) list_measured();
     list_contacts();
 }
 
-/// The homes of one more body: `flag(to)` queues what marks them, `count` gets their number.
 template <class X, class T, int D>
-template <class Flag>
-void Domain<X, T, D>::add_homes(Homes& homes, std::uint32_t* count, const Flag& flag) {
-    const std::int64_t slots = table_.slots;
-    auto& of_body = homes.flag.emplace_back(exec_);
-    auto& position = homes.position.emplace_back(exec_);
-    of_body.reserve_discard(slots);
-    position.reserve_discard(slots + 1);
-    flag(of_body);
-    exec_.exclusive_scan(of_body.data(), position.data(), slots);
-    exec_.copy(count, position.data() + slots, sizeof(std::uint32_t));
-}
-
-template <class X, class T, int D>
-typename Domain<X, T, D>::Homes Domain<X, T, D>::find_homes() {
-    Homes homes;
+Homes<typename Domain<X, T, D>::Base> Domain<X, T, D>::find_homes() {
+    Homes<Base> homes;
     Buffer<X, std::uint32_t> counts(exec_);
     counts.reserve_discard(bodies_.size());
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        add_homes(homes, counts.data() + b, [&](Buffer<X, std::uint32_t>& flag) {
+        homes.add(exec_, table_.slots, counts.data() + b, [&](Buffer<X, std::uint32_t>& flag) {
             exec_.for_each(table_.slots, FlagHomes{bodies_[b].cell_start.data(), flag.data()});
         });
     }
@@ -54,7 +40,7 @@ typename Domain<X, T, D>::Homes Domain<X, T, D>::find_homes() {
 
 /// Slots that hold particles of any body.
 template <class X, class T, int D>
-void Domain<X, T, D>::join_homes(const Homes& homes, Buffer<X, std::uint32_t>& any) {
+void Domain<X, T, D>::join_homes(const Homes<Base>& homes, Buffer<X, std::uint32_t>& any) {
     const std::int64_t slots = table_.slots;
     any.reserve_discard(slots);
     exec_.copy(any.data(), homes.flag[0].data(), std::size_t(slots) * sizeof(std::uint32_t));
@@ -65,7 +51,7 @@ void Domain<X, T, D>::join_homes(const Homes& homes, Buffer<X, std::uint32_t>& a
 /// Lists the blocks that hold particles, of each body; on the CPU also by colour, on a device full
 /// ones, those beside a cut and heavy ones first. Several devices know by then who shares what.
 template <class X, class T, int D>
-void Domain<X, T, D>::list_homes(const Homes& homes) {
+void Domain<X, T, D>::list_homes(const Homes<Base>& homes) {
     const std::int64_t slots = table_.slots;
     join_homes(homes, occupied_);
     // Homes and particles of each body on all ranks: what changes bits is decided by these.
@@ -401,7 +387,7 @@ bool Domain<X, T, D>::sort() {
     Buffer<X, std::uint32_t> occupied(exec_), counts(exec_);
     counts.reserve_discard(2 * bodies + 1);
     counts.zero();
-    Homes homes;
+    Homes<Base> homes;
     std::vector<Buffer<X, std::uint32_t>> cells;
     for (std::size_t b = 0; b < bodies; ++b) {
         Body& body = bodies_[b];
@@ -409,13 +395,14 @@ bool Domain<X, T, D>::sort() {
         const std::size_t rows = std::size_t(body.count) + arriving(b);
         cells.back().reserve_discard(rows + column_padding);
         cells.back().shrink(rows);
-        add_homes(homes, counts.data() + 2 * b + 1, [&](Buffer<X, std::uint32_t>& flag) {
-            flag.zero();
-            FindCells<X, T, D> find{table_,      body.view(),         {},
-                                    flag.data(), cells.back().data(), counts.data() + 2 * b};
-            for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
-            exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
-        });
+        homes.add(
+            exec_, table_.slots, counts.data() + 2 * b + 1, [&](Buffer<X, std::uint32_t>& flag) {
+                flag.zero();
+                FindCells<X, T, D> find{table_,      body.view(),         {},
+                                        flag.data(), cells.back().data(), counts.data() + 2 * b};
+                for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
+                exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
+            });
     }
     join_homes(homes, occupied);
     Buffer<X, std::uint64_t> keys_to_come(exec_);

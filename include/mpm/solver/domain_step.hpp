@@ -45,8 +45,8 @@ void Domain<X, T, D>::update_grid() {
                            constants_.data(),
                            numbers_.data(),
                            int(bodies_.size()),
-                           sensor_records_.data(),
-                           int(sensors_.size()),
+                           sensors_.records(),
+                           sensors_.count(),
                            bits,
                            least_mass_,
                            plan_.wave_speed,
@@ -74,32 +74,32 @@ void Domain<X, T, D>::update_grid() {
 
 template <class X, class T, int D>
 void Domain<X, T, D>::run_sensors() {
-    if (sensors_.empty()) return;
+    if (sensors_.count() == 0) return;
     const auto node = node_update(parity());
     Clock* clock = clock_buffer_.data();
     const SamplePoints<Grid, Sum, D> points = sample_points();
-    bool measured = load_count_ == 0;
+    bool measured = sensors_.load_count() == 0;
     if constexpr (!X::is_device) {
         if (!measured && contact_blocks_ > 0) {
             measured = true;
             exec_.template sum_each<load_columns<D>>(
-                SumSets{measured_.data(), load_count_, measured_places_},
-                MeasureLoads<Grid, Sum, D, true>{node, measured_slots_.data(), load_cells_.data(),
-                                                 spec_.cell_size, contact_view()},
-                TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(),
-                            load_impulse_.data()},
-                load_partial_.data(), share_ ? 0 : point_count_, points);
+                sensors_.measured(),
+                MeasureLoads<Grid, Sum, D, true>{node, sensors_.measured_slots(),
+                                                 sensors_.load_cells(), spec_.cell_size,
+                                                 contact_view()},
+                sensors_.take_load(clock), sensors_.load_partial(),
+                share_ ? 0 : sensors_.point_count(), points);
         }
     }
     if (!measured) {
         exec_.template sum_each<load_columns<D>>(
-            SumSets{measured_.data(), load_count_, measured_places_},
-            MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
+            sensors_.measured(),
+            MeasureLoads<Grid, Sum, D>{node, sensors_.measured_slots(), sensors_.load_cells(),
                                        spec_.cell_size},
-            TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(), load_impulse_.data()},
-            load_partial_.data(), share_ ? 0 : point_count_, points);
-    } else if (load_count_ == 0 && point_count_ > 0 && !share_) {
-        exec_.for_each_large(point_count_, points);
+            sensors_.take_load(clock), sensors_.load_partial(), share_ ? 0 : sensors_.point_count(),
+            points);
+    } else if (sensors_.load_count() == 0 && sensors_.point_count() > 0 && !share_) {
+        exec_.for_each_large(sensors_.point_count(), points);
     }
     if (share_) {
         if constexpr (X::is_device)
@@ -107,9 +107,9 @@ void Domain<X, T, D>::run_sensors() {
         else
             sample_points_together(points);
     }
-    for (std::size_t k = 0; k < sensors_.size(); ++k) {
-        Sensor& s = sensors_[k];
-        SensorRecord* record = sensor_records_.data() + k;
+    for (int k = 0; k < sensors_.count(); ++k) {
+        Sensor<Base>& s = sensors_.at(k);
+        SensorRecord* record = sensors_.records() + k;
         if constexpr (!X::is_device) {
             if (!record->due) continue;
         }
@@ -128,7 +128,7 @@ void Domain<X, T, D>::run_sensors() {
 }
 
 template <class X, class T, int D>
-void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
+void Domain<X, T, D>::sample_energy(Sensor<Base>& s, SensorRecord* record) {
     const auto chosen = [&](std::size_t b) { return s.spec.body < 0 || s.spec.body == int(b); };
     std::int64_t homes = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b)
@@ -358,7 +358,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             clock_.halt = Halt::none;
             push_clock();
         } else if (clock_.halt == Halt::samples) {
-            collect_samples();
+            sensors_.collect();
             clock_.halt = Halt::none;
             push_clock();
         } else if (clock_.halt == Halt::until || clock_.halt == Halt::steps) {

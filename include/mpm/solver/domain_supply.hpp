@@ -223,10 +223,10 @@ void Domain<X, T, D>::deposit_arrivals() {
         fresh.particle_mass = body.particle_mass;
         fresh.particle_volume = body.particle_volume;
         place_body(fresh, arrival.rows);
-        Homes homes;
+        Homes<Base> homes;
         Buffer<X, std::uint32_t> count(exec_);
         count.reserve_discard(1);
-        add_homes(homes, count.data(), [&](Buffer<X, std::uint32_t>& flag) {
+        homes.add(exec_, table_.slots, count.data(), [&](Buffer<X, std::uint32_t>& flag) {
             exec_.for_each(table_.slots, FlagHomes{fresh.cell_start.data(), flag.data()});
         });
         fresh.homes = fresh.full_homes = std::int32_t(count.host()[0]);
