@@ -30,6 +30,7 @@
 #include "mpm/kernels/supplying.hpp"
 #include "mpm/kernels/sweep.hpp"
 #include "mpm/kernels/telling.hpp"
+#include "mpm/solver/block_table.hpp"
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/boundaries.hpp"
 #include "mpm/solver/engine.hpp"
@@ -197,15 +198,12 @@ private:
 
     // domain_sort.hpp
     bool sort();
+    bool end_of_sort(double began);
     std::vector<Leaver<D>> list_left(const Body& body, std::uint32_t count,
                                      const Buffer<X, std::uint32_t>& cell);
     int outlet_of(const Leaver<D>& who) const;
     bool remove_left(const std::vector<std::uint32_t>& left,
                      const std::vector<Buffer<X, std::uint32_t>>& cells);
-    void set_neighbourhood(const Buffer<X, std::uint64_t>& homes, Buffer<X, std::uint64_t>& keys);
-    void rebuild_table(const Buffer<X, std::uint32_t>& occupied,
-                       const Buffer<X, std::uint64_t>& more, Buffer<X, std::uint64_t>& keys,
-                       Buffer<X, std::int32_t>& map);
     void adopt_table(Buffer<X, std::uint64_t>& keys);
     void permute(Body& body, const std::uint32_t* order);
     void link_table();
@@ -370,13 +368,11 @@ private:
     Buffer<X, BodyConstants> constants_{exec_};
     Buffer<X, BodyNumbers> numbers_{exec_};
     Buffer<X, GroupChannels> groups_{exec_};
+    BlockTable<Base, D> blocks_{exec_, spec_.cells, spec_.contact.fields};
+    const BlockTableView<D>& table_ = blocks_.view();
     Boundaries<Base, D> boundaries_{exec_, spec_, plan_};
     TimeTables<Base> inlet_tables_{exec_};
 
-    BlockTableView<D> table_{};
-    Buffer<X, std::uint64_t> keys_{exec_};
-    Buffer<X, std::int32_t> neighbours_{exec_}, corners_{exec_};
-    Buffer<X, std::uint32_t> occupied_{exec_};  // (slots,): does any body hold particles there
     int sorts_of_table_ = 0;
     Buffer<X, Grid> velocity_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};

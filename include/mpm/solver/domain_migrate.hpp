@@ -231,7 +231,7 @@ bool Domain<X, T, D>::sort_among_ranks() {
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
     Buffer<X, std::uint64_t> home_keys(exec_), keys(exec_);
     home_keys.assign(homes);
-    set_neighbourhood(home_keys, keys);
+    blocks_.neighbourhood(home_keys, keys);
     auto after = gather_tables(keys);
     const auto& mine = after[std::size_t(me)];
 
@@ -244,13 +244,7 @@ bool Domain<X, T, D>::sort_among_ranks() {
     adopt_table_of_ranks(keys, after);
     list_homes(find_homes());
     link_ranks(std::move(after));
-    clock_.drift = 0;
-    clock_.strays = 0;
-    ++sorts_;
-    sort_interval_ = clock_.step - last_sort_;
-    last_sort_ = clock_.step;
-    timings_["sort"] += now() - began;
-    return true;
+    return end_of_sort(began);
 }
 
 /// Of the layers that inlets supply, the rows in blocks of this rank; `homes` gets these.

@@ -101,9 +101,7 @@ void Domain<X, T, D>::find_blocks(const Spec& spec) {
     std::sort(homes.begin(), homes.end());
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
     keys.assign(homes);
-    set_neighbourhood(keys, keys_);
-    table_.keys = keys_.data();
-    table_.slots = std::int32_t(keys_.size());
+    blocks_.make(keys);
 }
 
 template <class X, class T, int D>
@@ -299,7 +297,7 @@ void Domain<X, T, D>::start_from(const Spec& spec) {
         const auto found = start.averages.find(plan_.channels[g.sum]);
         averages.push_back(found == start.averages.end() ? nullptr : &found->second);
     }
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     const BlockTableView<D> table{table_.keys_of, table_.slots, keys.data(), nullptr, nullptr};
     for (std::size_t k = 0; k < nodes; ++k) {
         std::int64_t block[D];

@@ -62,7 +62,8 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         const Body& body = bodies_[b];
         auto& to = s.destinations[b];
-        to.assign(neighbours_.data(), neighbours_.data() + slots * Block<D>::neighbours);
+        to.assign(blocks_.neighbours().data(),
+                  blocks_.neighbours().data() + slots * Block<D>::neighbours);
         for (std::size_t colour = 0; colour + 1 < body.colour_start.size(); ++colour) {
             const std::size_t first = s.parts.size();
             for (std::int32_t k = body.colour_start[colour]; k < body.colour_start[colour + 1];

@@ -33,7 +33,7 @@ Array Domain<X, T, D>::positions(Body& body) {
     const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
     const auto cell = body.cell.host(X::is_device ? body.count : 0);
     const auto home = body.home.host();
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     for (int a = 0; a < D; ++a) {
         const auto x = body.offset[a].host(body.count);
         for (std::int32_t h : home) {
@@ -164,8 +164,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
     const auto cells = body.cell.host(X::is_device ? body.count : 0);
     const auto home = body.home.host();
-    const auto keys = keys_.host();
-    const auto neighbours = neighbours_.host();
+    const auto keys = blocks_.keys().host();
+    const auto neighbours = blocks_.neighbours().host();
     const std::vector<Grid> grid = moving ? velocity_.host() : std::vector<Grid>();
     const std::vector<Sum> masses =
         moving && stresses_apart() ? sums_[parity()].host() : std::vector<Sum>();
@@ -261,7 +261,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
         throw SceneError("grid has no attribute '" + name + "'; it has position, velocity, mass");
     }
     prepare_velocities();
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     const auto sums = sums_[parity()].host();
     const auto velocity = velocity_.host();
     Array out;
@@ -311,7 +311,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
 template <class X, class T, int D>
 NodalSums Domain<X, T, D>::sums() {
     fetch_clock();
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     const auto value = sums_as_numbers(sums_[parity()].host());
     NodalSums out;
     for (std::size_t slot = 0; slot < keys.size(); ++slot) {
@@ -352,9 +352,8 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     out["lone"] = lone;
     out["fastest_node"] = clock_.speed;
     out["drift"] = clock_.drift;
-    double bytes = double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() +
-                          boundaries_.touched().bytes() + velocity_.bytes() + sums_[0].bytes() +
-                          sums_[1].bytes());
+    double bytes = double(blocks_.bytes() + boundaries_.touched().bytes() + velocity_.bytes() +
+                          sums_[0].bytes() + sums_[1].bytes());
     bytes += double(cells_.bytes() + smoothing_energies_.bytes() + shared_out_.bytes() +
                     shared_in_.bytes() + told_sums_.bytes() + told_sums_in_.bytes() +
                     told_velocity_.bytes() + told_velocity_in_.bytes());

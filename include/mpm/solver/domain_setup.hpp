@@ -25,12 +25,6 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
                 share_->seconds = &thread_seconds;
         }
     }
-    for (int a = 0; a < D; ++a) {
-        if (spec_.cells[a] < 1)
-            throw SceneError("the domain has no cells along axis " + std::to_string(a));
-        table_.keys_of.counts[a] =
-            (spec_.cells[a] + Block<D>::edge - 1) / Block<D>::edge + 2 * BlockKeys<D>::rim;
-    }
     set_contact();
     least_mass_ = std::numeric_limits<double>::infinity();
     std::vector<BodyConstants> constants;
@@ -77,7 +71,10 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     if (speed * clock_.dt > 0.5 * spec_.cell_size)
         clock_.dt = clock_.dt_next = 0.5 * spec_.cell_size / speed;
 
-    if (share_) share_->mirrors = boundaries_.mirror_planes();
+    if (share_) {
+        share_->mirrors = boundaries_.mirror_planes();
+        blocks_.share(share_->mirrors);
+    }
     if (share_) open_devices();
     set_supplies();
     place_particles(spec_);

@@ -11,12 +11,7 @@ namespace mpm {
 template <class X, class T, int D>
 void Domain<X, T, D>::link_table() {
     const std::int64_t slots = table_.slots;
-    neighbours_.reserve_discard(slots * Block<D>::neighbours);
-    corners_.reserve_discard(slots * D);
-    exec_.for_each(slots * Block<D>::neighbours,
-                   LinkBlocks<D>{table_, neighbours_.data(), corners_.data()});
-    table_.neighbours = neighbours_.data();
-    table_.corners = corners_.data();
+    blocks_.link();
     boundaries_.touch(table_);
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
@@ -53,7 +48,7 @@ void Domain<X, T, D>::join_homes(const Homes<Base>& homes, Buffer<X, std::uint32
 template <class X, class T, int D>
 void Domain<X, T, D>::list_homes(const Homes<Base>& homes) {
     const std::int64_t slots = table_.slots;
-    join_homes(homes, occupied_);
+    join_homes(homes, blocks_.occupied());
     // Homes and particles of each body on all ranks: what changes bits is decided by these.
     const std::size_t bodies = bodies_.size();
     std::vector<std::uint64_t> all(homes.count.begin(), homes.count.end());
@@ -127,7 +122,7 @@ void Domain<X, T, D>::heavy_first(Body& body) {
         weight.reserve_discard(body.full_homes);
         exec_.for_each(body.full_homes,
                        WeighHomes{body.home.data(), body.cell_start.data(), std::max(mean, 1u),
-                                  weight.data(), neighbours_.data(), Block<D>::neighbours,
+                                  weight.data(), blocks_.neighbours().data(), Block<D>::neighbours,
                                   share_ ? shared_.data() : nullptr});
         exec_.sort_by_key(weight.data(), body.home.data(), body.full_homes, WeighHomes::bits);
     }
@@ -263,57 +258,6 @@ bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
     return true;
 }
 
-/// Keys of a table: home blocks and all their neighbours, ascending.
-template <class X, class T, int D>
-void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
-                                        Buffer<X, std::uint64_t>& keys) {
-    const std::int64_t n = std::int64_t(homes.size()) * Block<D>::neighbours;
-    Buffer<X, std::uint64_t> all(exec_);
-    all.reserve_discard(n);
-    exec_.for_each(n, ListNeighbours<D>{table_.keys_of, homes.data(), all.data()});
-    const std::int64_t slots = exec_.sort_unique(all.data(), n, table_.keys_of.bits());
-    if (slots * block_cells >= std::int64_t(~0u)) {
-        throw CapacityError(
-            "the scene needs " + std::to_string(slots) +
-            " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
-    }
-    keys.reserve_discard(slots);
-    exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
-    if (share_ && !share_->mirrors.empty()) {
-        auto with_images = keys.host();
-        add_images<D>(table_.keys_of, share_->mirrors, with_images);
-        keys.assign(with_images);
-    }
-    // As large as this, it would weigh on the sort that follows. Not with several devices: what is
-    // given back there has to be mapped into all of them again.
-    const bool heavy = all.bytes() > (std::size_t(16) << 20) && !share_;
-    all = Buffer<X, std::uint64_t>(exec_);
-    if (heavy) exec_.trim();
-}
-
-/// A table of the occupied blocks, `more` blocks and all their neighbours. `map` leads from the
-/// present table's slots to its own.
-template <class X, class T, int D>
-void Domain<X, T, D>::rebuild_table(const Buffer<X, std::uint32_t>& occupied,
-                                    const Buffer<X, std::uint64_t>& more,
-                                    Buffer<X, std::uint64_t>& keys, Buffer<X, std::int32_t>& map) {
-    const std::int64_t slots = table_.slots;
-    Buffer<X, std::uint32_t> position(exec_);
-    position.reserve_discard(slots + 1);
-    exec_.exclusive_scan(occupied.data(), position.data(), slots);
-    std::uint32_t homes = 0;
-    exec_.download(&homes, position.data() + slots, sizeof homes);
-    Buffer<X, std::uint64_t> list(exec_);
-    list.reserve_discard(homes + more.size());
-    if (more.size() > 0)
-        exec_.copy(list.data() + homes, more.data(), more.size() * sizeof(std::uint64_t));
-    exec_.for_each(slots, ListKeys{keys_.data(), position.data(), occupied.data(), list.data()});
-    set_neighbourhood(list, keys);
-    map.reserve_discard(slots);
-    exec_.for_each(slots,
-                   MapSlots{keys_.data(), keys.data(), std::int32_t(keys.size()), map.data()});
-}
-
 /// Sums follow their blocks into a new table, which then is the table.
 template <class X, class T, int D>
 void Domain<X, T, D>::adopt_table(Buffer<X, std::uint64_t>& keys) {
@@ -325,9 +269,7 @@ void Domain<X, T, D>::adopt_table(Buffer<X, std::uint64_t>& keys) {
     const bool grows = size * sizeof(Sum) > sums_[reading].bytes();
     if (grows) exec_.trim();
     Buffer<X, std::int32_t> map(exec_);
-    map.reserve_discard(new_slots);
-    exec_.for_each(new_slots,
-                   MapSlots{keys.data(), keys_.data(), std::int32_t(table_.slots), map.data()});
+    blocks_.slots_of(keys, map);
     // The other set holds nothing between steps.
     sums_[1 - reading].reserve_discard(size);
     exec_.for_each(std::int64_t(new_slots) * block_cells,
@@ -335,9 +277,7 @@ void Domain<X, T, D>::adopt_table(Buffer<X, std::uint64_t>& keys) {
                                  plan_.sum_channels});
     sums_[0].swap(sums_[1]);
     sums_[1 - reading].reserve_discard(size);
-    keys_.swap(keys);
-    table_.keys = keys_.data();
-    table_.slots = new_slots;
+    blocks_.adopt(keys);
     ++tables_;
     link_table();
     if (grows) exec_.trim();
@@ -369,6 +309,18 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
     ids.reserve_discard(body.id.size());
     exec_.for_each(body.count, Take<std::uint32_t>{order, body.id.data(), ids.data()});
     body.id.swap(ids);
+}
+
+/// All particles stand in their cells again. True: the state is that of a sort.
+template <class X, class T, int D>
+bool Domain<X, T, D>::end_of_sort(double began) {
+    clock_.drift = 0;
+    clock_.strays = 0;
+    ++sorts_;
+    sort_interval_ = clock_.step - last_sort_;
+    last_sort_ = clock_.step;
+    timings_["sort"] += now() - began;
+    return true;
 }
 
 /// Returns false when particles have left the domain and the policy is to stop; the state is then
@@ -407,8 +359,8 @@ bool Domain<X, T, D>::sort() {
     join_homes(homes, occupied);
     Buffer<X, std::uint64_t> keys_to_come(exec_);
     if (!arrivals_.empty()) mark_arrivals(occupied, counts.data() + 2 * bodies, keys_to_come);
-    exec_.for_each(slots,
-                   FindNewHomes<X>{occupied.data(), occupied_.data(), counts.data() + 2 * bodies});
+    exec_.for_each(slots, FindNewHomes<X>{occupied.data(), blocks_.occupied().data(),
+                                          counts.data() + 2 * bodies});
     const auto counted = counts.host();
     std::vector<std::uint32_t> left;
     for (std::size_t b = 0; b < bodies; ++b) {
@@ -420,7 +372,7 @@ bool Domain<X, T, D>::sort() {
     const bool rebuild = counted.back() != 0 || ++sorts_of_table_ >= 16;
     Buffer<X, std::uint64_t> keys(exec_);
     Buffer<X, std::int32_t> map(exec_);
-    if (rebuild) rebuild_table(occupied, keys_to_come, keys, map);
+    if (rebuild) blocks_.rebuild(occupied, keys_to_come, keys, map);
     const std::int64_t range = (rebuild ? std::int64_t(keys.size()) : slots) * block_cells;
 
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -431,12 +383,7 @@ bool Domain<X, T, D>::sort() {
                                          std::uint32_t(slots * block_cells), std::uint32_t(range)});
         }
         if (arriving(b) > 0) {
-            BlockTableView<D> table = table_;
-            if (rebuild) {
-                table.keys = keys.data();
-                table.slots = std::int32_t(keys.size());
-            }
-            append_arrivals(int(b), cells[b], table);
+            append_arrivals(int(b), cells[b], rebuild ? blocks_.view_of(keys) : table_);
         }
         body.cell_start.reserve_discard(range + 2);
         arrange(exec_, cells[b], range, body.id.data(), body.cell_start.data(), body.cell.data());
@@ -450,13 +397,7 @@ bool Domain<X, T, D>::sort() {
     }
     if (rebuild || !arrivals_.empty()) homes = find_homes();
     list_homes(homes);
-    clock_.drift = 0;
-    clock_.strays = 0;
-    ++sorts_;
-    sort_interval_ = clock_.step - last_sort_;
-    last_sort_ = clock_.step;
-    timings_["sort"] += now() - began;
-    return true;
+    return end_of_sort(began);
 }
 
 }  // namespace mpm

@@ -47,7 +47,7 @@ State Domain<X, T, D>::save() {
             "step will describe it");
     State s;
     save_clock(s, clock_);
-    s["keys"] = detail::to_blob(keys_.host());
+    s["keys"] = detail::to_blob(blocks_.keys().host());
     s["sums"] = detail::to_blob(
         sums_[parity()].host(std::size_t(table_.slots) * plan_.sum_channels * block_cells));
     s["sum_channels"] = detail::to_blob(std::vector<std::int32_t>{plan_.sum_channels});
@@ -118,9 +118,7 @@ void Domain<X, T, D>::load(const State& whole) {
                           : 0;
     clock_.drift_limit = X::drift_limit;
     const auto keys = detail::from_blob<std::uint64_t>(state, "keys");
-    keys_.assign(keys);
-    table_.keys = keys_.data();
-    table_.slots = std::int32_t(keys.size());
+    blocks_.assign(keys);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::string p = "body" + std::to_string(b) + "_";

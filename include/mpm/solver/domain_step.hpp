@@ -26,7 +26,8 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     if constexpr (X::is_device) p.arrivals = exec_.arrivals();
     p.scratch = body.scratch.data();
     const bool stages = share_ && !X::is_device;
-    p.destinations = stages ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
+    p.destinations =
+        stages ? share_->destinations[std::size_t(number)].data() : blocks_.neighbours().data();
     p.staged = stages ? table_.slots : none_staged;
     p.full_homes = body.all_full_homes;
     p.coloured = body.coloured.data();
