@@ -172,6 +172,8 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     std::vector<std::vector<T>> offset, state;
     for (auto& c : body.offset) offset.push_back(c.host(body.count));
     for (auto& c : body.state) state.push_back(c.host(body.count));
+    const T* columns[max_state_columns] = {};
+    for (std::size_t r = 0; r < state.size(); ++r) columns[r] = state[r].data();
     const double dx = spec_.cell_size, m = body.particle_mass, V = body.particle_volume;
 
     const auto fill = [&](std::size_t q, const double* x, const double* v,
@@ -238,7 +240,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
                 stands.find(corner, at, own);
                 particle_velocity<X::is_device, D>(
                     body.plan.phase, kernel_width(spec_.kernel.kernel) != 3, stands,
-                    [&](int r) { return s[r]; },
+                    StoredNumbers<T>{columns, q},
                     NodesAround<Grid>{grid.data(), plan_.velocity_channels, around}, v);
                 if (constitutive || rates)
                     see_rate(body.plan.phase, {grid.data(), masses.data(), around}, stands, s,
