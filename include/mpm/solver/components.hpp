@@ -4,6 +4,7 @@
 
 #include "mpm/solver/block_table.hpp"
 #include "mpm/solver/boundaries.hpp"
+#include "mpm/solver/inflow.hpp"
 #include "mpm/solver/sensors.hpp"
 #include "mpm/solver/time_tables.hpp"
 
@@ -11,5 +12,6 @@
 #define MPM_COMPONENTS(prefix, X, D)        \
     prefix template class BlockTable<X, D>; \
     prefix template class Boundaries<X, D>; \
+    prefix template class Inflow<X, D>;     \
     prefix template class Sensors<X, D>;
 #define MPM_COMPONENTS_OF_ALL(prefix, X) prefix template class TimeTables<X>;

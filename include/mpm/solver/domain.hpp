@@ -35,6 +35,8 @@
 #include "mpm/solver/boundaries.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/homes.hpp"
+#include "mpm/solver/inflow.hpp"
+#include "mpm/solver/outflow.hpp"
 #include "mpm/solver/rank_share.hpp"
 #include "mpm/solver/sensors.hpp"
 #include "mpm/solver/state_check.hpp"
@@ -65,7 +67,7 @@ public:
         return b.count + b.frozen_id.size();
     }
     std::vector<Samples> drain() override { return sensors_.drain(); }
-    std::vector<Removed> removed() override { return std::exchange(removed_, {}); }
+    std::vector<Removed> removed() override { return outflow_.removed(); }
     std::vector<Flow> flows() override { return std::exchange(flows_, {}); }
     SmoothingHistory smoothing(int body) const override {
         return bodies_.at(std::size_t(body)).smoothing;
@@ -90,12 +92,6 @@ private:
     /// What of X components that know no precision are compiled for.
     using Base = ExecutorBase<X>;
     using Body = BodyStore<X, T, D>;
-    /// Rows that an inlet adds to a body at one moment.
-    struct Arrival {
-        int body;
-        BodySpec rows;
-    };
-
     void list_measured() {
         sensors_.measure(table_, boundaries_, share_ ? counts_.data() : nullptr);
     }
@@ -163,7 +159,6 @@ private:
 
     // domain_state.hpp
     void check_laws(const State& state) const;
-    void restore_supplies(const State& state);
     std::vector<std::uint32_t> cell_by_cell(const Body& body,
                                             std::vector<std::uint8_t>* cell = nullptr) const;
 
@@ -183,25 +178,15 @@ private:
                   const double* state, double (&rate)[D][D]) const;
 
     // domain_supply.hpp
-    void set_supplies();
     bool supply();
-    std::vector<Arrival> due_layers(std::vector<SupplyRecord>& records,
-                                    std::vector<std::uint64_t>& layers,
-                                    std::vector<std::uint64_t>& next_id,
-                                    std::vector<Flow>& flows) const;
-    std::uint32_t arriving(std::size_t body) const;
-    void mark_arrivals(Buffer<X, std::uint32_t>& occupied, std::uint32_t* found,
-                       Buffer<X, std::uint64_t>& keys);
     void append_arrivals(int body, Buffer<X, std::uint32_t>& cell, const BlockTableView<D>& table);
     void deposit_arrivals();
-    std::int64_t steps_to_supply() const;
 
     // domain_sort.hpp
     bool sort();
     bool end_of_sort(double began);
     std::vector<Leaver<D>> list_left(const Body& body, std::uint32_t count,
                                      const Buffer<X, std::uint32_t>& cell);
-    int outlet_of(const Leaver<D>& who) const;
     bool remove_left(const std::vector<std::uint32_t>& left,
                      const std::vector<Buffer<X, std::uint32_t>>& cells);
     void adopt_table(Buffer<X, std::uint64_t>& keys);
@@ -305,7 +290,6 @@ private:
     void adopt_table_of_ranks(Buffer<X, std::uint64_t>& keys,
                               const std::vector<std::vector<std::uint64_t>>& after);
     bool sort_among_ranks();
-    void keep_own_arrivals(std::vector<std::uint64_t>& homes);
     void admit(int number, const detail::Emigrants<T>& come, Buffer<X, std::uint32_t>& cell,
                const std::vector<int>& owner, const BlockTableView<D>& table);
     /// Whether a block's nodes are this rank's to count, where every block counts once.
@@ -371,7 +355,6 @@ private:
     BlockTable<Base, D> blocks_{exec_, spec_.cells, spec_.contact.fields};
     const BlockTableView<D>& table_ = blocks_.view();
     Boundaries<Base, D> boundaries_{exec_, spec_, plan_};
-    TimeTables<Base> inlet_tables_{exec_};
 
     int sorts_of_table_ = 0;
     Buffer<X, Grid> velocity_{exec_};
@@ -395,13 +378,8 @@ private:
     Buffer<X, std::uint32_t> crowded_{exec_};
     std::int32_t contact_blocks_ = 0;
 
-    Buffer<X, SupplyRecord> supplies_{exec_};  // of inlets
-    std::vector<std::uint64_t> supplied_;      // layers of each
-    std::vector<std::uint64_t> next_id_;       // of each body, where there are inlets
-    double supplied_mass_ = 0;                 // Decide
-    std::vector<Arrival> arrivals_;            // while they are sorted in
-
-    std::vector<Removed> removed_;
+    Inflow<Base, D> inflow_{exec_, spec_, plan_};
+    Outflow<D> outflow_{spec_};
     std::vector<Flow> flows_;
     std::map<std::string, double> timings_;
     std::int64_t sorts_ = 0, tables_ = 0, last_sort_ = 0, sort_interval_ = 0;

@@ -329,7 +329,7 @@ bool Domain<X, T, D>::sort_among_devices() {
     remove_left(left, cells);
     for (const Emigrating& g : go) s.migrated += g.all;
 
-    if (dealt || word.lacks || !arrivals_.empty() || ++sorts_of_table_ >= 16) {
+    if (dealt || word.lacks || inflow_.arrives() || ++sorts_of_table_ >= 16) {
         const double at = now();
         sort_into_new_table(come, gone, cells, occupied, dealt ? &all_before : nullptr);
         timings_["tables"] += now() - at;
@@ -360,7 +360,7 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
     const std::int64_t slots = table_.slots;
     exec_.for_each(slots, KeepOwned{owner_.data(), s.rank(), occupied.data()});
     std::vector<std::uint64_t> supplied;
-    keep_own_arrivals(supplied);
+    inflow_.keep_own(spec_, share_->partition, share_->rank(), table_.keys_of, supplied);
     std::uint64_t all = 0;
     for (const auto& of_body : come)
         for (const Coming& c : of_body) all += c.count;
@@ -402,7 +402,7 @@ void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come,
                                     Buffer<X, std::uint32_t>& cell,
                                     const BlockTableView<D>& table) {
     Body& body = bodies_[std::size_t(number)];
-    const std::uint32_t before = body.count, supplied = arriving(std::size_t(number));
+    const std::uint32_t before = body.count, supplied = inflow_.arriving(std::size_t(number));
     const std::int64_t range = std::int64_t(table.slots) * block_cells;
     std::size_t rows = std::size_t(before) + supplied;
     for (const Coming& c : come) rows += c.count;

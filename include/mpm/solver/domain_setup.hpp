@@ -76,7 +76,6 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         blocks_.share(share_->mirrors);
     }
     if (share_) open_devices();
-    set_supplies();
     place_particles(spec_);
     if (share_) open_points();
     if (spec_.start.given)

@@ -170,51 +170,23 @@ std::vector<Leaver<D>> Domain<X, T, D>::list_left(const Body& body, std::uint32_
     return out;
 }
 
-/// The outlet through which a particle has left, or -1.
-template <class X, class T, int D>
-int Domain<X, T, D>::outlet_of(const Leaver<D>& who) const {
-    for (std::size_t k = 0; k < spec_.outlets.size(); ++k) {
-        const int a = spec_.outlets[k].face / 2;
-        const bool upper = spec_.outlets[k].face % 2 != 0;
-        if (upper ? who.cell[a] >= spec_.cells[a] : who.cell[a] < 0) return int(k);
-    }
-    return -1;
-}
-
 /// Takes particles that have left out of the computation: through outlets, and elsewhere as the
 /// policy has it. Returns false when the policy is to stop; nothing has changed then.
 template <class X, class T, int D>
 bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
                                   const std::vector<Buffer<X, std::uint32_t>>& cells) {
-    struct Way {
-        Removed removed;
-        std::vector<std::uint32_t> place, id;
-    };
-    const std::size_t outlets = spec_.outlets.size();
-    std::vector<Way> ways;  // of each body: through each outlet, then elsewhere
-    const char* policy = spec_.leaving == Leaving::freeze
-                             ? "freeze"
-                             : (spec_.leaving == Leaving::remove ? "delete" : "stop");
+    using Way = typename Outflow<D>::Way;
+    std::vector<Way> ways;
+    std::vector<std::array<double, 2>> mass_and_volume;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        if (left[b] == 0) continue;
         Body& body = bodies_[b];
-        const std::size_t first = ways.size();
-        for (std::size_t k = 0; k <= outlets; ++k) {
-            Removed& r = ways.emplace_back().removed;
-            r.body = int(b);
-            r.step = clock_.step;
-            r.policy = k < outlets ? "outflow:" + spec_.outlets[k].name : policy;
-        }
-        for (const Leaver<D>& who : list_left(body, left[b], cells[b])) {
-            const int outlet = outlet_of(who);
-            Way& way = ways[first + (outlet < 0 ? outlets : std::size_t(outlet))];
-            way.place.push_back(who.place);
-            way.id.push_back(who.id);
-            way.removed.ids.push_back(body.first_id + who.id);
-            for (int a = 0; a < D; ++a) way.removed.position.data.push_back(who.position[a]);
-        }
+        mass_and_volume.push_back({body.particle_mass, body.particle_volume});
+        if (left[b] == 0) continue;
+        for (Way& way :
+             outflow_.ways(int(b), body.first_id, clock_.step, list_left(body, left[b], cells[b])))
+            ways.push_back(std::move(way));
         const auto& ids = ways.back().removed.ids;
-        if (spec_.leaving == Leaving::stop && !ids.empty()) {
+        if (outflow_.stops() && !ids.empty()) {
             fault_ = Fault{"left-domain",
                            body.plan.name,
                            ids,
@@ -229,32 +201,20 @@ bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
             return false;
         }
     }
-    std::vector<Flow> flows;
-    for (std::size_t k = 0; k < outlets; ++k)
-        flows.push_back({false, int(k), clock_.time, clock_.step, 0, 0, 0});
-    for (std::size_t w = 0; w < ways.size(); ++w) {
-        Removed& r = ways[w].removed;
-        const std::size_t n = r.ids.size(), k = w % (outlets + 1);
-        if (n == 0) continue;
-        Body& body = bodies_[std::size_t(r.body)];
-        r.position.shape = {n, std::size_t(D)};
-        if (k < outlets) {
-            flows[k].particles += n;
-            flows[k].mass += double(n) * body.particle_mass;
-            flows[k].volume += double(n) * body.particle_volume;
-        } else if (spec_.leaving == Leaving::freeze) {
-            std::vector<std::vector<T>> state;
-            for (auto& s : body.state) state.push_back(s.host(body.count));
-            body.frozen_id.insert(body.frozen_id.end(), ways[w].id.begin(), ways[w].id.end());
-            body.frozen_position.insert(body.frozen_position.end(), r.position.data.begin(),
-                                        r.position.data.end());
-            for (std::uint32_t p : ways[w].place)
-                for (auto& s : state) body.frozen_state.push_back(double(s[p]));
-        }
-        removed_.push_back(std::move(r));
+    for (const Way& way : ways) {
+        if (!outflow_.freezes(way) || way.id.empty()) continue;
+        Body& body = bodies_[std::size_t(way.removed.body)];
+        const auto& position = way.removed.position.data;
+        std::vector<std::vector<T>> state;
+        for (auto& s : body.state) state.push_back(s.host(body.count));
+        body.frozen_id.insert(body.frozen_id.end(), way.id.begin(), way.id.end());
+        body.frozen_position.insert(body.frozen_position.end(), position.begin(), position.end());
+        for (std::uint32_t p : way.place)
+            for (auto& s : state) body.frozen_state.push_back(double(s[p]));
     }
-    for (const Flow& flow : flows)
-        if (flow.particles > 0) flows_.push_back(flow);
+    for (const Flow& flow :
+         outflow_.take(std::move(ways), clock_.time, clock_.step, mass_and_volume))
+        flows_.push_back(flow);
     return true;
 }
 
@@ -344,7 +304,7 @@ bool Domain<X, T, D>::sort() {
     for (std::size_t b = 0; b < bodies; ++b) {
         Body& body = bodies_[b];
         cells.emplace_back(exec_);
-        const std::size_t rows = std::size_t(body.count) + arriving(b);
+        const std::size_t rows = std::size_t(body.count) + inflow_.arriving(b);
         cells.back().reserve_discard(rows + column_padding);
         cells.back().shrink(rows);
         homes.add(
@@ -358,7 +318,7 @@ bool Domain<X, T, D>::sort() {
     }
     join_homes(homes, occupied);
     Buffer<X, std::uint64_t> keys_to_come(exec_);
-    if (!arrivals_.empty()) mark_arrivals(occupied, counts.data() + 2 * bodies, keys_to_come);
+    if (inflow_.arrives()) inflow_.mark(table_, occupied, counts.data() + 2 * bodies, keys_to_come);
     exec_.for_each(slots, FindNewHomes<X>{occupied.data(), blocks_.occupied().data(),
                                           counts.data() + 2 * bodies});
     const auto counted = counts.host();
@@ -382,7 +342,7 @@ bool Domain<X, T, D>::sort() {
                            RenumberCells{cells[b].data(), rebuild ? map.data() : nullptr,
                                          std::uint32_t(slots * block_cells), std::uint32_t(range)});
         }
-        if (arriving(b) > 0) {
+        if (inflow_.arriving(b) > 0) {
             append_arrivals(int(b), cells[b], rebuild ? blocks_.view_of(keys) : table_);
         }
         body.cell_start.reserve_discard(range + 2);
@@ -395,7 +355,7 @@ bool Domain<X, T, D>::sort() {
         adopt_table(keys);
         sorts_of_table_ = 0;
     }
-    if (rebuild || !arrivals_.empty()) homes = find_homes();
+    if (rebuild || inflow_.arrives()) homes = find_homes();
     list_homes(homes);
     return end_of_sort(began);
 }

@@ -58,17 +58,7 @@ State Domain<X, T, D>::save() {
     if (spec_.contact.any())
         s["fields"] = detail::to_blob(std::vector<std::int32_t>{spec_.contact.fields});
     sensors_.save(s);
-    if (!spec_.inlets.empty()) {
-        std::vector<double> moved, last;
-        for (const SupplyRecord& r : supplies_.host()) {
-            moved.push_back(r.moved);
-            last.push_back(r.last);
-        }
-        s["supply_moved"] = detail::to_blob(moved);
-        s["supply_last"] = detail::to_blob(last);
-        s["supply_layers"] = detail::to_blob(supplied_);
-        s["supply_next_id"] = detail::to_blob(next_id_);
-    }
+    if (inflow_.any()) inflow_.save(s);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::string p = "body" + std::to_string(b) + "_";
@@ -169,7 +159,7 @@ void Domain<X, T, D>::load(const State& whole) {
     }
     sums_[1 - reading].reserve_discard(sums_[reading].size());
 
-    if (!spec_.inlets.empty()) restore_supplies(state);
+    if (inflow_.any()) inflow_.load(state);
     sensors_.load(state, clock_);
     link_table();
     link_homes();
@@ -213,21 +203,6 @@ void Domain<X, T, D>::check_laws(const State& state) const {
                              "a state of " + std::string(body.material->name));
         }
     }
-}
-
-template <class X, class T, int D>
-void Domain<X, T, D>::restore_supplies(const State& state) {
-    const auto moved = detail::from_blob<double>(state, "supply_moved"),
-               last = detail::from_blob<double>(state, "supply_last");
-    supplied_ = detail::from_blob<std::uint64_t>(state, "supply_layers");
-    next_id_ = detail::from_blob<std::uint64_t>(state, "supply_next_id");
-    auto records = supplies_.host();
-    for (std::size_t k = 0; k < records.size(); ++k) {
-        records[k].moved = moved[k];
-        records[k].last = last[k];
-        records[k].due = double(supplied_[k] + 1) * spec_.inlets[k].spacing;
-    }
-    supplies_.assign(records);
 }
 
 }  // namespace mpm

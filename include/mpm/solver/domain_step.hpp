@@ -41,20 +41,11 @@ void Domain<X, T, D>::update_grid() {
     if constexpr (!X::is_device) exec_.single(begin_step());  // a device did at the last turn
     int bits = 0;
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
-    const Decide<D> decide{clock_buffer_.data(),
-                           spec_.cell_size,
-                           constants_.data(),
-                           numbers_.data(),
-                           int(bodies_.size()),
-                           sensors_.records(),
-                           sensors_.count(),
-                           bits,
-                           least_mass_,
-                           plan_.wave_speed,
-                           plan_.beyond,
-                           supplies_.data(),
-                           int(spec_.inlets.size()),
-                           supplied_mass_};
+    const Decide<D> decide{
+        clock_buffer_.data(), spec_.cell_size,    constants_.data(), numbers_.data(),
+        int(bodies_.size()),  sensors_.records(), sensors_.count(),  bits,
+        least_mass_,          plan_.wave_speed,   plan_.beyond,      inflow_.records(),
+        inflow_.count(),      inflow_.mass()};
     if constexpr (X::is_device) {
         if (share_) {
             make_velocities(AfterGrid<D>::telling(
@@ -318,7 +309,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             // As many steps as there will probably be before the next sort; a wrong guess costs
             // launches that do nothing, or a look too many.
             std::int64_t n = std::min<std::int64_t>(X::batch, steps_to_sort());
-            if (!spec_.inlets.empty()) n = std::min(n, steps_to_supply());
+            if (inflow_.any()) n = std::min(n, inflow_.steps_to_next(X::batch));
             if (clock_.steps_left >= 0) n = std::min<std::int64_t>(n, clock_.steps_left + 1);
             if (std::isfinite(until)) {
                 n = std::int64_t(std::min(
