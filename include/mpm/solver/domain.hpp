@@ -34,6 +34,7 @@
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/boundaries.hpp"
 #include "mpm/solver/engine.hpp"
+#include "mpm/solver/faults.hpp"
 #include "mpm/solver/homes.hpp"
 #include "mpm/solver/inflow.hpp"
 #include "mpm/solver/outflow.hpp"
@@ -149,7 +150,6 @@ private:
     template <bool special, class Decided>
     void make_velocities_with(const Decided& decided);
     Fault describe_fault();
-    std::int64_t growth_start() const;
     std::int64_t steps_to_sort() const;
     void fetch_clock();
     void push_clock() {

@@ -194,7 +194,7 @@ bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
                            clock_.time,
                            double(ids.size()),
                            clock_.speed,
-                           growth_start(),
+                           growth_start(clock_),
                            std::to_string(ids.size()) +
                                " particles left the domain, the first at step " +
                                std::to_string(clock_.step)};

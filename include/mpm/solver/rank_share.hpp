@@ -12,12 +12,10 @@
 #include "mpm/data/rank_costs.hpp"
 #include "mpm/exec/communicator.hpp"
 #include "mpm/kernels/clock.hpp"
+#include "mpm/solver/faults.hpp"
 #include "mpm/solver/mirror_planes.hpp"
 
 namespace mpm {
-
-/// A particle of another rank has failed: this one has nothing to describe.
-inline constexpr std::uint64_t fault_elsewhere = no_fault - 1;
 
 /// What a home block costs beside its particles, in particles.
 inline constexpr std::uint64_t weight_of_block = 16;
