@@ -80,7 +80,7 @@ struct BaseOfExecutor {
     using type = X;
 };
 template <class X>
-    requires requires { typename X::Base; }
+requires requires { typename X::Base; }
 struct BaseOfExecutor<X> {
     using type = typename X::Base;
 };
