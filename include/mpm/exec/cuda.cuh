@@ -479,6 +479,7 @@ void Cuda::sum_each(const SumSets& sets, const F& f, const G& then, double* part
 class CudaMixed : public Cuda {
 public:
     using Cuda::Cuda;
+    using Base = Cuda;
     template <class>
     using Grid = float;
     template <class>

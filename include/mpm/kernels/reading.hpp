@@ -63,12 +63,21 @@ struct NodesAround {
     }
 };
 
+/// The numbers that particle q stores, by column.
+template <class T>
+struct StoredNumbers {
+    const T* const* column;
+    std::size_t q;
+    MPM_INLINE double operator()(int r) const { return double(column[r][q]); }
+};
+
 /// A particle's velocity, m/s: the one that it stores where its transfer makes it store one, else
 /// what the grid gives it. `node(place)` points at the velocity of a node around its home block
 /// (`places_in_grid`), or at nothing.
 template <bool device, int D, class State, class Node>
-MPM_INLINE void particle_velocity(const PhaseNumbers& n, bool wide, const Standing<double, D>& at,
-                                  const State& state, const Node& node, double (&v)[D]) {
+MPM_HOST_CALL void particle_velocity(const PhaseNumbers& n, bool wide,
+                                     const Standing<double, D>& at, const State& state,
+                                     const Node& node, double (&v)[D]) {
     if (n.velocity >= 0) {
         for (int a = 0; a < D; ++a) v[a] = state(n.velocity + a);
         return;

@@ -281,9 +281,8 @@ struct TrackParticles {
             }
             Standing<double, D> at;
             at.find(corner, home, offset);
-            particle_velocity<device, D>(
-                n, wide, at, [&](int c) { return double(body.state[c][q]); },
-                NodesAround<G>{nodes, channels, around}, v);
+            particle_velocity<device, D>(n, wide, at, StoredNumbers<T>{body.state, q},
+                                         NodesAround<G>{nodes, channels, around}, v);
             for (int a = 0; a < D; ++a) out[D + a] = v[a];
         }
     }

@@ -24,7 +24,7 @@ void Domain<X, T, D>::reserve_scratch(Body& body) {
 template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::make_velocities(const Decided& decided) {
-    if (special_boundaries_)
+    if (boundaries_.special())
         make_velocities_with<true>(decided);
     else
         make_velocities_with<false>(decided);
