@@ -155,6 +155,7 @@ private:
     // domain_phases.hpp
     Phase<X, T, D> phase(Body& body, int number, int parity_to);
     void reserve_scratch(Body& body);
+    void complete_sums();
     void collect_bodies(const std::vector<std::size_t>& moving);
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
@@ -241,7 +242,10 @@ private:
     // domain_ranks.hpp
     std::vector<std::vector<std::uint64_t>> gather_tables(const Buffer<X, std::uint64_t>& keys);
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
-    void end_of_sums(int parity, bool first);
+    /// What has been staged: by a step's passes, or by a first deposit, whose bodies without
+    /// gradients of velocity are added by a pass of its own.
+    enum class Added { in_step, at_rest, tilted };
+    void end_of_sums(int parity, Added added);
     void list_mirrors();
     void rebalance(const std::vector<std::uint64_t>& load);
     void weigh_by_time(std::vector<BlockWeight>& blocks);
@@ -350,8 +354,15 @@ private:
         return group_sum;
     }
     bool wide_kernel() const { return kernel_width(spec_.kernel.kernel) == 5; }
+    /// Nodes beyond a face of the domain that particles inside can reach.
+    int reach_beyond() const { return wide_kernel() ? 2 : 1; }
     /// Where stresses push depends on which nodes have mass: they are spread after all masses.
     bool stresses_apart() const { return spec_.kernel.kernel == Kernel::ddmp; }
+    /// Does any body average its volumes in a transfer of their own?
+    bool splits() const {
+        return std::any_of(plan_.groups.begin(), plan_.groups.end(),
+                           [](const GroupChannels& g) { return g.split; });
+    }
     int parity() const { return int(clock_.step & 1); }
     GridView<Grid, Sum, D> grid_view(int parity) {
         return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(),
@@ -361,8 +372,7 @@ private:
         return {grid_view(parity),
                 clock_buffer_.data(),
                 {boundary_records_.data(), int(spec_.boundaries.size()), surfaces_.data(),
-                 spec_.cell_size, wide_kernel() ? 2 : 1, linear_walls_, linear_surfaces_,
-                 mirrored_walls_},
+                 spec_.cell_size, reach_beyond(), linear_walls_, linear_surfaces_, mirrored_walls_},
                 touched_.data(),
                 least_mass_,
                 pressures_.data(),

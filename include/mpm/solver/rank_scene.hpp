@@ -102,6 +102,11 @@ BlockPartition<D> first_partition(const BlockKeys<D>& keys, const RanksSpec& ran
     return partition;
 }
 
+/// Of other ranks: what ranks add up is the first one's.
+inline void first_ranks_alone(std::vector<double>& values) {
+    for (double& v : values) v = v == v ? 0.0 : v;
+}
+
 /// What each rank begins with: the same scene with its own particles, which keep their ids. Of one
 /// rank `only`, where the others are elsewhere; theirs are then without particles.
 template <int D>
@@ -153,6 +158,10 @@ struct RankScenes {
         partition = first_partition<D>(keys, scene.ranks, std::move(blocks), grouped);
 
         spec.assign(std::size_t(scene.ranks.count), scene);
+        for (std::size_t r = 1; r < spec.size(); ++r) {
+            first_ranks_alone(spec[r].start.sensor_first);
+            first_ranks_alone(spec[r].start.load_impulse);
+        }
         for (Spec& s : spec) {
             for (InletSpec& inlet : s.inlets)  // ids go on above those of all ranks
                 inlet.next_id =
@@ -322,14 +331,13 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
                 s[name] = choose(name, Ranges{}, 1);
         }
     }
-    // What ranks add up is the first one's.
     if (rank > 0) {
         Clock clock = saved_clock(all);
         clock.strays = 0;
         save_clock(s, clock);
         for (const char* name : {"load_impulse", "sensor_first"}) {
             auto values = detail::from_blob<double>(all, name);
-            for (double& v : values) v = v == v ? 0.0 : v;
+            first_ranks_alone(values);
             s[name] = detail::to_blob(values);
         }
     }
