@@ -113,6 +113,8 @@ def mirrored():
 
 
 def by(transfer="APIC", kernel="quadratic"):
+    if transfer in ("AFLIP", "ASFLIP"):
+        transfer = libmpm.methods.Transfer(scheme=transfer, flip=0.97)
     return {"method": libmpm.Method(transfer=transfer, kernel=kernel)}
 
 
