@@ -29,7 +29,7 @@ public:
 
     BoundaryView<D> view() const {
         return {records_.data(), int(records_.size()), surfaces_.data(), cell_size_,
-                wide_ ? 2 : 1,   linear_walls_,        linear_surfaces_, mirrored_walls_};
+                reach(),         linear_walls_,        linear_surfaces_, mirrored_walls_};
     }
     /// Gravity and boundaries of the moment of a clock.
     BeginStep<D> begin_step(Clock* clock) const {
@@ -49,6 +49,8 @@ public:
     std::vector<MirrorPlane> mirror_planes() const;
 
 private:
+    /// Nodes beyond a face of the domain that particles inside can reach.
+    int reach() const { return wide_ ? 2 : 1; }
     SurfaceRecord<D> surface(const SurfaceSpec& spec);
     void set_pressures(const Spec& spec, const Plan& plan);
 
@@ -252,8 +254,10 @@ std::vector<MirrorPlane> Boundaries<X, D>::mirror_planes() const {
         for (int f = 0; f < 2 * D && !r.is_box && r.surface == 0; ++f) {
             if (!r.present[f] || !mirrors(r.law[f].response)) continue;
             const std::int64_t plane = f % 2 == 0 ? r.lower[f / 2] : r.upper[f / 2];
-            const MirrorPlane sides{f / 2, block(plane - 1), block(plane)};
-            if (sides.low != sides.high) planes.push_back(sides);
+            for (int k = 0; k < reach(); ++k) {
+                const MirrorPlane sides{f / 2, block(plane - 1 - k), block(plane + k)};
+                if (sides.low != sides.high) planes.push_back(sides);
+            }
         }
         // The nodes of a line read one another's sums too.
         for (int f = 0; f < 2 * D && r.surface == 0; ++f) {

@@ -136,6 +136,7 @@ private:
     // domain_phases.hpp
     Phase<X, T, D> phase(Body& body, int number, int parity_to);
     void reserve_scratch(Body& body);
+    void complete_sums();
     void collect_bodies(const std::vector<std::size_t>& moving);
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
@@ -202,7 +203,10 @@ private:
     // domain_ranks.hpp
     std::vector<std::vector<std::uint64_t>> gather_tables(const Buffer<X, std::uint64_t>& keys);
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
-    void end_of_sums(int parity, bool first);
+    /// What has been staged: by a step's passes, or by a first deposit, whose bodies without
+    /// gradients of velocity are added by a pass of its own.
+    enum class Added { in_step, at_rest, tilted };
+    void end_of_sums(int parity, Added added);
     void rebalance(const std::vector<std::uint64_t>& load);
     void weigh_by_time(std::vector<BlockWeight>& blocks);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
@@ -309,6 +313,11 @@ private:
     bool wide_kernel() const { return kernel_width(spec_.kernel.kernel) == 5; }
     /// Where stresses push depends on which nodes have mass: they are spread after all masses.
     bool stresses_apart() const { return spec_.kernel.kernel == Kernel::ddmp; }
+    /// Does any body average its volumes in a transfer of their own?
+    bool splits() const {
+        return std::any_of(plan_.groups.begin(), plan_.groups.end(),
+                           [](const GroupChannels& g) { return g.split; });
+    }
     int parity() const { return int(clock_.step & 1); }
     GridView<Grid, Sum, D> grid_view(int parity) {
         return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(),

@@ -234,7 +234,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
     const double tilt = steepest_deposit(spec);
     if constexpr (!std::is_integral_v<Sum>) {
         deposit_all(spec, chosen, tilt > 0);
-        if (share_) end_of_sums(parity(), !(tilt > 0));
+        if (share_) end_of_sums(parity(), tilt > 0 ? Added::tilted : Added::at_rest);
     } else {
         // Once to learn what is deposited, with a mass that cannot be exceeded: all particles of a
         // node's 3^D cells, each with the largest weight.
@@ -395,6 +395,9 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen, bool t
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
         const BodySpec& s = spec.bodies[b];
         deposit_body(body, int(b), s.velocity, s.velocity_gradient, tilted, parity());
+    }
+    if constexpr (!X::is_device) {
+        if (share_ && stresses_apart()) end_of_sums(parity(), Added::at_rest);  // masses
     }
     for (std::size_t b = 0; stresses_apart() && b < bodies_.size(); ++b) {
         if (bodies_[b].homes == 0 || !chosen(spec.bodies[b])) continue;

@@ -105,11 +105,13 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
         packer.put(told);
         out[std::size_t(r)] = packer.take();
     }
+    std::vector<int> colours;
+    for (const Body& body : bodies_) colours.push_back(int(body.colour_start.size()) - 1);
     std::vector<std::vector<Staged>> told(s.keys.size());
     s.comm->exchange_and_read(
         std::move(out), s.peers, "parts of shared blocks", [&](int r, Unpacker& from) {
             auto parts = from.list<Staged>();
-            checks::staged_parts(parts, common[std::size_t(r)].size(), bodies_.size(), 1 << D, r);
+            checks::staged_parts(parts, common[std::size_t(r)].size(), colours, r);
             told[std::size_t(r)] = std::move(parts);
         });
     s.receive.assign(s.keys.size(), 0);
@@ -144,9 +146,9 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
 }
 
 /// What ranks have staged comes to all who hold the block, and everyone adds it up in the same
-/// order. `first`: of a first deposit.
+/// order.
 template <class X, class T, int D>
-void Domain<X, T, D>::end_of_sums(int parity, bool first) {
+void Domain<X, T, D>::end_of_sums(int parity, Added added) {
     RankShare<D>& s = *share_;
     const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
     Sum* sums = sums_[parity].data();
@@ -174,8 +176,12 @@ void Domain<X, T, D>::end_of_sums(int parity, bool first) {
                     ? sums + std::size_t(part.at) * block
                     : reinterpret_cast<const Sum*>(in[std::size_t(part.rank)].data()) +
                           std::size_t(part.at) * block;
+            const Body& body = bodies_[std::size_t(part.body)];
+            const bool spread = added == Added::in_step ? body.plan.pipeline == Pipeline::phased
+                                                        : body.plan.any_transfer();
             add_staged<Sum>(sums + std::size_t(part.slot) * block, from,
-                            Sum(bodies_[std::size_t(part.body)].particle_mass), block, first);
+                            spread ? Sum(1) : Sum(body.particle_mass), block,
+                            added == Added::at_rest);
         }
     });
     exec_.zero(sums + std::size_t(table_.slots) * block,

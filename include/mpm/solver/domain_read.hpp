@@ -259,9 +259,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
 
 template <class X, class T, int D>
 Array Domain<X, T, D>::grid(const std::string& name) {
-    if (name != "position" && name != "velocity" && name != "mass") {
-        throw SceneError("grid has no attribute '" + name + "'; it has position, velocity, mass");
-    }
+    check_grid_attribute(name);
     prepare_velocities();
     const auto keys = blocks_.keys().host();
     const auto sums = sums_[parity()].host();

@@ -203,6 +203,7 @@ void Domain<X, T, D>::run_bodies() {
         }
         advance_body(bodies_[b], int(b), std::uint32_t(workers));
     }
+    if (stresses_apart()) complete_sums();  // masses
     for (std::size_t b : moving) deposit_stresses(bodies_[b], int(b), 1 - parity());
     if constexpr (X::is_device) {
         if (moving.size() > 1) exec_.join();
@@ -262,7 +263,7 @@ void Domain<X, T, D>::one_step() {
                 if (share_->worked.size() == CostRates::most_steps) share_->worked.clear();
                 share_->worked.push_back(share_->votes_at - begins + (seconds() - at));
             }
-            if (share_) end_of_sums(1 - parity(), false);
+            if (share_) end_of_sums(1 - parity(), Added::in_step);
         }
         exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});
         const double t3 = now();

@@ -110,7 +110,7 @@ void Domain<X, T, D>::deposit_arrivals() {
         if constexpr (!X::is_device) sort_by_colour(fresh);
         deposit_body(fresh, arrival.body, arrival.rows.velocity, {}, false, to);
         if constexpr (!X::is_device) {
-            if (share_) end_of_sums(parity(), true);
+            if (share_) end_of_sums(parity(), Added::at_rest);
         } else {
             if (!apart) meet_hosts();
         }

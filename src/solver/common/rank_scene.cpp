@@ -13,6 +13,11 @@ namespace mpm {
 
 namespace detail {
 
+/// Of other ranks: what ranks add up is the first one's.
+inline void first_ranks_alone(std::vector<double>& values) {
+    for (double& v : values) v = v == v ? 0.0 : v;
+}
+
 /// Rows of a body that a thread holds at a time.
 inline constexpr std::uint64_t rows_at_once = std::uint64_t(1) << 18;
 
@@ -124,6 +129,10 @@ RankScenes<D>::RankScenes(const Spec& scene, int only) {
     partition = first_partition<D>(keys, scene.ranks, std::move(blocks), grouped);
 
     spec.assign(std::size_t(scene.ranks.count), scene);
+    for (std::size_t r = 1; r < spec.size(); ++r) {
+        detail::first_ranks_alone(spec[r].start.sensor_first);
+        detail::first_ranks_alone(spec[r].start.load_impulse);
+    }
     for (Spec& s : spec) {
         for (InletSpec& inlet : s.inlets)  // ids go on above those of all ranks
             inlet.next_id = std::max(inlet.next_id, scene.bodies.at(std::size_t(inlet.body)).count);
@@ -288,14 +297,13 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
                 s[name] = choose(name, Ranges{}, 1);
         }
     }
-    // What ranks add up is the first one's.
     if (rank > 0) {
         Clock clock = saved_clock(all);
         clock.strays = 0;
         save_clock(s, clock);
         for (const char* name : {"load_impulse", "sensor_first"}) {
             auto values = detail::from_blob<double>(all, name);
-            for (double& v : values) v = v == v ? 0.0 : v;
+            detail::first_ranks_alone(values);
             s[name] = detail::to_blob(values);
         }
     }
