@@ -156,15 +156,21 @@ struct Scales {
     }
 };
 
+/// Scales a deposit by a power of two. The products are rounded as such: fused with the additions
+/// that follow, in another way at each of the places that deposit one particle alone, they made its
+/// bits depend on whether it found room in the list of its block.
+template <int D, int C>
+__device__ __forceinline__ void scale_channel(Affine<float, D, C>& u, int channel, float by) {
+    u.value[channel] = __fmul_rn(u.value[channel], by);
+    MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][channel] = __fmul_rn(u.slope[a][channel], by);
+}
+
 /// A deposit whose sums stand to that of the mass as their scales do: by powers of two, so exactly.
 template <int D, int C>
 __device__ __forceinline__ Affine<float, D, C> to_mass_scale(Affine<float, D, C> u,
                                                              const Scales<float, D>& scales) {
-    MPM_UNROLL for (int c = 0; c < C; ++c) {
-        const float by = scales.template of<C>(c) / scales.mass;
-        u.value[c] *= by;
-        MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] *= by;
-    }
+    MPM_UNROLL for (int c = 0; c < C; ++c)
+        scale_channel(u, c, scales.template of<C>(c) / scales.mass);
     return u;
 }
 

@@ -108,11 +108,8 @@ __device__ __forceinline__ void deposit_kept(SumArena<D, C + D>& arena,
                                              const Vec<float, D>& local,
                                              Affine<float, D, C + D> u) {
     using Sums = SumArena<D, C + D>;
-    MPM_UNROLL for (int c = 0; c < C + D; ++c) {
-        const float by = (c < D || c >= C ? scales.momentum : scales.group) / scales.mass;
-        u.value[c] *= by;
-        MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] *= by;
-    }
+    MPM_UNROLL for (int c = 0; c < C + D; ++c)
+        scale_channel(u, c, (c < D || c >= C ? scales.momentum : scales.group) / scales.mass);
     SharedSums<D, C + D> sums{arena.at + stencil_origin<Sums, D>(cell)};
     scatter<float, D, C + D, true>(sums, quadratic_weights<float, D>(local), scales.mass, u);
 }
