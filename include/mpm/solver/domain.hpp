@@ -32,6 +32,7 @@
 #include "mpm/kernels/telling.hpp"
 #include "mpm/solver/body_store.hpp"
 #include "mpm/solver/engine.hpp"
+#include "mpm/solver/look_ahead.hpp"
 #include "mpm/solver/rank_share.hpp"
 #include "mpm/solver/state_check.hpp"
 
@@ -217,6 +218,8 @@ private:
 
     // domain_sort.hpp
     bool sort();
+    void find_cells(Body& body, std::uint32_t* occupied, std::uint32_t* cell, std::uint32_t* left);
+    void end_sort(double began);
     std::vector<Leaver<D>> list_left(const Body& body, std::uint32_t count,
                                      const Buffer<X, std::uint32_t>& cell);
     int outlet_of(const Leaver<D>& who) const;
@@ -259,9 +262,9 @@ private:
     // domain_devices.hpp
     /// Particles of a body on their way to other ranks.
     struct Emigrating {
-        Buffer<X, std::uint64_t> key;     // of the block they stand in
-        Buffer<X, std::uint32_t> in, id;  // the cell of it
-        Buffer<X, T> column;              // (columns, all): offsets from the old cell, states
+        Buffer<X, std::uint64_t> key;             // of the block they are sorted into
+        Buffer<X, std::uint32_t> in, id;          // the cell of it
+        Buffer<X, T> column;                      // (columns, all): offsets from that cell, states
         std::vector<std::uint32_t> first, count;  // of each rank
         std::uint32_t all = 0;
         explicit Emigrating(X& x) : key(x), in(x), id(x), column(x) {}
@@ -460,6 +463,7 @@ private:
     std::vector<Flow> flows_;
     std::map<std::string, double> timings_;
     std::int64_t sorts_ = 0, tables_ = 0, last_sort_ = 0, sort_interval_ = 0;
+    double look_ahead_ = look_ahead_of(X::look_ahead);
     std::unique_ptr<RankShare<D>> share_;  // null where this is the only rank
 
     // Devices that share the scene.

@@ -128,6 +128,7 @@ void Domain<X, T, D>::load(const State& whole) {
                           ? detail::from_blob<std::int32_t>(state, "sorts_of_table").at(0)
                           : 0;
     clock_.drift_limit = X::drift_limit;
+    clock_.look_ahead = look_ahead_;
     const auto keys = detail::from_blob<std::uint64_t>(state, "keys");
     keys_.assign(keys);
     table_.keys = keys_.data();
