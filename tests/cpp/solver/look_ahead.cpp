@@ -53,11 +53,12 @@ RunResult step(Engine& e) { return e.run(1, forever, forever); }
 /// How the particles of all bodies stand to their home cells.
 struct Standing {
     double drift, furthest = 0, strays = 0, mean = 0;  // the last two over particles, and axes
-    explicit Standing(Engine& e, int bodies, int dimension) {
+    Standing(Engine& e, int dimension) {
         const State s = e.save();
         drift = saved_clock(s).drift;
         double particles = 0;
-        for (int b = 0; b < bodies; ++b) {
+        // Bodies that are stepped as one are stored as one.
+        for (int b = 0; s.contains("body" + std::to_string(b) + "_id"); ++b) {
             std::vector<std::vector<double>> offset;
             for (int a = 0; a < dimension; ++a)
                 offset.push_back(
@@ -113,7 +114,7 @@ TEST_P(LookAhead, halves_the_strays_of_a_flight) {
         int steps = 0;
         strays[k] = mean[k] = 0;
         for (; sorts() < warm + intervals; ++steps) {
-            const Standing now(*e, 1, dimension);
+            const Standing now(*e, dimension);
             strays[k] += now.strays;
             mean[k] += now.mean;
             ASSERT_LE(now.furthest, 0.5 + now.drift + 1e-5);
@@ -129,12 +130,15 @@ TEST_P(LookAhead, halves_the_strays_of_a_flight) {
     EXPECT_LT(strays[1] / way[1], 0.6 * strays[0] / way[0]);
     EXPECT_GT(mean[0], 0.4 * way[0]);
     EXPECT_LT(std::abs(mean[1]), 0.1 * way[1]);
-    ASSERT_EQ(where[0].id, where[1].id);
+    std::map<std::uint64_t, std::size_t> row;
+    for (std::size_t k = 0; k < where[1].id.size(); ++k) row[where[1].id[k]] = k;
+    ASSERT_EQ(row.size(), where[0].id.size());
     for (const auto& [name, tolerance] : {std::pair("position", 2e-4), std::pair("velocity", 0.02)})
-        for (std::size_t k = 0; k < where[0].values.at(name).data.size(); ++k)
-            ASSERT_NEAR(where[1].values.at(name).data[k], where[0].values.at(name).data[k],
-                        tolerance)
-                << name << ' ' << k;
+        for (std::size_t k = 0; k < where[0].id.size(); ++k)
+            for (std::size_t a = 0; a < std::size_t(dimension); ++a)
+                ASSERT_NEAR(where[1].values.at(name).data[row.at(where[0].id[k]) * dimension + a],
+                            where[0].values.at(name).data[k * dimension + a], tolerance)
+                    << name << " of particle " << where[0].id[k];
 }
 
 /// Whatever happens: nobody stands further from home than half a cell and the drift, which keeps
@@ -150,7 +154,7 @@ TEST_P(LookAhead, keeps_particles_within_their_tiles) {
     for (int k = 0; k < (test::sanitized ? 30 : 120); ++k) {
         const double before = e->time();
         ASSERT_EQ(step(*e).steps, 1);
-        const Standing now(*e, 3, dimension);
+        const Standing now(*e, dimension);
         const double moved =
             e->statistics().at("fastest_node") * (e->time() - before) / s.cell_size;
         most = std::max(most, now.drift);
@@ -173,12 +177,12 @@ TEST_P(LookAhead, keeps_a_jet_within_its_tiles) {
     double most = 0;
     for (int k = 0; k < 60; ++k) {
         ASSERT_EQ(step(*e).steps, 1);
-        const Standing now(*e, 2, dimension);
+        const Standing now(*e, dimension);
         most = std::max(most, now.drift);
         ASSERT_LE(now.furthest, 0.5 + now.drift + 1e-5);
         ASSERT_LE(now.drift, limit + 1e-9);
     }
-    EXPECT_GT(most, limit - 0.15);
+    EXPECT_GT(most, limit - 0.2);  // a step takes a tenth
     EXPECT_GT(e->statistics().at("sorts"), 1);
 }
 
