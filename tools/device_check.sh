@@ -102,6 +102,13 @@ for transfer, kernel, fbar in methods:
         sim.step(int(sys.argv[1]) // 3)
         assert (sim.particles["water"]["position"] == sim.particles["water"]["position"]).all()
         print(transfer, kernel, precision, sim.time)
+# Velocities that particles store in the fused step, beside a body in the phased one.
+data = scene.to_dict()
+data["method"] = libmpm.Method(transfer=libmpm.Transfer(scheme="AFLIP", flip=0.95)).to_dict()
+sim = libmpm.Simulation(libmpm.Scene.from_dict(data), device="cuda", precision="single")
+sim.step(int(sys.argv[1]))
+assert (sim.particles["water"]["position"] == sim.particles["water"]["position"]).all()
+print("AFLIP, by body", sim.time)
 # Surfaces that move and turn, mirrored planes, a pump, water that comes in and leaves.
 flume = libmpm.Scene(
     dimension=3, cell_size=0.05, lower=(0, 0, 0), upper=(1.0, 0.2, 0.5), gravity=(0, 0, -9.81)

@@ -181,9 +181,19 @@ def test_gradients_by_moments_need_them_too(name):
 
 
 @pytest.mark.parametrize("kernel", DOMAINS)
-def test_particle_and_dual_domains_are_for_one_rank(kernel):
-    with pytest.raises(libmpm.SceneError, match="not built for several ranks"):
-        libmpm.Simulation(pool(kernel=kernel, transfer="PIC"), device=["cpu", "cpu"]).run(until=1)
+def test_particle_and_dual_domains_on_ranks(kernel):
+    given = pool(kernel=kernel, transfer="PIC").to_dict()
+    given["bodies"][0]["velocity"] = [2.0, 0.0]
+    scene = libmpm.Scene.from_dict(given)
+    one = libmpm.Simulation(scene, device="cpu")
+    cut = libmpm.Partition(cuts="x", at=(0.8,), rebalance_above=None)
+    two = libmpm.Simulation(scene, device=["cpu", "cpu"], partition=cut)
+    for sim in (one, two):
+        sim.run(until=0.2)
+    assert two.statistics["migrated"] > 0
+    rows = [sim.gather("water", "position", "velocity", "stress") for sim in (one, two)]
+    for name in rows[0]:
+        assert (rows[0][name] == rows[1][name]).all(), name
 
 
 def test_dual_domains_have_no_inlets():

@@ -208,6 +208,37 @@ def test_one_that_fails_ends_all(tmp_path):
     assert "no such luck" in told[1][2]
 
 
+def test_transfers_that_store_velocities(tmp_path):
+    """AFLIP has the bits of one; a transfer that sweeps the grid is refused by name."""
+    code = """
+        def simulate(**transfer):
+            scene = fake_engine.small_scene(
+                method=libmpm.Method(transfer=libmpm.methods.Transfer(**transfer)))
+            return libmpm.Simulation(scene, device="cpu", ranks="processes", threads=1)
+        sim = simulate(scheme="AFLIP", flip=0.97)
+        sim.run(until=0.1)
+        for body in sim.particles:
+            found = sim.gather(body, "position", "velocity", "stress")
+            if found is not None:
+                np.savez(f"{folder}/{body}.npz", **found)
+        try:
+            simulate(scheme="FMPM", order=2).step(1)
+        except libmpm.SceneError as error:
+            print(error)
+    """
+    for _, out, _ in well(run(2, code, tmp_path)):
+        assert "transfer 'FMPM' on devices or in processes is not built for several ranks" in out
+    transfer = libmpm.methods.Transfer(scheme="AFLIP", flip=0.97)
+    scene = fake_engine.small_scene(method=libmpm.Method(transfer=transfer))
+    one = libmpm.Simulation(scene, device="cpu", threads=1)
+    one.run(until=0.1)
+    for body in one.particles:
+        found = np.load(tmp_path / f"{body}.npz")
+        own = one.gather(body, "position", "velocity", "stress")
+        for name in own:
+            assert (found[name] == own[name]).all(), (body, name)
+
+
 def test_what_all_refuse_ends_nothing(tmp_path):
     """A fault, and what one rank has no room for, is raised on all; a study goes on after it."""
     code = """

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from python.test_ranks_gpu import SCENES
+from python.test_ranks_gpu import SCENES, by, plane
 
 import libmpm
 from libmpm._src.run.backends import cuda_status
@@ -91,20 +91,24 @@ def test_bits_of_one(tmp_path):
 def test_new_cuts_and_inlets(tmp_path):
     """A collapse from a corner that is dealt anew, and water that comes in layer by layer."""
     code = """
-        sim = make(scenes.plane(), guard=None)  # fast water that a guard may see or not
-        for _ in range(4):
-            sim.step(500)
-        assert sim.statistics["rebalances"] > 0
-        keep(sim, "plane")
+        for transfer in ("APIC", "AFLIP"):
+            plane = scenes.plane(**scenes.by(transfer))
+            sim = make(plane, guard=None)  # fast water that a guard may see or not
+            for _ in range(4):
+                sim.step(500)
+            assert sim.statistics["rebalances"] > 0
+            keep(sim, transfer)
+            del sim
         sim = make(test_flow.channel(3, speed=1.5, draws=1.5))
         sim.run(until=0.3, progress=False)
         keep(sim, "channel")
     """
     well(run(code, tmp_path))
-    one = libmpm.Simulation(SCENES["plane"][0](), device="cuda:0", guard=None)
-    for _ in range(4):
-        one.step(500)
-    assert_same(tmp_path, "plane", one)
+    for transfer in ("APIC", "AFLIP"):
+        one = libmpm.Simulation(plane(**by(transfer)), device="cuda:0", guard=None)
+        for _ in range(4):
+            one.step(500)
+        assert_same(tmp_path, transfer, one)
     one = libmpm.Simulation(test_flow.channel(3, speed=1.5, draws=1.5), device="cuda:0")
     one.run(until=0.3, progress=False)
     assert one.inflow["inlet"].values[-1][0] > 0

@@ -31,6 +31,7 @@ CASES: dict[str, dict[str, Any]] = {
     "incline": {"cells": 4},
     "block-impact": {},
     "column-collapse": {"cells": 16, "duration": 1.5},
+    "spinning-disc": {"turns": 0.2},
 }
 
 
@@ -234,34 +235,68 @@ def test_guards_find_what_they_find_on_one(ranks):
     assert texts[0] == texts[1]
 
 
-def method(**given):
-    return libmpm.Method(**given)
+def method(transfer="APIC", flip=None, **given):
+    if flip is not None:
+        transfer = libmpm.methods.Transfer(scheme=transfer, flip=flip)
+    return libmpm.Method(transfer=transfer, **given)
 
 
-@pytest.mark.parametrize(
-    ("what", "changes"),
-    [
-        ("pipeline 'phased'", {"pipeline": "phased"}),
-        ("transfer 'FLIP'", {"method": method(transfer="FLIP")}),
-        (
-            "transfer 'XPIC'",
-            {"method": method(transfer=libmpm.methods.Transfer(scheme="XPIC", order=2))},
-        ),
-        ("a kernel other than 'quadratic'", {"method": method(kernel="cubic")}),
-        ("this form of F-bar on body 'block'", {"fbar": libmpm.FBar(form="split", length=0.1)}),
-    ],
-)
-def test_what_is_not_built_is_named(what, changes):
+def with_fbar(scene, **fbars):
+    """Return the scene with these forms of F-bar on its bodies."""
+    old = scene.to_dict()
+    for body in old["bodies"]:
+        if body["name"] in fbars:
+            body["fbar"] = fbars[body["name"]].to_dict()
+    return libmpm.Scene.from_dict(old)
+
+
+METHODS = {
+    "FLIP": {"method": method(transfer="FLIP")},
+    "ASFLIP, split F-bar on one": {
+        "method": method(transfer="ASFLIP", flip=0.97),
+        "block": "split",
+    },
+    "PIC, cubic": {"method": method(transfer="PIC", kernel="cubic")},
+    "AFLIP, cubic": {"method": method(transfer="AFLIP", flip=0.97, kernel="cubic")},
+    "FLIP, linear": {"method": method(transfer="FLIP", kernel="linear")},
+    "XPIC": {"method": method(transfer=libmpm.methods.Transfer(scheme="XPIC", order=3))},
+    "phased": {"pipeline": "phased"},
+    "two volumes on a solid": {"block": "two-volume", "water": "two-volume"},
+    "literal": {"block": "literal", "water": "literal"},
+}
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize("case", METHODS)
+def test_methods(case, precision, tmp_path):
+    """Transfers, kernels and forms of F-bar: on three ranks as on one, saved, and on two."""
+    given = dict(METHODS[case])
+    options = {"pipeline": given.pop("pipeline", "auto"), "precision": precision}
+    scene = fake_engine.small_scene(**{k: given.pop(k) for k in ("method",) if k in given})
+    if given:
+        forms = {body: libmpm.FBar(form=form, length=0.1) for body, form in given.items()}
+        scene = with_fbar(scene, **forms)
+    one = libmpm.Simulation(scene, device="cpu", **options)
+    three = libmpm.Simulation(scene, device=["cpu"] * 3, threads=3, **options)
+    one.run(until=0.1)
+    three.run(until=0.05)
+    three.save_checkpoint(tmp_path / "three.npz")
+    two = libmpm.Simulation.resume(tmp_path / "three.npz", device=["cpu", "cpu"])
+    for sim in (two, three):
+        sim.run(until=0.1)
+        assert same(one, sim)
+
+
+def test_what_is_not_built_is_named():
     """What several ranks cannot do is refused before it runs."""
-    scene = fake_engine.small_scene(**{k: v for k, v in changes.items() if k == "method"})
-    if "fbar" in changes:
-        old = scene.to_dict()
-        old["bodies"][1]["fbar"] = changes["fbar"].to_dict()
-        scene = libmpm.Scene.from_dict(old)
-    how = {k: v for k, v in changes.items() if k == "pipeline"}
-    libmpm.Simulation(scene, device="cpu", **how).step(1)
-    with pytest.raises(libmpm.SceneError, match=f"^{what}.* not built for several ranks; take one"):
-        libmpm.Simulation(scene, device=["cpu", "cpu"], **how).step(1)
+    old = fake_engine.small_scene().to_dict()
+    old["bodies"][0]["fbar"] = None
+    old["bodies"][0]["smoothing"] = libmpm.methods.Smoothing(method="F0AL1").to_dict()
+    scene = libmpm.Scene.from_dict(old)
+    libmpm.Simulation(scene, device="cpu").step(1)
+    said = "^smoothing over cells of body 'water' is not built for several ranks; take one"
+    with pytest.raises(libmpm.SceneError, match=said):
+        libmpm.Simulation(scene, device=["cpu", "cpu"]).step(1)
 
 
 def test_functions_over_cells_are_refused():
@@ -272,7 +307,7 @@ def test_functions_over_cells_are_refused():
 
 
 def test_branches(tmp_path):
-    """A trunk may run on any number of ranks, and branches that add bodies on one."""
+    """A trunk and branches that add bodies may run on any number of ranks."""
     trunk = simulate(2)
     trunk.step(40)
     trunk.save_checkpoint(tmp_path / "trunk.npz")
@@ -285,9 +320,15 @@ def test_branches(tmp_path):
         name="log", shape=shapes.Box(lower=(0.6, 0.1, 0.6), upper=(0.8, 0.3, 0.8)),
         material=materials.FixedCorotated(density=500, youngs_modulus=1e5),
     )  # fmt: skip
-    libmpm.Simulation(branch, device="cpu").step(1)
-    with pytest.raises(libmpm.SceneError, match="other bodies is not built for several ranks"):
-        libmpm.Simulation(branch, device=["cpu", "cpu"]).step(1)
+    one = libmpm.Simulation(branch, device="cpu")
+    many = libmpm.Simulation(branch, device=["cpu"] * 3, threads=3)
+    for sim in (one, many):
+        sim.step(40)
+    assert same(one, many)
+    for name in one.sensors:
+        x, y = one.sensors[name].values, many.sensors[name].values
+        size = np.nanmax(np.abs(x), initial=0)
+        np.testing.assert_allclose(y, x, rtol=0, atol=1e-10 * size, equal_nan=True, err_msg=name)
 
 
 def test_the_engine_is_told(monkeypatch):

@@ -54,21 +54,21 @@ def water():
     return materials.TaitFluid(bulk_modulus=2e5)
 
 
-def slosh(fbar=None):
+def slosh(fbar=None, **options):
     """A column of water that falls over and comes back."""
-    scene = tank((48, 12, 24))
+    scene = tank((48, 12, 24), **options)
     shape = box((0, 0, 0), (16, 12, 20))
     scene.add_body(name="water", shape=shape, material=water(), fbar=fbar)
     return scene
 
 
-def carried(**_):
+def carried(fbar=None, **options):
     """Water that carries a block past an obstacle which is weighed."""
-    scene = tank((48, 16, 20))
+    scene = tank((48, 16, 20), **options)
     scene.add_body(name="water", shape=box((0, 0, 0), (20, 16, 12)), material=water())
     scene.add_body(
         name="block", shape=box((13, 5, 9), (18, 10, 14)),
-        material=materials.FixedCorotated(density=600.0, youngs_modulus=1e5),
+        material=materials.FixedCorotated(density=600.0, youngs_modulus=1e5), fbar=fbar,
         subtract_from=("water",),
     )  # fmt: skip
     scene.add_boundary(
@@ -88,9 +88,9 @@ def carried(**_):
     return scene
 
 
-def plane():
+def plane(**options):
     """A dam break in two dimensions."""
-    scene = tank((160, 64))
+    scene = tank((160, 64), **options)
     scene.add_body(name="water", shape=box((0, 0), (48, 48)), material=water())
     return scene
 
@@ -112,6 +112,17 @@ def mirrored():
     return scene
 
 
+def by(transfer="APIC", kernel="quadratic"):
+    if transfer in ("AFLIP", "ASFLIP"):
+        transfer = libmpm.methods.Transfer(scheme=transfer, flip=0.97)
+    return {"method": libmpm.Method(transfer=transfer, kernel=kernel)}
+
+
+def split():
+    return libmpm.FBar(form="split", length=0.2)
+
+
+#: Water in one pass where its transfer has one, blocks phased, and everything phased.
 SCENES = {
     "water": (slosh, {}),
     "F-bar": (lambda: slosh("default"), {}),
@@ -121,6 +132,16 @@ SCENES = {
     "mirrored walls": (mirrored, {}),
     "double": (slosh, {"precision": "double"}),
     "mixed": (carried, {"precision": "mixed"}),
+    "FLIP": (lambda: carried(**by("FLIP")), {}),
+    "AFLIP, F-bar": (lambda: slosh("default", **by("AFLIP")), {}),
+    "ASFLIP, plane": (lambda: plane(**by("ASFLIP")), {}),
+    "ASFLIP, double": (lambda: slosh(**by("ASFLIP")), {"precision": "double"}),
+    "PIC": (lambda: carried(**by("PIC")), {}),
+    "phased": (carried, {"pipeline": "phased"}),
+    "cubic": (lambda: carried(**by("FLIP", "cubic")), {}),
+    "F-bar on a solid": (lambda: carried(libmpm.FBar(form="two-volume", length=0.2)), {}),
+    "split F-bar": (lambda: slosh(split()), {}),
+    "split F-bar on one of two": (lambda: carried(split(), **by("AFLIP")), {}),
 }
 
 
@@ -169,9 +190,10 @@ def test_lone_particles_are_what_it_says():
     assert sim.statistics["lone"] > 0
 
 
-def test_rebalance_and_migrate(pair):
+@pytest.mark.parametrize("transfer", ["APIC", "AFLIP"])
+def test_rebalance_and_migrate(pair, transfer):
     """All in a corner at the start, then everywhere: new cuts, no particle lost or doubled."""
-    one, two = simulate(plane()), simulate(plane(), pair)
+    one, two = simulate(plane(**by(transfer))), simulate(plane(**by(transfer)), pair)
     for _ in range(6):
         for sim in (one, two):
             sim.step(500)
@@ -194,11 +216,12 @@ def test_three_ranks():
     assert_same(one, three)
 
 
-def test_resume_on_another_number(tmp_path, pair):
+@pytest.mark.parametrize("transfer", ["APIC", "AFLIP"])
+def test_resume_on_another_number(tmp_path, pair, transfer):
     """From one to two and back in the middle of a run."""
-    whole = simulate(slosh("default"))
+    whole = simulate(slosh("default", **by(transfer)))
     whole.step(300)
-    first = simulate(slosh("default"))
+    first = simulate(slosh("default", **by(transfer)))
     first.step(100)
     first.save_checkpoint(tmp_path / "one.npz")
     second = libmpm.Simulation.resume(tmp_path / "one.npz", device=pair)
@@ -227,8 +250,9 @@ def test_a_rank_that_fails_stops_all(pair):
 
 def test_what_is_not_built_says_so(pair):
     """Refused by name, before the first step."""
+    xpic = by(libmpm.methods.Transfer(scheme="XPIC", order=2))
     with pytest.raises(libmpm.SceneError, match="several ranks"):
-        simulate(slosh(), pair, pipeline="phased").step(1)
+        simulate(slosh(**xpic), pair).step(1)
     with pytest.raises(libmpm.DeviceError, match=r"cuda:77"):
         simulate(slosh(), ["cuda:0", "cuda:77"])
     with pytest.raises(libmpm.DeviceError, match="several devices"):

@@ -20,6 +20,17 @@
 #define MPM_NO_UNROLL _Pragma("GCC unroll 1")
 #endif
 
+// Long functions that few nodes or no particle of a step need: a call, on the host and on a device.
+// Inlined wherever they are used they were a third of what either backend took to compile.
+// MPM_HOST_CALL is for those that a device's particles need.
+#if defined(__CUDACC__)
+#define MPM_CALL __host__ __device__ __noinline__
+#define MPM_HOST_CALL MPM_INLINE
+#else
+#define MPM_CALL inline __attribute__((noinline))
+#define MPM_HOST_CALL MPM_CALL
+#endif
+
 // For lambdas in functions that are compiled for several instruction sets (kernels/cpu/levels.hpp):
 // one that stays a call there is compiled for the lowest of them, and was called wrongly.
 #if defined(__CUDACC__)

@@ -169,12 +169,12 @@ MPM_INLINE void each_field_of_node(const BlockTableView<D>& table, const std::in
 
 /// A node of a block's arena seen from the block: slot of the block that owns it (or -1) and its
 /// node number there.
-template <int D>
+template <int D, int margin = Block<D>::margin>
 MPM_INLINE void arena_node(const int (&at)[D], int& neighbour, int& node) {
     neighbour = 0;
     node = 0;
     MPM_UNROLL for (int a = 0; a < D; ++a) {
-        const int n = at[a] - Block<D>::margin + Block<D>::edge;  // in [edge - 2, 2 edge + 2)
+        const int n = at[a] - margin + Block<D>::edge;  // in [edge - margin, 2 edge + margin)
         neighbour = neighbour * 3 + n / Block<D>::edge;
         node = node * Block<D>::edge + n % Block<D>::edge;
     }

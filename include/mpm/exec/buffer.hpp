@@ -13,19 +13,19 @@ namespace mpm {
 inline constexpr std::size_t column_padding = 16;
 
 template <class X, class T>
-class Buffer {
+class BufferOf {
     static_assert(std::is_trivially_copyable_v<T>);
 
 public:
-    explicit Buffer(X& x) : exec_(&x) {}
-    Buffer(const Buffer&) = delete;
-    Buffer& operator=(const Buffer&) = delete;
-    Buffer(Buffer&& other) noexcept { swap(other); }
-    Buffer& operator=(Buffer&& other) noexcept {
+    explicit BufferOf(X& x) : exec_(&x) {}
+    BufferOf(const BufferOf&) = delete;
+    BufferOf& operator=(const BufferOf&) = delete;
+    BufferOf(BufferOf&& other) noexcept { swap(other); }
+    BufferOf& operator=(BufferOf&& other) noexcept {
         swap(other);
         return *this;
     }
-    ~Buffer() {
+    ~BufferOf() {
         if (data_) exec_->release(data_, bytes());
     }
 
@@ -61,7 +61,7 @@ public:
         if (n) exec_->download(out.data(), data_, n * sizeof(T));
         return out;
     }
-    void swap(Buffer& other) noexcept {
+    void swap(BufferOf& other) noexcept {
         std::swap(exec_, other.exec_);
         std::swap(data_, other.data_);
         std::swap(size_, other.size_);
@@ -74,5 +74,23 @@ private:
     std::size_t size_ = 0;
     std::size_t capacity_ = 0;
 };
+
+template <class X>
+struct BaseOfExecutor {
+    using type = X;
+};
+template <class X>
+requires requires { typename X::Base; }
+struct BaseOfExecutor<X> {
+    using type = typename X::Base;
+};
+/// An executor without what it says of numbers: its memory and its verbs. What knows no number is
+/// compiled for these alone.
+template <class X>
+using ExecutorBase = typename BaseOfExecutor<X>::type;
+
+/// Executors that differ in their numbers alone have the same memory.
+template <class X, class T>
+using Buffer = BufferOf<ExecutorBase<X>, T>;
 
 }  // namespace mpm

@@ -68,12 +68,14 @@ __global__ void each_kernel(std::int64_t n, const __grid_constant__ F f) {
 inline constexpr int max_threads = 256;
 
 /// Runs f once, on the last of `all` blocks that come here. Every thread of every block must call
-/// it; `arrivals` is zero before and after. What f reads of the blocks' results they must have
-/// fenced.
+/// it; `arrivals` is zero before and after.
 template <class F>
 __device__ __forceinline__ void last_of(std::uint32_t all, std::uint32_t* arrivals, const F& f) {
     __syncthreads();
     if (threadIdx.x != 0) return;
+    // What any thread of the block has told is there before the block is counted: without this a
+    // maximum or a count could come a step late, and the bits with it.
+    __threadfence();
     if (atomicAdd(arrivals, 1u) + 1 != all) return;
     __threadfence();
     f();
@@ -106,7 +108,6 @@ __global__ void __launch_bounds__(max_threads)
         if (x > 0) {
             atomicMax(reinterpret_cast<unsigned long long*>(maxima) + threadIdx.x,
                       static_cast<unsigned long long>(__double_as_longlong(x)));
-            __threadfence();
         }
     }
     last_of(gridDim.x, arrivals, [&] {
@@ -480,6 +481,7 @@ void Cuda::sum_each(const SumSets& sets, const F& f, const G& then, double* part
 class CudaMixed : public Cuda {
 public:
     using Cuda::Cuda;
+    using Base = Cuda;
     template <class>
     using Grid = float;
     template <class>

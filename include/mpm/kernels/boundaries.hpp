@@ -27,8 +27,8 @@ MPM_INLINE void node_position(const std::int64_t (&cell)[D], double cell_size, d
 
 /// Boundaries that only some scenes have; true where the record is one of them and done with.
 template <class T, int D, class Seen>
-MPM_INLINE bool apply_special(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
-                              const Vec<T, D>& wall, Vec<T, D>& v, const Seen& seen) {
+MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
+                            const Vec<T, D>& wall, Vec<T, D>& v, const Seen& seen) {
     const BoundaryRecord<D>& r = all.records[b];
     double x[D];
     node_position<D>(cell, all.cell_size, x);
@@ -158,8 +158,7 @@ struct Images {
     bool reverses_all[D];   // of the planes of an axis: sticky ones
     int boundary[D], face[D];
 
-    MPM_INLINE Images(const BoundaryView<D>& all, const std::int64_t (&cell)[D])
-        : reach(all.reach) {
+    MPM_CALL Images(const BoundaryView<D>& all, const std::int64_t (&cell)[D]) : reach(all.reach) {
         for (int a = 0; a < D; ++a) {
             inside[a] = cell[a];
             sign[a] = 1;

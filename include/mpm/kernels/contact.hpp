@@ -64,7 +64,7 @@ struct NodeContact {
         bool several = false;              // are any stuck
     };
 
-    MPM_INLINE void find(std::int32_t first, std::int32_t count, int n, Fields& f) const {
+    MPM_CALL void find(std::int32_t first, std::int32_t count, int n, Fields& f) const {
         for (std::int32_t k = 0; k < count; ++k) {
             const T m = node.mass(first + k, n);
             if (!(m > T(0))) continue;
@@ -154,7 +154,7 @@ struct NodeContact {
     }
 
     /// The impulse that two fields exchange, on all that is stuck to them.
-    MPM_INLINE void meet(int n, Fields& f, int i, int j) const {
+    MPM_CALL void meet(int n, Fields& f, int i, int j) const {
         const int a = f.of[i], b = f.of[j];
         const ContactLaw& l = contact.laws[law(f, i, j)];
         const T of_a = T(1 / contact.full[f.kind[i]]), of_b = T(1 / contact.full[f.kind[j]]);

@@ -125,7 +125,7 @@ struct NodeUpdate {
         });
     }
     /// Mass of all nodes that share, 0 where it is negligible.
-    MPM_INLINE T shared_mass(const Images<D>& images) const {
+    MPM_CALL T shared_mass(const Images<D>& images) const {
         T all = 0;
         std::int64_t quanta = 0;
         each_image(images, [&](const Sum* s, const double(&)[D]) {
@@ -139,8 +139,8 @@ struct NodeUpdate {
     }
     /// Of a node whose images have mass; `own` is what it would have by itself, for `seen`.
     template <class Seen>
-    MPM_INLINE Vec<T, D> mirrored_velocity(const Images<D>& images, const Vec<T, D>& own,
-                                           const Seen& seen) const {
+    MPM_CALL Vec<T, D> mirrored_velocity(const Images<D>& images, const Vec<T, D>& own,
+                                         const Seen& seen) const {
         T mass = 0;
         Vec<T, D> v{};
         each_image(images, [&](const Sum* s, const double(&sign)[D]) {

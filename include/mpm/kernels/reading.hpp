@@ -6,6 +6,14 @@
 
 namespace mpm {
 
+/// The functions of a scene, as `stencil_of`, for readers.
+template <int W, int D>
+MPM_CALL Stencil<double, D, W> functions_at(const KernelChoice& kernel, const Vec<double, D>& xi,
+                                            const Vec<double, D>& half,
+                                            const std::int64_t (&cell)[D]) {
+    return stencil_of<W>(kernel, xi, half, cell);
+}
+
 /// Calls f(functions) with those of a particle; `state(r)` is number r of what it stores, `wide`
 /// says that the kernel reaches five nodes along an axis. Devices have no particles that are
 /// parallelepipeds and no dual domains.
@@ -27,17 +35,17 @@ MPM_INLINE void with_functions(const PhaseNumbers& n, bool wide, const Standing<
         if (n.kernel.kernel == Kernel::ddmp) {
             DualStencil<double, D> s;
             static_cast<Stencil<double, D, 5>&>(s) =
-                stencil_of<5>(n.kernel, at.xi, half, at.in_domain);
+                functions_at<5, D>(n.kernel, at.xi, half, at.in_domain);
             s.find(at.xi);
             f(s);
             return;
         }
     }
     if (wide) {
-        auto s = stencil_of<5>(n.kernel, at.xi, half, at.in_domain);
+        auto s = functions_at<5, D>(n.kernel, at.xi, half, at.in_domain);
         f(s);
     } else {
-        auto s = stencil_of<3>(n.kernel, at.xi, half, at.in_domain);
+        auto s = functions_at<3, D>(n.kernel, at.xi, half, at.in_domain);
         f(s);
     }
 }
@@ -55,12 +63,21 @@ struct NodesAround {
     }
 };
 
+/// The numbers that particle q stores, by column.
+template <class T>
+struct StoredNumbers {
+    const T* const* column;
+    std::size_t q;
+    MPM_INLINE double operator()(int r) const { return double(column[r][q]); }
+};
+
 /// A particle's velocity, m/s: the one that it stores where its transfer makes it store one, else
 /// what the grid gives it. `node(place)` points at the velocity of a node around its home block
 /// (`places_in_grid`), or at nothing.
 template <bool device, int D, class State, class Node>
-MPM_INLINE void particle_velocity(const PhaseNumbers& n, bool wide, const Standing<double, D>& at,
-                                  const State& state, const Node& node, double (&v)[D]) {
+MPM_HOST_CALL void particle_velocity(const PhaseNumbers& n, bool wide,
+                                     const Standing<double, D>& at, const State& state,
+                                     const Node& node, double (&v)[D]) {
     if (n.velocity >= 0) {
         for (int a = 0; a < D; ++a) v[a] = state(n.velocity + a);
         return;
@@ -97,7 +114,7 @@ MPM_INLINE bool point_velocity(const KernelChoice& kernel, const double (&cells)
         xi[a] = cells[a] - double(cell[a]) - 0.5;
         v[a] = 0;
     }
-    const Stencil<double, D, W> s = stencil_of<W>(kernel, xi, half, cell);
+    const Stencil<double, D, W> s = functions_at<W, D>(kernel, xi, half, cell);
     constexpr int nodes = D == 2 ? W * W : W * W * W;
     double total = 0;
     for (int n = 0; n < nodes; ++n) {

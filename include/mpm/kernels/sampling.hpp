@@ -188,7 +188,7 @@ struct SamplePoints {
         SensorRecord& r = sensors[points[k].sensor];
         if (r.due) sample(points[k], open_row(r, node.clock->time));
     }
-    MPM_INLINE void sample(const PointRecord<D>& point, double* row) const {
+    MPM_CALL void sample(const PointRecord<D>& point, double* row) const {
         if (point.axis >= 0) {
             SampleGauge<T, Sum, D>{node, point, cell_size, cells}(row);
             return;
@@ -281,9 +281,8 @@ struct TrackParticles {
             }
             Standing<double, D> at;
             at.find(corner, home, offset);
-            particle_velocity<device, D>(
-                n, wide, at, [&](int c) { return double(body.state[c][q]); },
-                NodesAround<G>{nodes, channels, around}, v);
+            particle_velocity<device, D>(n, wide, at, StoredNumbers<T>{body.state, q},
+                                         NodesAround<G>{nodes, channels, around}, v);
             for (int a = 0; a < D; ++a) out[D + a] = v[a];
         }
     }

@@ -103,8 +103,8 @@ struct SurfaceRecord {
 /// What a surface leaves of the velocity of a node at `x`; false where it does not reach it. `own`
 /// is a velocity that its face has beside its motion.
 template <class T, int D>
-MPM_HD bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
-                               const double (&x)[D], const Vec<T, D>& own, Vec<T, D>& v) {
+MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
+                                 const double (&x)[D], const Vec<T, D>& own, Vec<T, D>& v) {
     double there[D], normal[D], distance, wall[D];
     s.to_body(x, there);
     if (!s.field.at(there, distance, normal)) return false;

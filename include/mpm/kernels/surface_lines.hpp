@@ -17,8 +17,8 @@ struct SurfaceView {
     int axis = -1;  // nearest to the normal; -1: there is no direction
     int away = 0;   // the sign of the normal along it
 
-    MPM_INLINE SurfaceView(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
-                           const std::int64_t (&cell)[D]) {
+    MPM_CALL SurfaceView(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                         const std::int64_t (&cell)[D]) {
         double x[D], there[D], own[D];
         node_position<D>(cell, all.cell_size, x);
         s.to_body(x, there);
@@ -116,8 +116,8 @@ struct SurfaceLine {
     }
     /// Does another face meet this one within two cells of the line? Splines there do not vanish on
     /// it, and what even pressure does to their nodes is not along its normal.
-    MPM_INLINE bool beside_edge(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
-                                const std::int64_t (&cell)[D]) const {
+    MPM_CALL bool beside_edge(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                              const std::int64_t (&cell)[D]) const {
         std::int64_t foot[D], there[D];
         for (int step = 0; step < 5; ++step) {
             moved_along<D>(cell, axis, -step * sign, foot);

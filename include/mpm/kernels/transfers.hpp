@@ -32,12 +32,12 @@ MPM_INLINE Places<D, W> places_in_grid(const int (&cell)[D]) {
     return p;
 }
 
-/// In an arena of a block and `Block::margin` nodes around it.
-template <class Arena, int W, int D>
+/// In an arena of a block and `margin` nodes around it.
+template <class Arena, int W, int D, int margin = Block<D>::margin>
 MPM_INLINE Places<D, W> places_in_arena(const int (&cell)[D]) {
     Places<D, W> p;
     MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int k = 0; k < W; ++k) p.part[a][k] =
-        (cell[a] + k - W / 2 + Block<D>::margin) * Arena::stride(a);
+        (cell[a] + k - W / 2 + margin) * Arena::stride(a);
     return p;
 }
 /// Does an arena hold all nodes around this cell?

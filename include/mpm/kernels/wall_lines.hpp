@@ -98,8 +98,8 @@ MPM_INLINE int room_before(const BoundaryView<D>& all, const WallPlane<D>& wall,
 
 /// Does a node stand right before a face across an axis whose normal has this sign?
 template <int D>
-MPM_INLINE bool before_face(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int axis,
-                            int sign) {
+MPM_CALL bool before_face(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int axis,
+                          int sign) {
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
         if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
@@ -157,7 +157,7 @@ MPM_INLINE bool inside_surface(const BoundaryView<D>& all, const WallPlane<D>& w
 
 /// The line on which a node is across an axis. Where two claim it, the first that is defined does.
 template <int D>
-MPM_INLINE WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
+MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
     WallLine line;
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
@@ -256,7 +256,7 @@ struct FollowLines {
         return out;
     }
     /// What a node would do by itself, edges of boxes included.
-    MPM_INLINE Seat seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
+    MPM_CALL Seat seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
         Seat out;
         out.mass = node.mass(slot, number);
         if (!(out.mass > T(0))) return out;
@@ -277,8 +277,8 @@ struct FollowLines {
         });
     }
     /// In the same order from wherever on the line, so that all its nodes find the same numbers.
-    MPM_INLINE Sums sum(const WallLine& line, int axis, const std::int64_t (&cell)[D],
-                        const Seat& own, const Vec<T, D>& moving) const {
+    MPM_CALL Sums sum(const WallLine& line, int axis, const std::int64_t (&cell)[D],
+                      const Seat& own, const Vec<T, D>& moving) const {
         Sums out;
         for (int at = line.first(); at >= -1; --at) {
             Seat s = own;
@@ -302,8 +302,8 @@ struct FollowLines {
     }
     /// `v` is the node's velocity by itself.
     template <class Seen>
-    MPM_INLINE void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
-                               Vec<T, D>& v, const Seen& seen) const {
+    MPM_CALL void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
+                             Vec<T, D>& v, const Seen& seen) const {
         push_at_edges(slot, number, cell, mass, v, seen);
         const Seat own{mass, v};
         WallLine lines[D];

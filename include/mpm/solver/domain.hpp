@@ -30,10 +30,17 @@
 #include "mpm/kernels/supplying.hpp"
 #include "mpm/kernels/sweep.hpp"
 #include "mpm/kernels/telling.hpp"
+#include "mpm/solver/block_table.hpp"
 #include "mpm/solver/body_store.hpp"
+#include "mpm/solver/boundaries.hpp"
 #include "mpm/solver/engine.hpp"
+#include "mpm/solver/faults.hpp"
+#include "mpm/solver/homes.hpp"
+#include "mpm/solver/inflow.hpp"
 #include "mpm/solver/look_ahead.hpp"
+#include "mpm/solver/outflow.hpp"
 #include "mpm/solver/rank_share.hpp"
+#include "mpm/solver/sensors.hpp"
 #include "mpm/solver/state_check.hpp"
 
 namespace mpm {
@@ -61,8 +68,8 @@ public:
         const auto& b = bodies_.at(std::size_t(body));
         return b.count + b.frozen_id.size();
     }
-    std::vector<Samples> drain() override;
-    std::vector<Removed> removed() override { return std::exchange(removed_, {}); }
+    std::vector<Samples> drain() override { return sensors_.drain(); }
+    std::vector<Removed> removed() override { return outflow_.removed(); }
     std::vector<Flow> flows() override { return std::exchange(flows_, {}); }
     SmoothingHistory smoothing(int body) const override {
         return bodies_.at(std::size_t(body)).smoothing;
@@ -84,37 +91,12 @@ public:
     std::map<std::string, double> statistics() const override;
 
 private:
+    /// What of X components that know no precision are compiled for.
+    using Base = ExecutorBase<X>;
     using Body = BodyStore<X, T, D>;
-    /// Which slots hold particles of each body.
-    struct Homes {
-        std::vector<Buffer<X, std::uint32_t>> flag, position;  // (slots,), and its scan
-        std::vector<std::uint32_t> count;
-    };
-    /// Rows that an inlet adds to a body at one moment.
-    struct Arrival {
-        int body;
-        BodySpec rows;
-    };
-    struct Sensor {
-        SensorSpec spec;
-        Buffer<X, double> times, values, first;
-        Buffer<X, std::uint32_t> ids;
-        Buffer<X, std::int32_t> columns;
-        Buffer<X, double> partial;  // energy: of each home, then of the parts of their sum
-        Buffer<X, SumSet> set;
-        std::int64_t homes = -1;  // that `set` and `partial` are for
-        Samples drained;
-        explicit Sensor(X& x)
-            : times(x), values(x), first(x), ids(x), columns(x), partial(x), set(x) {}
-    };
-
-    // domain_setup.hpp
-    void set_boundaries();
-    void set_pressures();
-    SurfaceRecord<D> surface(const SurfaceSpec& spec);
-    MotionView upload_motion(const MotionSpec& motion, int components);
-    void set_sensors();
-    void list_measured();
+    void list_measured() {
+        sensors_.measure(table_, boundaries_, share_ ? counts_.data() : nullptr);
+    }
 
     // domain_contact.hpp
     void set_contact();
@@ -142,13 +124,12 @@ private:
     std::vector<double> sums_as_numbers(const std::vector<Sum>& sums) const;
     void adopt_sums(const std::vector<double>& value);
     void set_scales(double mass, double momentum_limit, double group_limit);
-    TimeTableView upload_table(const TableSpec& table, int components);
 
     // domain_step.hpp
     void one_step();
     void update_grid();
     void run_sensors();
-    void sample_energy(Sensor& sensor, SensorRecord* record);
+    void sample_energy(Sensor<Base>& sensor, SensorRecord* record);
     void reserve_deposits(Body& body);
     std::uint64_t workers_of(const Body& body) const;
     void run_bodies();
@@ -156,6 +137,7 @@ private:
     // domain_phases.hpp
     Phase<X, T, D> phase(Body& body, int number, int parity_to);
     void reserve_scratch(Body& body);
+    void complete_sums();
     void collect_bodies(const std::vector<std::size_t>& moving);
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
@@ -170,7 +152,6 @@ private:
     template <bool special, class Decided>
     void make_velocities_with(const Decided& decided);
     Fault describe_fault();
-    std::int64_t growth_start() const;
     std::int64_t steps_to_sort() const;
     void fetch_clock();
     void push_clock() {
@@ -180,9 +161,6 @@ private:
 
     // domain_state.hpp
     void check_laws(const State& state) const;
-    void restore_supplies(const State& state);
-    void restore_sensors(const std::vector<std::int64_t>& next, const std::vector<double>& last,
-                         const std::vector<double>& first, std::vector<double> impulse);
     std::vector<std::uint32_t> cell_by_cell(const Body& body,
                                             std::vector<std::uint8_t>* cell = nullptr) const;
 
@@ -200,43 +178,26 @@ private:
     };
     void see_rate(const PhaseNumbers& n, const SeenGrid& grid, const Standing<double, D>& at,
                   const double* state, double (&rate)[D][D]) const;
-    void collect_samples();
 
     // domain_supply.hpp
-    void set_supplies();
     bool supply();
-    std::vector<Arrival> due_layers(std::vector<SupplyRecord>& records,
-                                    std::vector<std::uint64_t>& layers,
-                                    std::vector<std::uint64_t>& next_id,
-                                    std::vector<Flow>& flows) const;
-    std::uint32_t arriving(std::size_t body) const;
-    void mark_arrivals(Buffer<X, std::uint32_t>& occupied, std::uint32_t* found,
-                       Buffer<X, std::uint64_t>& keys);
     void append_arrivals(int body, Buffer<X, std::uint32_t>& cell, const BlockTableView<D>& table);
     void deposit_arrivals();
-    std::int64_t steps_to_supply() const;
 
     // domain_sort.hpp
     bool sort();
     void find_cells(Body& body, std::uint32_t* occupied, std::uint32_t* cell, std::uint32_t* left);
-    void end_sort(double began);
+    bool end_of_sort(double began);
     std::vector<Leaver<D>> list_left(const Body& body, std::uint32_t count,
                                      const Buffer<X, std::uint32_t>& cell);
-    int outlet_of(const Leaver<D>& who) const;
     bool remove_left(const std::vector<std::uint32_t>& left,
                      const std::vector<Buffer<X, std::uint32_t>>& cells);
-    void set_neighbourhood(const Buffer<X, std::uint64_t>& homes, Buffer<X, std::uint64_t>& keys);
-    void rebuild_table(const Buffer<X, std::uint32_t>& occupied,
-                       const Buffer<X, std::uint64_t>& more, Buffer<X, std::uint64_t>& keys,
-                       Buffer<X, std::int32_t>& map);
     void adopt_table(Buffer<X, std::uint64_t>& keys);
     void permute(Body& body, const std::uint32_t* order);
     void link_table();
-    Homes find_homes();
-    template <class Flag>
-    void add_homes(Homes& homes, std::uint32_t* count, const Flag& flag);
-    void list_homes(const Homes& homes);
-    void join_homes(const Homes& homes, Buffer<X, std::uint32_t>& any);
+    Homes<Base> find_homes();
+    void list_homes(const Homes<Base>& homes);
+    void join_homes(const Homes<Base>& homes, Buffer<X, std::uint32_t>& any);
     void sort_by_colour(Body& body);
     void heavy_first(Body& body);
     void list_by_kind(Body& body, const Buffer<X, std::uint32_t>& position);
@@ -244,14 +205,14 @@ private:
     // domain_ranks.hpp
     std::vector<std::vector<std::uint64_t>> gather_tables(const Buffer<X, std::uint64_t>& keys);
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
-    void end_of_sums(int parity, bool first);
-    void list_mirrors();
+    /// What has been staged: by a step's passes, or by a first deposit, whose bodies without
+    /// gradients of velocity are added by a pass of its own.
+    enum class Added { in_step, at_rest, tilted };
+    void end_of_sums(int parity, Added added);
     void rebalance(const std::vector<std::uint64_t>& load);
     void weigh_by_time(std::vector<BlockWeight>& blocks);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);
     // domain_points.hpp
-    std::vector<std::uint64_t> blocks_of_points(const std::vector<PointRecord<D>>& points) const;
-    KernelChoice point_functions() const;
     SamplePoints<Grid, Sum, D> sample_points();
     void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void open_points();
@@ -335,7 +296,6 @@ private:
     void adopt_table_of_ranks(Buffer<X, std::uint64_t>& keys,
                               const std::vector<std::vector<std::uint64_t>>& after);
     bool sort_among_ranks();
-    void keep_own_arrivals(std::vector<std::uint64_t>& homes);
     void admit(int number, const detail::Emigrants<T>& come, Buffer<X, std::uint32_t>& cell,
                const std::vector<int>& owner, const BlockTableView<D>& table);
     /// Whether a block's nodes are this rank's to count, where every block counts once.
@@ -355,6 +315,11 @@ private:
     bool wide_kernel() const { return kernel_width(spec_.kernel.kernel) == 5; }
     /// Where stresses push depends on which nodes have mass: they are spread after all masses.
     bool stresses_apart() const { return spec_.kernel.kernel == Kernel::ddmp; }
+    /// Does any body average its volumes in a transfer of their own?
+    bool splits() const {
+        return std::any_of(plan_.groups.begin(), plan_.groups.end(),
+                           [](const GroupChannels& g) { return g.split; });
+    }
     int parity() const { return int(clock_.step & 1); }
     GridView<Grid, Sum, D> grid_view(int parity) {
         return {table_, velocity_.data(), plan_.velocity_channels, sums_[parity].data(),
@@ -363,13 +328,11 @@ private:
     NodeUpdate<Grid, Sum, D> node_update(int parity) {
         return {grid_view(parity),
                 clock_buffer_.data(),
-                {boundary_records_.data(), int(spec_.boundaries.size()), surfaces_.data(),
-                 spec_.cell_size, wide_kernel() ? 2 : 1, linear_walls_, linear_surfaces_,
-                 mirrored_walls_},
-                touched_.data(),
+                boundaries_.view(),
+                boundaries_.touched().data(),
                 least_mass_,
-                pressures_.data(),
-                int(pressures_.size())};
+                boundaries_.pressures().data(),
+                int(boundaries_.pressures().size())};
     }
     template <bool keeps, bool special>
     UpdateGrid<Grid, Sum, D, keeps, special> grid_update(int parity) {
@@ -380,10 +343,7 @@ private:
                 plan_.groups.size() == 1 ? plan_.groups[0] : GroupChannels{},
                 plan_.kept};
     }
-    BeginStep<D> begin_step() {
-        return {clock_buffer_.data(), gravity_, boundary_records_.data(),
-                int(spec_.boundaries.size()), surfaces_.data()};
-    }
+    BeginStep<D> begin_step() { return boundaries_.begin_step(clock_buffer_.data()); }
     TurnStep<D> turn_step() { return {{clock_buffer_.data(), spec_.cell_size}, begin_step()}; }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
     double now() const {
@@ -403,24 +363,10 @@ private:
     Buffer<X, BodyConstants> constants_{exec_};
     Buffer<X, BodyNumbers> numbers_{exec_};
     Buffer<X, GroupChannels> groups_{exec_};
-    Buffer<X, BoundaryRecord<D>> boundary_records_{exec_};
-    Buffer<X, SurfaceRecord<D>> surfaces_{exec_};
-    bool special_boundaries_ = false;  // kernels/boundaries.hpp
-    bool linear_walls_ = false;        // kernels/wall_lines.hpp
-    bool linear_surfaces_ = false;
-    bool mirrored_walls_ = false;
-    Buffer<X, GroupPressure> pressures_{exec_};
-    std::vector<Buffer<X, std::uint64_t>> surface_keys_;
-    std::vector<Buffer<X, std::int32_t>> surface_places_;
-    std::vector<Buffer<X, float>> surface_values_;
-    std::vector<Buffer<X, double>> table_memory_;
-    TimeTableView gravity_{};
+    BlockTable<Base, D> blocks_{exec_, spec_.cells, spec_.contact.fields};
+    const BlockTableView<D>& table_ = blocks_.view();
+    Boundaries<Base, D> boundaries_{exec_, spec_, plan_};
 
-    BlockTableView<D> table_{};
-    Buffer<X, std::uint64_t> keys_{exec_};
-    Buffer<X, std::int32_t> neighbours_{exec_}, corners_{exec_};
-    Buffer<X, std::uint32_t> touched_{exec_};
-    Buffer<X, std::uint32_t> occupied_{exec_};  // (slots,): does any body hold particles there
     int sorts_of_table_ = 0;
     Buffer<X, Grid> velocity_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
@@ -433,17 +379,7 @@ private:
     Buffer<X, double> smoothing_energies_{exec_};
     std::vector<Body> bodies_;
 
-    std::vector<Sensor> sensors_;
-    Buffer<X, SensorRecord> sensor_records_{exec_};
-    Buffer<X, LoadCellRecord<D>> load_cells_{exec_};
-    Buffer<X, PointRecord<D>> points_{exec_};  // gauges and probes
-    int load_count_ = 0, point_count_ = 0;
-    Buffer<X, double> load_impulse_{exec_};
-    Buffer<X, double> load_partial_{exec_};
-    Buffer<X, SumSet> measured_{exec_};  // of load cells: nodes of the blocks in measured_slots_
-    Buffer<X, std::int32_t> measured_slots_{exec_};
-    std::int32_t measured_places_ = 0;
-    Buffer<X, BoundaryRecord<D>> measured_boundaries_{exec_};  // of each load cell, its faces alone
+    Sensors<Base, D> sensors_{exec_, spec_, plan_};
 
     // Where contact is declared: laws, and the blocks with several fields of velocities.
     Buffer<X, ContactLaw> contact_laws_{exec_};
@@ -453,13 +389,8 @@ private:
     Buffer<X, std::uint32_t> crowded_{exec_};
     std::int32_t contact_blocks_ = 0;
 
-    Buffer<X, SupplyRecord> supplies_{exec_};  // of inlets
-    std::vector<std::uint64_t> supplied_;      // layers of each
-    std::vector<std::uint64_t> next_id_;       // of each body, where there are inlets
-    double supplied_mass_ = 0;                 // Decide
-    std::vector<Arrival> arrivals_;            // while they are sorted in
-
-    std::vector<Removed> removed_;
+    Inflow<Base, D> inflow_{exec_, spec_, plan_};
+    Outflow<D> outflow_{spec_};
     std::vector<Flow> flows_;
     std::map<std::string, double> timings_;
     std::int64_t sorts_ = 0, tables_ = 0, last_sort_ = 0, sort_interval_ = 0;

@@ -8,7 +8,6 @@ namespace mpm {
 template <class X, class T, int D>
 void Domain<X, T, D>::set_contact() {
     const ContactSpec& c = spec_.contact;
-    table_.keys_of.fields = c.fields;
     if (!c.any()) return;
     if (table_.keys_of.bits() > 62)
         throw CapacityError("the domain has more than 2^62 blocks of " + std::to_string(c.fields) +
@@ -26,7 +25,7 @@ void Domain<X, T, D>::set_contact() {
 template <class X, class T, int D>
 void Domain<X, T, D>::list_contacts() {
     if (!spec_.contact.any()) return;
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     const std::uint64_t fields = std::uint64_t(table_.keys_of.fields);
     std::vector<std::int32_t> first, count;
     for (std::size_t slot = 0, next = 0; slot < keys.size(); slot = next) {

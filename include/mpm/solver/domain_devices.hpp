@@ -230,8 +230,8 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     exec_.for_each(std::int64_t(slots), Constant<std::uint8_t>{0, shared_.data()});
     exec_.for_each(std::int64_t(slots), Constant<std::uint8_t>{1, counts_.data()});
     find_owners();
-    exec_.for_each(std::int64_t(slots),
-                   FlagReady<D>{neighbours_.data(), owner_.data(), s.rank(), ready_.data()});
+    exec_.for_each(std::int64_t(slots), FlagReady<D>{blocks_.neighbours().data(), owner_.data(),
+                                                     s.rank(), ready_.data()});
     Buffer<X, std::uint32_t> found(exec_);  // blocks that others hold too
     found.assign({0});
     Buffer<X, HeldBlock> theirs(exec_);
@@ -246,18 +246,18 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     list_shared();
     s.counts = counts_.host();
     link_points();
-    if (load_count_ > 0) list_measured();
+    list_measured();
 }
 
 /// Homes, and who shares what, after the table was made anew but for sorts. All ranks together.
 template <class X, class T, int D>
 void Domain<X, T, D>::link_homes() {
     if constexpr (X::is_device) {
-        if (share_) link_devices(gather_held(keys_, false));
+        if (share_) link_devices(gather_held(blocks_.keys(), false));
         list_homes(find_homes());
     } else {
         list_homes(find_homes());
-        if (share_) link_ranks(gather_tables(keys_));
+        if (share_) link_ranks(gather_tables(blocks_.keys()));
     }
 }
 

@@ -79,9 +79,8 @@ struct GatherColumns {
             at.find(corner, home, offset);
             const std::int32_t* around =
                 table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
-            particle_velocity<device, D>(
-                n, wide, at, [&](int r) { return double(body.state[r][q]); },
-                NodesAround<Grid>{nodes, channels, around}, v);
+            particle_velocity<device, D>(n, wide, at, StoredNumbers<T>{body.state, q},
+                                         NodesAround<Grid>{nodes, channels, around}, v);
             for (int a = 0; a < D; ++a) {
                 if (velocity) velocity[to * D + a] = v[a];
                 square += v[a] * v[a];

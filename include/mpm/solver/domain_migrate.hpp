@@ -58,10 +58,10 @@ inline bool holds(const std::vector<std::uint64_t>& keys, std::uint64_t key) {
 template <class X, class T, int D>
 bool Domain<X, T, D>::stops_here(const std::vector<std::uint32_t>& left,
                                  const std::vector<Buffer<X, std::uint32_t>>& cells) {
-    for (std::size_t b = 0; b < bodies_.size() && spec_.leaving == Leaving::stop; ++b) {
+    for (std::size_t b = 0; b < bodies_.size() && outflow_.stops(); ++b) {
         if (left[b] == 0) continue;
         for (const Leaver<D>& who : list_left(bodies_[b], left[b], cells[b]))
-            if (outlet_of(who) < 0) return true;
+            if (outflow_.outlet_of(who) < 0) return true;
     }
     return false;
 }
@@ -228,12 +228,12 @@ bool Domain<X, T, D>::sort_among_ranks() {
     for (std::size_t k = 0; k < slots; ++k)
         if (owner[k] == me && load[k] > 0) homes.push_back(table_.keys[k]);
     for (const auto& c : come) homes.insert(homes.end(), c.to.begin(), c.to.end());
-    keep_own_arrivals(homes);
+    inflow_.keep_own(spec_, share_->partition, share_->rank(), table_.keys_of, homes);
     std::sort(homes.begin(), homes.end());
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
     Buffer<X, std::uint64_t> home_keys(exec_), keys(exec_);
     home_keys.assign(homes);
-    set_neighbourhood(home_keys, keys);
+    blocks_.neighbourhood(home_keys, keys);
     auto after = gather_tables(keys);
     const auto& mine = after[std::size_t(me)];
 
@@ -246,29 +246,7 @@ bool Domain<X, T, D>::sort_among_ranks() {
     adopt_table_of_ranks(keys, after);
     list_homes(find_homes());
     link_ranks(std::move(after));
-    end_sort(began);
-    return true;
-}
-
-/// Of the layers that inlets supply, the rows in blocks of this rank; `homes` gets these.
-template <class X, class T, int D>
-void Domain<X, T, D>::keep_own_arrivals(std::vector<std::uint64_t>& homes) {
-    for (Arrival& arrival : arrivals_) {
-        BodySpec& of = arrival.rows;
-        auto rows = std::make_shared<RowRuns>();
-        std::vector<std::uint32_t> ids;
-        const auto keys = detail::keys_of_rows<D>(spec_, of, table_.keys_of, 0, of.count);
-        for (std::uint64_t row = 0; row < of.count; ++row) {
-            if (share_->partition.owner(keys[row]) != share_->rank()) continue;
-            rows->add(row, row + 1);
-            ids.push_back(of.ids[row]);
-            homes.push_back(keys[row]);
-        }
-        of.position = chosen_rows(of.position, rows, D);
-        of.pressure = chosen_rows(of.pressure, rows, 1);
-        of.ids = std::move(ids);
-        of.count = rows->count();
-    }
+    return end_of_sort(began);
 }
 
 /// Particles that stay, those that came from other ranks and those of inlets, into the order of the
@@ -328,7 +306,7 @@ void Domain<X, T, D>::admit(int number, const detail::Emigrants<T>& come,
         }
     }
     take_arrived(~std::uint64_t(0));
-    if (const std::uint32_t supplied = arriving(std::size_t(number)); supplied > 0) {
+    if (const std::uint32_t supplied = inflow_.arriving(std::size_t(number)); supplied > 0) {
         body.count = before + more;
         cell.reserve_discard(std::size_t(body.count) + supplied);
         append_arrivals(number, cell, table);

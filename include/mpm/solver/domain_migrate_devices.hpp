@@ -105,7 +105,7 @@ bool Domain<X, T, D>::deal_devices() {
     for (const Body& body : bodies_)
         exec_.for_each(table_.slots, AddLoad{body.cell_start.data(), load.data()});
     const auto loads = load.host();
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     std::vector<BlockWeight> blocks;
     for (std::size_t k = 0; k < loads.size(); ++k)
         if (loads[k] > 0) blocks.push_back({keys[k], loads[k] + weight_of_block});
@@ -309,7 +309,7 @@ bool Domain<X, T, D>::sort_among_devices() {
     }
     if (dealt) {
         // Only what lies beside a cut concerns others, as long as the cuts stay.
-        all_before = gather_held(keys_, true);
+        all_before = gather_held(blocks_.keys(), true);
         find_owners();
         counts.zero();
         count_emigrants(cells, counts);
@@ -327,7 +327,7 @@ bool Domain<X, T, D>::sort_among_devices() {
     remove_left(left, cells);
     for (const Emigrating& g : go) s.migrated += g.all;
 
-    if (dealt || word.lacks || !arrivals_.empty() || ++sorts_of_table_ >= 16) {
+    if (dealt || word.lacks || inflow_.arrives() || ++sorts_of_table_ >= 16) {
         const double at = now();
         sort_into_new_table(come, gone, cells, occupied, dealt ? &all_before : nullptr);
         timings_["tables"] += now() - at;
@@ -343,8 +343,7 @@ bool Domain<X, T, D>::sort_among_devices() {
         }
         list_homes(find_homes());  // after which nobody reads our lists any more
     }
-    end_sort(began);
-    return true;
+    return end_of_sort(began);
 }
 
 /// The table of the blocks that this rank now has particles in, and all that follows from it.
@@ -359,7 +358,7 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
     const std::int64_t slots = table_.slots;
     exec_.for_each(slots, KeepOwned{owner_.data(), s.rank(), occupied.data()});
     std::vector<std::uint64_t> supplied;
-    keep_own_arrivals(supplied);
+    inflow_.keep_own(spec_, share_->partition, share_->rank(), table_.keys_of, supplied);
     std::uint64_t all = 0;
     for (const auto& of_body : come)
         for (const Coming& c : of_body) all += c.count;
@@ -377,10 +376,8 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
     }
     more.shrink(std::size_t(
         exec_.sort_unique(more.data(), std::int64_t(more.size()), table_.keys_of.bits())));
-    rebuild_table(occupied, more, keys, map);
-    BlockTableView<D> table = table_;
-    table.keys = keys.data();
-    table.slots = std::int32_t(keys.size());
+    blocks_.rebuild(occupied, more, keys, map);
+    const BlockTableView<D> table = blocks_.view_of(keys);
     auto after = gather_held(keys, all_before != nullptr);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         exec_.for_each(bodies_[b].count, RenumberCells{cells[b].data(), map.data(),
@@ -390,7 +387,7 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
         cells[b] = Buffer<X, std::uint32_t>(exec_);
     }
     adopt_table_of_devices(keys, all_before ? *all_before : s.held, after);
-    if (all_before) after = gather_held(keys_, false);
+    if (all_before) after = gather_held(blocks_.keys(), false);
     link_devices(std::move(after));
     list_homes(find_homes());
     link_sums();
@@ -403,7 +400,7 @@ void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come,
                                     Buffer<X, std::uint32_t>& cell,
                                     const BlockTableView<D>& table) {
     Body& body = bodies_[std::size_t(number)];
-    const std::uint32_t before = body.count, supplied = arriving(std::size_t(number));
+    const std::uint32_t before = body.count, supplied = inflow_.arriving(std::size_t(number));
     const std::int64_t range = std::int64_t(table.slots) * block_cells;
     std::size_t rows = std::size_t(before) + supplied;
     for (const Coming& c : come) rows += c.count;

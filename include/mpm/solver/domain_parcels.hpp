@@ -51,7 +51,7 @@ void Domain<X, T, D>::list_shared() {
     }
     shared_slots_.assign(slots);
     shared_out_.reserve_discard(slots.size() * std::size_t(block));
-    s.bytes_a_step = slots.size() * std::size_t(block) * sizeof(Sum);
+    s.bytes_a_step = slots.size() * std::size_t(block) * sizeof(Sum) * (splits() ? 2 : 1);
     if (!reaches()) return shared_in_.reserve_discard(shared_out_.size());
     std::vector<const Sum*> mine(std::size_t(s.ranks()), nullptr);
     for (const SharedWith& w : shared_with_)

@@ -24,7 +24,7 @@ void Domain<X, T, D>::reserve_scratch(Body& body) {
 template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::make_velocities(const Decided& decided) {
-    if (special_boundaries_)
+    if (boundaries_.special())
         make_velocities_with<true>(decided);
     else
         make_velocities_with<false>(decided);
@@ -85,6 +85,7 @@ void Domain<X, T, D>::sweep_grid() {
             phase_ops_.collect(p);
             phase_ops_.spread(p);
         }
+        complete_sums();
         exec_.template max_each<maxima_count>(
             nodes,
             AdvanceSweep<Grid, Sum, D>{node_update(parity()), sums_[1 - parity()].data(), channels,
@@ -177,6 +178,19 @@ void Domain<X, T, D>::after_respond(Body& body, const Phase<X, T, D>& phase) {
     }
 }
 
+/// Sums that a step reads itself, as all ranks have added to them.
+template <class X, class T, int D>
+void Domain<X, T, D>::complete_sums() {
+    if (!share_) return;
+    if constexpr (X::is_device) {
+        share_sums();
+        // All have read what is packed, before anyone packs again.
+        if (reaches()) meeting_->meet();
+    } else {
+        end_of_sums(1 - parity(), Added::in_step);
+    }
+}
+
 /// What phased bodies find at the nodes, and what smoothing over cells makes of the state: before
 /// any body is spread, because a fault here halts the clock, and not in the middle of a turn.
 template <class X, class T, int D>
@@ -189,13 +203,14 @@ void Domain<X, T, D>::collect_bodies(const std::vector<std::size_t>& moving) {
     }
     const auto make = [&](std::size_t b) { return phase(bodies_[b], int(b), 1 - parity()); };
     for (std::size_t b : phased) phase_ops_.collect(make(b));
-    if (!split.empty()) {
+    if (splits()) {
         for (std::size_t b : split) {
             Phase<X, T, D> p = make(b);
             p.part = Part::averages;
             bodies_[b].ops.project(p);
             phase_ops_.spread(p);
         }
+        complete_sums();
         exec_.for_each(
             std::int64_t(table_.slots) * block_cells,
             AverageVolumes<Grid, Sum, D>{node_update(parity()), sums_[1 - parity()].data(),

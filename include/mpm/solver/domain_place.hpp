@@ -101,9 +101,7 @@ void Domain<X, T, D>::find_blocks(const Spec& spec) {
     std::sort(homes.begin(), homes.end());
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
     keys.assign(homes);
-    set_neighbourhood(keys, keys_);
-    table_.keys = keys_.data();
-    table_.slots = std::int32_t(keys_.size());
+    blocks_.make(keys);
 }
 
 template <class X, class T, int D>
@@ -236,7 +234,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
     const double tilt = steepest_deposit(spec);
     if constexpr (!std::is_integral_v<Sum>) {
         deposit_all(spec, chosen, tilt > 0);
-        if (share_) end_of_sums(parity(), !(tilt > 0));
+        if (share_) end_of_sums(parity(), tilt > 0 ? Added::tilted : Added::at_rest);
     } else {
         // Once to learn what is deposited, with a mass that cannot be exceeded: all particles of a
         // node's 3^D cells, each with the largest weight.
@@ -253,7 +251,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
                                       : stencil_nodes<D> * std::pow(0.75, D);
             mass += body.particle_mass * std::max(largest_of_all(found.host()[0]), 1.0) * widths;
         }
-        set_scales(std::max(mass, least_mass_) + supplied_mass_, 1, 1);
+        set_scales(std::max(mass, least_mass_) + inflow_.mass(), 1, 1);
         meet_hosts();
         deposit_all(spec, chosen, tilt > 0);
         share_deposits(parity());
@@ -265,7 +263,7 @@ void Domain<X, T, D>::deposit(const Spec& spec, const Chosen& chosen, double dt)
         const double calm = 1e-6 * plan_.wave_speed,
                      momentum = largest_of_all(clock_.deposited[momentum_sum]) + tilt,
                      group = largest_of_all(clock_.deposited[group_sum]);
-        set_scales(std::max(heaviest, least_mass_) + supplied_mass_, 2 * std::max(momentum, calm),
+        set_scales(std::max(heaviest, least_mass_) + inflow_.mass(), 2 * std::max(momentum, calm),
                    2 * std::max(group, 1e-7));
         sums_[parity()].zero();
         meet_hosts();
@@ -299,7 +297,7 @@ void Domain<X, T, D>::start_from(const Spec& spec) {
         const auto found = start.averages.find(plan_.channels[g.sum]);
         averages.push_back(found == start.averages.end() ? nullptr : &found->second);
     }
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     const BlockTableView<D> table{table_.keys_of, table_.slots, keys.data(), nullptr, nullptr};
     for (std::size_t k = 0; k < nodes; ++k) {
         std::int64_t block[D];
@@ -349,7 +347,7 @@ void Domain<X, T, D>::adopt_sums(const std::vector<double>& value) {
         }
         for (double& most : top) most = largest_of_all(most);
         // A layer of an inlet may come before the clock has chosen scales.
-        top[mass_sum] += supplied_mass_;
+        top[mass_sum] += inflow_.mass();
         for (const InletSpec& inlet : spec_.inlets)
             for (double v : inlet.velocity.value)
                 top[momentum_sum] = std::max(top[momentum_sum], top[mass_sum] * std::abs(v));
@@ -397,6 +395,9 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen, bool t
         if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
         const BodySpec& s = spec.bodies[b];
         deposit_body(body, int(b), s.velocity, s.velocity_gradient, tilted, parity());
+    }
+    if constexpr (!X::is_device) {
+        if (share_ && stresses_apart()) end_of_sums(parity(), Added::at_rest);  // masses
     }
     for (std::size_t b = 0; stresses_apart() && b < bodies_.size(); ++b) {
         if (bodies_[b].homes == 0 || !chosen(spec.bodies[b])) continue;

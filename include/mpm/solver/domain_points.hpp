@@ -13,59 +13,18 @@
 
 namespace mpm {
 
-/// The functions that a probe sees.
-template <class X, class T, int D>
-KernelChoice Domain<X, T, D>::point_functions() const {
-    KernelChoice k;
-    k.kernel = spec_.kernel.kernel;
-    k.clamped = spec_.kernel.clamped;
-    for (int a = 0; a < D; ++a) k.cells[a] = int(spec_.cells[std::size_t(a)]);
-    return functions_of_point(k);
-}
-
 template <class X, class T, int D>
 SamplePoints<typename Domain<X, T, D>::Grid, typename Domain<X, T, D>::Sum, D>
 Domain<X, T, D>::sample_points() {
     SamplePoints<Grid, Sum, D> points{node_update(parity()),
-                                      sensor_records_.data(),
-                                      points_.data(),
+                                      sensors_.records(),
+                                      sensors_.points(),
                                       spec_.cell_size,
                                       {},
-                                      point_functions(),
-                                      kernel_width(point_functions().kernel) != 3};
+                                      sensors_.functions(),
+                                      kernel_width(sensors_.functions().kernel) != 3};
     for (int a = 0; a < D; ++a) points.cells[a] = spec_.cells[a];
     return points;
-}
-
-/// The blocks that gauges and probes can read, ascending: of all, or of those that are due.
-template <class X, class T, int D>
-std::vector<std::uint64_t> Domain<X, T, D>::blocks_of_points(
-    const std::vector<PointRecord<D>>& points) const {
-    std::vector<std::uint64_t> wanted;
-    const std::int64_t reach = kernel_width(point_functions().kernel) / 2;
-    for (const PointRecord<D>& point : points) {
-        std::int64_t low[D], high[D], at[D];  // blocks
-        for (int a = 0; a < D; ++a) {
-            const std::int64_t last = spec_.cells[std::size_t(a)] - 1,
-                               cell = std::clamp<std::int64_t>(
-                                   std::int64_t(std::floor(point.position[a] / spec_.cell_size)), 0,
-                                   last);
-            const std::int64_t rim = BlockKeys<D>::rim, edge = Block<D>::edge;
-            low[a] = at[a] = ((a == point.axis ? 0 : cell - reach) + rim * edge) / edge - rim;
-            high[a] = (a == point.axis ? last : cell + reach) / edge;
-        }
-        for (bool more = true; more;) {
-            wanted.push_back(table_.keys_of.key(at));
-            more = false;
-            for (int a = D - 1; a >= 0 && !more; --a) {
-                more = at[a] < high[a];
-                at[a] = more ? at[a] + 1 : low[a];
-            }
-        }
-    }
-    std::sort(wanted.begin(), wanted.end());
-    wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
-    return wanted;
 }
 
 /// On the CPU: the blocks that points which are due can read are told to all, and everyone takes
@@ -73,10 +32,7 @@ std::vector<std::uint64_t> Domain<X, T, D>::blocks_of_points(
 template <class X, class T, int D>
 void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) {
     const RankShare<D>& s = *share_;
-    std::vector<PointRecord<D>> due;
-    for (int k = 0; k < point_count_; ++k)
-        if (sensor_records_.data()[points_.data()[k].sensor].due) due.push_back(points_.data()[k]);
-    const auto wanted = blocks_of_points(due);
+    const auto wanted = sensors_.blocks_of_due_points(table_.keys_of);
     if (wanted.empty()) return;
 
     const std::size_t sums = std::size_t(plan_.sum_channels) * block_cells,
@@ -134,7 +90,7 @@ void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) 
     grid.table = {table_.keys_of, std::int32_t(keys.size()), keys.data(), nullptr, nullptr};
     grid.sums = all.sums.data();
     grid.velocity = all.velocities.data();
-    for (int k = 0; k < point_count_; ++k) points(k);
+    for (int k = 0; k < sensors_.point_count(); ++k) points(k);
 }
 
 /// On devices: the table of blocks that are told, and where all ranks have theirs. All ranks
@@ -142,8 +98,8 @@ void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) 
 template <class X, class T, int D>
 void Domain<X, T, D>::open_points() {
     if constexpr (X::is_device) {
-        if (point_count_ == 0) return;
-        told_keys_.assign(blocks_of_points(points_.host()));
+        if (sensors_.point_count() == 0) return;
+        told_keys_.assign(sensors_.blocks_of_points(table_.keys_of));
         const std::size_t blocks = told_keys_.size(),
                           sums = blocks * std::size_t(plan_.sum_channels) * block_cells;
         told_slots_.reserve_discard(blocks);
@@ -181,7 +137,7 @@ void Domain<X, T, D>::open_points() {
 /// Which of these blocks this rank tells, whenever there is a new table.
 template <class X, class T, int D>
 void Domain<X, T, D>::link_points() {
-    if (point_count_ == 0) return;
+    if (sensors_.point_count() == 0) return;
     exec_.for_each(
         std::int64_t(told_keys_.size()),
         FindTold{told_keys_.data(), table_.keys, table_.slots, counts_.data(), told_slots_.data()});
@@ -190,10 +146,10 @@ void Domain<X, T, D>::link_points() {
 /// Before the ranks meet.
 template <class X, class T, int D>
 void Domain<X, T, D>::tell_points() {
-    if (point_count_ == 0) return;
+    if (sensors_.point_count() == 0) return;
     const Clock* clock = clock_buffer_.data();
-    exec_.for_each(point_count_, OpenPoints<D>{clock, sensor_records_.data(), points_.data(),
-                                               told_clock_.data()});
+    exec_.for_each(sensors_.point_count(),
+                   OpenPoints<D>{clock, sensors_.records(), sensors_.points(), told_clock_.data()});
     const std::int32_t sums = plan_.sum_channels * block_cells,
                        velocities = plan_.velocity_channels * block_cells;
     exec_.for_each(
@@ -229,7 +185,7 @@ void Domain<X, T, D>::swap_told_points() {
 /// After they have met. Before they meet again what has been read is forgotten.
 template <class X, class T, int D>
 void Domain<X, T, D>::sample_told_points() {
-    if (point_count_ == 0) return;
+    if (sensors_.point_count() == 0) return;
     if (!reaches()) swap_told_points();
     SamplePoints<Grid, Sum, D> points = sample_points();
     auto& grid = points.node.grid;
@@ -238,7 +194,8 @@ void Domain<X, T, D>::sample_told_points() {
     grid.sums = told_sums_.data();
     grid.velocity = told_velocity_.data();
     points.node.clock = &told_clock_.data()->clock;
-    exec_.for_each_large(point_count_, SampleTold<Grid, Sum, D>{points, told_clock_.data()});
+    exec_.for_each_large(sensors_.point_count(),
+                         SampleTold<Grid, Sum, D>{points, told_clock_.data()});
     exec_.for_each(std::int64_t(told_sums_.size()),
                    ForgetBlocks<Sum>{told_clock_.data(), told_sums_.data()});
     exec_.for_each(std::int64_t(told_velocity_.size()),

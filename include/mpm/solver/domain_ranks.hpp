@@ -12,30 +12,6 @@
 
 namespace mpm {
 
-template <class X, class T, int D>
-void Domain<X, T, D>::list_mirrors() {
-    const auto block = [](std::int64_t cell) {
-        constexpr std::int64_t edge = Block<D>::edge, rim = BlockKeys<D>::rim;
-        return (cell + rim * edge) / edge - rim;
-    };
-    for (const BoundaryRecord<D>& r : boundary_records_.host()) {
-        for (int f = 0; f < 2 * D && !r.is_box && r.surface == 0; ++f) {
-            if (!r.present[f] || !mirrors(r.law[f].response)) continue;
-            const std::int64_t plane = f % 2 == 0 ? r.lower[f / 2] : r.upper[f / 2];
-            const MirrorPlane sides{f / 2, block(plane - 1), block(plane)};
-            if (sides.low != sides.high) share_->mirrors.push_back(sides);
-        }
-        // The nodes of a line read one another's sums too.
-        for (int f = 0; f < 2 * D && r.surface == 0; ++f) {
-            if (!r.present[f] || !r.law[f].linear) continue;
-            const WallPlane<D> wall(r, f);
-            const MirrorPlane sides{f / 2, block(wall.plane - (wall.sign > 0 ? 1 : 2)),
-                                    block(wall.plane + (wall.sign > 0 ? 1 : 0))};
-            if (sides.low != sides.high) share_->mirrors.push_back(sides);
-        }
-    }
-}
-
 /// The keys of everyone's table. All ranks together.
 template <class X, class T, int D>
 std::vector<std::vector<std::uint64_t>> Domain<X, T, D>::gather_tables(
@@ -86,7 +62,8 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         const Body& body = bodies_[b];
         auto& to = s.destinations[b];
-        to.assign(neighbours_.data(), neighbours_.data() + slots * Block<D>::neighbours);
+        to.assign(blocks_.neighbours().data(),
+                  blocks_.neighbours().data() + slots * Block<D>::neighbours);
         for (std::size_t colour = 0; colour + 1 < body.colour_start.size(); ++colour) {
             const std::size_t first = s.parts.size();
             for (std::int32_t k = body.colour_start[colour]; k < body.colour_start[colour + 1];
@@ -128,11 +105,13 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
         packer.put(told);
         out[std::size_t(r)] = packer.take();
     }
+    std::vector<int> colours;
+    for (const Body& body : bodies_) colours.push_back(int(body.colour_start.size()) - 1);
     std::vector<std::vector<Staged>> told(s.keys.size());
     s.comm->exchange_and_read(
         std::move(out), s.peers, "parts of shared blocks", [&](int r, Unpacker& from) {
             auto parts = from.list<Staged>();
-            checks::staged_parts(parts, common[std::size_t(r)].size(), bodies_.size(), 1 << D, r);
+            checks::staged_parts(parts, common[std::size_t(r)].size(), colours, r);
             told[std::size_t(r)] = std::move(parts);
         });
     s.receive.assign(s.keys.size(), 0);
@@ -163,13 +142,13 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
         exec_.zero(larger.data() + before, (size - before) * sizeof(Sum));
         sums.swap(larger);
     }
-    if (load_count_ > 0) list_measured();
+    list_measured();
 }
 
 /// What ranks have staged comes to all who hold the block, and everyone adds it up in the same
-/// order. `first`: of a first deposit.
+/// order.
 template <class X, class T, int D>
-void Domain<X, T, D>::end_of_sums(int parity, bool first) {
+void Domain<X, T, D>::end_of_sums(int parity, Added added) {
     RankShare<D>& s = *share_;
     const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
     Sum* sums = sums_[parity].data();
@@ -197,8 +176,12 @@ void Domain<X, T, D>::end_of_sums(int parity, bool first) {
                     ? sums + std::size_t(part.at) * block
                     : reinterpret_cast<const Sum*>(in[std::size_t(part.rank)].data()) +
                           std::size_t(part.at) * block;
+            const Body& body = bodies_[std::size_t(part.body)];
+            const bool spread = added == Added::in_step ? body.plan.pipeline == Pipeline::phased
+                                                        : body.plan.any_transfer();
             add_staged<Sum>(sums + std::size_t(part.slot) * block, from,
-                            Sum(bodies_[std::size_t(part.body)].particle_mass), block, first);
+                            spread ? Sum(1) : Sum(body.particle_mass), block,
+                            added == Added::at_rest);
         }
     });
     exec_.zero(sums + std::size_t(table_.slots) * block,

@@ -33,7 +33,7 @@ Array Domain<X, T, D>::positions(Body& body) {
     const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
     const auto cell = body.cell.host(X::is_device ? body.count : 0);
     const auto home = body.home.host();
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     for (int a = 0; a < D; ++a) {
         const auto x = body.offset[a].host(body.count);
         for (std::int32_t h : home) {
@@ -164,14 +164,16 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
     const auto cells = body.cell.host(X::is_device ? body.count : 0);
     const auto home = body.home.host();
-    const auto keys = keys_.host();
-    const auto neighbours = neighbours_.host();
+    const auto keys = blocks_.keys().host();
+    const auto neighbours = blocks_.neighbours().host();
     const std::vector<Grid> grid = moving ? velocity_.host() : std::vector<Grid>();
     const std::vector<Sum> masses =
         moving && stresses_apart() ? sums_[parity()].host() : std::vector<Sum>();
     std::vector<std::vector<T>> offset, state;
     for (auto& c : body.offset) offset.push_back(c.host(body.count));
     for (auto& c : body.state) state.push_back(c.host(body.count));
+    const T* columns[max_state_columns] = {};
+    for (std::size_t r = 0; r < state.size(); ++r) columns[r] = state[r].data();
     const double dx = spec_.cell_size, m = body.particle_mass, V = body.particle_volume;
 
     const auto fill = [&](std::size_t q, const double* x, const double* v,
@@ -238,7 +240,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
                 stands.find(corner, at, own);
                 particle_velocity<X::is_device, D>(
                     body.plan.phase, kernel_width(spec_.kernel.kernel) != 3, stands,
-                    [&](int r) { return s[r]; },
+                    StoredNumbers<T>{columns, q},
                     NodesAround<Grid>{grid.data(), plan_.velocity_channels, around}, v);
                 if (constitutive || rates)
                     see_rate(body.plan.phase, {grid.data(), masses.data(), around}, stands, s,
@@ -257,11 +259,9 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
 
 template <class X, class T, int D>
 Array Domain<X, T, D>::grid(const std::string& name) {
-    if (name != "position" && name != "velocity" && name != "mass") {
-        throw SceneError("grid has no attribute '" + name + "'; it has position, velocity, mass");
-    }
+    check_grid_attribute(name);
     prepare_velocities();
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     const auto sums = sums_[parity()].host();
     const auto velocity = velocity_.host();
     Array out;
@@ -311,7 +311,7 @@ Array Domain<X, T, D>::grid(const std::string& name) {
 template <class X, class T, int D>
 NodalSums Domain<X, T, D>::sums() {
     fetch_clock();
-    const auto keys = keys_.host();
+    const auto keys = blocks_.keys().host();
     const auto value = sums_as_numbers(sums_[parity()].host());
     NodalSums out;
     for (std::size_t slot = 0; slot < keys.size(); ++slot) {
@@ -341,41 +341,6 @@ NodalSums Domain<X, T, D>::sums() {
     return out;
 }
 
-/// Rows that the sensors have left in their rings, appended to what waits for `drain`.
-template <class X, class T, int D>
-void Domain<X, T, D>::collect_samples() {
-    if (sensors_.empty()) return;
-    auto records = sensor_records_.host();
-    bool any_row = false;
-    for (std::size_t k = 0; k < sensors_.size(); ++k) {
-        SensorRecord& r = records[k];
-        if (r.count == 0) continue;
-        any_row = true;
-        Samples& to = sensors_[k].drained;
-        const std::size_t rows = r.count, width = r.columns, have = to.time.size();
-        to.time.resize(have + rows);
-        to.values.data.resize((have + rows) * width);
-        exec_.download(to.time.data() + have, r.times, rows * sizeof(double));
-        exec_.download(to.values.data.data() + have * width, r.values,
-                       rows * width * sizeof(double));
-        to.values.shape = {have + rows, width};
-        r.count = 0;
-    }
-    if (any_row) sensor_records_.assign(records);
-}
-
-template <class X, class T, int D>
-std::vector<Samples> Domain<X, T, D>::drain() {
-    collect_samples();
-    std::vector<Samples> out;
-    for (auto& s : sensors_) {
-        const std::size_t width = s.drained.values.shape[1];
-        out.push_back(std::exchange(s.drained, Samples{}));
-        s.drained.values.shape = {0, width};
-    }
-    return out;
-}
-
 template <class X, class T, int D>
 std::map<std::string, double> Domain<X, T, D>::statistics() const {
     std::map<std::string, double> out;
@@ -387,9 +352,8 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     out["lone"] = lone;
     out["fastest_node"] = clock_.speed;
     out["drift"] = clock_.drift;
-    double bytes =
-        double(keys_.bytes() + neighbours_.bytes() + corners_.bytes() + touched_.bytes() +
-               velocity_.bytes() + sums_[0].bytes() + sums_[1].bytes());
+    double bytes = double(blocks_.bytes() + boundaries_.touched().bytes() + velocity_.bytes() +
+                          sums_[0].bytes() + sums_[1].bytes());
     bytes += double(cells_.bytes() + smoothing_energies_.bytes() + shared_out_.bytes() +
                     shared_in_.bytes() + told_sums_.bytes() + told_sums_in_.bytes() +
                     told_velocity_.bytes() + told_velocity_in_.bytes());

@@ -11,43 +11,21 @@ namespace mpm {
 template <class X, class T, int D>
 void Domain<X, T, D>::link_table() {
     const std::int64_t slots = table_.slots;
-    neighbours_.reserve_discard(slots * Block<D>::neighbours);
-    corners_.reserve_discard(slots * D);
-    exec_.for_each(slots * Block<D>::neighbours,
-                   LinkBlocks<D>{table_, neighbours_.data(), corners_.data()});
-    table_.neighbours = neighbours_.data();
-    table_.corners = corners_.data();
-    touched_.reserve_discard(slots);
-    exec_.for_each(
-        slots, TouchBoundaries<D>{table_, boundary_records_.data(), int(spec_.boundaries.size()),
-                                  surfaces_.data(), spec_.cell_size, touched_.data()});
+    blocks_.link();
+    boundaries_.touch(table_);
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
-    if (load_count_ > 0 && !share_) list_measured();
+    if (!share_) list_measured();
     list_contacts();
 }
 
-/// The homes of one more body: `flag(to)` queues what marks them, `count` gets their number.
 template <class X, class T, int D>
-template <class Flag>
-void Domain<X, T, D>::add_homes(Homes& homes, std::uint32_t* count, const Flag& flag) {
-    const std::int64_t slots = table_.slots;
-    auto& of_body = homes.flag.emplace_back(exec_);
-    auto& position = homes.position.emplace_back(exec_);
-    of_body.reserve_discard(slots);
-    position.reserve_discard(slots + 1);
-    flag(of_body);
-    exec_.exclusive_scan(of_body.data(), position.data(), slots);
-    exec_.copy(count, position.data() + slots, sizeof(std::uint32_t));
-}
-
-template <class X, class T, int D>
-typename Domain<X, T, D>::Homes Domain<X, T, D>::find_homes() {
-    Homes homes;
+Homes<typename Domain<X, T, D>::Base> Domain<X, T, D>::find_homes() {
+    Homes<Base> homes;
     Buffer<X, std::uint32_t> counts(exec_);
     counts.reserve_discard(bodies_.size());
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        add_homes(homes, counts.data() + b, [&](Buffer<X, std::uint32_t>& flag) {
+        homes.add(exec_, table_.slots, counts.data() + b, [&](Buffer<X, std::uint32_t>& flag) {
             exec_.for_each(table_.slots, FlagHomes{bodies_[b].cell_start.data(), flag.data()});
         });
     }
@@ -57,7 +35,7 @@ typename Domain<X, T, D>::Homes Domain<X, T, D>::find_homes() {
 
 /// Slots that hold particles of any body.
 template <class X, class T, int D>
-void Domain<X, T, D>::join_homes(const Homes& homes, Buffer<X, std::uint32_t>& any) {
+void Domain<X, T, D>::join_homes(const Homes<Base>& homes, Buffer<X, std::uint32_t>& any) {
     const std::int64_t slots = table_.slots;
     any.reserve_discard(slots);
     exec_.copy(any.data(), homes.flag[0].data(), std::size_t(slots) * sizeof(std::uint32_t));
@@ -68,9 +46,9 @@ void Domain<X, T, D>::join_homes(const Homes& homes, Buffer<X, std::uint32_t>& a
 /// Lists the blocks that hold particles, of each body; on the CPU also by colour, on a device full
 /// ones, those beside a cut and heavy ones first. Several devices know by then who shares what.
 template <class X, class T, int D>
-void Domain<X, T, D>::list_homes(const Homes& homes) {
+void Domain<X, T, D>::list_homes(const Homes<Base>& homes) {
     const std::int64_t slots = table_.slots;
-    join_homes(homes, occupied_);
+    join_homes(homes, blocks_.occupied());
     // Homes and particles of each body on all ranks: what changes bits is decided by these.
     const std::size_t bodies = bodies_.size();
     std::vector<std::uint64_t> all(homes.count.begin(), homes.count.end());
@@ -144,7 +122,7 @@ void Domain<X, T, D>::heavy_first(Body& body) {
         weight.reserve_discard(body.full_homes);
         exec_.for_each(body.full_homes,
                        WeighHomes{body.home.data(), body.cell_start.data(), std::max(mean, 1u),
-                                  weight.data(), neighbours_.data(), Block<D>::neighbours,
+                                  weight.data(), blocks_.neighbours().data(), Block<D>::neighbours,
                                   share_ ? shared_.data() : nullptr});
         exec_.sort_by_key(weight.data(), body.home.data(), body.full_homes, WeighHomes::bits);
     }
@@ -192,51 +170,23 @@ std::vector<Leaver<D>> Domain<X, T, D>::list_left(const Body& body, std::uint32_
     return out;
 }
 
-/// The outlet through which a particle has left, or -1.
-template <class X, class T, int D>
-int Domain<X, T, D>::outlet_of(const Leaver<D>& who) const {
-    for (std::size_t k = 0; k < spec_.outlets.size(); ++k) {
-        const int a = spec_.outlets[k].face / 2;
-        const bool upper = spec_.outlets[k].face % 2 != 0;
-        if (upper ? who.cell[a] >= spec_.cells[a] : who.cell[a] < 0) return int(k);
-    }
-    return -1;
-}
-
 /// Takes particles that have left out of the computation: through outlets, and elsewhere as the
 /// policy has it. Returns false when the policy is to stop; nothing has changed then.
 template <class X, class T, int D>
 bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
                                   const std::vector<Buffer<X, std::uint32_t>>& cells) {
-    struct Way {
-        Removed removed;
-        std::vector<std::uint32_t> place, id;
-    };
-    const std::size_t outlets = spec_.outlets.size();
-    std::vector<Way> ways;  // of each body: through each outlet, then elsewhere
-    const char* policy = spec_.leaving == Leaving::freeze
-                             ? "freeze"
-                             : (spec_.leaving == Leaving::remove ? "delete" : "stop");
+    using Way = typename Outflow<D>::Way;
+    std::vector<Way> ways;
+    std::vector<std::array<double, 2>> mass_and_volume;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        if (left[b] == 0) continue;
         Body& body = bodies_[b];
-        const std::size_t first = ways.size();
-        for (std::size_t k = 0; k <= outlets; ++k) {
-            Removed& r = ways.emplace_back().removed;
-            r.body = int(b);
-            r.step = clock_.step;
-            r.policy = k < outlets ? "outflow:" + spec_.outlets[k].name : policy;
-        }
-        for (const Leaver<D>& who : list_left(body, left[b], cells[b])) {
-            const int outlet = outlet_of(who);
-            Way& way = ways[first + (outlet < 0 ? outlets : std::size_t(outlet))];
-            way.place.push_back(who.place);
-            way.id.push_back(who.id);
-            way.removed.ids.push_back(body.first_id + who.id);
-            for (int a = 0; a < D; ++a) way.removed.position.data.push_back(who.position[a]);
-        }
+        mass_and_volume.push_back({body.particle_mass, body.particle_volume});
+        if (left[b] == 0) continue;
+        for (Way& way :
+             outflow_.ways(int(b), body.first_id, clock_.step, list_left(body, left[b], cells[b])))
+            ways.push_back(std::move(way));
         const auto& ids = ways.back().removed.ids;
-        if (spec_.leaving == Leaving::stop && !ids.empty()) {
+        if (outflow_.stops() && !ids.empty()) {
             fault_ = Fault{"left-domain",
                            body.plan.name,
                            ids,
@@ -244,91 +194,28 @@ bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
                            clock_.time,
                            double(ids.size()),
                            clock_.speed,
-                           growth_start(),
+                           growth_start(clock_),
                            std::to_string(ids.size()) +
                                " particles left the domain, the first at step " +
                                std::to_string(clock_.step)};
             return false;
         }
     }
-    std::vector<Flow> flows;
-    for (std::size_t k = 0; k < outlets; ++k)
-        flows.push_back({false, int(k), clock_.time, clock_.step, 0, 0, 0});
-    for (std::size_t w = 0; w < ways.size(); ++w) {
-        Removed& r = ways[w].removed;
-        const std::size_t n = r.ids.size(), k = w % (outlets + 1);
-        if (n == 0) continue;
-        Body& body = bodies_[std::size_t(r.body)];
-        r.position.shape = {n, std::size_t(D)};
-        if (k < outlets) {
-            flows[k].particles += n;
-            flows[k].mass += double(n) * body.particle_mass;
-            flows[k].volume += double(n) * body.particle_volume;
-        } else if (spec_.leaving == Leaving::freeze) {
-            std::vector<std::vector<T>> state;
-            for (auto& s : body.state) state.push_back(s.host(body.count));
-            body.frozen_id.insert(body.frozen_id.end(), ways[w].id.begin(), ways[w].id.end());
-            body.frozen_position.insert(body.frozen_position.end(), r.position.data.begin(),
-                                        r.position.data.end());
-            for (std::uint32_t p : ways[w].place)
-                for (auto& s : state) body.frozen_state.push_back(double(s[p]));
-        }
-        removed_.push_back(std::move(r));
+    for (const Way& way : ways) {
+        if (!outflow_.freezes(way) || way.id.empty()) continue;
+        Body& body = bodies_[std::size_t(way.removed.body)];
+        const auto& position = way.removed.position.data;
+        std::vector<std::vector<T>> state;
+        for (auto& s : body.state) state.push_back(s.host(body.count));
+        body.frozen_id.insert(body.frozen_id.end(), way.id.begin(), way.id.end());
+        body.frozen_position.insert(body.frozen_position.end(), position.begin(), position.end());
+        for (std::uint32_t p : way.place)
+            for (auto& s : state) body.frozen_state.push_back(double(s[p]));
     }
-    for (const Flow& flow : flows)
-        if (flow.particles > 0) flows_.push_back(flow);
+    for (const Flow& flow :
+         outflow_.take(std::move(ways), clock_.time, clock_.step, mass_and_volume))
+        flows_.push_back(flow);
     return true;
-}
-
-/// Keys of a table: home blocks and all their neighbours, ascending.
-template <class X, class T, int D>
-void Domain<X, T, D>::set_neighbourhood(const Buffer<X, std::uint64_t>& homes,
-                                        Buffer<X, std::uint64_t>& keys) {
-    const std::int64_t n = std::int64_t(homes.size()) * Block<D>::neighbours;
-    Buffer<X, std::uint64_t> all(exec_);
-    all.reserve_discard(n);
-    exec_.for_each(n, ListNeighbours<D>{table_.keys_of, homes.data(), all.data()});
-    const std::int64_t slots = exec_.sort_unique(all.data(), n, table_.keys_of.bits());
-    if (slots * block_cells >= std::int64_t(~0u)) {
-        throw CapacityError(
-            "the scene needs " + std::to_string(slots) +
-            " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
-    }
-    keys.reserve_discard(slots);
-    exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
-    if (share_ && !share_->mirrors.empty()) {
-        auto with_images = keys.host();
-        add_images<D>(table_.keys_of, share_->mirrors, with_images);
-        keys.assign(with_images);
-    }
-    // As large as this, it would weigh on the sort that follows. Not with several devices: what is
-    // given back there has to be mapped into all of them again.
-    const bool heavy = all.bytes() > (std::size_t(16) << 20) && !share_;
-    all = Buffer<X, std::uint64_t>(exec_);
-    if (heavy) exec_.trim();
-}
-
-/// A table of the occupied blocks, `more` blocks and all their neighbours. `map` leads from the
-/// present table's slots to its own.
-template <class X, class T, int D>
-void Domain<X, T, D>::rebuild_table(const Buffer<X, std::uint32_t>& occupied,
-                                    const Buffer<X, std::uint64_t>& more,
-                                    Buffer<X, std::uint64_t>& keys, Buffer<X, std::int32_t>& map) {
-    const std::int64_t slots = table_.slots;
-    Buffer<X, std::uint32_t> position(exec_);
-    position.reserve_discard(slots + 1);
-    exec_.exclusive_scan(occupied.data(), position.data(), slots);
-    std::uint32_t homes = 0;
-    exec_.download(&homes, position.data() + slots, sizeof homes);
-    Buffer<X, std::uint64_t> list(exec_);
-    list.reserve_discard(homes + more.size());
-    if (more.size() > 0)
-        exec_.copy(list.data() + homes, more.data(), more.size() * sizeof(std::uint64_t));
-    exec_.for_each(slots, ListKeys{keys_.data(), position.data(), occupied.data(), list.data()});
-    set_neighbourhood(list, keys);
-    map.reserve_discard(slots);
-    exec_.for_each(slots,
-                   MapSlots{keys_.data(), keys.data(), std::int32_t(keys.size()), map.data()});
 }
 
 /// Sums follow their blocks into a new table, which then is the table.
@@ -342,9 +229,7 @@ void Domain<X, T, D>::adopt_table(Buffer<X, std::uint64_t>& keys) {
     const bool grows = size * sizeof(Sum) > sums_[reading].bytes();
     if (grows) exec_.trim();
     Buffer<X, std::int32_t> map(exec_);
-    map.reserve_discard(new_slots);
-    exec_.for_each(new_slots,
-                   MapSlots{keys.data(), keys_.data(), std::int32_t(table_.slots), map.data()});
+    blocks_.slots_of(keys, map);
     // The other set holds nothing between steps.
     sums_[1 - reading].reserve_discard(size);
     exec_.for_each(std::int64_t(new_slots) * block_cells,
@@ -352,9 +237,7 @@ void Domain<X, T, D>::adopt_table(Buffer<X, std::uint64_t>& keys) {
                                  plan_.sum_channels});
     sums_[0].swap(sums_[1]);
     sums_[1 - reading].reserve_discard(size);
-    keys_.swap(keys);
-    table_.keys = keys_.data();
-    table_.slots = new_slots;
+    blocks_.adopt(keys);
     ++tables_;
     link_table();
     if (grows) exec_.trim();
@@ -408,14 +291,16 @@ void Domain<X, T, D>::find_cells(Body& body, std::uint32_t* occupied, std::uint3
     exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
 }
 
+/// All particles stand in their cells again. True: the state is that of a sort.
 template <class X, class T, int D>
-void Domain<X, T, D>::end_sort(double began) {
+bool Domain<X, T, D>::end_of_sort(double began) {
     clock_.drift = clock_.ahead;
     clock_.strays = 0;
     ++sorts_;
     sort_interval_ = clock_.step - last_sort_;
     last_sort_ = clock_.step;
     timings_["sort"] += now() - began;
+    return true;
 }
 
 /// Returns false when particles have left the domain and the policy is to stop; the state is then
@@ -434,24 +319,25 @@ bool Domain<X, T, D>::sort() {
     Buffer<X, std::uint32_t> occupied(exec_), counts(exec_);
     counts.reserve_discard(2 * bodies + 1);
     counts.zero();
-    Homes homes;
+    Homes<Base> homes;
     std::vector<Buffer<X, std::uint32_t>> cells;
     for (std::size_t b = 0; b < bodies; ++b) {
         Body& body = bodies_[b];
         cells.emplace_back(exec_);
-        const std::size_t rows = std::size_t(body.count) + arriving(b);
+        const std::size_t rows = std::size_t(body.count) + inflow_.arriving(b);
         cells.back().reserve_discard(rows + column_padding);
         cells.back().shrink(rows);
-        add_homes(homes, counts.data() + 2 * b + 1, [&](Buffer<X, std::uint32_t>& flag) {
-            flag.zero();
-            find_cells(body, flag.data(), cells.back().data(), counts.data() + 2 * b);
-        });
+        homes.add(exec_, table_.slots, counts.data() + 2 * b + 1,
+                  [&](Buffer<X, std::uint32_t>& flag) {
+                      flag.zero();
+                      find_cells(body, flag.data(), cells.back().data(), counts.data() + 2 * b);
+                  });
     }
     join_homes(homes, occupied);
     Buffer<X, std::uint64_t> keys_to_come(exec_);
-    if (!arrivals_.empty()) mark_arrivals(occupied, counts.data() + 2 * bodies, keys_to_come);
-    exec_.for_each(slots,
-                   FindNewHomes<X>{occupied.data(), occupied_.data(), counts.data() + 2 * bodies});
+    if (inflow_.arrives()) inflow_.mark(table_, occupied, counts.data() + 2 * bodies, keys_to_come);
+    exec_.for_each(slots, FindNewHomes<X>{occupied.data(), blocks_.occupied().data(),
+                                          counts.data() + 2 * bodies});
     const auto counted = counts.host();
     std::vector<std::uint32_t> left;
     for (std::size_t b = 0; b < bodies; ++b) {
@@ -463,7 +349,7 @@ bool Domain<X, T, D>::sort() {
     const bool rebuild = counted.back() != 0 || ++sorts_of_table_ >= 16;
     Buffer<X, std::uint64_t> keys(exec_);
     Buffer<X, std::int32_t> map(exec_);
-    if (rebuild) rebuild_table(occupied, keys_to_come, keys, map);
+    if (rebuild) blocks_.rebuild(occupied, keys_to_come, keys, map);
     const std::int64_t range = (rebuild ? std::int64_t(keys.size()) : slots) * block_cells;
 
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -473,13 +359,8 @@ bool Domain<X, T, D>::sort() {
                            RenumberCells{cells[b].data(), rebuild ? map.data() : nullptr,
                                          std::uint32_t(slots * block_cells), std::uint32_t(range)});
         }
-        if (arriving(b) > 0) {
-            BlockTableView<D> table = table_;
-            if (rebuild) {
-                table.keys = keys.data();
-                table.slots = std::int32_t(keys.size());
-            }
-            append_arrivals(int(b), cells[b], table);
+        if (inflow_.arriving(b) > 0) {
+            append_arrivals(int(b), cells[b], rebuild ? blocks_.view_of(keys) : table_);
         }
         body.cell_start.reserve_discard(range + 2);
         arrange(exec_, cells[b], range, body.id.data(), body.cell_start.data(), body.cell.data());
@@ -491,10 +372,9 @@ bool Domain<X, T, D>::sort() {
         adopt_table(keys);
         sorts_of_table_ = 0;
     }
-    if (rebuild || !arrivals_.empty()) homes = find_homes();
+    if (rebuild || inflow_.arrives()) homes = find_homes();
     list_homes(homes);
-    end_sort(began);
-    return true;
+    return end_of_sort(began);
 }
 
 }  // namespace mpm

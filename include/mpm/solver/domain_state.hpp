@@ -47,7 +47,7 @@ State Domain<X, T, D>::save() {
             "step will describe it");
     State s;
     save_clock(s, clock_);
-    s["keys"] = detail::to_blob(keys_.host());
+    s["keys"] = detail::to_blob(blocks_.keys().host());
     s["sums"] = detail::to_blob(
         sums_[parity()].host(std::size_t(table_.slots) * plan_.sum_channels * block_cells));
     s["sum_channels"] = detail::to_blob(std::vector<std::int32_t>{plan_.sum_channels});
@@ -57,29 +57,8 @@ State Domain<X, T, D>::save() {
     s["sorts_of_table"] = detail::to_blob(std::vector<std::int32_t>{sorts_of_table_});
     if (spec_.contact.any())
         s["fields"] = detail::to_blob(std::vector<std::int32_t>{spec_.contact.fields});
-    s["load_impulse"] = detail::to_blob(load_impulse_.host());
-    auto records = sensor_records_.host();
-    std::vector<std::int64_t> next;
-    std::vector<double> last, first;
-    for (std::size_t k = 0; k < records.size(); ++k) {
-        next.push_back(records[k].next);
-        last.push_back(records[k].last_time);
-        first.push_back(sensors_[k].first.host()[0]);
-    }
-    if (!spec_.inlets.empty()) {
-        std::vector<double> moved, last;
-        for (const SupplyRecord& r : supplies_.host()) {
-            moved.push_back(r.moved);
-            last.push_back(r.last);
-        }
-        s["supply_moved"] = detail::to_blob(moved);
-        s["supply_last"] = detail::to_blob(last);
-        s["supply_layers"] = detail::to_blob(supplied_);
-        s["supply_next_id"] = detail::to_blob(next_id_);
-    }
-    s["sensor_next"] = detail::to_blob(next);
-    s["sensor_last"] = detail::to_blob(last);
-    s["sensor_first"] = detail::to_blob(first);
+    sensors_.save(s);
+    if (inflow_.any()) inflow_.save(s);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::string p = "body" + std::to_string(b) + "_";
@@ -130,9 +109,7 @@ void Domain<X, T, D>::load(const State& whole) {
     clock_.drift_limit = X::drift_limit;
     clock_.look_ahead = look_ahead_;
     const auto keys = detail::from_blob<std::uint64_t>(state, "keys");
-    keys_.assign(keys);
-    table_.keys = keys_.data();
-    table_.slots = std::int32_t(keys.size());
+    blocks_.assign(keys);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const std::string p = "body" + std::to_string(b) + "_";
@@ -183,11 +160,8 @@ void Domain<X, T, D>::load(const State& whole) {
     }
     sums_[1 - reading].reserve_discard(sums_[reading].size());
 
-    if (!spec_.inlets.empty()) restore_supplies(state);
-    restore_sensors(detail::from_blob<std::int64_t>(state, "sensor_next"),
-                    detail::from_blob<double>(state, "sensor_last"),
-                    detail::from_blob<double>(state, "sensor_first"),
-                    detail::from_blob<double>(state, "load_impulse"));
+    if (inflow_.any()) inflow_.load(state);
+    sensors_.load(state, clock_);
     link_table();
     link_homes();
     if (share_) link_sums();
@@ -230,46 +204,6 @@ void Domain<X, T, D>::check_laws(const State& state) const {
                              "a state of " + std::string(body.material->name));
         }
     }
-}
-
-template <class X, class T, int D>
-void Domain<X, T, D>::restore_supplies(const State& state) {
-    const auto moved = detail::from_blob<double>(state, "supply_moved"),
-               last = detail::from_blob<double>(state, "supply_last");
-    supplied_ = detail::from_blob<std::uint64_t>(state, "supply_layers");
-    next_id_ = detail::from_blob<std::uint64_t>(state, "supply_next_id");
-    auto records = supplies_.host();
-    for (std::size_t k = 0; k < records.size(); ++k) {
-        records[k].moved = moved[k];
-        records[k].last = last[k];
-        records[k].due = double(supplied_[k] + 1) * spec_.inlets[k].spacing;
-    }
-    supplies_.assign(records);
-}
-
-/// Sensors that a run before this one had go on where they were; those behind them start now.
-template <class X, class T, int D>
-void Domain<X, T, D>::restore_sensors(const std::vector<std::int64_t>& next,
-                                      const std::vector<double>& last,
-                                      const std::vector<double>& first,
-                                      std::vector<double> impulse) {
-    auto records = sensor_records_.host();
-    if (next.size() > records.size() || last.size() != next.size() || first.size() != next.size() ||
-        impulse.size() > load_impulse_.size())
-        throw SceneError("the saved state has other sensors than this scene");
-    for (std::size_t k = 0; k < records.size(); ++k) {
-        const bool known = k < next.size();
-        const double interval = records[k].interval;
-        records[k].next = known          ? next[k]
-                          : interval > 0 ? std::int64_t(clock_.time / interval)
-                                         : clock_.step;
-        records[k].last_time = known ? last[k] : clock_.time;
-        records[k].count = 0;
-        if (known) sensors_[k].first.assign({first[k]});
-    }
-    impulse.resize(load_impulse_.size(), 0.0);
-    load_impulse_.assign(impulse);
-    sensor_records_.assign(records);
 }
 
 }  // namespace mpm

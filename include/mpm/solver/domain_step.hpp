@@ -26,7 +26,8 @@ Pass<X, T, D> Domain<X, T, D>::pass(Body& body, int number, int parity_to) {
     if constexpr (X::is_device) p.arrivals = exec_.arrivals();
     p.scratch = body.scratch.data();
     const bool stages = share_ && !X::is_device;
-    p.destinations = stages ? share_->destinations[std::size_t(number)].data() : neighbours_.data();
+    p.destinations =
+        stages ? share_->destinations[std::size_t(number)].data() : blocks_.neighbours().data();
     p.staged = stages ? table_.slots : none_staged;
     p.full_homes = body.all_full_homes;
     p.coloured = body.coloured.data();
@@ -40,20 +41,11 @@ void Domain<X, T, D>::update_grid() {
     if constexpr (!X::is_device) exec_.single(begin_step());  // a device did at the last turn
     int bits = 0;
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
-    const Decide<D> decide{clock_buffer_.data(),
-                           spec_.cell_size,
-                           constants_.data(),
-                           numbers_.data(),
-                           int(bodies_.size()),
-                           sensor_records_.data(),
-                           int(sensors_.size()),
-                           bits,
-                           least_mass_,
-                           plan_.wave_speed,
-                           plan_.beyond,
-                           supplies_.data(),
-                           int(spec_.inlets.size()),
-                           supplied_mass_};
+    const Decide<D> decide{
+        clock_buffer_.data(), spec_.cell_size,    constants_.data(), numbers_.data(),
+        int(bodies_.size()),  sensors_.records(), sensors_.count(),  bits,
+        least_mass_,          plan_.wave_speed,   plan_.beyond,      inflow_.records(),
+        inflow_.count(),      inflow_.mass()};
     if constexpr (X::is_device) {
         if (share_) {
             make_velocities(AfterGrid<D>::telling(
@@ -74,32 +66,32 @@ void Domain<X, T, D>::update_grid() {
 
 template <class X, class T, int D>
 void Domain<X, T, D>::run_sensors() {
-    if (sensors_.empty()) return;
+    if (sensors_.count() == 0) return;
     const auto node = node_update(parity());
     Clock* clock = clock_buffer_.data();
     const SamplePoints<Grid, Sum, D> points = sample_points();
-    bool measured = load_count_ == 0;
+    bool measured = sensors_.load_count() == 0;
     if constexpr (!X::is_device) {
         if (!measured && contact_blocks_ > 0) {
             measured = true;
             exec_.template sum_each<load_columns<D>>(
-                SumSets{measured_.data(), load_count_, measured_places_},
-                MeasureLoads<Grid, Sum, D, true>{node, measured_slots_.data(), load_cells_.data(),
-                                                 spec_.cell_size, contact_view()},
-                TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(),
-                            load_impulse_.data()},
-                load_partial_.data(), share_ ? 0 : point_count_, points);
+                sensors_.measured(),
+                MeasureLoads<Grid, Sum, D, true>{node, sensors_.measured_slots(),
+                                                 sensors_.load_cells(), spec_.cell_size,
+                                                 contact_view()},
+                sensors_.take_load(clock), sensors_.load_partial(),
+                share_ ? 0 : sensors_.point_count(), points);
         }
     }
     if (!measured) {
         exec_.template sum_each<load_columns<D>>(
-            SumSets{measured_.data(), load_count_, measured_places_},
-            MeasureLoads<Grid, Sum, D>{node, measured_slots_.data(), load_cells_.data(),
+            sensors_.measured(),
+            MeasureLoads<Grid, Sum, D>{node, sensors_.measured_slots(), sensors_.load_cells(),
                                        spec_.cell_size},
-            TakeLoad<D>{clock, sensor_records_.data(), load_cells_.data(), load_impulse_.data()},
-            load_partial_.data(), share_ ? 0 : point_count_, points);
-    } else if (load_count_ == 0 && point_count_ > 0 && !share_) {
-        exec_.for_each_large(point_count_, points);
+            sensors_.take_load(clock), sensors_.load_partial(), share_ ? 0 : sensors_.point_count(),
+            points);
+    } else if (sensors_.load_count() == 0 && sensors_.point_count() > 0 && !share_) {
+        exec_.for_each_large(sensors_.point_count(), points);
     }
     if (share_) {
         if constexpr (X::is_device)
@@ -107,9 +99,9 @@ void Domain<X, T, D>::run_sensors() {
         else
             sample_points_together(points);
     }
-    for (std::size_t k = 0; k < sensors_.size(); ++k) {
-        Sensor& s = sensors_[k];
-        SensorRecord* record = sensor_records_.data() + k;
+    for (int k = 0; k < sensors_.count(); ++k) {
+        Sensor<Base>& s = sensors_.at(k);
+        SensorRecord* record = sensors_.records() + k;
         if constexpr (!X::is_device) {
             if (!record->due) continue;
         }
@@ -128,7 +120,7 @@ void Domain<X, T, D>::run_sensors() {
 }
 
 template <class X, class T, int D>
-void Domain<X, T, D>::sample_energy(Sensor& s, SensorRecord* record) {
+void Domain<X, T, D>::sample_energy(Sensor<Base>& s, SensorRecord* record) {
     const auto chosen = [&](std::size_t b) { return s.spec.body < 0 || s.spec.body == int(b); };
     std::int64_t homes = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b)
@@ -211,6 +203,7 @@ void Domain<X, T, D>::run_bodies() {
         }
         advance_body(bodies_[b], int(b), std::uint32_t(workers));
     }
+    if (stresses_apart()) complete_sums();  // masses
     for (std::size_t b : moving) deposit_stresses(bodies_[b], int(b), 1 - parity());
     if constexpr (X::is_device) {
         if (moving.size() > 1) exec_.join();
@@ -270,7 +263,7 @@ void Domain<X, T, D>::one_step() {
                 if (share_->worked.size() == CostRates::most_steps) share_->worked.clear();
                 share_->worked.push_back(share_->votes_at - begins + (seconds() - at));
             }
-            if (share_) end_of_sums(1 - parity(), false);
+            if (share_) end_of_sums(1 - parity(), Added::in_step);
         }
         exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});
         const double t3 = now();
@@ -317,7 +310,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             // As many steps as there will probably be before the next sort; a wrong guess costs
             // launches that do nothing, or a look too many.
             std::int64_t n = std::min<std::int64_t>(X::batch, steps_to_sort());
-            if (!spec_.inlets.empty()) n = std::min(n, steps_to_supply());
+            if (inflow_.any()) n = std::min(n, inflow_.steps_to_next(X::batch));
             if (clock_.steps_left >= 0) n = std::min<std::int64_t>(n, clock_.steps_left + 1);
             if (std::isfinite(until)) {
                 n = std::int64_t(std::min(
@@ -358,7 +351,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             clock_.halt = Halt::none;
             push_clock();
         } else if (clock_.halt == Halt::samples) {
-            collect_samples();
+            sensors_.collect();
             clock_.halt = Halt::none;
             push_clock();
         } else if (clock_.halt == Halt::until || clock_.halt == Halt::steps) {
@@ -399,129 +392,28 @@ std::int64_t Domain<X, T, D>::steps_to_sort() const {
     return std::int64_t(std::max(n, 1.0));
 }
 
-/// The first step from which on the fastest node never again was slower than a tenth of what it is
-/// now.
-template <class X, class T, int D>
-std::int64_t Domain<X, T, D>::growth_start() const {
-    std::int64_t since = 0;
-    for (int k = 0; k < clock_.log_count; ++k)
-        if (!(clock_.log_speed[k] > 0.1 * clock_.speed)) since = clock_.log_step[k];
-    return since;
-}
-
+/// What a fault says of the particle that it names is in its columns.
 template <class X, class T, int D>
 Fault Domain<X, T, D>::describe_fault() {
-    Fault f;
-    f.step = clock_.step;
-    f.time = clock_.time;
-    f.speed = clock_.speed;
-    f.grew_since = growth_start();
-    f.value = clock_.fault_value;
-    if (clock_.fault == FaultKind::outran) {
-        f.code = clock_.fault_value < 1e299 ? "outran-cell" : "non-finite";
-        f.message = clock_.fault_value < 1e299
-                        ? "a node would carry its particles across more than one cell in one step"
-                        : "a nodal velocity is not finite";
-        return f;
-    }
-    if (clock_.fault == FaultKind::fixed_point) {
-        const double* limit = clock_.deposit_limit;
-        const bool grew = clock_.deposited[momentum_sum] > limit[momentum_sum] ||
-                          clock_.deposited[group_sum] > limit[group_sum];
-        f.code = std::isfinite(f.value) ? "fixed-point" : "non-finite";
-        f.message = !std::isfinite(f.value) ? "what particles deposit is not finite"
-                    : grew
-                        ? "what particles deposit grew more than 16-fold beyond that of the last "
-                          "two steps and no longer fits its fixed-point scale"
-                        : "the stress of a particle is so large for the time step that all "
-                          "motion would round away beside it";
-        return f;
-    }
-    if (clock_.fault == FaultKind::crowded) {
-        f.code = "crowded-node";
-        f.message =
-            "more bodies with fields of velocities of their own meet at a node than contact "
-            "keeps apart";
-        return f;
-    }
-    if (clock_.fault_particle == fault_elsewhere) return f;
-    const std::size_t b = clock_.fault_particle >> 40;
-    if (clock_.fault == FaultKind::smoothing) {
-        f.body = bodies_.at(b).plan.name;
-        f.code = std::isfinite(f.value) ? "smoothing-energy" : "non-finite";
-        f.message = std::isfinite(f.value)
-                        ? "smoothing over cells has added energy to the field that it smooths"
-                        : "what smoothing over cells has found is not finite";
-        return f;
-    }
-    const std::size_t k = clock_.fault_particle & ((std::uint64_t(1) << 40) - 1);
-    Body& body = bodies_.at(b);
-    f.body = body.plan.name;
-    --f.step;  // found by the step after
-    std::uint32_t id = 0;
-    exec_.download(&id, body.id.data() + k, sizeof id);
-    f.ids = {body.first_id + id};
-    if (clock_.fault == FaultKind::smoothing_range) {
-        ++f.step;  // found at once
-        f.code = "smoothing-range";
-        f.message =
-            "the field that is smoothed is larger than sums of smoothing over cells can hold on "
-            "a device";
-        for (auto& column : body.state) {
-            T x;
-            exec_.download(&x, column.data() + k, sizeof x);
-            if (std::isfinite(double(x))) continue;
-            f.code = "non-finite";
-            f.message = "what it stores is not finite";
-        }
-        return f;
-    }
-    f.code = "inverted";
-    double furthest = 0;
-    for (auto& column : body.offset) {
-        T x;
-        exec_.download(&x, column.data() + k, sizeof x);
-        if (!std::isfinite(double(x))) f.code = "non-finite";
-        furthest = std::max(furthest, std::abs(double(x)));
-    }
-    std::vector<double> state;
-    double widest = 0;  // half-edge of cpGIMP and CPDI
-    for (auto& column : body.state) {
-        T x;
-        exec_.download(&x, column.data() + k, sizeof x);
-        state.push_back(double(x));
-        if (!std::isfinite(double(x))) f.code = "non-finite";
-    }
-    for (int a = 0; a < D && body.plan.phase.extent >= 0; ++a)
-        widest = std::max(widest, body.plan.phase.kernel.half_edge *
-                                      (1 + state[std::size_t(body.plan.phase.extent + a)]));
-    bool flat = false;
-    if (body.plan.phase.edges >= 0) {
-        const auto edges = half_edges_at<D>(body.plan.phase, [&](int r) { return state[r]; });
-        for (int a = 0; a < D; ++a) widest = std::max(widest, reach_along(edges, a));
-        flat = !(determinant(edges, cofactors(edges)) > 0);
-    }
-    const std::string follows =
-        std::string("its edges, which kernel '") + name_of(spec_.kernel.kernel) + "' follows, ";
-    if (widest > largest_half_edge && f.code != "non-finite") {
-        f.code = "stretched";
-        f.value = 2 * widest;
-        f.message = follows + "grew beyond three cells";
-    } else if (flat && f.code != "non-finite") {
-        f.code = "stretched";
-        f.message = follows + "enclose no volume any more";
-    } else if (f.code == "non-finite") {
-        f.message = "its position or state is not finite";
-    } else if (furthest > 1.75) {
-        f.code = "outran-cell";
-        f.value = furthest;
-        f.message = "it moved further than the step can see";
-    } else {
-        f.code = body.material->volumetric ? "compressed" : "inverted";
-        f.value = state.empty() ? 0 : state[0];
-        f.message = body.material->limits;
-    }
-    return f;
+    return mpm::describe_fault<D>(spec_, plan_, clock_, [&](std::size_t number, std::size_t place) {
+        const Body& body = bodies_.at(number);
+        FailedParticle out;
+        std::uint32_t id = 0;
+        exec_.download(&id, body.id.data() + place, sizeof id);
+        out.id = body.first_id + id;
+        const auto read = [&](const std::vector<Buffer<X, T>>& columns) {
+            std::vector<double> numbers;
+            for (const auto& column : columns) {
+                T x;
+                exec_.download(&x, column.data() + place, sizeof x);
+                numbers.push_back(double(x));
+            }
+            return numbers;
+        };
+        out.offset = read(body.offset);
+        out.state = read(body.state);
+        return out;
+    });
 }
 
 }  // namespace mpm

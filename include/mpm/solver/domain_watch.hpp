@@ -17,7 +17,7 @@ Condition Domain<X, T, D>::condition(int samples) {
     clock_.halt = Halt::none;
     push_clock();
     exec_.single(begin_step());  // gravity of this moment
-    Sensor all(exec_);
+    Sensor<Base> all(exec_);
     all.spec.body = -1;
     all.times.reserve_discard(1);
     all.values.assign(std::vector<double>(4, std::numeric_limits<double>::quiet_NaN()));

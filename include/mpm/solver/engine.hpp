@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "mpm/core/error.hpp"
 #include "mpm/solver/spec.hpp"
 
 namespace mpm {
@@ -174,6 +175,12 @@ struct Assignment {
     int width = 0;
     std::vector<double> pressure;  // (n,) Pa, of fluids, or none
 };
+
+/// Refuses a name that nodes have no values of.
+inline void check_grid_attribute(const std::string& name) {
+    if (name != "position" && name != "velocity" && name != "mass")
+        throw SceneError("grid has no attribute '" + name + "'; it has position, velocity, mass");
+}
 
 class Engine {
 public:

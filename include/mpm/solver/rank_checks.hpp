@@ -62,15 +62,16 @@ inline void block_weights(const std::vector<BlockWeight>& blocks, std::uint64_t 
 }
 
 /// What `link_ranks` is told: pieces of blocks that both ranks hold, of which there are `common`,
-/// in the order in which their sums will come.
+/// in the order in which their sums will come. `colours`: of each body.
 template <class Staged>
-void staged_parts(const std::vector<Staged>& parts, std::size_t common, std::size_t bodies,
-                  int colours, int rank) {
+void staged_parts(const std::vector<Staged>& parts, std::size_t common,
+                  const std::vector<int>& colours, int rank) {
     for (std::size_t k = 0; k < parts.size(); ++k) {
         const Staged& p = parts[k];
         if (p.slot < 0 || std::size_t(p.slot) >= common || p.body < 0 ||
-            std::size_t(p.body) >= bodies || p.colour < 0 || p.colour >= colours ||
-            p.rank != rank || p.at < 0 || std::size_t(p.at) != k)
+            std::size_t(p.body) >= colours.size() || p.colour < 0 ||
+            p.colour >= colours[std::size_t(p.body)] || p.rank != rank || p.at < 0 ||
+            std::size_t(p.at) != k)
             refuse("whose part " + std::to_string(k) + " is of shared block " +
                    std::to_string(p.slot) + ", body " + std::to_string(p.body) + ", colour " +
                    std::to_string(p.colour) + " and rank " + std::to_string(p.rank));

@@ -12,11 +12,10 @@
 #include "mpm/data/rank_costs.hpp"
 #include "mpm/exec/communicator.hpp"
 #include "mpm/kernels/clock.hpp"
+#include "mpm/solver/faults.hpp"
+#include "mpm/solver/mirror_planes.hpp"
 
 namespace mpm {
-
-/// A particle of another rank has failed: this one has nothing to describe.
-inline constexpr std::uint64_t fault_elsewhere = no_fault - 1;
 
 /// What a home block costs beside its particles, in particles.
 inline constexpr std::uint64_t weight_of_block = 16;
@@ -27,32 +26,6 @@ inline double thread_seconds() {
     std::timespec t{};
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
     return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
-
-/// Blocks on both sides of a mirrored wall, where these are not the same.
-struct MirrorPlane {
-    int axis;
-    std::int64_t low, high;  // number of the blocks along the axis
-};
-
-/// Adds to the keys of a table the blocks across mirrored walls from them: nodes on both sides
-/// share their sums, so whoever has those of one side must have those of the other.
-template <int D>
-void add_images(const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& planes,
-                std::vector<std::uint64_t>& keys) {
-    for (const MirrorPlane& plane : planes) {
-        const std::size_t n = keys.size();
-        for (std::size_t k = 0; k < n; ++k) {
-            std::int64_t b[D];
-            keys_of.block(keys[k], b);
-            std::int64_t& at = b[plane.axis];
-            if (at != plane.low && at != plane.high) continue;
-            at = at == plane.low ? plane.high : plane.low;
-            keys.push_back(keys_of.key(b));
-        }
-    }
-    std::sort(keys.begin(), keys.end());
-    keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
 }
 
 /// A block in a rank's table, as others are told of it.

@@ -1,4 +1,8 @@
 // The parts of the phased step that know no material.
+#include <cstring>
+#include <memory>
+
+#include "mpm/kernels/cpu/arena.hpp"
 #include "mpm/kernels/cpu/phases.hpp"
 #include "mpm/kernels/phase_ops.hpp"
 #include "mpm/kernels/transfers.hpp"
@@ -38,31 +42,54 @@ void collect_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
     });
 }
 
-/// Sums of one block's particles go straight to the grid.
+/// Sums of one block's particles, of all nodes that they can reach from the cells beside their own,
+/// with the particles' mass. Together they go to the grid, so that a block of nodes gets one number
+/// of each block of particles: which rank has added these is nothing that bits could tell.
+template <class T, int D, int W>
+struct SpreadArena {
+    static constexpr int margin = W / 2 + 1, edge = Block<D>::edge + 2 * margin,
+                         nodes = D == 2 ? edge * edge : edge * edge * edge,
+                         width = SpreadTargets<D>::most;  // channels
+    T sums[nodes][width];
+    static constexpr int stride(int axis) {
+        int s = 1;
+        for (int a = D - 1; a > axis; --a) s *= edge;
+        return s;
+    }
+};
+
 template <class S, bool modified, class T, int D>
-void spread_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
+void spread_block(const Phase<Cpu, T, D>& phase, SpreadArena<T, D, S::width>& arena,
+                  std::int32_t slot) {
     constexpr int W = S::width;
+    using A = SpreadArena<T, D, W>;
     const auto& pass = phase.pass;
     const auto& g = pass.grid;
     const SpreadTargets<D> to(phase.n, phase.part, pass.group);
-    const bool weighs = phase.part == Part::step && pass.group.weight >= 0;
     const T m = T(pass.body.particle_mass);
-    const std::int32_t* neighbours = g.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
+    const std::int64_t row = std::int64_t(slot) * Block<D>::neighbours;
+    std::memset(arena.sums, 0, sizeof arena.sums);
     for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
         Reached<W, Cpu, T, D, S> reached(phase, slot, home, q);
         if constexpr (modified) modify_for_deposit(reached.stencil, reached.at.xi);
-        const Places<D, W> places = places_in_grid<W>(reached.at.cell);
         if (phase.part == Part::stresses)
-            find_gradients(phase, neighbours, places, reached.stencil);
-        const auto add = [&](int channel, int place, T amount) {
-            T* sums = g.sums + std::int64_t(neighbours[place >> 8]) * g.sum_channels * block_cells +
-                      (place & 255);
-            sums[to.sum[channel] * block_cells] += m * amount;
-            if (weighs && channel == to.channels - 1)
-                sums[pass.group.weight * block_cells] += m * amount;
-        };
-        spread_particle(phase, reached, places, q, add);
+            find_gradients(phase, g.table.neighbours + row, places_in_grid<W>(reached.at.cell),
+                           reached.stencil);
+        spread_particle(
+            phase, reached, places_in_arena<A, W, D, A::margin>(reached.at.cell), q,
+            [&](int channel, int place, T amount) { arena.sums[place][channel] += m * amount; });
     });
+    const bool weighs = phase.part == Part::step && pass.group.weight >= 0;
+    for_each_run<D, A::margin>(
+        pass.destinations + row, [&](int at, std::int32_t target, int node, int length) {
+            T* sums = g.sums + std::int64_t(target) * g.sum_channels * block_cells + node;
+            const auto add = [&](int sum, int channel) {
+                for (int k = 0; k < length; ++k)
+                    sums[sum * block_cells + k] += arena.sums[at + k][channel];
+            };
+            for (int c = 0; c < to.channels; ++c) add(to.sum[c], c);
+            if (weighs) add(pass.group.weight, to.channels - 1);
+        });
 }
 
 /// Calls f with a stencil of the kernel's kind.
@@ -91,26 +118,26 @@ void collect_body(const Phase<Cpu, T, D>& phase) {
     });
 }
 
+template <class S, bool modified, class T, int D>
+void spread_by_colours(const Phase<Cpu, T, D>& phase) {
+    const auto& pass = phase.pass;
+#pragma omp parallel num_threads(phase_threads(*pass.exec, pass.body.count))
+    {
+        const auto arena = std::make_unique<SpreadArena<T, D, S::width>>();
+        for (int colour = 0; colour < pass.colours; ++colour) {
+#pragma omp for schedule(dynamic, 1)
+            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k)
+                spread_block<S, modified>(phase, *arena, pass.coloured[k]);
+        }
+    }
+}
+
 template <class T, int D>
 void spread_body(const Phase<Cpu, T, D>& phase) {
-    const auto& pass = phase.pass;
     if (idle(phase)) return;
-    const int threads = phase_threads(*pass.exec, pass.body.count);
-    const auto by_colours = [&](const auto& block) {
-        for (int colour = 0; colour < pass.colours; ++colour) {
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k)
-                block(pass.coloured[k]);
-        }
-    };
-    if (phase.n.kernel.modified) {
-        by_colours([&](std::int32_t slot) { spread_block<Stencil<T, D, 3>, true>(phase, slot); });
-        return;
-    }
-    with_stencil<T, D>(phase.n.kernel.kernel, [&](auto stencil) {
-        using S = decltype(stencil);
-        by_colours([&](std::int32_t slot) { spread_block<S, false>(phase, slot); });
-    });
+    if (phase.n.kernel.modified) return spread_by_colours<Stencil<T, D, 3>, true>(phase);
+    with_stencil<T, D>(phase.n.kernel.kernel,
+                       [&](auto stencil) { spread_by_colours<decltype(stencil), false>(phase); });
 }
 
 }  // namespace

@@ -8,6 +8,14 @@
 
 namespace mpm {
 
+namespace {
+
+bool sweeps(const Spec& spec) {
+    return spec.transfer.scheme == "XPIC" || spec.transfer.scheme == "FMPM";
+}
+
+}  // namespace
+
 void check_ranks(const Spec& spec, const Plan& plan) {
     const auto refuse = [](const std::string& what, const std::string& remedy) {
         throw SceneError(what + " is not built for several ranks; " + remedy);
@@ -36,33 +44,27 @@ void check_ranks(const Spec& spec, const Plan& plan) {
         if (!spec.ranks.planes.empty())
             throw SceneError("ranks begin with groups of bodies and at planes; give one of them");
     }
-    if (spec.start.given) refuse("going on from a run with other bodies", "take one rank");
-    if (spec.pipeline == "phased")
-        refuse("pipeline 'phased'", "take one rank, or pipeline 'auto' with transfer APIC");
     for (const BoundarySpec& b : spec.boundaries)
         if (!b.surface.keys.empty() && b.law[0].linear)
             refuse("linear cells beside the surface '" + b.name + "'",
                    "take one rank, or cell=\"held\" for it");
-    for (const BodySpec& b : spec.bodies)
-        if (b.cell_smoothing.form != CellForm::none)
-            refuse("smoothing over cells of body '" + b.name + "'", "take one rank");
-    if (!plan.some(Pipeline::phased) && !plan.some(Pipeline::keeping)) return;
-    if (spec.transfer.scheme != "APIC")
-        refuse("transfer '" + spec.transfer.scheme + "'", "take one rank or APIC");
-    const KernelSpec& k = spec.kernel;
-    if (k.kernel != Kernel::quadratic || k.clamped || k.gradient != GradientForm::moments)
-        refuse("a kernel other than 'quadratic' with gradients from moments",
-               "take one rank or that kernel");
-    for (const BodySpec& b : spec.bodies) {
-        const MaterialInfo& law = material(b.material);
-        if (!law.fused)
-            refuse("material '" + b.material + "' of body '" + b.name + "'", "take one rank");
-        if (b.smoothing == SmoothingForm::split || b.smoothing == SmoothingForm::literal ||
-            (b.smoothing != SmoothingForm::none && !law.volumetric))
-            refuse("this form of F-bar on body '" + b.name + "'",
-                   "take one rank, or another form, which solids have not");
+    // The scale of a sweep's integers is each device's own, and what reads a rank's nodes sweeps
+    // with all others.
+    if (sweeps(spec) && (spec.ranks.processes || !spec.ranks.devices.empty()))
+        refuse("transfer '" + spec.transfer.scheme + "' on devices or in processes",
+               "take one rank, ranks of one process on the CPU, or another transfer");
+    for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
+        const BodySpec& body = spec.bodies[b];
+        const std::string of = " of body '" + body.name + "'";
+        // Sums over cells and over one body's nodes are each rank's own.
+        if (body.cell_smoothing.form != CellForm::none)
+            refuse("smoothing over cells" + of, "take one rank");
+        if (body.assumed_part != TensorPart::none) refuse("assumed fields" + of, "take one rank");
+        if (body.force.axis >= 0 && plan.bodies[b].phase.velocity >= 0)
+            refuse("the placed force" + of + " with transfer '" + spec.transfer.scheme +
+                       "', which stores velocities",
+                   "take one rank, or a transfer that stores none");
     }
-    refuse("the phased step", "take one rank");
 }
 
 void check_processes(const Spec& spec) {
@@ -97,11 +99,36 @@ class Ranks final : public Engine {
         for (const auto& e : engines_) out.push_back(ask(*e));
         return out;
     }
+    /// The same of what may read nodal velocities, which ranks of a transfer that sweeps the grid
+    /// make together: `ask(engine, rank)`.
+    template <class Ask>
+    auto of_nodes(const Ask& ask) const {
+        std::vector<decltype(ask(*engines_[0], 0))> out(engines_.size());
+        const auto one = [&](int r) {
+            out[std::size_t(r)] = ask(*engines_[std::size_t(r)], std::size_t(r));
+        };
+        if (sweeps_)
+            threads_->together(one);
+        else
+            for (int r = 0; r < int(engines_.size()); ++r) one(r);
+        return out;
+    }
+    /// Of attributes that the body may not have, which are then for one rank to refuse.
+    bool known(int body, const std::vector<std::string>& names) const {
+        const auto all = attribute_names(body);
+        return std::all_of(names.begin(), names.end(), [&](const std::string& n) {
+            return n == "state" || n == "frozen" ||
+                   std::find(all.begin(), all.end(), n) != all.end();
+        });
+    }
 
 public:
     Ranks(const Spec& spec, std::unique_ptr<RankThreads> threads,
           std::vector<std::unique_ptr<Engine>> engines)
-        : threads_(std::move(threads)), engines_(std::move(engines)), bodies_(spec.bodies.size()) {
+        : threads_(std::move(threads)),
+          engines_(std::move(engines)),
+          bodies_(spec.bodies.size()),
+          sweeps_(sweeps(spec)) {
         for (const SensorSpec& s : spec.sensors) kinds_.push_back(s.kind);
     }
 
@@ -133,17 +160,20 @@ public:
         return engines_[0]->attribute_names(body);
     }
     Attributes attributes(int body, const std::vector<std::string>& names) override {
-        Attributes out = engines_[0]->attributes(body, names);
-        for (std::size_t r = 1; r < engines_.size(); ++r) {
-            const Attributes more = engines_[r]->attributes(body, names);
-            out.id.insert(out.id.end(), more.id.begin(), more.id.end());
-            for (const auto& [name, array] : more.values) append_rows(out.values[name], array);
+        if (!known(body, names)) return engines_[0]->attributes(body, names);
+        auto parts = of_nodes([&](Engine& e, std::size_t) { return e.attributes(body, names); });
+        Attributes out = std::move(parts[0]);
+        for (std::size_t r = 1; r < parts.size(); ++r) {
+            out.id.insert(out.id.end(), parts[r].id.begin(), parts[r].id.end());
+            for (const auto& [name, array] : parts[r].values) append_rows(out.values[name], array);
         }
         return out;
     }
     Array grid(const std::string& name) override {
+        check_grid_attribute(name);  // else a rank that refuses would stop all
         Array out;
-        for (const auto& e : engines_) append_rows(out, e->grid(name));
+        for (const Array& part : of_nodes([&](Engine&e, std::size_t) { return e.grid(name); }))
+            append_rows(out, part);
         return out;
     }
     NodalSums sums() override {
@@ -162,10 +192,10 @@ public:
         std::vector<double> here;
         for (const auto& e : engines_) here.push_back(particles_of(*e, bodies_));
         const double all = std::max(std::accumulate(here.begin(), here.end(), 0.0), 1.0);
-        std::vector<Condition> parts;
-        for (std::size_t r = 0; r < engines_.size(); ++r)
-            parts.push_back(engines_[r]->condition(int(samples * here[r] / all)));
-        return join_conditions(parts, bodies_);
+        return join_conditions(of_nodes([&](Engine& e, std::size_t r) {
+                                   return e.condition(int(samples * here[r] / all));
+                               }),
+                               bodies_);
     }
     State save() override {
         return join_states(of_each([](Engine& e) { return e.save(); }), bodies_);
@@ -187,6 +217,7 @@ private:
     std::unique_ptr<RankThreads> threads_;
     std::vector<std::unique_ptr<Engine>> engines_;
     std::size_t bodies_;
+    bool sweeps_;
     std::vector<SensorKind> kinds_;
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "components.hpp"
 #include "grid_passes.hpp"
 #include "mpm/solver/make_domain.hpp"
 #include "precisions.hpp"

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "components.cuh"
 #include "grid_passes.cuh"
 #include "mpm/solver/make_domain.hpp"
 #include "precisions.hpp"

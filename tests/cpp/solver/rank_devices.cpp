@@ -3,6 +3,7 @@
 // each other's memory and where they do not.
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <limits>
 #include <set>
 
@@ -28,6 +29,7 @@ using test::go;
 template <int D>
 BodyOps<SlowDevice, float, D> find_ops(const std::string& name, Smoothing s) {
     if (name == "FixedCorotated") return test::slow_ops<FixedCorotated, Smoothing::none, D>();
+    if (s == Smoothing::two_volumes) return test::slow_ops<TaitFluid, Smoothing::two_volumes, D>();
     return s == Smoothing::none ? test::slow_ops<TaitFluid, Smoothing::none, D>()
                                 : test::slow_ops<TaitFluid, Smoothing::one_volume, D>();
 }
@@ -95,6 +97,52 @@ TEST_P(RankDevices, have_the_bits_of_one) {
             expect_same_particles(*many, *one, 3);
             expect_same_samples(many->drain(), samples, scene(), 1e-9);
         }
+    }
+}
+
+/// Transfers that store velocities, in one pass and phased, other kernels, and volumes that are
+/// averaged within the step.
+TEST_P(RankDevices, have_the_bits_of_one_by_any_method) {
+    const std::vector<std::function<void(Spec&)>> methods = {
+        [](Spec& s) { s.transfer.scheme = "AFLIP"; },
+        [](Spec& s) {
+            s.transfer.scheme = "ASFLIP";
+            s.pipeline = "phased";
+            for (BodySpec& b : s.bodies) {
+                b.shift.rule = ShiftRule::binary;
+                b.shift.shift_max = 1;
+            }
+        },
+        [](Spec& s) {
+            s.transfer.scheme = "FLIP";
+            s.bodies[0].smoothing = SmoothingForm::split;
+        },
+        [](Spec& s) { s.kernel.kernel = Kernel::cubic; },
+        [](Spec& s) {
+            s.transfer.scheme = "PIC";
+            s.kernel.kernel = Kernel::linear;
+            s.kernel.gradient = GradientForm::shapes;
+            s.bodies[0].smoothing = SmoothingForm::split;
+        }};
+    const int steps = half / 2;
+    for (std::size_t k = 0; k < methods.size(); ++k) {
+        SCOPED_TRACE(k);
+        Spec s = scene();
+        for (BodySpec& b : s.bodies) b.keep = 0.97;
+        methods[k](s);
+        const auto one = make(s);
+        go(*one, steps);
+        const State saved = one->save();
+        go(*one, steps);
+        const auto many = make(with_ranks(s, 3, -1, 0), way);
+        go(*many, 2 * steps);
+        EXPECT_GT(many->statistics().at("migrated"), 0);
+        expect_same_particles(*many, *one, 3);
+        expect_same_samples(many->drain(), one->drain(), s, 1e-9);
+        const auto two = make(with_ranks(s, 2, 0), way);
+        two->load(saved);
+        go(*two, steps);
+        expect_same_particles(*two, *one, 3);
     }
 }
 
@@ -174,6 +222,10 @@ TEST_P(RankDevices, refuse_what_is_not_built) {
     Spec s = with_ranks(scene(), 2);
     s.ranks.devices.pop_back();
     EXPECT_THROW(make(s, way), SceneError);
+    Spec sweeps = with_ranks(scene(), 2);
+    sweeps.transfer.scheme = "FMPM";
+    sweeps.transfer.order = 2;
+    EXPECT_THROW(make(sweeps, way), SceneError);
 }
 
 TEST_P(RankDevices, go_on_from_a_state_after_one_that_is_refused) {

@@ -400,15 +400,6 @@ TEST(RanksEnd, what_is_not_built_is_refused) {
                 << e.what();
         }
     };
-    refused([](Spec& s) { s.pipeline = "phased"; });
-    refused([](Spec& s) { s.transfer.scheme = "FLIP"; });
-    refused([](Spec& s) {
-        s.transfer.scheme = "XPIC";
-        s.transfer.order = 3;
-    });
-    refused([](Spec& s) { s.kernel.kernel = Kernel::cubic; });
-    refused([](Spec& s) { s.bodies[0].smoothing = SmoothingForm::split; });
-    refused([](Spec& s) { s.start.given = true; });
     refused([](Spec& s) { s.functions.kind = "triangles"; });
     Spec outside = with_ranks(shaken(2, false), 2);
     auto x = test::positions(outside.bodies[0], 2);

@@ -15,6 +15,7 @@
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/arrange.hpp"
 #include "mpm/kernels/body_common.hpp"
+#include "mpm/kernels/keep.hpp"
 #include "mpm/kernels/order.hpp"
 #include "mpm/kernels/phase_ops.hpp"
 
@@ -294,39 +295,126 @@ void deposit(const Pass<SlowDevice, float, D>& pass, NodesAround<D, transfer_cha
     scatter<float, D, C, true>(nodes, quadratic_weights<float, D>(local), 1.0f, u);
 }
 
-template <class Material, Smoothing S, int D>
-void run_slowly(const Pass<SlowDevice, float, D>& pass) {
-    constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
-    if (pass.clock->halt == Halt::none) {
-        const auto constants = Material::template constants<float>(pass.parameters);
-        const auto numbers =
-            step_numbers<float, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
-        for_each_particle<D, C>(pass, [&](std::uint32_t q, const int(&home)[D], auto& nodes) {
-            Vec<float, D> xi, local;
-            float state[R];
-            for (int a = 0; a < D; ++a) xi[a] = pass.body.offset[a][q];
-            for (int r = 0; r < R; ++r) state[r] = pass.body.state[r][q];
-            settle<D, C>(home, xi, nodes, local);
-            const auto u = advance_particle<Material, S, float, D>(nodes, 0, local, state, numbers);
-            for (int a = 0; a < D; ++a) xi[a] = local[a] + float(nodes.cell[a] - home[a]);
-            for (int a = 0; a < D; ++a) pass.body.offset[a][q] = xi[a];
-            for (int r = 0; r < R; ++r) pass.body.state[r][q] = state[r];
-            if (!sound<Material>(xi, state))
-                return SlowDevice::keep_smallest(pass.fault_particle,
-                                                 fault_number(pass.body_number, q));
-            settle<D, C>(home, xi, nodes, local);
-            for (int a = 0; a < D; ++a) {
-                if (nodes.cell[a] == home[a]) continue;
-                ++*pass.strays;
-                break;
-            }
-            deposit<Material, S, D>(pass, nodes, local, u);
-        });
-    }
-    *pass.arrivals += std::uint32_t(pass.body.full_homes);
+/// All workers of a body have been: the last of all bodies' turns the clock.
+template <int D>
+void arrive(const Pass<SlowDevice, float, D>& pass, std::int32_t workers) {
+    *pass.arrivals += std::uint32_t(workers);
     if (*pass.arrivals < pass.workers) return;
     pass.turn();
     *pass.arrivals = 0;
+}
+
+/// What is left of a particle's step: `advance(nodes, local, state)` makes its deposit, and
+/// `put(nodes, local, deposit)` adds it.
+template <class Material, int C, int R, int D, class Advance, class Put>
+void step_slowly(const Pass<SlowDevice, float, D>& pass, const Advance& advance, const Put& put) {
+    if (pass.clock->halt != Halt::none) return;
+    for_each_particle<D, C>(pass, [&](std::uint32_t q, const int(&home)[D], auto& nodes) {
+        Vec<float, D> xi, local;
+        float state[R];
+        for (int a = 0; a < D; ++a) xi[a] = pass.body.offset[a][q];
+        for (int r = 0; r < R; ++r) state[r] = pass.body.state[r][q];
+        settle<D, C>(home, xi, nodes, local);
+        const auto u = advance(nodes, local, state);
+        for (int a = 0; a < D; ++a) xi[a] = local[a] + float(nodes.cell[a] - home[a]);
+        for (int a = 0; a < D; ++a) pass.body.offset[a][q] = xi[a];
+        for (int r = 0; r < R; ++r) pass.body.state[r][q] = state[r];
+        if (!sound<Material>(xi, state))
+            return SlowDevice::keep_smallest(pass.fault_particle,
+                                             fault_number(pass.body_number, q));
+        settle<D, C>(home, xi, nodes, local);
+        for (int a = 0; a < D; ++a) {
+            if (nodes.cell[a] == home[a]) continue;
+            if (*pass.strays != ~std::uint64_t(0)) ++*pass.strays;
+            break;
+        }
+        put(nodes, xi, local, u);
+    });
+    arrive(pass, pass.body.full_homes);
+}
+
+template <class Material, Smoothing S, int D>
+void run_slowly(const Pass<SlowDevice, float, D>& pass) {
+    constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
+    const auto numbers = step_numbers<float, Material>(
+        *pass.numbers, Material::template constants<float>(pass.parameters), pass.carry,
+        pass.stress_only);
+    step_slowly<Material, C, R, D>(
+        pass,
+        [&](auto& nodes, Vec<float, D>& local, float(&state)[R]) {
+            return advance_particle<Material, S, float, D>(nodes, 0, local, state, numbers);
+        },
+        [&](auto& nodes, const Vec<float, D>&, const Vec<float, D>& local, const auto& u) {
+            deposit<Material, S, D>(pass, nodes, local, u);
+        });
+}
+
+/// The nodes around a cell as schemes that store velocities see them.
+template <int D, int C>
+struct KeptNodes {
+    NodesAround<D, C>& around;
+    const KeepNumbers<float>& keep;
+    static constexpr int stride(int axis) {
+        int s = 1;
+        for (int a = D - 1; a > axis; --a) s *= 3;
+        return s;
+    }
+    struct Node {
+        float e[4];
+    };
+    Node load(int node) const {
+        std::int32_t slot;
+        int number;
+        around.find(node, slot, number);
+        const auto& grid = around.pass.grid;
+        const float* from = grid.velocity + grid.velocity_place(slot, number);
+        Node out{};
+        for (int a = 0; a < D; ++a) out.e[a] = from[keep.before + a];
+        if (keep.guarded) out.e[D] = from[keep.guard];
+        return out;
+    }
+    void add(int node, int channel, float v) {
+        if (channel < C) return around.add(node, channel, v);
+        const auto& pass = around.pass;
+        const double scale = pass.body.particle_mass * pass.clock->scale_write[momentum_sum];
+        std::int32_t slot;
+        int number;
+        around.find(node, slot, number);
+        std::int32_t* to =
+            pass.grid.sums +
+            (std::int64_t(slot) * pass.grid.sum_channels + keep.plain + channel - C) * block_cells +
+            number;
+        *to += std::int32_t(std::lrint(double(v) * scale));
+    }
+    void add_mass(int node, float v) { around.add_mass(node, v); }
+};
+
+/// As kernels/cuda/keep.cuh.
+template <class Material, Smoothing S, int D>
+void keep_slowly(const Phase<SlowDevice, float, D>& phase) {
+    const auto& pass = phase.pass;
+    constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S> + D;
+    const auto numbers = step_numbers<float, Material>(
+        *pass.numbers, Material::template constants<float>(pass.parameters), pass.carry,
+        pass.stress_only);
+    const auto keep = keep_numbers<float>(phase.n);
+    step_slowly<Material, C, R, D>(
+        pass,
+        [&](auto& nodes, Vec<float, D>& local, float(&state)[R]) {
+            return advance_keeping<Material, S, float, D>(nodes, 0, KeptNodes<D, C>{nodes, keep}, 0,
+                                                          local, state, numbers, keep);
+        },
+        [&](auto& nodes, const Vec<float, D>& xi, const Vec<float, D>& local, const auto& u) {
+            if (strays_far(xi)) *pass.strays = ~std::uint64_t(0);
+            const auto larger = [&](int quantity, float x) {
+                pass.deposited[quantity] = std::max(pass.deposited[quantity], double(x));
+            };
+            larger(momentum_sum, deposit_size<0, D>(u));
+            larger(momentum_sum, deposit_size<C, C + D>(u));
+            if constexpr (C > D) larger(group_sum, deposit_size<D, C>(u));
+            KeptNodes<D, C> sums{nodes, keep};
+            scatter<float, D, C + D, true>(sums, quadratic_weights<float, D>(local), 1.0f, u);
+        });
 }
 
 template <class Material, Smoothing S, int D>
@@ -354,6 +442,7 @@ BodyOps<SlowDevice, float, D> slow_ops() {
     BodyOps<SlowDevice, float, D> ops{};
     add_slow_phases<Material, S, D>(ops);
     ops.fused = &run_slowly<Material, S, D>;
+    if constexpr (fuses_memory<Material>) ops.keep = &keep_slowly<Material, S, D>;
     ops.initial = &rest_slowly<Material, S, D>;
     ops.energies = [](const Pass<SlowDevice, float, D>& pass, const std::int32_t*,
                       double* partial) { std::fill_n(partial, 3 * pass.body.homes, 1.0); };

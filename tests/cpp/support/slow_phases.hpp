@@ -72,10 +72,7 @@ void spread_slowly(const SlowPhase<D>& phase) {
         spread_particle(phase, reached, places_in_grid<W>(reached.at.cell), q, add);
     });
     if (phase.part != Part::step || !phase.turns) return;
-    *pass.arrivals += std::uint32_t(pass.body.homes);
-    if (*pass.arrivals < pass.workers) return;
-    pass.turn();
-    *pass.arrivals = 0;
+    arrive(pass, pass.body.homes);
 }
 
 template <int D>
@@ -168,6 +165,19 @@ void add_slow_phases(BodyOps<SlowDevice, float, D>& ops) {
         for (std::uint32_t q = 0; q < phase.pass.body.count; ++q)
             tell(phase.pass, rest_particle<Material, S>(phase, numbers, q), q);
     };
+    if constexpr (S == Smoothing::two_volumes) {
+        ops.project = [](const SlowPhase<D>& phase) {
+            if (phase.pass.clock->halt != Halt::none) return;
+            const auto numbers = phase_numbers<Material>(
+                phase, Material::template constants<float>(phase.pass.parameters));
+            for (std::uint32_t q = 0; q < phase.pass.body.count; ++q) {
+                const float j = project_particle<Material, S>(phase, numbers, q);
+                double& most = phase.pass.deposited[group_sum];
+                most = std::max(most, double(std::abs(j)));
+            }
+        };
+        ops.adopt = &adopt_volume<Material, D>;
+    }
     ops.phase_energies = [](const SlowPhase<D>& phase, const std::int32_t*, double* partial) {
         std::fill_n(partial, 3 * phase.pass.body.homes, 1.0);
     };

@@ -80,11 +80,12 @@ struct ArenaSums {
 };
 
 /// Calls f(arena position, slot, node, length) for each run of nodes that is contiguous on both
-/// sides.
-template <int D, class F>
+/// sides, of an arena that holds `margin` nodes around a block.
+template <int D, int margin = Block<D>::margin, class F>
 MPM_INLINE void for_each_run(const std::int32_t* neighbours, const F& f) {
-    constexpr int edge = Block<D>::edge, margin = Block<D>::margin, arena = Block<D>::arena_edge;
-    for (int row = 0; row < Block<D>::arena_nodes / arena; ++row) {
+    constexpr int edge = Block<D>::edge, arena = edge + 2 * margin,
+                  rows = D == 2 ? arena : arena * arena;
+    for (int row = 0; row < rows; ++row) {
         int at[D], rest = row;
         for (int a = D - 2; a >= 0; --a) {
             at[a] = rest % arena;
@@ -94,7 +95,7 @@ MPM_INLINE void for_each_run(const std::int32_t* neighbours, const F& f) {
         MPM_UNROLL for (int part = 0; part < 3; ++part) {
             at[D - 1] = starts[part];
             int neighbour, node;
-            arena_node<D>(at, neighbour, node);
+            arena_node<D, margin>(at, neighbour, node);
             f(row * arena + starts[part], neighbours[neighbour], node,
               starts[part + 1] - starts[part]);
         }

@@ -106,7 +106,7 @@ private:
     }
     /// All spans around hold mass: products of central differences and the means
     /// (N_{i-1} + 4 N_i + N_{i+1}) / 6.
-    MPM_INLINE void inside() {
+    MPM_HOST_CALL void inside() {
         V difference[D][around], mean[D][around];
         MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int n = 0; n < around; ++n) {
             const int k = first[a] + n;
@@ -132,7 +132,7 @@ private:
         return out;
     }
     /// By sums over the spans that hold mass.
-    MPM_INLINE void at_surface(const bool (&has_mass)[nodes]) {
+    MPM_HOST_CALL void at_surface(const bool (&has_mass)[nodes]) {
         const auto occupied = [&](const int(&span)[D]) {
             for (int c = 0; c < corners; ++c) {
                 int n[D];

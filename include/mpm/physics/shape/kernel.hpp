@@ -60,7 +60,7 @@ MPM_INLINE V hat_integral(V r) {
 /// B-spline of degree 1 to 3 on its degree + 2 knots, which may coincide (Cox and de Boor), at x.
 /// `last` is the end of the domain, which belongs to the last span.
 template <class V>
-MPM_INLINE ShapeValue<V> spline_on_knots(int degree, const V (&knot)[5], V x, V last) {
+MPM_CALL ShapeValue<V> spline_on_knots(int degree, const V (&knot)[5], V x, V last) {
     V n[4] = {}, below[4] = {};
     for (int i = 0; i <= degree; ++i) {
         const bool in =
@@ -144,8 +144,8 @@ struct Stencil {
 
 /// `xi` is the offset from the centre of cell `cell` of the domain, in [-1/2, 1/2].
 template <int W, class V, int D>
-MPM_INLINE Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& xi,
-                                       const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
+MPM_HOST_CALL Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& xi,
+                                          const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
     Stencil<V, D, W> s;
     const int degree = is_linear(k.kernel) ? 1 : (k.kernel == Kernel::quadratic ? 2 : 3);
     MPM_UNROLL for (int a = 0; a < D; ++a) {

@@ -53,7 +53,7 @@ struct CornerStencil {
 
     /// `xi` is the offset from the centre of the cell; the particle reaches `largest_half_edge` at
     /// most.
-    MPM_INLINE void find(const Vec<V, D>& xi, const Mat<V, D>& edges) {
+    MPM_HOST_CALL void find(const Vec<V, D>& xi, const Mat<V, D>& edges) {
         Mat<V, D> moment = product_transposed(edges, edges);
         const Mat<V, D> cofactor = cofactors(edges);
         const V over = V(1) / determinant(edges, cofactor);

@@ -1,0 +1,274 @@
+// The boundaries of a scene where kernels see them: records, surfaces of any shape, the time tables
+// of their motion and of gravity, and which blocks they may hold nodes of. Knows no particle and no
+// nodal value; only kernels write into its records (`BeginStep`).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "mpm/core/error.hpp"
+#include "mpm/exec/buffer.hpp"
+#include "mpm/kernels/grid.hpp"
+#include "mpm/kernels/sorting.hpp"
+#include "mpm/solver/mirror_planes.hpp"
+#include "mpm/solver/plan.hpp"
+#include "mpm/solver/spec.hpp"
+#include "mpm/solver/time_tables.hpp"
+
+namespace mpm {
+
+template <class X, int D>
+class Boundaries {
+public:
+    Boundaries(X& exec, const Spec& spec, const Plan& plan);
+    Boundaries(const Boundaries&) = delete;
+    Boundaries& operator=(const Boundaries&) = delete;
+
+    BoundaryView<D> view() const {
+        return {records_.data(), int(records_.size()), surfaces_.data(), cell_size_,
+                reach(),         linear_walls_,        linear_surfaces_, mirrored_walls_};
+    }
+    /// Gravity and boundaries of the moment of a clock.
+    BeginStep<D> begin_step(Clock* clock) const {
+        return {clock, gravity_, records_.data(), int(records_.size()), surfaces_.data()};
+    }
+    /// Whether there is any that only some scenes have (kernels/boundaries.hpp).
+    bool special() const { return special_; }
+    /// Of each averaged group of bodies, how it presses; where boxes have linear faces.
+    const Buffer<X, GroupPressure>& pressures() const { return pressures_; }
+
+    /// Of a new table: which blocks any boundary may hold nodes of.
+    void touch(const BlockTableView<D>& table);
+    /// (slots,) of the last table.
+    const Buffer<X, std::uint32_t>& touched() const { return touched_; }
+    /// The same of what load cell number `cell` measures, into `flag`.
+    void touch_measured(int cell, const BlockTableView<D>& table, std::uint32_t* flag);
+    std::vector<MirrorPlane> mirror_planes() const;
+
+private:
+    /// Nodes beyond a face of the domain that particles inside can reach.
+    int reach() const { return wide_ ? 2 : 1; }
+    SurfaceRecord<D> surface(const SurfaceSpec& spec);
+    void set_pressures(const Spec& spec, const Plan& plan);
+
+    X& exec_;
+    double cell_size_;
+    bool wide_;  // particles reach two nodes beyond a face
+    bool special_ = false;
+    bool linear_walls_ = false;  // kernels/wall_lines.hpp
+    bool linear_surfaces_ = false;
+    bool mirrored_walls_ = false;
+    TimeTables<X> tables_{exec_};
+    TimeTableView gravity_{};
+    std::vector<Buffer<X, std::uint64_t>> surface_keys_;
+    std::vector<Buffer<X, std::int32_t>> surface_places_;
+    std::vector<Buffer<X, float>> surface_values_;
+    Buffer<X, BoundaryRecord<D>> records_{exec_};
+    Buffer<X, SurfaceRecord<D>> surfaces_{exec_};
+    Buffer<X, BoundaryRecord<D>> measured_{exec_};  // of each load cell, its faces alone
+    Buffer<X, GroupPressure> pressures_{exec_};
+    Buffer<X, std::uint32_t> touched_{exec_};
+};
+
+template <class X, int D>
+Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
+    : exec_(exec), cell_size_(spec.cell_size), wide_(kernel_width(spec.kernel.kernel) == 5) {
+    gravity_ = tables_.upload(spec.gravity, D);
+    std::vector<BoundaryRecord<D>> records, measured;
+    std::vector<SurfaceRecord<D>> surfaces;
+    for (std::size_t k = 0; k < spec.boundaries.size(); ++k) {
+        const BoundarySpec& s = spec.boundaries[k];
+        BoundaryRecord<D> r{};
+        r.is_box = s.is_box;
+        // Of splines that end with the domain only the outermost is not zero at the wall.
+        const int beyond = !spec.kernel.clamped ? 0 : (spec.kernel.kernel == Kernel::cubic ? 2 : 1);
+        for (int a = 0; a < D; ++a) {
+            const bool own = s.is_box || !s.surface.keys.empty();
+            r.lower[a] = own ? s.lower[a] : -beyond;
+            r.upper[a] = own ? s.upper[a] : int(spec.cells[a]) + beyond;
+        }
+        if (!s.surface.keys.empty()) {
+            surfaces.push_back(surface(s.surface));
+            r.surface = int(surfaces.size());
+        }
+        bool everyone = s.restricted < 0;
+        for (std::size_t b = 0; b < spec.bodies.size() && s.restricted >= 0; ++b) {
+            if (!(spec.bodies[b].held_by >> s.restricted & 1)) continue;
+            const int weight = plan.bodies[b].group.weight;
+            // Without a sum of its own the body's group is all there is.
+            everyone = everyone || weight < 0;
+            if (weight >= 0) r.share |= std::uint64_t(1) << weight;
+        }
+        if (everyone) r.share = 0;
+        r.limited = !s.within.empty();
+        for (int a = 0; a < D && r.limited; ++a) {
+            r.within_lower[a] = s.within[std::size_t(a)];
+            r.within_upper[a] = s.within[std::size_t(D + a)];
+        }
+        special_ = special_ || mpm::special(s);
+        for (int f = 0; f < 2 * D; ++f) {
+            if (!s.present[f] || !mirrors(s.law[f].response)) continue;
+            if (r.limited || s.restricted >= 0)
+                throw SceneError("boundary '" + s.name +
+                                 "' mirrors, which can be limited neither in space nor to bodies");
+            if (wide_ && spec.cells[f / 2] < 2)
+                throw SceneError("boundary '" + s.name +
+                                 "' mirrors along an axis of one cell, too narrow for this kernel; "
+                                 "make it two cells or take another kernel");
+        }
+        for (int f = 0; f < 2 * D; ++f) {
+            r.present[f] = s.present[f];
+            r.law[f] = s.law[f];
+            r.law[f].linear = s.law[f].linear && s.present[f];
+        }
+        for (int a = 0; a < D; ++a) {
+            const int cells = int(spec.cells[std::size_t(a)]);
+            r.face_lower[a] = std::max(r.lower[a], 0);
+            r.face_upper[a] = std::min(r.upper[a], cells);
+            r.rows_lower[a] = r.lower[a] <= 0 ? -4 : r.lower[a];
+            r.rows_upper[a] = r.upper[a] >= cells ? cells + 4 : r.upper[a];
+        }
+        r.start = s.start;
+        r.end = s.end;
+        if (s.moves) r.motion = tables_.upload(s.motion, D);
+        records.push_back(r);
+    }
+    records_.assign(records);
+    surfaces_.assign(surfaces);
+    set_pressures(spec, plan);
+    for (const auto& s : spec.sensors) {
+        if (s.kind != SensorKind::load_cell) continue;
+        BoundaryRecord<D>& r = measured.emplace_back(records.at(std::size_t(s.boundary)));
+        for (int f = 0; f < 2 * D; ++f) r.present[f] = r.present[f] && (s.faces >> f & 1);
+    }
+    measured_.assign(measured);
+}
+
+template <class X, int D>
+SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s) {
+    SurfaceRecord<D> r{};
+    // Keys ascend as the blocks' numbers do, last axis fastest.
+    const std::size_t blocks = s.keys.size() / D;
+    std::vector<std::pair<std::uint64_t, std::int32_t>> found;
+    for (int a = 0; a < D; ++a) {
+        std::int64_t low = s.keys[std::size_t(a)], high = low;
+        for (std::size_t k = 0; k < blocks; ++k) {
+            low = std::min(low, s.keys[k * D + a]);
+            high = std::max(high, s.keys[k * D + a]);
+        }
+        r.field.low[a] = low;
+        r.field.counts[a] = high - low + 1;
+        r.field.origin[a] = s.origin[std::size_t(a)];
+        r.about[a] = s.about.empty() ? 0 : s.about[std::size_t(a)];
+    }
+    for (std::size_t k = 0; k < blocks; ++k) {
+        std::uint64_t key = 0;
+        for (int a = 0; a < D; ++a)
+            key = key * std::uint64_t(r.field.counts[a]) +
+                  std::uint64_t(s.keys[k * D + a] - r.field.low[a]);
+        found.emplace_back(key, s.place[k]);
+    }
+    std::sort(found.begin(), found.end());
+    std::vector<std::uint64_t> keys;
+    std::vector<std::int32_t> places;
+    for (const auto& [key, place] : found) {
+        keys.push_back(key);
+        places.push_back(place);
+    }
+    surface_keys_.emplace_back(exec_).assign(keys);
+    surface_places_.emplace_back(exec_).assign(places);
+    surface_values_.emplace_back(exec_).assign(s.values);
+    r.field.keys = surface_keys_.back().data();
+    r.field.place = surface_places_.back().data();
+    r.field.value = surface_values_.back().data();
+    r.field.count = std::int32_t(blocks);
+    r.field.per_metre = 1 / s.spacing;
+    r.decay = s.decay;
+    r.thickness = s.thickness;
+    r.path = tables_.upload(s.path, D);
+    r.turn = tables_.upload(s.turn, 1);
+    for (int a = 0; a < 3; ++a) r.axis[a] = s.axis.empty() ? (a == 2) : s.axis[std::size_t(a)];
+    for (int a = 0; a < D; ++a) r.rotation[a][a] = 1;
+    return r;
+}
+
+/// Which boundaries there are at all, and what edges of boxes with linear faces ask for: how much
+/// each averaged group of bodies presses.
+template <class X, int D>
+void Boundaries<X, D>::set_pressures(const Spec& spec, const Plan& plan) {
+    bool boxes = false;
+    for (const BoundarySpec& s : spec.boundaries)
+        for (const SurfaceLaw& law : s.law) {
+            linear_walls_ = linear_walls_ || law.linear;
+            mirrored_walls_ = mirrored_walls_ || mirrors(law.response);
+            boxes = boxes || (law.linear && s.is_box);
+            linear_surfaces_ = linear_surfaces_ || (law.linear && !s.surface.keys.empty());
+        }
+    std::vector<GroupPressure> found;
+    for (std::size_t b = 0; b < spec.bodies.size() && boxes; ++b) {
+        const GroupChannels& g = plan.bodies[b].group;
+        const MaterialInfo& m = material(spec.bodies[b].material);
+        const auto& values = spec.bodies[b].parameters;
+        double stiffness = 0, exponent = 0;
+        for (std::size_t k = 0; k < values.size(); ++k) {
+            if (std::string_view(m.parameters[k].name) == "bulk_modulus") stiffness = values[k];
+            if (std::string_view(m.parameters[k].name) == "exponent") exponent = values[k];
+        }
+        const bool known = std::any_of(found.begin(), found.end(),
+                                       [&](const GroupPressure& f) { return f.sum == g.sum; });
+        if (g.average < 0 || known || !(stiffness > 0 && exponent > 0)) continue;
+        const double size = std::pow(spec.cell_size, D);
+        found.push_back({g.sum, std::max(g.weight, 0), stiffness / exponent, exponent,
+                         m.density(values.data()) * size});
+    }
+    pressures_.assign(found);
+}
+
+template <class X, int D>
+void Boundaries<X, D>::touch(const BlockTableView<D>& table) {
+    touched_.reserve_discard(std::size_t(table.slots));
+    exec_.for_each(table.slots, TouchBoundaries<D>{table, records_.data(), int(records_.size()),
+                                                   surfaces_.data(), cell_size_, touched_.data()});
+}
+
+template <class X, int D>
+void Boundaries<X, D>::touch_measured(int cell, const BlockTableView<D>& table,
+                                      std::uint32_t* flag) {
+    exec_.for_each(table.slots, TouchBoundaries<D>{table, measured_.data() + cell, 1,
+                                                   surfaces_.data(), cell_size_, flag});
+}
+
+/// Planes whose two sides read each other's nodes: mirrored walls, and those along which the nodes
+/// of a line do.
+template <class X, int D>
+std::vector<MirrorPlane> Boundaries<X, D>::mirror_planes() const {
+    std::vector<MirrorPlane> planes;
+    const auto block = [](std::int64_t cell) {
+        constexpr std::int64_t edge = Block<D>::edge, rim = BlockKeys<D>::rim;
+        return (cell + rim * edge) / edge - rim;
+    };
+    for (const BoundaryRecord<D>& r : records_.host()) {
+        for (int f = 0; f < 2 * D && !r.is_box && r.surface == 0; ++f) {
+            if (!r.present[f] || !mirrors(r.law[f].response)) continue;
+            const std::int64_t plane = f % 2 == 0 ? r.lower[f / 2] : r.upper[f / 2];
+            for (int k = 0; k < reach(); ++k) {
+                const MirrorPlane sides{f / 2, block(plane - 1 - k), block(plane + k)};
+                if (sides.low != sides.high) planes.push_back(sides);
+            }
+        }
+        // The nodes of a line read one another's sums too.
+        for (int f = 0; f < 2 * D && r.surface == 0; ++f) {
+            if (!r.present[f] || !r.law[f].linear) continue;
+            const WallPlane<D> wall(r, f);
+            const MirrorPlane sides{f / 2, block(wall.plane - (wall.sign > 0 ? 1 : 2)),
+                                    block(wall.plane + (wall.sign > 0 ? 1 : 0))};
+            if (sides.low != sides.high) planes.push_back(sides);
+        }
+    }
+    return planes;
+}
+
+}  // namespace mpm

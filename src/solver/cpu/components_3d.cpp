@@ -1,0 +1,7 @@
+#include "components.hpp"
+
+namespace mpm {
+
+MPM_COMPONENTS(, Cpu, 3)
+
+}  // namespace mpm

@@ -1,0 +1,349 @@
+// Several ranks against one by transfer, kernel, material and form of F-bar: the same bits of what
+// particles store and of what is read of them, with particles that change ranks, new cuts, messages
+// that come late, and a run that is saved by some ranks and goes on on others.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+
+#include "mpm/core/error.hpp"
+#include "mpm/solver/ranks.hpp"
+#include "support/ranks.hpp"
+#include "support/scene.hpp"
+#include "support/unruly.hpp"
+
+namespace mpm {
+namespace {
+
+using test::expect_same_particles;
+using test::expect_same_samples;
+using test::forever;
+using test::go;
+
+constexpr int half = test::sanitized ? 10 : 20;
+
+Spec with_ranks(Spec s, int ranks, int axis, double rebalance_above) {
+    s.threads = ranks;
+    s.ranks.count = ranks;
+    s.ranks.axis = axis;
+    s.ranks.rebalance_above = rebalance_above;
+    return s;
+}
+
+/// Water that runs under a solid block which falls, in a closed box; sensors of all kinds.
+Spec small_scene(int dimension, bool single) {
+    const bool flat = dimension == 2;
+    Spec s = test::empty_scene(
+        dimension, single,
+        flat ? std::vector<std::int64_t>{44, 24} : std::vector<std::int64_t>{20, 8, 12});
+    const int up = dimension - 1;
+    s.gravity.value[std::size_t(up)] = -9.81;
+    s.bodies.push_back(test::body(
+        s, "water", "TaitFluid", test::fluid(),
+        flat ? test::lattice(s, {0, 0}, {24, 10}, 2) : test::lattice(s, {0, 0, 0}, {11, 8, 4}, 2),
+        flat ? 4 : 8));
+    s.bodies.push_back(test::body(
+        s, "block", "FixedCorotated", test::solid(),
+        flat ? test::lattice(s, {9, 12}, {15, 17}, 2) : test::lattice(s, {4, 2, 6}, {8, 6, 9}, 2),
+        flat ? 4 : 8));
+    s.bodies[0].velocity[0] = 5;
+    s.bodies[1].velocity[0] = 6;
+    s.bodies[1].velocity[std::size_t(up)] = -3;
+    test::add_walls(s, Response::separable);
+    test::add_energy(s, 0.003);
+    SensorSpec load;
+    load.name = "load";
+    load.kind = SensorKind::load_cell;
+    load.boundary = 0;
+    load.faces = (1 << (2 * dimension)) - 1;
+    load.interval = 0.004;
+    load.reference.assign(std::size_t(dimension), 0.0);
+    s.sensors.push_back(load);
+    SensorSpec track;
+    track.name = "track";
+    track.kind = SensorKind::tracker;
+    track.body = 1;
+    track.interval = 0.002;
+    track.ids = {s.bodies[1].first_id + 5, s.bodies[1].first_id};
+    s.sensors.push_back(track);
+    SensorSpec gauge;
+    gauge.name = "gauge";
+    gauge.kind = SensorKind::wave_gauge;
+    gauge.interval = 0.004;
+    gauge.axis = up;
+    gauge.position = flat ? std::vector<double>{1.23, 0} : std::vector<double>{0.63, 0.41, 0};
+    gauge.body = 0;
+    s.sensors.push_back(gauge);
+    SensorSpec probe = gauge;
+    probe.name = "probe";
+    probe.kind = SensorKind::velocity_probe;
+    probe.position[std::size_t(up)] = 0.31;
+    s.sensors.push_back(probe);
+    return s;
+}
+
+void smooth(BodySpec& b, SmoothingForm form) {
+    b.smoothing = form;
+    b.smoothing_time = 0.01;
+    b.smoothing_ratio = 0.1;
+}
+void by_functions(Spec& s, Kernel kernel) {
+    s.kernel.kernel = kernel;
+    s.kernel.gradient = GradientForm::shapes;
+}
+
+struct Method {
+    std::string name;
+    std::function<void(Spec&)> choose;
+    int dimension = 2;
+    bool single = false;
+};
+std::ostream& operator<<(std::ostream& out, const Method& m) { return out << m.name; }
+
+/// What all particles store, by id.
+std::map<std::uint64_t, std::vector<double>> stored(Engine& e, int body) {
+    const Attributes a = e.attributes(body, {"state"});
+    const std::vector<double>& all = a.values.at("state").data;
+    const std::size_t width = all.size() / a.id.size();
+    std::map<std::uint64_t, std::vector<double>> out;
+    for (std::size_t k = 0; k < a.id.size(); ++k)
+        out[a.id[k]].assign(all.begin() + std::ptrdiff_t(k * width),
+                            all.begin() + std::ptrdiff_t((k + 1) * width));
+    return out;
+}
+void expect_same(Engine& many, Engine& one, int bodies) {
+    expect_same_particles(many, one, bodies);
+    for (int b = 0; b < bodies; ++b) EXPECT_TRUE(stored(many, b) == stored(one, b)) << b;
+}
+
+class RankMethods : public ::testing::TestWithParam<Method> {
+protected:
+    Spec scene() {
+        Spec s = small_scene(GetParam().dimension, GetParam().single);
+        GetParam().choose(s);
+        return s;
+    }
+};
+
+TEST_P(RankMethods, have_the_bits_of_one) {
+    const Spec s = scene();
+    const int bodies = int(s.bodies.size());
+    const auto one = make_cpu_engine(s);
+    go(*one, half);
+    const State saved = one->save();
+    ASSERT_EQ(go(*one, half).reason, "steps");
+    ASSERT_GT(one->statistics().at("sorts"), 1) << "the scene must sort to mean anything";
+    const auto samples = one->drain();
+
+    const Spec planes = with_ranks(s, 2, 0, 1.05);
+    const auto two = make_cpu_engine(planes);
+    go(*two, half);
+    go(*two, half);
+    EXPECT_GT(two->statistics().at("migrated"), 0);
+    expect_same(*two, *one, bodies);
+    expect_same_samples(two->drain(), samples, planes, GetParam().single ? 1e-6 : 1e-11);
+
+    // From one to three that cut at every sort, and on to four whose messages come late.
+    const auto three = make_cpu_engine(with_ranks(s, 3, RanksSpec::curve, 0));
+    three->load(saved);
+    go(*three, half / 2);
+    const auto four = make_cpu_engine(with_ranks(s, 4, RanksSpec::curve, 1.0),
+                                      std::make_unique<test::UnrulyRanks>(4, 5));
+    four->load(three->save());
+    go(*four, half - half / 2);
+    expect_same(*four, *one, bodies);
+}
+
+void keeps(Spec& s, const char* scheme) {
+    s.transfer.scheme = scheme;
+    for (BodySpec& b : s.bodies) {
+        b.keep = 0.97;
+        b.shift.rule = ShiftRule::binary;
+        b.shift.shift_max = 1;
+        b.shift.shift_min = 0.2;
+    }
+}
+
+/// Bodies of fluid in one pass over the particles, others phased.
+const std::vector<Method> stores = {
+    {"FLIP", [](Spec& s) { keeps(s, "FLIP"); }},
+    {"AFLIP_two_volumes",
+     [](Spec& s) {
+         keeps(s, "AFLIP");
+         smooth(s.bodies[0], SmoothingForm::two_volume);
+     }},
+    {"NFLIP_one_volume",
+     [](Spec& s) {
+         keeps(s, "NFLIP");
+         smooth(s.bodies[0], SmoothingForm::one_volume_gradient);
+     }},
+    {"ASFLIP_guarded_3D_single", [](Spec& s) { keeps(s, "ASFLIP"); }, 3, true},
+    {"AFLIP_turning",
+     [](Spec& s) {
+         keeps(s, "AFLIP");
+         s.bodies[1].velocity_gradient = {0, -4, 4, 0};
+     }},
+    {"SFLIP_phased",
+     [](Spec& s) {
+         keeps(s, "SFLIP");
+         s.pipeline = "phased";
+     }},
+};
+const std::vector<Method> forms = {
+    {"PIC", [](Spec& s) { s.transfer.scheme = "PIC"; }},
+    {"APIC_phased_3D_single", [](Spec& s) { s.pipeline = "phased"; }, 3, true},
+    {"one_volume_on_solid",
+     [](Spec& s) {
+         for (BodySpec& b : s.bodies) smooth(b, SmoothingForm::one_volume);
+     }},
+    {"two_volumes_on_solid_that_turns",
+     [](Spec& s) {
+         smooth(s.bodies[1], SmoothingForm::two_volume);
+         s.bodies[1].velocity_gradient = {0, -4, 4, 0};
+     }},
+    {"literal",
+     [](Spec& s) {
+         for (BodySpec& b : s.bodies) smooth(b, SmoothingForm::literal);
+     }},
+    {"split_on_one_of_two", [](Spec& s) { smooth(s.bodies[1], SmoothingForm::split); }},
+    {"split_with_FLIP",
+     [](Spec& s) {
+         keeps(s, "FLIP");
+         for (BodySpec& b : s.bodies) smooth(b, SmoothingForm::split);
+     }},
+    {"HerschelBulkleyFluid",
+     [](Spec& s) {
+         s.bodies[0].material = "HerschelBulkleyFluid";
+         s.bodies[0].parameters = {1000, 2e5, 7.15, 40, 5, 0.8, 50};
+     }},
+    {"CamClay",
+     [](Spec& s) {
+         s.bodies[1].material = "CamClay";
+         s.bodies[1].parameters = {800, 1e6, 0.3, -0.05, 30, 0.5, 0.8, 1};
+     }},
+    {"XPIC",
+     [](Spec& s) {
+         s.transfer.scheme = "XPIC";
+         s.transfer.order = 3;
+     }},
+    {"FMPM_every_second_cubic",
+     [](Spec& s) {
+         s.transfer.scheme = "FMPM";
+         s.transfer.order = 2;
+         s.transfer.every = 2;
+         s.kernel.kernel = Kernel::cubic;
+     }},
+    {"damping",
+     [](Spec& s) {
+         keeps(s, "FLIP");
+         s.bodies[1].damping = 0.05;
+     }},
+};
+const std::vector<Method> kernels = {
+    {"cubic", [](Spec& s) { s.kernel.kernel = Kernel::cubic; }},
+    {"cubic_3D_AFLIP",
+     [](Spec& s) {
+         keeps(s, "AFLIP");
+         s.kernel.kernel = Kernel::cubic;
+     },
+     3},
+    {"linear_PIC_FLIP",
+     [](Spec& s) {
+         keeps(s, "PIC-FLIP");
+         by_functions(s, Kernel::linear);
+     }},
+    {"boundary_splines",
+     [](Spec& s) {
+         keeps(s, "FLIP");
+         by_functions(s, Kernel::quadratic);
+         s.kernel.clamped = true;
+     }},
+    {"gimp", [](Spec& s) { by_functions(s, Kernel::ugimp); }},
+    {"cpgimp_FLIP",
+     [](Spec& s) {
+         keeps(s, "FLIP");
+         by_functions(s, Kernel::cpgimp);
+     }},
+    {"cpdi", [](Spec& s) { by_functions(s, Kernel::cpdi); }},
+    {"ddmp_FLIP",
+     [](Spec& s) {
+         keeps(s, "FLIP");
+         by_functions(s, Kernel::ddmp);
+     }},
+    {"cubic_mirrored",
+     [](Spec& s) {
+         s.kernel.kernel = Kernel::cubic;
+         for (SurfaceLaw& law : s.boundaries[0].law) law.response = Response::mirror;
+     }},
+};
+const auto name_of_method = [](const auto& info) { return info.param.name; };
+INSTANTIATE_TEST_SUITE_P(Stores, RankMethods, ::testing::ValuesIn(stores), name_of_method);
+INSTANTIATE_TEST_SUITE_P(Forms, RankMethods, ::testing::ValuesIn(forms), name_of_method);
+INSTANTIATE_TEST_SUITE_P(Kernels, RankMethods, ::testing::ValuesIn(kernels), name_of_method);
+
+/// Layers that come with a velocity of their own, and particles that leave with theirs.
+TEST(RankMethodsFlow, inlets_and_outlets) {
+    for (const char* pipeline : {"auto", "phased"}) {
+        Spec s = test::empty_scene(2, false, {32, 12});
+        s.pipeline = pipeline;
+        s.bodies.push_back(test::body(s, "water", "TaitFluid", test::fluid(),
+                                      test::lattice(s, {0, 2}, {30, 8}, 2), 4));
+        s.bodies[0].velocity = {4, 0};
+        s.bodies[0].id_count = 100000;
+        keeps(s, "AFLIP");
+        InletSpec inlet;
+        inlet.name = "in";
+        inlet.body = 0;
+        inlet.spacing = 0.05;
+        for (int k = 4; k < 16; ++k) {
+            inlet.points.push_back(0.025);
+            inlet.points.push_back((k + 0.5) * 0.05);
+        }
+        inlet.velocity.time = {0};
+        inlet.velocity.value = {4};
+        s.inlets.push_back(inlet);
+        s.outlets.push_back({"out", 1});
+        s.leaving = Leaving::remove;
+        const auto one = make_cpu_engine(s);
+        one->run(-1, 0.15, forever);
+        bool came = false, went = false;
+        for (const Flow& f : one->flows()) (f.inlet ? came : went) = true;
+        ASSERT_TRUE(came && went);
+        const auto many = make_cpu_engine(with_ranks(s, 3, 0, 1.05));
+        many->run(-1, 0.15, forever);
+        expect_same(*many, *one, 1);
+    }
+}
+
+TEST(RankMethodsEnd, what_is_not_built_is_refused) {
+    const auto refused = [](const std::string& what, const std::function<void(Spec&)>& change) {
+        Spec s = small_scene(2, false);
+        change(s);
+        try {
+            make_cpu_engine(with_ranks(s, 2, 0, 1.05));
+            ADD_FAILURE() << "accepted: " << what;
+        } catch (const SceneError& e) {
+            const std::string text = e.what();
+            EXPECT_EQ(text.rfind(what, 0), 0u) << text;
+            EXPECT_NE(text.find("not built for several ranks"), std::string::npos) << text;
+        }
+    };
+    refused("smoothing over cells of body 'water'", [](Spec& s) {
+        s.bodies[0].cell_smoothing.form = CellForm::constant;
+        s.bodies[0].smoothed_field = "volume";
+    });
+    refused("assumed fields of body 'block'", [](Spec& s) {
+        s.transfer.scheme = "FLIP";
+        s.bodies[1].assumed.form = CellForm::constant;
+        s.bodies[1].assumed_part = TensorPart::full;
+    });
+    refused("the placed force of body 'block'", [](Spec& s) {
+        s.transfer.scheme = "FLIP";
+        s.bodies[1].force.axis = 0;
+        s.bodies[1].force.place = {0, 1};
+        s.bodies[1].force.value = {0, 0, 1, 0};
+    });
+}
+
+}  // namespace
+}  // namespace mpm
