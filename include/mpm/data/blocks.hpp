@@ -1,6 +1,6 @@
 // The sparse grid: blocks of 64 cells (4^3, or 8^2 in two dimensions) that hold particles, and
 // their neighbours. A block's arena is the block and two nodes around it: what its particles reach
-// while none has drifted more than one cell from the cell it was sorted into.
+// while none stands more than one cell beside the cell it was sorted into.
 #pragma once
 
 #include <cmath>

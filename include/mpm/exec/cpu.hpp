@@ -38,6 +38,8 @@ public:
     /// How far a particle may drift from the cell it was sorted into, in cells. Particles outside
     /// their cell go one by one, which costs three times a lane, so the CPU sorts early.
     static constexpr double drift_limit = 0.3;
+    /// Share of the drift that a sort looks ahead.
+    static constexpr double look_ahead = 0;
     /// Steps handed over before the state is looked at again.
     static constexpr int batch = 1;
 

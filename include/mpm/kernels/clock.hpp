@@ -43,7 +43,7 @@ struct Clock {
     double time, dt, dt_next, dt_stable;
     std::int64_t step;
     double gravity[3];
-    double drift;        // cells that a particle may have moved since the last sort
+    double drift;        // cells that a particle may stand beside its home cell
     double drift_limit;  // when to sort at the latest
     // Particles that stood beside their home cell, over all steps since the last sort, and how many
     // cost more than a sort.
@@ -68,6 +68,8 @@ struct Clock {
     // Largest deposits of the step before that of `deposited`. Clocks that were saved by earlier
     // versions end here (solver/saved_clock.hpp).
     double deposited_before[quantities];
+    double look_ahead;  // share of the drift that a sort looks ahead
+    double ahead;       // cells: the same of the sort that the clock halts for
 };
 
 /// Brings the host's clock to where the steps are taken, in order with them and without a wait.
@@ -219,15 +221,10 @@ struct Decide {
         const double moved = speed * dt / cell_size;
         if (!(moved <= 1.0)) return stop(FaultKind::outran, speed);
         for (int s = 0; s < supply_count; ++s) {
-            if (supplies[s].moved >= supplies[s].due) {
-                clock->halt = Halt::supply;
-                return;
-            }
+            if (supplies[s].moved >= supplies[s].due) return sort_for(Halt::supply, moved);
         }
-        if (drift > 0 && (drift + moved > drift_limit || strays >= stray_limit)) {
-            clock->halt = Halt::sort;
-            return;
-        }
+        if (drift > 0 && (drift + moved > drift_limit || strays >= stray_limit))
+            return sort_for(Halt::sort, moved);
         for (int s = 0; s < sensor_count; ++s) {
             if (time >= double(sensors[s].next) * sensors[s].interval &&
                 sensors[s].count >= sensors[s].capacity) {
@@ -266,6 +263,28 @@ struct Decide {
         }
         for (int s = 0; s < supply_count; ++s) supplies[s].advance(time, dt);
         remember_speed(step, speed);
+    }
+
+    /// A sort puts particles into the cells where they will be half way to the next sort. Of those
+    /// that move as fast as any, that is `ahead` cells from where they are; of no other it is more.
+    /// They then stand half a cell and `ahead` from their home cell's centre at most, along each
+    /// axis, and the drift counts from `ahead` on. So the drift bounds what it bounds without:
+    /// nobody stands further than half a cell and the drift from the centre, nor beyond
+    /// `drift_limit` where no single step reaches further.
+    ///
+    /// When a sort that looked s ahead has been followed by a way d, the drift is s + d, and a
+    /// third of it is half of the next way as soon as s is half of d; the rule gets there by
+    /// thirds. What is looked ahead is lost to the way where the drift calls for sorts before
+    /// strays have cost much: there it is less. The step that halts for the sort must fit in after
+    /// it.
+    MPM_HD void sort_for(Halt halt, double moved) const {
+        const double drift = clock->drift, room = clock->drift_limit - moved;
+        const std::uint64_t strays = clock->strays, limit = clock->stray_limit;
+        const bool counted = limit != ~std::uint64_t(0);
+        const double cost = counted && strays < limit ? double(strays) / double(limit) : 1;
+        const double way = drift < room ? drift : room;
+        clock->ahead = way > 0 && moved > 0 ? clock->look_ahead * cost * way : 0;
+        clock->halt = halt;
     }
 
     MPM_HD void set_numbers(double dt, double dt_next) const {

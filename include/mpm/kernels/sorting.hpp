@@ -18,17 +18,42 @@ MPM_INLINE T wrap_offset(T x, int& shift) {
     return x;
 }
 
-/// Per cell of the present table: where do its particles stand now? Changes no particle, so that a
-/// run may still be refused with its state intact. A particle has moved by at most one cell, so its
-/// block is a neighbour.
+/// By how many cells along each axis a sort moves the home of a particle, at most two, in a byte:
+/// 0 where it stays.
+struct HomeMove {
+    static constexpr int most = 2, digits = 2 * most + 1;
+    template <int D>
+    MPM_INLINE static std::uint8_t of(const int (&cells)[D]) {
+        int code = 0;
+        for (int a = D - 1; a >= 0; --a)
+            code = code * digits + (cells[a] < 0 ? cells[a] + digits : cells[a]);
+        return std::uint8_t(code);
+    }
+    MPM_INLINE static int along(std::uint8_t code, int axis) {
+        int rest = code;
+        for (int a = 0; a < axis; ++a) rest /= digits;
+        rest %= digits;
+        return rest > most ? rest - digits : rest;
+    }
+};
+
+/// Per cell of the present table: in which cells are its particles to be sorted? Those where they
+/// stand now, or, with `moves`, those where they will be half way to the next sort (`Decide`).
+/// Changes no particle, so that a run may still be refused with its state intact. A particle has
+/// moved by at most one cell and looks ahead by less than one, so its block is a neighbour.
 template <class X, class T, int D>
 struct FindCells {
+    using Grid = typename X::template Grid<T>;
     BlockTableView<D> table;
     BodyView<T, D> body;
-    std::int32_t cells[D];    // of the domain
-    std::uint32_t* occupied;  // per present slot: by this body
-    std::uint32_t* new_cell;  // per particle: present slot * 64 + cell, or `outside`
-    std::uint32_t* left;      // count of particles outside the domain
+    std::int32_t cells[D];           // of the domain
+    std::uint32_t* occupied;         // per present slot: by this body
+    std::uint32_t* new_cell;         // per particle: present slot * 64 + cell, or `outside`
+    std::uint32_t* left;             // count of particles outside the domain
+    std::uint8_t* moves = nullptr;   // per particle: of its home; null: homes where particles are
+    const Grid* velocity = nullptr;  // of the nodes of the present table
+    int velocity_channels = 0;
+    T time = 0, ahead = 0;  // cells per m/s looked ahead, and cells at most
 
     static constexpr std::uint32_t outside = ~0u;
 
@@ -52,28 +77,58 @@ struct FindCells {
 
     MPM_INLINE void find(std::uint32_t p, int cell, std::int32_t slot,
                          const std::int32_t* corner) const {
-        int home[D], c[D], neighbour = 0;
+        int home[D], at[D], shift[D];
+        T xi[D];
         Block<D>::coordinates(cell, home);
         bool inside = true;
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            int shift;
-            wrap_offset(body.offset[a][p], shift);
-            const int at = home[a] + shift;
-            const std::int32_t global = corner[a] + at;
-            inside = inside && global >= 0 && global < cells[a];
-            const int side = at < 0 ? 0 : (at < Block<D>::edge ? 1 : 2);
-            neighbour = neighbour * 3 + side;
-            c[a] = at - (side - 1) * Block<D>::edge;
+            xi[a] = wrap_offset(body.offset[a][p], shift[a]);
+            at[a] = home[a] + shift[a];
+            inside = inside && in_domain(corner, at[a], a);
         }
         if (!inside) {
             new_cell[p] = outside;
             X::fetch_add(left, 1);
             return;
         }
+        std::uint32_t to = cell_at(slot, at);
+        if (moves != nullptr) {
+            // The node in the middle of the cell says how fast it goes.
+            const Grid* v = velocity + std::int64_t(to) * velocity_channels;
+            MPM_UNROLL for (int a = 0; a < D; ++a) {
+                T way = time * T(v[a]);
+                way = way < -ahead ? -ahead : (way > ahead ? ahead : way);
+                int further;
+                wrap_offset(xi[a] + way, further);
+                // What stands so near a face that it will leave is at home before it.
+                if (!in_domain(corner, at[a] + further, a) || shift[a] + further > HomeMove::most)
+                    further = 0;
+                at[a] += further;
+                shift[a] += further;
+            }
+            moves[p] = HomeMove::of<D>(shift);
+            to = cell_at(slot, at);
+        }
+        const std::uint32_t block = to / block_cells;
+        if (!occupied[block]) X::raise(&occupied[block]);
+        new_cell[p] = to;
+    }
+
+    MPM_INLINE bool in_domain(const std::int32_t* corner, int at, int axis) const {
+        const std::int32_t global = corner[axis] + at;
+        return global >= 0 && global < cells[axis];
+    }
+    /// slot * 64 + cell of what lies `at` cells from the first of a block.
+    MPM_INLINE std::uint32_t cell_at(std::int32_t slot, const int (&at)[D]) const {
+        int c[D], neighbour = 0;
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const int side = at[a] < 0 ? 0 : (at[a] < Block<D>::edge ? 1 : 2);
+            neighbour = neighbour * 3 + side;
+            c[a] = at[a] - (side - 1) * Block<D>::edge;
+        }
         const std::int32_t to =
             table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
-        if (!occupied[to]) X::raise(&occupied[to]);
-        new_cell[p] = std::uint32_t(to) * block_cells + std::uint32_t(Block<D>::cell(c));
+        return std::uint32_t(to) * block_cells + std::uint32_t(Block<D>::cell(c));
     }
 };
 
@@ -217,6 +272,23 @@ struct RenumberCells {
     }
 };
 
+/// By how much a sort moves the homes of particles; of those behind the first `count` it knows that
+/// they have come with offsets from their new ones.
+struct HomeMoves {
+    const std::uint8_t* of;  // null: every home is where its particle is
+    std::uint32_t count;
+
+    /// An offset of particle p along an axis, from the cell into which it is sorted.
+    template <class T>
+    MPM_INLINE T from_home(T x, std::uint32_t p, int axis) const {
+        if (of == nullptr) {
+            int shift;
+            return wrap_offset(x, shift);
+        }
+        return p < count ? x - T(HomeMove::along(of[p], axis)) : x;
+    }
+};
+
 /// Particles into their new order, a few columns at a time: as many as there is spare room for.
 template <class T>
 struct Permute {
@@ -225,13 +297,14 @@ struct Permute {
     const T* from[most];
     T* to[most];
     int columns;
-    int offsets;  // of them, the first so many are offsets, which return to [-1/2, 1/2)
+    int offsets;  // of them, the first so many are offsets, of axes from `axis` on
+    int axis;
+    HomeMoves moves;
     MPM_INLINE void operator()(std::int64_t k) const {
         const std::uint32_t p = order[k];
         for (int c = 0; c < columns; ++c) {
             const T x = from[c][p];
-            int shift;
-            to[c][k] = c < offsets ? wrap_offset(x, shift) : x;
+            to[c][k] = c < offsets ? moves.from_home(x, p, axis + c) : x;
         }
     }
 };
@@ -239,6 +312,19 @@ struct Permute {
 inline int permuted_together(std::uint64_t particles) {
     return particles <= (std::uint64_t(1) << 24) ? Permute<float>::most : 1;
 }
+
+/// Offsets of some particles, along one axis, from the cells into which they are sorted.
+template <class T>
+struct TakeOffsets {
+    const std::uint32_t* index;
+    const T* from;
+    T* to;
+    HomeMoves moves;
+    int axis;
+    MPM_INLINE void operator()(std::int64_t k) const {
+        to[k] = moves.from_home(from[index[k]], index[k], axis);
+    }
+};
 
 /// to[k] = from[index[k]].
 template <class T>

@@ -7,6 +7,7 @@
 #include "mpm/exec/buffer.hpp"
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/pass.hpp"
+#include "mpm/kernels/sorting.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/plan.hpp"
 
@@ -18,6 +19,7 @@ struct BodyStore {
         : id(x),
           cell_start(x),
           cell(x),
+          moves(x),
           home(x),
           lone(x),
           lone_slot(x),
@@ -39,6 +41,7 @@ struct BodyStore {
     Buffer<X, std::uint32_t> id;
     Buffer<X, std::uint32_t> cell_start;  // (slots * 64 + 1)
     Buffer<X, std::uint8_t> cell;         // devices: home cell of each particle in its block
+    Buffer<X, std::uint8_t> moves;        // while it is sorted: `HomeMove` of each particle
     Buffer<X, std::int32_t> home;
     std::int32_t homes = 0, full_homes = 0;
     std::int32_t all_full_homes = 0;  // devices: of all ranks
@@ -59,6 +62,7 @@ struct BodyStore {
     std::vector<double> frozen_position;  // (n, D)
     std::vector<double> frozen_state;     // (n, state columns)
 
+    HomeMoves home_moves() const { return {moves.data(), std::uint32_t(moves.size())}; }
     BodyView<T, D> view() const {
         BodyView<T, D> v{};
         for (int a = 0; a < D; ++a) v.offset[a] = offset[a].data();

@@ -37,6 +37,7 @@
 #include "mpm/solver/faults.hpp"
 #include "mpm/solver/homes.hpp"
 #include "mpm/solver/inflow.hpp"
+#include "mpm/solver/look_ahead.hpp"
 #include "mpm/solver/outflow.hpp"
 #include "mpm/solver/rank_share.hpp"
 #include "mpm/solver/sensors.hpp"
@@ -185,6 +186,7 @@ private:
 
     // domain_sort.hpp
     bool sort();
+    void find_cells(Body& body, std::uint32_t* occupied, std::uint32_t* cell, std::uint32_t* left);
     bool end_of_sort(double began);
     std::vector<Leaver<D>> list_left(const Body& body, std::uint32_t count,
                                      const Buffer<X, std::uint32_t>& cell);
@@ -221,9 +223,9 @@ private:
     // domain_devices.hpp
     /// Particles of a body on their way to other ranks.
     struct Emigrating {
-        Buffer<X, std::uint64_t> key;     // of the block they stand in
-        Buffer<X, std::uint32_t> in, id;  // the cell of it
-        Buffer<X, T> column;              // (columns, all): offsets from the old cell, states
+        Buffer<X, std::uint64_t> key;             // of the block they are sorted into
+        Buffer<X, std::uint32_t> in, id;          // the cell of it
+        Buffer<X, T> column;                      // (columns, all): offsets from that cell, states
         std::vector<std::uint32_t> first, count;  // of each rank
         std::uint32_t all = 0;
         explicit Emigrating(X& x) : key(x), in(x), id(x), column(x) {}
@@ -392,6 +394,7 @@ private:
     std::vector<Flow> flows_;
     std::map<std::string, double> timings_;
     std::int64_t sorts_ = 0, tables_ = 0, last_sort_ = 0, sort_interval_ = 0;
+    double look_ahead_ = look_ahead_of(X::look_ahead);
     std::unique_ptr<RankShare<D>> share_;  // null where this is the only rank
 
     // Devices that share the scene.

@@ -1,6 +1,6 @@
-// Domain: the sort of one rank of several. Particles go to the rank that owns the block they are in
-// now. Their order is that of one rank: by cell, and in a cell by the block and place that they
-// come from, whichever rank that was.
+// Domain: the sort of one rank of several. Particles go to the rank that owns the block they are
+// sorted into. Their order is that of one rank: by cell, and in a cell by the block and place that
+// they come from, whichever rank that was.
 #pragma once
 
 #include "mpm/solver/domain.hpp"
@@ -15,9 +15,9 @@ namespace detail {
 template <class T>
 struct Emigrants {
     std::vector<std::uint64_t> from, to;  // keys of their blocks, before and now
-    std::vector<std::uint32_t> cell;      // in the block where they are now
+    std::vector<std::uint32_t> cell;      // in the block of now
     std::vector<std::uint32_t> id;
-    std::vector<std::vector<T>> column;  // offsets, from the cell they come from, then state
+    std::vector<std::vector<T>> column;  // offsets from that cell, then state
 
     void pack(Packer& packer) const {
         packer.put(from);
@@ -143,9 +143,7 @@ bool Domain<X, T, D>::sort_among_ranks() {
         auto& cell = cells.emplace_back(exec_);
         cell.reserve_discard(body.count);
         count.assign({0});
-        Find find{table_, body.view(), {}, flag.data(), cell.data(), count.data()};
-        for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
-        exec_.for_each(std::int64_t(body.homes) * Find::lanes, find);
+        find_cells(body, flag.data(), cell.data(), count.data());
         left.push_back(count.host()[0]);
     }
     if (anyone_stops(left, cells)) return false;
@@ -183,12 +181,16 @@ bool Domain<X, T, D>::sort_among_ranks() {
         }
         for (std::size_t r = 0; r < go.size(); ++r) {
             if (int(r) == me) continue;
-            const auto take = [&](const Buffer<X, T>& column) {
+            const HomeMoves moves = body.home_moves();
+            for (int a = 0; a < D; ++a) {
+                auto& out = go[r].column.emplace_back();
+                for (std::uint32_t p : places[r])
+                    out.push_back(moves.from_home(body.offset[std::size_t(a)].data()[p], p, a));
+            }
+            for (const auto& column : body.state) {
                 auto& out = go[r].column.emplace_back();
                 for (std::uint32_t p : places[r]) out.push_back(column.data()[p]);
-            };
-            for (const auto& column : body.offset) take(column);
-            for (const auto& column : body.state) take(column);
+            }
             go[r].pack(packers[r]);
             s.migrated += places[r].size();
         }

@@ -1,7 +1,7 @@
 // Domain: the sort of one rank of several on devices. Particles go to the rank that owns the block
-// they are in now: who goes is listed where it was, and the rank that it goes to fetches it, or is
-// sent it where it reaches no list of others. Within a cell the order is that of the ids, whoever
-// they come from.
+// they are sorted into: who goes is listed where it was, and the rank that it goes to fetches it,
+// or is sent it where it reaches no list of others. Within a cell the order is that of the ids,
+// whoever they come from.
 #pragma once
 
 #include "mpm/solver/domain.hpp"
@@ -152,12 +152,13 @@ typename Domain<X, T, D>::Emigrating Domain<X, T, D>::list_emigrants(const Body&
     const std::int64_t n = std::int64_t(go.all);
     exec_.for_each(n, Take<std::uint32_t>{place.data(), body.id.data(), go.id.data()});
     T* to = go.column.data();
-    const auto take = [&](const Buffer<X, T>& column) {
+    for (int a = 0; a < D; ++a, to += n)
+        exec_.for_each(n, TakeOffsets<T>{place.data(), body.offset[std::size_t(a)].data(), to,
+                                         body.home_moves(), a});
+    for (const auto& column : body.state) {
         exec_.for_each(n, Take<T>{place.data(), column.data(), to});
         to += n;
-    };
-    for (const auto& column : body.offset) take(column);
-    for (const auto& column : body.state) take(column);
+    }
     return go;
 }
 
@@ -288,10 +289,7 @@ bool Domain<X, T, D>::sort_among_devices() {
         auto& cell = cells.emplace_back(exec_);
         // As much as the columns have, so that who comes mostly fits.
         cell.reserve_discard(std::max(std::size_t(body.count) + column_padding, body.id.size()));
-        FindCells<X, T, D> find{table_,          body.view(), {},
-                                occupied.data(), cell.data(), counts.data() + b * row};
-        for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
-        exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
+        find_cells(body, occupied.data(), cell.data(), counts.data() + b * row);
     }
     count_emigrants(cells, counts);
     exec_.for_each(slots,

@@ -54,6 +54,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
 
     clock_.dt_stable = clock_.dt = clock_.dt_next = plan_.time_step;
     clock_.drift_limit = X::drift_limit;
+    clock_.look_ahead = look_ahead_;
     clock_.until = std::numeric_limits<double>::infinity();
     clock_.fault_particle = no_fault;
     clock_.log_stride = 1;

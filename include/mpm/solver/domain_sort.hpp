@@ -253,7 +253,7 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
     std::vector<Buffer<X, T>> spare;
     for (std::size_t k = 0; k < together; ++k) spare.emplace_back(exec_);
     for (std::size_t first = 0; first < columns.size(); first += together) {
-        Permute<T> p{order, {}, {}, 0, 0};
+        Permute<T> p{order, {}, {}, 0, 0, int(first), body.home_moves()};
         for (std::size_t c = first; c < std::min(first + together, columns.size()); ++c) {
             spare[c - first].reserve_discard(columns[c]->size());
             p.from[p.columns] = columns[c]->data();
@@ -269,12 +269,32 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
     ids.reserve_discard(body.id.size());
     exec_.for_each(body.count, Take<std::uint32_t>{order, body.id.data(), ids.data()});
     body.id.swap(ids);
+    body.moves = Buffer<X, std::uint8_t>(exec_);
+}
+
+/// Into which cell of the present table each particle of a body is to be sorted.
+template <class X, class T, int D>
+void Domain<X, T, D>::find_cells(Body& body, std::uint32_t* occupied, std::uint32_t* cell,
+                                 std::uint32_t* left) {
+    FindCells<X, T, D> find{table_, body.view(), {}, occupied, cell, left};
+    for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
+    body.moves = Buffer<X, std::uint8_t>(exec_);
+    if (clock_.ahead > 0) {
+        body.moves.reserve_discard(body.count);
+        find.moves = body.moves.data();
+        find.velocity = velocity_.data();
+        find.velocity_channels = plan_.velocity_channels;
+        // Finite where all are nearly at rest.
+        find.time = T(std::min(clock_.ahead / clock_.speed, double(std::numeric_limits<T>::max())));
+        find.ahead = T(clock_.ahead);
+    }
+    exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
 }
 
 /// All particles stand in their cells again. True: the state is that of a sort.
 template <class X, class T, int D>
 bool Domain<X, T, D>::end_of_sort(double began) {
-    clock_.drift = 0;
+    clock_.drift = clock_.ahead;
     clock_.strays = 0;
     ++sorts_;
     sort_interval_ = clock_.step - last_sort_;
@@ -307,14 +327,11 @@ bool Domain<X, T, D>::sort() {
         const std::size_t rows = std::size_t(body.count) + inflow_.arriving(b);
         cells.back().reserve_discard(rows + column_padding);
         cells.back().shrink(rows);
-        homes.add(
-            exec_, table_.slots, counts.data() + 2 * b + 1, [&](Buffer<X, std::uint32_t>& flag) {
-                flag.zero();
-                FindCells<X, T, D> find{table_,      body.view(),         {},
-                                        flag.data(), cells.back().data(), counts.data() + 2 * b};
-                for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
-                exec_.for_each(std::int64_t(body.homes) * find.lanes, find);
-            });
+        homes.add(exec_, table_.slots, counts.data() + 2 * b + 1,
+                  [&](Buffer<X, std::uint32_t>& flag) {
+                      flag.zero();
+                      find_cells(body, flag.data(), cells.back().data(), counts.data() + 2 * b);
+                  });
     }
     join_homes(homes, occupied);
     Buffer<X, std::uint64_t> keys_to_come(exec_);

@@ -107,6 +107,7 @@ void Domain<X, T, D>::load(const State& whole) {
                           ? detail::from_blob<std::int32_t>(state, "sorts_of_table").at(0)
                           : 0;
     clock_.drift_limit = X::drift_limit;
+    clock_.look_ahead = look_ahead_;
     const auto keys = detail::from_blob<std::uint64_t>(state, "keys");
     blocks_.assign(keys);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {

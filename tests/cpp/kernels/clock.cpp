@@ -183,6 +183,68 @@ TEST(Clock, sort_is_asked_for_when_strays_cost_more) {
     EXPECT_EQ(run.step(), Halt::none);
 }
 
+/// What a sort that looks ahead does to the clock.
+void sort_ahead(Clock& clock) {
+    clock.drift = clock.ahead;
+    clock.strays = 0;
+    clock.halt = Halt::none;
+}
+
+TEST(Clock, a_sort_looks_half_of_the_way_ahead) {
+    Course run(0.1);  // 0.01 cells a step
+    run.clock.look_ahead = 1.0 / 3;
+    std::vector<double> ahead, way;
+    for (std::int64_t last = 0; ahead.size() < 12;) {
+        if (run.step() != Halt::sort) continue;
+        way.push_back(0.01 * double(run.clock.step - last));
+        last = run.clock.step;
+        ahead.push_back(run.clock.ahead);
+        sort_ahead(run.clock);
+    }
+    for (std::size_t k = 0; k + 1 < ahead.size(); ++k)
+        EXPECT_NEAR(ahead[k] + way[k + 1], 0.3, 0.0101);
+    EXPECT_NEAR(ahead.back(), way.back() / 2, 0.005);
+}
+
+TEST(Clock, a_sort_looks_less_ahead_where_strays_cost_little) {
+    for (std::uint64_t strays : {0, 250, 1000, 5000}) {
+        Course run(0.1);
+        run.clock.look_ahead = 1.0 / 3;
+        run.clock.stray_limit = 1000;
+        run.clock.drift = strays < 1000 ? 0.295 : 0.2;
+        run.clock.strays = strays;
+        ASSERT_EQ(run.step(), Halt::sort);
+        EXPECT_NEAR(run.clock.ahead, strays < 1000 ? 0.29 / 3 * double(strays) / 1000 : 0.2 / 3,
+                    1e-12);
+    }
+}
+
+/// Whatever the speeds: the limit holds, and the step that has halted for a sort goes on after it.
+TEST(Clock, a_sort_that_looks_ahead_is_not_sorted_again) {
+    Course run(0);
+    std::uint64_t draw = 1;
+    run.clock.look_ahead = 0.5;
+    int sorts = 0, ahead = 0;
+    for (int k = 0; k < 20000; ++k) {
+        draw = draw * 6364136223846793005u + 1442695040888963407u;
+        const double u = double(draw >> 11) / double(std::uint64_t(1) << 53);
+        run.maxima[max_speed] = k % 1000 < 900 ? 1.2 * u * u : 9 * u;
+        const double before = run.clock.drift, moved = run.maxima[max_speed] * run.clock.dt / dx;
+        if (moved > 1) continue;
+        if (run.step() == Halt::sort) {
+            ++sorts;
+            ahead += run.clock.ahead > 0;
+            sort_ahead(run.clock);
+            EXPECT_LE(run.clock.drift + moved, std::max(0.3, moved));
+            EXPECT_EQ(run.step(), Halt::none);
+        }
+        EXPECT_TRUE(run.clock.drift <= 0.3 + 1e-12 || run.clock.drift <= moved + 1e-12)
+            << before << " and " << moved;
+    }
+    EXPECT_GT(ahead, 100);
+    EXPECT_GT(sorts, ahead);
+}
+
 TEST(Clock, a_halted_clock_stands) {
     for (Halt h : {Halt::sort, Halt::until, Halt::steps, Halt::fault, Halt::samples}) {
         Course run(0.1);

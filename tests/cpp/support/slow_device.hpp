@@ -31,6 +31,7 @@ public:
     template <class T>
     static constexpr int sum_bits = 31;
     static constexpr double drift_limit = 0.95;
+    static constexpr double look_ahead = 1.0 / 3;
     static std::uint64_t stray_limit(std::uint64_t particles) { return 3 * particles; }
     static constexpr int batch = 8;
 

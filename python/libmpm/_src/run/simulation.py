@@ -252,7 +252,7 @@ class Simulation(Shown, Acting):
         blocks           1     in the tables: with particles, and their neighbours
         lone             1     particles that are treated one by one (CUDA, sparse bodies)
         fastest_node     m/s   in the last step, of all ranks
-        drift            1     cells that a particle may have moved since the last sort
+        drift            1     cells that a particle may stand beside its home cell
         bytes            B     held now by particles, blocks and what goes to other ranks
         most_bytes_used  B     CUDA: the most in use at a time
         most_bytes_held  B     CUDA: the most held for use at a time
