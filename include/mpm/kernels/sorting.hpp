@@ -275,13 +275,14 @@ struct RenumberCells {
 /// By how much a sort moves the homes of particles; of those behind the first `count` it knows that
 /// they have come with offsets from their new ones.
 struct HomeMoves {
-    const std::uint8_t* of;  // null: every home is where its particle is
+    bool ahead;  // else every home is where its particle is
+    const std::uint8_t* of;
     std::uint32_t count;
 
     /// An offset of particle p along an axis, from the cell into which it is sorted.
     template <class T>
     MPM_INLINE T from_home(T x, std::uint32_t p, int axis) const {
-        if (of == nullptr) {
+        if (!ahead) {
             int shift;
             return wrap_offset(x, shift);
         }

@@ -42,6 +42,7 @@ struct BodyStore {
     Buffer<X, std::uint32_t> cell_start;  // (slots * 64 + 1)
     Buffer<X, std::uint8_t> cell;         // devices: home cell of each particle in its block
     Buffer<X, std::uint8_t> moves;        // while it is sorted: `HomeMove` of each particle
+    bool looks_ahead = false;             // does this sort, whether or not there are particles
     Buffer<X, std::int32_t> home;
     std::int32_t homes = 0, full_homes = 0;
     std::int32_t all_full_homes = 0;  // devices: of all ranks
@@ -62,7 +63,9 @@ struct BodyStore {
     std::vector<double> frozen_position;  // (n, D)
     std::vector<double> frozen_state;     // (n, state columns)
 
-    HomeMoves home_moves() const { return {moves.data(), std::uint32_t(moves.size())}; }
+    HomeMoves home_moves() const {
+        return {looks_ahead, moves.data(), std::uint32_t(moves.size())};
+    }
     BodyView<T, D> view() const {
         BodyView<T, D> v{};
         for (int a = 0; a < D; ++a) v.offset[a] = offset[a].data();

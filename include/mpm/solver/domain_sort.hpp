@@ -270,6 +270,7 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
     exec_.for_each(body.count, Take<std::uint32_t>{order, body.id.data(), ids.data()});
     body.id.swap(ids);
     body.moves = Buffer<X, std::uint8_t>(exec_);
+    body.looks_ahead = false;
 }
 
 /// Into which cell of the present table each particle of a body is to be sorted.
@@ -279,7 +280,8 @@ void Domain<X, T, D>::find_cells(Body& body, std::uint32_t* occupied, std::uint3
     FindCells<X, T, D> find{table_, body.view(), {}, occupied, cell, left};
     for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
     body.moves = Buffer<X, std::uint8_t>(exec_);
-    if (clock_.ahead > 0) {
+    body.looks_ahead = clock_.ahead > 0;
+    if (body.looks_ahead) {
         body.moves.reserve_discard(body.count);
         find.moves = body.moves.data();
         find.velocity = velocity_.data();
