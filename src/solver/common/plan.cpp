@@ -102,11 +102,10 @@ void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
     for (const auto& c : p.columns) p.bytes_per_particle += c.bytes;
     const double particles = double(p.particles);
     plan.memory_particles += particles * p.bytes_per_particle;
-    // Cells and order, then the order and spare columns (Domain::sort); where homes move.
+    // Cells and order, then the order and spare columns (Domain::sort).
     const int spare = real * std::min(permuted_together(p.particles), D + p.state_columns);
-    const int moves = backend.device ? 1 : 0;
     plan.memory_sort = std::max(plan.memory_sort,
-                                particles * (moves + std::max(backend.device ? 12 : 8, 4 + spare)));
+                                particles * std::max(backend.device ? 12 : 8, 4 + spare));
 }
 
 /// Refuses a pipeline that the scene or one of its bodies has not.
