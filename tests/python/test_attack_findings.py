@@ -9,6 +9,7 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
+from libmpm._src.cli.info import about, text_of
 from libmpm._src.output.checkpoint import find_checkpoints, load_checkpoint, save_checkpoint
 from libmpm._src.output.export import export
 from libmpm._src.output.frames import write_frame
@@ -219,3 +220,42 @@ def test_a_number_that_was_taken_out_again_is_no_reason_to_refuse():
             assert "nan" in str(broken.said) or "inf" in str(broken.said)
             found = (fuzzing.at(broken.document, way) for way in fuzzing.places(broken.document))
             assert any(isinstance(x, float) and not np.isfinite(x) for x in found)
+
+
+@pytest.mark.parametrize("bodies", [None, True, 3, "w"])
+def test_bodies_that_are_no_list_are_refused_by_a_checkpoint(saved, bodies):
+    found = load_checkpoint(saved)
+    found.header["scene"]["bodies"] = bodies
+    save_checkpoint(saved, found)
+    with pytest.raises(libmpm.Error):
+        libmpm.Simulation.resume(saved, device="cpu")
+
+
+def test_a_box_of_more_cells_than_numbers_go_is_refused():
+    scene = libmpm.Scene(dimension=2, cell_size=1e-300, lower=(0, 0), upper=(1e-299, 1e-299))
+    scene.add_body(
+        name="w", shape=shapes.Box(lower=(0, 0), upper=(1e300, 1e300)),
+        material=materials.TaitFluid(bulk_modulus=1e5),
+    )  # fmt: skip
+    with pytest.raises(libmpm.SceneError, match="more cells of 1e-300 m than can be counted"):
+        scene.validate()
+
+
+def test_a_rate_beyond_all_floats_is_shown(tmp_path):
+    libmpm.Simulation(tank(), device="cpu", output=tmp_path / "run").run(
+        until=0.002, progress=False
+    )
+    log = json.loads((tmp_path / "run" / "log.json").read_text())
+    log["particle_steps_per_s"] = 10**400
+    (tmp_path / "run" / "log.json").write_text(json.dumps(log))
+    assert "inf particle-steps/s" in text_of(about(tmp_path / "run"))
+
+
+def test_places_of_a_document_however_deep():
+    deep: list = []
+    for _ in range(5000):
+        deep = [deep, 1]
+    assert sum(1 for _ in fuzzing.places(deep)) == 10_000
+    copy = fuzzing.copied({"a": deep, "b": [1]})
+    copy["b"][0] = 2
+    assert len(copy["a"]) == 2 and copy["a"] is not deep

@@ -105,13 +105,22 @@ class Broken:
     path: Path = Path()
 
 
-def places(item: Any, way: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Every place of a document but its root, as the keys that lead there."""
-    inner = item.items() if isinstance(item, dict) else enumerate(item)
-    for key, value in inner:
-        yield (*way, key)
-        if isinstance(value, dict | list):
-            yield from places(value, (*way, key))
+def places(item: Any) -> Iterator[tuple[Any, ...]]:
+    """Every place of a document but its root, as the keys that lead there, however deep."""
+
+    def inner(value: Any) -> Iterator[tuple[Any, Any]]:
+        return iter(value.items() if isinstance(value, dict) else enumerate(value))
+
+    open_ = [((), inner(item))]
+    while open_:
+        way, rest = open_[-1]
+        for key, value in rest:
+            yield (*way, key)
+            if isinstance(value, dict | list):
+                open_.append(((*way, key), inner(value)))
+                break
+        else:
+            open_.pop()
 
 
 def _not_finite(document: Any) -> bool:
@@ -124,10 +133,18 @@ def _not_finite(document: Any) -> bool:
 
 
 def copied(item: Any) -> Any:
-    """Return a copy of lists and dicts; what else is in them has none, or needs none."""
-    if isinstance(item, dict):
-        return {key: copied(inner) for key, inner in item.items()}
-    return [copied(inner) for inner in item] if isinstance(item, list) else item
+    """Return a copy of lists and dicts, however deep; what else is in them needs none."""
+    if not isinstance(item, dict | list):
+        return item
+    copy = item.copy()
+    left = [copy]
+    while left:
+        found = left.pop()
+        for key, value in list(found.items() if isinstance(found, dict) else enumerate(found)):
+            if isinstance(value, dict | list):
+                found[key] = value.copy()
+                left.append(found[key])
+    return copy
 
 
 def at(document: Any, way: tuple[Any, ...]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 import re
 from collections.abc import Iterable
@@ -190,7 +191,7 @@ def _about_run(path: Path) -> dict[str, Any]:
     return {
         "kind": "run",
         "path": str(path),
-        **{key: log.get(key) for key in keys},
+        **{key: _readable(log.get(key)) for key in keys},
         "writer": _writer(path, log),
         "until": _until(results.document),
         "frames": frames,
@@ -213,7 +214,18 @@ def _until(document: dict[str, Any]) -> float | None:
     """Return the end of a run, s, that its scene file names."""
     run = document.get("run")
     until = run.get("until") if isinstance(run, dict) else None
-    return float(until) if isinstance(until, int | float) else None
+    return float(_readable(until)) if isinstance(until, int | float) else None
+
+
+def _readable(value: Any) -> Any:
+    """Return what a log says; a whole number beyond all floats as infinite."""
+    if not isinstance(value, int) or isinstance(value, bool):
+        return value
+    try:
+        float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+    return value
 
 
 def text_of(found: dict[str, Any]) -> str:

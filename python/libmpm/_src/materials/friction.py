@@ -108,8 +108,11 @@ def _cohesion(angle: float, core: float, cone: Cone, dilatancy: float) -> float:
 
 def with_cones(scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return a scene as written before cones had names, with the one that it meant."""
+    given = scene.get("bodies", ())
+    if not isinstance(given, list | tuple):  # as the scene's own reader will say
+        return dict(scene)
     bodies = []
-    for body in scene.get("bodies", ()):
+    for body in given:
         if _unnamed(body):
             body = dict(body) | {"material": dict(body["material"]) | {"cone": _BEFORE}}
         bodies.append(body)

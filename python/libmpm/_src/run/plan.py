@@ -276,7 +276,13 @@ class Plan:
         """Steps to `until` at this time step; more if flow faster than expected shortens it."""
         if self._until is None:
             return None
-        return math.ceil(self._until / self.time_step * (1 - 1e-12))
+        steps = self._until / self.time_step if self.time_step > 0 else math.inf
+        if not math.isfinite(steps):
+            raise SceneError(
+                f"the time step is {self.time_step:g} s, of which {self._until:g} s hold more than "
+                "can be counted: waves are too fast for the cells; give softer or denser materials"
+            )
+        return math.ceil(steps * (1 - 1e-12))
 
     @property
     def particle_steps(self) -> int | None:

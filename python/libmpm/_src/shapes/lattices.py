@@ -16,6 +16,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.errors import SceneError
 from libmpm._src.shapes.oriented_boxes import Extent, TurnedBox
 
 __all__ = ["Carved", "Lattice", "Points", "Rows", "Turned", "lattice", "points"]
@@ -93,11 +94,14 @@ def lattice(
     if counts is not None:
         return Lattice(tuple(lower), tuple(upper), tuple(counts))
     k = particles_per_cell ** (1.0 / len(lower))
+    points = [(b - a) * k / cell_size for a, b in zip(lower, upper, strict=True)]
+    if not all(map(math.isfinite, points)):
+        raise SceneError(
+            f"a box from {tuple(lower)} to {tuple(upper)} m holds more cells of {cell_size:g} m "
+            "than can be counted; give larger cells or a smaller box"
+        )
     # The allowance decides ties alike however the box's edges were rounded.
-    shape = tuple(
-        max(1, math.floor((b - a) * k / cell_size + 0.5 + _TOLERANCE))
-        for a, b in zip(lower, upper, strict=True)
-    )
+    shape = tuple(max(1, math.floor(n + 0.5 + _TOLERANCE)) for n in points)
     return Lattice(tuple(lower), tuple(upper), shape)
 
 
