@@ -213,7 +213,8 @@ TEST_P(LookAhead, leaves_positions_to_say_who_has_left) {
         sorts = e->statistics().at("sorts");
         // A sort, and one step.
         const double moved = 3 * e->time_step();
-        for (double x : e->attributes(0, {"position"}).values.at("position").data)
+        const Attributes seen = e->attributes(0, {"position"});
+        for (double x : seen.values.at("position").data)
             ASSERT_LE(x, side + 1.1 * moved + rounding);
         ++checked;
     }
