@@ -104,8 +104,8 @@ void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
     plan.memory_particles += particles * p.bytes_per_particle;
     // Cells and order, then the order and spare columns (Domain::sort).
     const int spare = real * std::min(permuted_together(p.particles), D + p.state_columns);
-    plan.memory_sort = std::max(plan.memory_sort,
-                                particles * std::max(backend.device ? 12 : 8, 4 + spare));
+    plan.memory_sort =
+        std::max(plan.memory_sort, particles * std::max(backend.device ? 12 : 8, 4 + spare));
 }
 
 /// Refuses a pipeline that the scene or one of its bodies has not.
