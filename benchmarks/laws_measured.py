@@ -240,7 +240,7 @@ def tank(
     )  # fmt: skip
     box = shapes.Box(lower=(0.0, 0.0), upper=(4 * dx, DEPTH))
     scene.add_body(name="water", shape=box, material=water(modulus), fbar=fbar)
-    response = boundaries.Mirror() if walls == "mirrored" else boundaries.Slip()
+    response = boundaries.Mirror() if walls == "mirrored" else boundaries.Slip(cell="held")
     faces = shapes.DomainWalls(faces=("x-", "x+", "y-"))
     scene.add_boundary(name="walls", shape=faces, response=response)
     load = sensors.LoadCell(boundary="walls", faces=("x-",), interval=interval)

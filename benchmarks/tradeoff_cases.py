@@ -168,9 +168,10 @@ class Measured:
             speed = wave_speed(law) * math.sqrt(self.bulk_ratio(option))
         scene = self.case.build(p, option.choices(self.cfl, size_of_cells, speed))
         more = option.over_cells()
-        if option.bulk is None and option.per_cell is None and not more:
-            return scene, p
         plain = scene.to_dict()
+        if option.walls is None:
+            # Options are compared with held nodes; "linear walls" is an option of its own.
+            hold_nodes(plain)
         for body in plain["bodies"]:
             if more and (self.kind == "solid" or "bulk_modulus" in body["material"]):
                 body |= {k: v.to_dict() for k, v in more.items()}
@@ -179,6 +180,15 @@ class Measured:
             if option.per_cell is not None:
                 body["particles_per_cell"] = option.per_cell
         return libmpm.Scene.from_dict(plain), p
+
+
+def hold_nodes(scene: dict[str, Any]) -> None:
+    """Let all walls of a scene's dictionary hold nodes that leave it to the scene."""
+    for boundary in scene["boundaries"]:
+        given = boundary["response"]
+        for response in [given] if "type" in given else given.values():
+            if response.get("cell") == "auto":
+                response["cell"] = "held"
 
 
 def wave_speed(law: Mapping[str, Any]) -> float:

@@ -125,7 +125,7 @@ class Option:
 
 
 def _walls(response: Response) -> str:
-    return "linear" if response.is_linear else response.kind
+    return "linear" if response.asks_for_linear else response.kind
 
 
 def smoothing(

@@ -13,6 +13,7 @@ from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.boundaries.covered_faces import uncovered_by_motion
 from libmpm._src.boundaries.distance_field import FIELD_EDGE, distance_field, layer_of
 from libmpm._src.boundaries.responses import Displacement, Mirror, Prescribed, Travel
+from libmpm._src.boundaries.wall_cells import FILTERS, keeps_whole_velocity
 from libmpm._src.errors import SceneError
 from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.boxes import Box, DomainWalls
@@ -40,7 +41,6 @@ _NODES = 1 << 14
 _STEPS = 50
 
 #: Schemes whose filters pass over the grid between the sums and the boundaries.
-_FILTERS = ("XPIC", "FMPM")
 
 
 def check_motion(check: Checker, scene: SceneData, boundary: Boundary) -> None:
@@ -77,7 +77,7 @@ def check_responses(check: Checker, scene: SceneData, boundary: Boundary) -> Non
     given = boundary.response
     if any(isinstance(r, Mirror) for r in boundary.responses):
         _check_mirror(check, scene, boundary)
-    if any(r.is_linear for r in boundary.responses):
+    if any(r.asks_for_linear for r in boundary.responses):
         _check_linear(check, scene, boundary)
     if any(isinstance(r, Prescribed) for r in boundary.responses):
         if scene.grid is not None or not isinstance(boundary.shape, Solid):
@@ -112,7 +112,7 @@ def _check_mirror(check: Checker, scene: SceneData, boundary: Boundary) -> None:
             "use Slip"
         )
     method = scene.method
-    if method.transfer_choice.scheme in _FILTERS:
+    if method.transfer_choice.scheme in FILTERS:
         check.fail(
             f"response is Mirror with transfer '{method.transfer_choice.scheme}', whose filter "
             "knows no mirrored nodes; expected another transfer, or Slip"
@@ -152,7 +152,7 @@ def _check_linear(check: Checker, scene: SceneData, boundary: Boundary) -> None:
             f'cell is "linear" with kernel "{method.kernel_choice.name}"; {held}, or the '
             'kernel "quadratic", whose functions the lines are made for'
         )
-    if method.transfer_choice.scheme in _FILTERS:
+    if method.transfer_choice.scheme in FILTERS:
         check.fail(
             f"cell is \"linear\" with transfer '{method.transfer_choice.scheme}', whose filter "
             f"does not know the lines; {held}, or another transfer"
@@ -166,12 +166,11 @@ def _check_linear(check: Checker, scene: SceneData, boundary: Boundary) -> None:
 
 def doubts_of_linear(scene: SceneData) -> list[str]:
     """Say where linear cells have been seen to fail in a long flow (`docs/boundaries.md`)."""
-    linear = [b.name for b in scene.boundaries if any(r.is_linear for r in b.responses)]
+    linear = [b.name for b in scene.boundaries if any(r.asks_for_linear for r in b.responses)]
     if not linear:
         return []
     found = []
-    transfer = scene.method.transfer_choice
-    if transfer.stores_velocity and (transfer.flip is None or transfer.flip > 0.99):
+    if transfer := keeps_whole_velocity(scene):
         found.append(
             f"boundary '{linear[0]}': linear cells with transfer '{transfer.scheme}', of which "
             "particles keep their whole velocity: in a flume of 70 m single ones left through a "

@@ -93,7 +93,7 @@ def distance_field(scene: SceneData, boundary: Boundary) -> DistanceField:
     spacing = boundary.spacing or scene.cell_size
     layer = layer_of(boundary)
     band = layer.thickness * scene.cell_size + 2 * spacing
-    if any(r.is_linear for r in boundary.responses):
+    if any(r.asks_for_linear for r in boundary.responses):
         # Whether another wall is near is asked four cells before a surface.
         band = max(band, 4 * scene.cell_size + spacing)
     region = _region(scene, boundary, band)

@@ -34,13 +34,13 @@ class Response(Value):
         return (0.0, 0.0)
 
     @property
-    def is_linear(self) -> bool:
-        """Whether the cells beside it strain linearly."""
+    def asks_for_linear(self) -> bool:
+        """Whether it names linear cells; of "auto" `wall_cells.strains_linearly` knows."""
         return getattr(self, "cell", "held") == "linear"
 
 
 def _check_cell(check: Checker, cell: Any) -> None:
-    check.choice("cell", cell, ("held", "linear"))
+    check.choice("cell", cell, ("auto", "held", "linear"))
 
 
 @value
@@ -65,14 +65,15 @@ class Slip(Response):
     label: ClassVar[str] = "boundaries.Slip"
     kind: ClassVar[str] = "slip"
 
-    cell: Literal["held", "linear"] = given(
+    cell: Literal["auto", "held", "linear"] = given(
         '"held": the wall holds nodes, one by one, and the cells beside it strain by half: '
         'their pressure in a flow is wrong. "linear": the velocity towards the wall is '
         "linear in its cell and meets the wall's in the plane of the wall "
-        "(`design/walls.md`, 7). With quadratic functions; for slopes that water rests on "
-        'keep "held".',
-        default="held",
-        range='"held" or "linear"',
+        '(`design/walls.md`, 7), with quadratic functions. "auto": "linear" for walls of the '
+        "domain and boxes that rest, in a scene with a fluid whose method allows it, else "
+        '"held", as for slopes that water rests on.',
+        default="auto",
+        range='"auto", "held" or "linear"',
     )
 
     def _check(self, check: Checker) -> dict[str, Any]:
@@ -100,7 +101,9 @@ class Separable(Response):
     dynamic_friction: float = given(
         "tangential = dynamic · normal impulse while sliding", default=0.0, unit="1", low=0
     )
-    cell: Literal["held", "linear"] = given('"held" or "linear", as of `Slip`', default="held")
+    cell: Literal["auto", "held", "linear"] = given(
+        "as of `Slip`", default="auto", range='"auto", "held" or "linear"'
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         _check_cell(check, self.cell)

@@ -19,7 +19,7 @@ import time as clock
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from libmpm._src.base.tables import pair_table
 from libmpm._src.boundaries import responses
@@ -30,6 +30,7 @@ from libmpm._src.materials.material import Material
 from libmpm._src.methods.method import FBar, Method
 from libmpm._src.methods.smoothing import Smoothing
 from libmpm._src.run.simulation import Simulation
+from libmpm._src.scene.places import planes
 from libmpm._src.scene.scene import Body, Scene
 from libmpm._src.shapes import boxes
 
@@ -89,12 +90,13 @@ def collapse(
     lift: int = 0,
     method: Method | None = None,
     smoothing: Smoothing | None = None,
+    cell: Literal["auto", "held", "linear"] = "auto",
 ) -> tuple[Scene, float]:
     """Return the scene with about `particles` particles, and its time step, s.
 
     `material` replaces the water, with a wave speed of `SOUND` or less; `lift` is the height in
     cells from which the cube falls first; `method` replaces the default one; `smoothing` over cells
-    stands in place of F-bar.
+    stands in place of F-bar; `cell` is that of the walls.
     """
     if particles < particles_per_cell:
         raise SceneError(f"bench: {particles} particles; expected {particles_per_cell} or more")
@@ -128,7 +130,7 @@ def collapse(
         fbar=form,
         smoothing=smoothing,
     )
-    scene.add_boundary(name="walls", shape=boxes.DomainWalls(), response=responses.Slip())
+    scene.add_boundary(name="walls", shape=boxes.DomainWalls(), response=responses.Slip(cell=cell))
     return scene, COURANT * dx / SOUND
 
 
@@ -179,15 +181,16 @@ def measure(
     fbar: str = "default",
     pipeline: str = "auto",
     threads: int = 0,
+    walls: Literal["auto", "held", "linear"] = "auto",
     command: str = "",
 ) -> Result:
     """Run the case and return the measurement; construction and sampling are not timed."""
-    scene, time_step = collapse(particles, fbar)
+    scene, time_step = collapse(particles, fbar, cell=walls)
     simulation = Simulation(
         scene, device=device, precision=precision, pipeline=pipeline, threads=threads,
         time_step=time_step,
     )  # fmt: skip
-    state = f"first {steps} steps of the collapse, sorts included, no output"
+    state = f"first {steps} steps of the collapse, sorts included, no output, {_cells(scene)} walls"
     return timed(simulation, steps, state=state, command=command)
 
 
@@ -242,6 +245,11 @@ def timed(
     )
 
 
+def _cells(scene: Scene) -> str:
+    """Return how the cells beside the walls strain: "held" or "linear"."""
+    return planes(scene)[0].cell
+
+
 def _form(body: Body) -> str:
     """Return the F-bar form that ran, also where it was left to the default."""
     if body.fbar == "default":
@@ -277,6 +285,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=int, default=10_000)
     parser.add_argument("--fbar", default="default", help=", ".join(FBAR_FORMS))
     parser.add_argument("--pipeline", default="auto", help="auto, fused, two-pass or phased")
+    parser.add_argument("--walls", default="auto", help="cells beside them: auto, held or linear")
     parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
     parser.add_argument("--json", type=Path, help="append the JSON line to this file")
 
@@ -291,6 +300,7 @@ def run_command(arguments: argparse.Namespace) -> int:
         fbar=arguments.fbar,
         pipeline=arguments.pipeline,
         threads=arguments.threads,
+        walls=arguments.walls,
     )
     print(describe(result))
     print(result.line())

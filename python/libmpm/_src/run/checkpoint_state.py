@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from libmpm._src.base.values import warned_already
 from libmpm._src.errors import CheckpointError, SceneError
-from libmpm._src.materials.friction import with_cones
 from libmpm._src.output.checkpoint import Checkpoint, load_checkpoint
 from libmpm._src.run import backends
 from libmpm._src.run.engine_spec import lower
 from libmpm._src.scene.data import SceneData
+from libmpm._src.scene.old_defaults import with_old_defaults
 from libmpm._src.scene.parts import Body
 from libmpm._src.scene.places import new_bodies, snap
 from libmpm._src.scene.scene_file import SceneReader
@@ -136,7 +136,7 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
 
     An engine in double precision on the CPU loads it: no bit of a narrower number is lost.
     """
-    scene = SceneReader(SceneData, with_cones(checkpoint.header["scene"])).read()
+    scene = SceneReader(SceneData, with_old_defaults(checkpoint.header["scene"])).read()
     specification = _shell(scene, checkpoint.header["time_step"]) | checkpoint.stored_as()
     engine = backends.core().Engine(specification)
     try:

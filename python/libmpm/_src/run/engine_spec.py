@@ -17,6 +17,7 @@ from libmpm._src.base.values import nearest, shown, warn
 from libmpm._src.boundaries.distance_field import lower_surface
 from libmpm._src.boundaries.flow_layers import flow_entries, keep_room, zones
 from libmpm._src.boundaries.responses import Prescribed, Response
+from libmpm._src.boundaries.wall_cells import linear_by_default, strains_linearly
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import placing
 from libmpm._src.grids.shapes import Outline
@@ -164,6 +165,7 @@ def lower(
         first += bodies[-1].get("id_count", bodies[-1]["count"])
     if problems := check_numbers(scene, precision, bodies):
         raise SceneError(problems)
+    linear = linear_by_default(scene)
     gravity = scene.gravity
     if not isinstance(gravity, TimeTable):
         gravity = constant(initial_gravity(scene).tolist())
@@ -184,7 +186,7 @@ def lower(
             "transfer": scene.method.transfer_choice.scene_part(),
             "kernel": scene.method.kernel_choice.specification(),
             "bodies": bodies,
-            "boundaries": [_boundary(scene, b) for b in scene.boundaries] + zones(scene),
+            "boundaries": [_boundary(scene, b, linear) for b in scene.boundaries] + zones(scene),
             "sensors": [
                 _sensor(scene, s, bodies)
                 for s in scene.sensors
@@ -410,7 +412,7 @@ def _fbar(scene: SceneData, body: Body) -> dict[str, Any]:
     return {"form": choice.form, "time": time, "ratio": ratio}
 
 
-def _boundary(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
+def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, Any]:
     faces = {}
     given = boundary.response
     # An outline or a surface has no faces: its one response stands under the first name.
@@ -421,7 +423,7 @@ def _boundary(scene: SceneData, boundary: Boundary) -> dict[str, Any]:
             "kind": response.kind,
             "static_friction": static,
             "dynamic_friction": dynamic,
-            "linear": response.is_linear,
+            "linear": strains_linearly(scene, boundary, response, linear),
         }
         if isinstance(response, Prescribed):
             faces[face]["axes"] = response.axes(scene.dimension)

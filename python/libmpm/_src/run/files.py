@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from libmpm._src.errors import Error, NumericalError
-from libmpm._src.materials.friction import with_cones
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.rank_files import open_together
 from libmpm._src.output.settings import Output
@@ -21,6 +20,7 @@ from libmpm._src.run.partition import Partition, recorded_partition
 from libmpm._src.run.running import Running
 from libmpm._src.run.shared_ranks import SharedRanks
 from libmpm._src.run.thread_turns import Turns
+from libmpm._src.scene.old_defaults import with_old_defaults
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.custom_functions import storable
 
@@ -183,7 +183,7 @@ def recorded(
     """
     _, source = checkpoints.find_newest(path, checkpoints.load_checkpoint)
     header = source.header
-    scene = Scene.from_dict(with_cones(header["scene"]))
+    scene = Scene.from_dict(with_old_defaults(header["scene"]))
     kind = header["device"].partition(":")[0]
     chosen = header["device"] if device is None else device
     if ranks is not None:

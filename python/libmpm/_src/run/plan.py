@@ -385,10 +385,10 @@ class Plan:
         ]
         if self._planes:
             faces: list[Sequence[str]] = [
-                (p.boundary, p.face, f"{p.stated:g}", f"{p.effective:g}", f"{p.shift:+.3f}")
+                (p.boundary, p.face, f"{p.stated:g}", f"{p.effective:g}", f"{p.shift:+.3f}", p.cell)
                 for p in self._planes
             ]
-            head = ("boundary", "face", "stated [m]", "effective [m]", "shift [cells]")
+            head = ("boundary", "face", "stated [m]", "effective [m]", "shift [cells]", "cells")
             found.append((head, faces))
         if self._flows:
             found.append((("flow", "face", "does"), list(self._flows)))

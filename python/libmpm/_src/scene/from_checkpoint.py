@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 from libmpm._src.base.values import Checker, warn
 from libmpm._src.errors import SceneError
-from libmpm._src.materials.friction import with_cones
 from libmpm._src.scene.cut import cells_within, cut_parts, require_particles
 from libmpm._src.scene.data import SceneData
+from libmpm._src.scene.old_defaults import with_old_defaults
 from libmpm._src.scene.start import RestoredBody, Start, digest_of
 from libmpm._src.sensors.engine_sensors import ParticleTracker
 from libmpm._src.sensors.python_sensors import AttributeTracker
@@ -47,7 +47,7 @@ def scene_from_checkpoint(
     from libmpm._src.run.checkpoint_state import id_ranges
 
     path, (header, stored_as) = find_newest(path, load_header)
-    before = read(with_cones(header["scene"]))
+    before = read(with_old_defaults(header["scene"]))
     check = Checker(f"Scene.from_checkpoint('{path}')")
     tiles = check.integer("tiles", tiles, lower=1, remedy="1 takes the run as it is")
     names = "xyz"[: before.dimension]

@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.time_tables import TimeTable
+from libmpm._src.boundaries.responses import Mirror, Response
+from libmpm._src.boundaries.wall_cells import linear_by_default, strains_linearly
 from libmpm._src.grids import placing
 from libmpm._src.grids.shapes import Outline
 from libmpm._src.shapes.boxes import Box, DomainWalls, Solid, faces_of
@@ -32,7 +34,8 @@ _RESIDUE = 1e-12
 class Plane:
     """An impermeable plane: where the scene states it and where the grid has it, in m.
 
-    Coordinates are those of the scene. `shift` is effective - stated, in cells.
+    Coordinates are those of the scene. `shift` is effective - stated, in cells. `cell` says how the
+    cells beside it strain: "held", "linear" or "mirror".
     """
 
     boundary: str
@@ -40,6 +43,7 @@ class Plane:
     stated: float
     effective: float
     shift: float
+    cell: str
 
 
 def initial_gravity(scene: SceneData) -> npt.NDArray[np.float64]:
@@ -96,9 +100,11 @@ def planes(scene: SceneData) -> list[Plane]:
     found: list[Plane] = []
     if scene.grid is not None:
         return found  # boundaries lie on edges of the grid, exactly
+    linear = linear_by_default(scene)
     for boundary in scene.boundaries:
         if boundary.is_surface:
             continue  # exact wherever it is
+        given = boundary.response
         if isinstance(boundary.shape, Box):
             stated = (boundary.shape.lower, boundary.shape.upper)
             cells = snap(scene, boundary.shape)
@@ -109,7 +115,11 @@ def planes(scene: SceneData) -> list[Plane]:
             axis, end = "xyz".index(face[0]), int(face[1] == "+")
             effective = scene.lower[axis] + cells[end][axis] * scene.cell_size
             shift = (effective - stated[end][axis]) / scene.cell_size
-            found.append(Plane(boundary.name, face, stated[end][axis], effective, shift))
+            response = given if isinstance(given, Response) else given[face]
+            cell = "mirror" if isinstance(response, Mirror) else "held"
+            if strains_linearly(scene, boundary, response, linear):
+                cell = "linear"
+            found.append(Plane(boundary.name, face, stated[end][axis], effective, shift, cell))
     return found
 
 

@@ -1,0 +1,98 @@
+"""How the cells beside walls strain: what `cell="auto"` of `Slip` and `Separable` stands for.
+
+Held nodes strain the cell beside a wall by half, and the pressure and the load of a flow there are
+wrong by several times; linear cells have both right (`design/walls.md`, 7). They are what a scene
+with water gets wherever they have been measured to hold, and held nodes everywhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from libmpm._src.boundaries.responses import Mirror, Response
+from libmpm._src.shapes.boxes import Box, DomainWalls
+
+if TYPE_CHECKING:
+    from libmpm._src.methods.transfer import Transfer
+    from libmpm._src.scene.data import SceneData
+    from libmpm._src.scene.parts import Boundary
+
+__all__ = ["FILTERS", "KEPT", "keeps_whole_velocity", "linear_by_default", "strains_linearly"]
+__all__ += ["with_held_cells"]
+
+#: Transfers that filter velocities over the grid and do not know lines of nodes.
+FILTERS = ("XPIC", "FMPM")
+#: Share of its velocity that a particle may keep beside linear cells: of those that keep more,
+#: single ones have left a flume through a step of its bed.
+KEPT = 0.99
+
+
+def keeps_whole_velocity(scene: SceneData) -> Transfer | None:
+    """Return a transfer of which particles keep (nearly) their whole velocity, if there is one."""
+    every = [scene.method.transfer_choice, *(b.transfer for b in scene.bodies if b.transfer)]
+    return next((t for t in every if t.stores_velocity and t.kept > KEPT), None)
+
+
+def linear_by_default(scene: SceneData) -> bool:
+    """Whether "auto" is "linear" at walls that rest in this scene.
+
+    There is a fluid, functions are plain quadratic splines, and neither method nor other walls know
+    nothing of lines of nodes.
+    """
+    method = scene.method
+    return (
+        scene.grid is None
+        and not scene.contacts
+        and method.kernel_choice.name == "quadratic"
+        and not method.kernel_choice.boundary
+        and method.transfer_choice.scheme not in FILTERS
+        and keeps_whole_velocity(scene) is None
+        and any(body.material.table.stores_volume for body in scene.bodies)
+        and not any(getattr(body.fbar, "form", "") == "split" for body in scene.bodies)
+        and not any(isinstance(r, Mirror) for b in scene.boundaries for r in b.responses)
+    )
+
+
+def strains_linearly(
+    scene: SceneData, boundary: Boundary, response: Response, by_default: bool | None = None
+) -> bool:
+    """Whether the cells beside a boundary of this response strain linearly.
+
+    `by_default` is `linear_by_default(scene)` where it is known already.
+    """
+    cell = getattr(response, "cell", "held")
+    if cell != "auto":
+        return bool(cell == "linear")
+    at_rest = boundary.motion is None and boundary.rotation is None
+    plain = boundary.layer is None and boundary.within is None and not boundary.bodies
+    flat = isinstance(boundary.shape, DomainWalls | Box) and not boundary.is_surface
+    if not (at_rest and plain and flat):
+        return False
+    return linear_by_default(scene) if by_default is None else by_default
+
+
+def with_held_cells(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the scene of a run whose walls name no cell, as until 0.1, with the held nodes it had.
+
+    Runs that continue keep their walls; a scene file that names none asks for "auto".
+    """
+    given = scene.get("boundaries", ())
+    if not isinstance(given, list | tuple):  # as the scene's own reader will say
+        return dict(scene)
+    boundaries = []
+    for boundary in given:
+        if isinstance(boundary, Mapping) and "response" in boundary:
+            boundary = dict(boundary) | {"response": _held(boundary["response"])}
+        boundaries.append(boundary)
+    return dict(scene) | {"boundaries": boundaries}
+
+
+def _held(response: Any) -> Any:
+    if not isinstance(response, Mapping):
+        return response
+    if "type" not in response:  # by face
+        return {face: _held(one) for face, one in response.items()}
+    if response["type"] in ("Slip", "Separable") and "cell" not in response:
+        return dict(response) | {"cell": "held"}
+    return response

@@ -1,0 +1,137 @@
+"""Which walls strain the cells beside them linearly when nobody says so."""
+
+import json
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm import boundaries, contacts, materials, methods, shapes
+from libmpm._src.run.engine_spec import lower
+from libmpm._src.scene.old_defaults import with_old_defaults
+
+WATER = materials.TaitFluid(density=1000.0, bulk_modulus=2e5)
+BLOCK = materials.FixedCorotated(density=800.0, youngs_modulus=1e6, poissons_ratio=0.3)
+
+
+def basin(
+    *, material=WATER, response=None, method=None, box=None, fbar="default", more=None, **boundary
+):
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0, 0), upper=(1.6, 1.2), gravity=(0, -9.81),
+        **({} if method is None else {"method": method}),
+    )  # fmt: skip
+    pool = shapes.Box(lower=(0, 0), upper=(1.6, 0.6))
+    scene.add_body(name="body", shape=pool, material=material, fbar=fbar)
+    shape = boundary.pop("shape", None) or shapes.DomainWalls()
+    scene.add_boundary(
+        name="walls", shape=shape, response=response or boundaries.Slip(), **boundary
+    )
+    if box is not None:
+        scene.add_boundary(name="box", shape=box, response=boundaries.Separable())
+    if more is not None:
+        more(scene)
+    return scene
+
+
+def linear(scene, name="walls"):
+    """Whether all faces, or none, of a boundary are linear in what the engine is told."""
+    for boundary in lower(scene, with_particles=False)["boundaries"]:
+        if boundary["name"] == name:
+            (found,) = {face["linear"] for face in boundary["faces"].values()}
+            return found
+    raise AssertionError(name)
+
+
+@pytest.mark.parametrize("response", [boundaries.Slip(), boundaries.Separable()])
+def test_walls_beside_water_strain_linearly(response):
+    scene = basin(response=response, box=shapes.Box(lower=(0.8, 0.3), upper=(1.2, 0.5)))
+    assert linear(scene) and linear(scene, "box")
+    cells = {plane.boundary: plane.cell for plane in scene.plan().boundaries}
+    assert cells == {"walls": "linear", "box": "linear"}
+    assert "linear" in str(scene.plan())
+
+
+def test_those_of_solids_alone_hold_their_nodes():
+    assert not linear(basin(material=BLOCK))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"method": methods.Method(kernel="cubic")},
+        {"method": methods.Method(transfer=methods.Transfer(scheme="XPIC", order=3))},
+        {"method": methods.Method(transfer="FLIP")},
+        {"fbar": methods.FBar(form="split", length=0.1)},
+        {"shape": shapes.HalfSpace(point=(0, 0.02), normal=(0, 1))},
+        {"within": shapes.Box(lower=(0, 0), upper=(0.8, 1.2))},
+        {"bodies": ("body",)},
+        {"response": boundaries.Sticky()},
+    ],
+    ids=lambda change: str(next(iter(change))),
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_where_lines_are_unknown_nodes_are_held(change):
+    assert not linear(basin(**change))
+
+
+def test_a_mirror_holds_all_other_walls():
+    sides = {"x-": boundaries.Mirror(), "x+": boundaries.Slip()}
+    scene = basin(response=sides | {"y-": boundaries.Slip(), "y+": boundaries.Slip()})
+    assert not linear(scene)
+    assert {plane.cell for plane in scene.plan().boundaries} == {"mirror", "held"}
+
+
+def test_contacts_hold_walls():
+    def contact(scene):
+        block = shapes.Box(lower=(0.4, 0.8), upper=(0.8, 1.0))
+        scene.add_body(name="block", shape=block, material=BLOCK)
+        scene.add_contact(name="rub", between=("block", "body"), law=contacts.Fluid())
+
+    assert not linear(basin(more=contact))
+
+
+def test_a_blend_that_forgets_is_beside_linear_cells():
+    blend = methods.Transfer(scheme="AFLIP", flip=0.95)
+    assert linear(basin(method=methods.Method(transfer=blend)))
+    # Of one body is enough to hold them.
+    scene = basin()
+    scene.add_body(
+        name="drop", shape=shapes.Box(lower=(0.4, 0.8), upper=(0.8, 1.0)), material=WATER,
+        transfer=methods.Transfer(scheme="FLIP"),
+    )  # fmt: skip
+    assert not linear(scene)
+
+
+@pytest.mark.parametrize("cell", ["held", "linear"])
+def test_what_is_asked_for_is_done(cell):
+    assert linear(basin(response=boundaries.Slip(cell=cell))) is (cell == "linear")
+
+
+def test_the_default_runs_as_the_named_one():
+    found = {}
+    for cell in ("auto", "linear", "held"):
+        scene = basin(response=boundaries.Slip(cell=cell))
+        sim = libmpm.Simulation(scene, device="cpu", threads=1)
+        sim.step(40)
+        found[cell] = np.asarray(sim.particles["body"]["position"])
+    assert np.array_equal(found["auto"], found["linear"])
+    assert not np.array_equal(found["auto"], found["held"])
+
+
+def test_a_run_of_the_first_version_keeps_its_walls():
+    """Its walls name no cell and hold nodes; a scene file that names none leaves it to us."""
+    scene = basin(box=shapes.Box(lower=(0.8, 0.3), upper=(1.2, 0.5)))
+    plain = json.loads(json.dumps(scene.to_dict()))
+    for boundary in plain["boundaries"]:
+        del boundary["response"]["cell"]
+    faces = {face: dict(plain["boundaries"][0]["response"]) for face in ("x-", "x+", "y-", "y+")}
+    plain["boundaries"][0]["response"] = faces
+    assert linear(libmpm.Scene.from_dict(plain))
+    assert not linear(libmpm.Scene.from_dict(with_old_defaults(plain)))
+    assert not linear(libmpm.Scene.from_dict(with_old_defaults(plain)), "box")
+
+
+def test_unknown_cell():
+    with pytest.raises(libmpm.SceneError, match=r"cell.*auto.*held.*linear"):
+        boundaries.Slip(cell="bent")
