@@ -45,7 +45,7 @@ def linear(scene, name="walls"):
 
 @pytest.mark.parametrize("response", [boundaries.Slip(), boundaries.Separable()])
 def test_walls_beside_water_strain_linearly(response):
-    scene = basin(response=response, box=shapes.Box(lower=(0.8, 0.3), upper=(1.2, 0.5)))
+    scene = basin(response=response, box=shapes.Box(lower=(0.8, 0.8), upper=(1.2, 1.0)))
     assert linear(scene) and linear(scene, "box")
     cells = {plane.boundary: plane.cell for plane in scene.plan().boundaries}
     assert cells == {"walls": "linear", "box": "linear"}
@@ -93,12 +93,12 @@ def test_contacts_hold_walls():
 
 def test_a_blend_that_forgets_is_beside_linear_cells():
     blend = methods.Transfer(scheme="AFLIP", flip=0.95)
-    assert linear(basin(method=methods.Method(transfer=blend)))
-    # Of one body is enough to hold them.
-    scene = basin()
+    scene = basin(method=methods.Method(transfer=blend))
+    assert linear(scene)
+    # One body that forgets nothing is enough to hold them.
     scene.add_body(
         name="drop", shape=shapes.Box(lower=(0.4, 0.8), upper=(0.8, 1.0)), material=WATER,
-        transfer=methods.Transfer(scheme="FLIP"),
+        transfer=methods.Transfer(scheme="AFLIP", flip=1.0),
     )  # fmt: skip
     assert not linear(scene)
 
@@ -121,7 +121,7 @@ def test_the_default_runs_as_the_named_one():
 
 def test_a_run_of_the_first_version_keeps_its_walls():
     """Its walls name no cell and hold nodes; a scene file that names none leaves it to us."""
-    scene = basin(box=shapes.Box(lower=(0.8, 0.3), upper=(1.2, 0.5)))
+    scene = basin(box=shapes.Box(lower=(0.8, 0.8), upper=(1.2, 1.0)))
     plain = json.loads(json.dumps(scene.to_dict()))
     for boundary in plain["boundaries"]:
         del boundary["response"]["cell"]
