@@ -19,12 +19,18 @@ namespace mpm::test {
 
 inline constexpr double forever = std::numeric_limits<double>::infinity();
 
-/// Sanitizers take twenty times as long: what is long is shorter there, and no test is left out.
+/// Sanitizers take twenty times as long: what is long is shorter there, statistics of long runs and
+/// most materials are left out.
 #if defined(LIBMPM_SANITIZED)
 inline constexpr bool sanitized = true;
 #else
 inline constexpr bool sanitized = false;
 #endif
+
+inline bool is_built(const std::string& name) {
+    const auto& all = materials();
+    return std::any_of(all.begin(), all.end(), [&](const auto& m) { return name == m.name; });
+}
 
 inline std::vector<double> fluid(double bulk_modulus = 2e5) {
     return {1000, bulk_modulus, 7.15, 0.001};
