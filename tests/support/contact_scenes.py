@@ -270,6 +270,8 @@ def floating(density: float, cells: int = 8) -> libmpm.Scene:
         material=solid(1e5, 0.3, density),
         subtract_from=("water",),
     )
-    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    # As with contacts, where "auto" is "held": the scene is compared with and without.
+    walls = boundaries.Slip(cell="held")
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=walls)
     scene.add_contact(name="wet", between=("block", "water"), law=contacts.Fluid())
     return scene
