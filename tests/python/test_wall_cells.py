@@ -91,6 +91,20 @@ def test_contacts_hold_walls():
     assert not linear(basin(more=contact))
 
 
+def test_walls_that_something_moving_stands_on_are_held():
+    way = libmpm.TimeTable(time=(0.0, 1.0), value=((0.0, 0.0), (0.3, 0.0)))
+    scene = basin(box=shapes.Box(lower=(1.2, 0.8), upper=(1.4, 1.0)))
+    scene.add_boundary(
+        name="piston", shape=shapes.Box(lower=(-0.4, -0.2), upper=(0.0, 0.9)),
+        response=boundaries.Slip(), motion=boundaries.Displacement(way),
+    )  # fmt: skip
+    cells = {(p.boundary, p.face): p.cell for p in scene.plan().boundaries}
+    assert {face: cells["walls", face] for face in ("x-", "x+", "y-", "y+")} == {
+        "x-": "held", "x+": "linear", "y-": "held", "y+": "linear",
+    }  # fmt: skip
+    assert linear(scene, "box")
+
+
 def test_a_blend_that_forgets_is_beside_linear_cells():
     blend = methods.Transfer(scheme="AFLIP", flip=0.95)
     scene = basin(method=methods.Method(transfer=blend))

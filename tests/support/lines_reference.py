@@ -175,13 +175,16 @@ class LinesReference(Reference):
         boundary = self.spec["boundaries"][b]
         law, motion = boundary["faces"][face], boundary.get("velocity")
         wall = table_value(motion, self.time) if motion is not None else np.zeros(self.d)
-        if form == "held":
+
+        def alone():
             before = v[node].copy()
             normal = np.zeros(self.d)
             normal[axis] = sign
             v[node] = respond(before[None], wall, normal, law)[0]
             taken[b][face] += self.m[node] * (before - v[node])
-            return
+
+        if form == "held":
+            return alone()
         shares = {1: 1.0, 0: 1 / 3, -1: -1 / 3} if form == "linear" else {0: 1.0, -1: -1.0}
         line = {}
         for k in shares:
@@ -191,12 +194,12 @@ class LinesReference(Reference):
         m = np.array([self.m[line[k]] for k in shares])
         t = np.array(list(shares.values()))
         u = np.array([free[line[k]] - wall for k in shares])
-        if not m[0] > 0:
-            return
+        if not m[0] > 0:  # nothing leads: those at the plane stop there one by one
+            return alone() if place <= 0 else None
         lead = np.sum(t * m * u[:, axis]) / np.sum(t * t * m)
         impulse = sign * np.sum(m * (t * lead - u[:, axis]))
         if law["kind"] == "separable" and not impulse > 0:
-            return
+            return alone() if place <= 0 else None
         before = v[node][axis]
         v[node][axis] = wall[axis] + shares[place] * lead
         bound[node][axis] = True

@@ -315,17 +315,18 @@ struct FollowLines {
             if (line.form == WallLine::none) continue;
             const Wall by = wall(line);
             const Vec<T, D> before = v;
-            if (line.form == WallLine::held) {
-                v = respond(by.law, a, T(line.sign), before, by.velocity);
-                seen(line.boundary, line.face, before, v);
-                line.form = WallLine::none;
-                continue;
-            }
-            const Sums s = sum(line, a, cell, own, by.velocity);
-            const T impulse = T(line.sign) * (s.lead() * s.led - s.momentum[a]);
-            // Without a leader there is no field; and no wall pulls where material may leave it.
-            if (!(s.leader > T(0)) ||
-                (by.law.response == Response::separable && !(impulse > T(0)))) {
+            Sums s;
+            if (line.form != WallLine::held) s = sum(line, a, cell, own, by.velocity);
+            const bool alone = line.form == WallLine::held || !(s.leader > T(0));
+            const T impulse = alone ? T(0) : T(line.sign) * (s.lead() * s.led - s.momentum[a]);
+            // Without a leader there is no field, and no wall pulls where material may leave it.
+            // But drops that stand next to the plane, or fall where others rise, would pass it if
+            // the nodes at the plane were free: these are held one by one.
+            if (alone || (by.law.response == Response::separable && !(impulse > T(0)))) {
+                if (line.form == WallLine::held || line.place <= 0) {
+                    v = respond(by.law, a, T(line.sign), before, by.velocity);
+                    seen(line.boundary, line.face, before, v);
+                }
                 line.form = WallLine::none;
                 continue;
             }

@@ -15,10 +15,9 @@ from libmpm._src.base.time_tables import TimeTable, largest
 from libmpm._src.boundaries.distance_field import motion_of
 from libmpm._src.boundaries.flows import Inflow, Outflow
 from libmpm._src.boundaries.responses import DecayLayer, Mirror, Response, Slip, Sticky
-from libmpm._src.boundaries.wall_cells import linear_by_default, strains_linearly
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
-from libmpm._src.scene.places import extent_of, initial_gravity
+from libmpm._src.scene.places import extent_of, initial_gravity, planes
 from libmpm._src.shapes.boxes import DomainWalls
 from libmpm._src.shapes.filling import BOXES
 from libmpm._src.shapes.particle_placement import Columns
@@ -190,9 +189,8 @@ class Facts:
     @cached_property
     def linear(self) -> bool:
         """Whether the cells beside walls of the domain are linear already."""
-        walls = [(b, r) for b, r in self._responses() if isinstance(b.shape, DomainWalls)]
-        default = linear_by_default(self.scene)
-        return any(strains_linearly(self.scene, b, r, default) for b, r in walls)
+        walls = [b.name for b in self.scene.boundaries if isinstance(b.shape, DomainWalls)]
+        return any(p.cell == "linear" and p.boundary in walls for p in planes(self.scene))
 
     def takes_walls(self, kind: str | None) -> bool:
         """Return whether walls of this kind are there or can stand for those that are."""

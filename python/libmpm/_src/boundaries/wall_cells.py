@@ -10,8 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from libmpm._src.base.axes import AXES
+from libmpm._src.boundaries.covered_faces import motion_of, moves
 from libmpm._src.boundaries.responses import Mirror, Response
 from libmpm._src.shapes.boxes import Box, DomainWalls
+from libmpm._src.shapes.solid import Solid
 
 if TYPE_CHECKING:
     from libmpm._src.methods.transfer import Transfer
@@ -55,21 +60,45 @@ def linear_by_default(scene: SceneData) -> bool:
 
 
 def strains_linearly(
-    scene: SceneData, boundary: Boundary, response: Response, by_default: bool | None = None
+    scene: SceneData, boundary: Boundary, face: str, by_default: bool | None = None
 ) -> bool:
-    """Whether the cells beside a boundary of this response strain linearly.
+    """Whether the cells beside a face ("" where there is none) of a boundary strain linearly.
 
     `by_default` is `linear_by_default(scene)` where it is known already.
     """
+    given = boundary.response
+    response = given if isinstance(given, Response) else given[face or next(iter(given))]
     cell = getattr(response, "cell", "held")
     if cell != "auto":
         return bool(cell == "linear")
     at_rest = boundary.motion is None and boundary.rotation is None
     plain = boundary.layer is None and boundary.within is None and not boundary.bodies
     flat = isinstance(boundary.shape, DomainWalls | Box) and not boundary.is_surface
-    if not (at_rest and plain and flat):
+    if not (face and at_rest and plain and flat):
         return False
-    return linear_by_default(scene) if by_default is None else by_default
+    if not (linear_by_default(scene) if by_default is None else by_default):
+        return False
+    return not any(_reaches(scene, b, boundary, face) for b in scene.boundaries if moves(b))
+
+
+def _reaches(scene: SceneData, moving: Boundary, wall: Boundary, face: str) -> bool:
+    """Whether a moving boundary ever stands on a wall: drops creep between the two there.
+
+    Those that turn or travel are taken to come everywhere.
+    """
+    table, places = motion_of(moving)
+    if moving.rotation is not None or not places or table is None:
+        return True
+    assert isinstance(moving.shape, Solid)
+    low, high = moving.shape.bounds()
+    rows, near = np.asarray(table.value, dtype=np.float64), scene.cell_size
+    first = np.asarray(low) + rows.min(axis=0) - near
+    last = np.asarray(high) + rows.max(axis=0) + near
+    if isinstance(wall.shape, Box):
+        return bool(np.all(first <= wall.shape.upper) and np.all(last >= wall.shape.lower))
+    axis = AXES.index(face[0])
+    plane = (scene.lower if face[1] == "-" else scene.upper)[axis]
+    return bool(first[axis] <= plane <= last[axis])
 
 
 def with_held_cells(scene: Mapping[str, Any]) -> dict[str, Any]:

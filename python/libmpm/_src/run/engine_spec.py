@@ -416,14 +416,15 @@ def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, A
     faces = {}
     given = boundary.response
     # An outline or a surface has no faces: its one response stands under the first name.
-    for face in faces_present(scene, boundary) or ("x-",):
+    present = faces_present(scene, boundary)
+    for face in present or ("x-",):
         response = given if isinstance(given, Response) else given[face]
         static, dynamic = response.friction
         faces[face] = {
             "kind": response.kind,
             "static_friction": static,
             "dynamic_friction": dynamic,
-            "linear": strains_linearly(scene, boundary, response, linear),
+            "linear": strains_linearly(scene, boundary, face if present else "", linear),
         }
         if isinstance(response, Prescribed):
             faces[face]["axes"] = response.axes(scene.dimension)

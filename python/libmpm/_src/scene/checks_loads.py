@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from libmpm._src.advice.facts import Facts
 from libmpm._src.boundaries.responses import Mirror, Prescribed
-from libmpm._src.boundaries.wall_cells import strains_linearly
-from libmpm._src.scene.places import initial_gravity
+from libmpm._src.scene.places import initial_gravity, linear_all_round
 from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.sensors.python_sensors import PressureProbe
 from libmpm._src.shapes.boxes import Box, DomainWalls, faces_of
@@ -138,7 +137,7 @@ def _of_flow(facts: Facts, boundary: Boundary) -> list[str]:
                 "upper bound"
             )
     deep = _depth(facts, boundary) / scene.cell_size
-    linear = all(strains_linearly(scene, boundary, r) for r in boundary.responses)
+    linear = linear_all_round(scene, boundary)
     if 0 < deep < _DEEP[linear] / _SLACK:
         word = "linear cells" if linear else "held nodes"
         remedy = "" if linear else ', or response cell="linear", with which 8 cells do'
@@ -153,7 +152,7 @@ def _of_flow(facts: Facts, boundary: Boundary) -> list[str]:
 
 def _at_rest(scene: SceneData, boundary: Boundary) -> list[str]:
     """Return what a load cell on single faces of a box lacks in still water."""
-    linear = all(strains_linearly(scene, boundary, r) for r in boundary.responses)
+    linear = linear_all_round(scene, boundary)
     if not isinstance(boundary.shape, Box) or linear:
         return []
     some = [
@@ -182,10 +181,8 @@ def _of_probe(facts: Facts, name: str, probe: PressureProbe, flows: bool) -> lis
     for boundary in scene.boundaries:
         if isinstance(boundary.response, Prescribed) or boundary.time is not None:
             continue
-        if all(
-            isinstance(r, Mirror) or strains_linearly(scene, boundary, r)
-            for r in boundary.responses
-        ):
+        mirrors = all(isinstance(r, Mirror) for r in boundary.responses)
+        if mirrors or linear_all_round(scene, boundary):
             continue
         if isinstance(boundary.shape, DomainWalls):
             if not flows or _to_walls(scene, boundary, at[0]) >= _NEAR * scene.cell_size:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.parts import Body, Boundary
 
 __all__ = ["Plane", "body_counts", "extent_of", "faces_present", "initial_gravity", "new_bodies"]
-__all__ += ["planes", "snap", "vertical_axis"]
+__all__ += ["linear_all_round", "planes", "snap", "vertical_axis"]
 
 #: Part of a cell that rounding of coordinates may make.
 _ROUNDING = 1e-6
@@ -95,6 +95,12 @@ def extent_of(scene: SceneData, boundary: Boundary) -> tuple[list[float], list[f
     return first, last
 
 
+def linear_all_round(scene: SceneData, boundary: Boundary) -> bool:
+    """Return whether the cells beside all faces of a boundary strain linearly."""
+    faces, known = faces_present(scene, boundary) or ("",), linear_by_default(scene)
+    return all(strains_linearly(scene, boundary, face, known) for face in faces)
+
+
 def planes(scene: SceneData) -> list[Plane]:
     """Return stated and effective plane of every wall and box face."""
     found: list[Plane] = []
@@ -117,7 +123,7 @@ def planes(scene: SceneData) -> list[Plane]:
             shift = (effective - stated[end][axis]) / scene.cell_size
             response = given if isinstance(given, Response) else given[face]
             cell = "mirror" if isinstance(response, Mirror) else "held"
-            if strains_linearly(scene, boundary, response, linear):
+            if strains_linearly(scene, boundary, face, linear):
                 cell = "linear"
             found.append(Plane(boundary.name, face, stated[end][axis], effective, shift, cell))
     return found
