@@ -153,12 +153,12 @@ def scene(
         **how,
     )
     made.add_boundary(
-        name="bed", shape=shapes.DomainWalls(faces=("y-",)), response=boundaries.Slip()
+        name="bed", shape=shapes.DomainWalls(faces=("y-",)), response=boundaries.Slip(cell="held")
     )
     for name, (x, y, length, height) in DECKS[model.deck].items():
         low = (FRONT + x, model.soffit + y)
         part = shapes.Box(lower=low, upper=(low[0] + length, low[1] + height))
-        made.add_boundary(name=name, shape=part, response=boundaries.Separable())
+        made.add_boundary(name=name, shape=part, response=boundaries.Separable(cell="held"))
         load = sensors.LoadCell(boundary=name, interval=INTERVAL)
         made.add_sensor(name=f"load {name}", sensor=load)
         front = sensors.LoadCell(boundary=name, faces=("x-",), interval=INTERVAL)

@@ -136,7 +136,9 @@ def impact(speed: float, name: str = "FixedCorotated") -> Trial:
         name="block", shape=cells(0, 4, size=(8, 4)), material=material, velocity=(-speed, 0.0)
     )
     scene.add_boundary(
-        name="wall", shape=shapes.DomainWalls(faces=("x-",)), response=boundaries.Separable()
+        name="wall",
+        shape=shapes.DomainWalls(faces=("x-",)),
+        response=boundaries.Separable(cell="held"),
     )
     until = 6 * 8 * DX / c
     scene.add_sensor(name="energy", sensor=sensors.Energy(interval=until / 200))
@@ -217,11 +219,11 @@ def swept(mach: float, response: Any = None) -> Trial:
     At the end nothing has been passed by, and the block goes at the wall's speed at least.
     """
     speed = mach * wave_speed()
-    scene = domain("swept", (60, 8), boundaries.Slip())
+    scene = domain("swept", (60, 8), boundaries.Slip(cell="held"))
     scene.add_body(name="block", shape=cells(20, 2, size=(6, 4)), material=solid())
     scene.add_boundary(
         name="piston", shape=cells(8, 0, size=(8, 8)), motion=boundaries.Travel((speed, 0.0)),
-        response=response or boundaries.Separable(),
+        response=response or boundaries.Separable(cell="held"),
     )  # fmt: skip
     until = 14 * DX / speed
 

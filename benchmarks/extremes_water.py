@@ -53,7 +53,7 @@ def block(mach: float, part: float = 1.0, steps: int = 1000, per_cell: int = 4) 
     It crosses 24 cells or flies for so many steps of `part` of the stable one.
     """
     speed = mach * SOUND
-    scene = _scene("block", (32, 8), boundaries.Slip())
+    scene = _scene("block", (32, 8), boundaries.Slip(cell="held"))
     scene.add_body(
         name="water", shape=shapes.Box(lower=(2 * DX, 2 * DX), upper=(6 * DX, 6 * DX)),
         material=_water(), velocity=(speed, 0.0), particles_per_cell=per_cell,
@@ -116,7 +116,7 @@ def vortex(mach: float, per_cell: int = 4, loss: float = 0.0, cfl: float = 0.4) 
 
 def impact(speed: float, cfl: float = 0.4) -> Trial:
     """A block of 8 x 8 cells of water (2.2 GPa) thrown at a wall: energy does not grow."""
-    scene = _scene("impact", (24, 24), boundaries.Slip(), cfl=cfl)
+    scene = _scene("impact", (24, 24), boundaries.Slip(cell="held"), cfl=cfl)
     scene.add_body(
         name="water", shape=shapes.Box(lower=(DX, 8 * DX), upper=(9 * DX, 16 * DX)),
         material=_water(REAL), velocity=(-speed, 0.0),
@@ -132,7 +132,7 @@ def lone(cfl: float, dimension: int = 2) -> Trial:
 
     An explicit step is stable for ω Δt < 2, so for a Courant number below 1/√d.
     """
-    scene = _scene("lone", (8,) * dimension, boundaries.Slip(), cfl=cfl)
+    scene = _scene("lone", (8,) * dimension, boundaries.Slip(cell="held"), cfl=cfl)
     low, high = (3.45 * DX,) * dimension, (3.95 * DX,) * dimension
     scene.add_body(
         name="water", shape=shapes.Box(lower=low, upper=high), material=_water(),
@@ -164,7 +164,7 @@ def falling(
     side = count * apart
     cells = math.ceil(side) + 8
     scene = _scene(
-        "falling", (cells,) * dimension, boundaries.Slip(), cell_size=dx,
+        "falling", (cells,) * dimension, boundaries.Slip(cell="held"), cell_size=dx,
         gravity=(0.0,) * (dimension - 1) + (-GRAVITY,),
     )  # fmt: skip
     half = side / 2 * dx

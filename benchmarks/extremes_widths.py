@@ -43,7 +43,7 @@ def flight(
     material = solid(density=density, young=YOUNG * scale)
     c = wave_speed(YOUNG * scale, POISSON, density)
     speed = mach * c
-    scene = domain("flight", tuple(round(n) for n in room), boundaries.Slip())
+    scene = domain("flight", tuple(round(n) for n in room), boundaries.Slip(cell="held"))
     low = tuple(math.floor(n / 2) - size / 2 for n in room)
     scene.add_body(
         name="body", shape=cells(*low, size=(size,) * d), material=material, lattice=lattice,

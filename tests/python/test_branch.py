@@ -329,7 +329,9 @@ def test_a_tank_stays_at_rest_at_another_time_step(tmp_path, dimension, form):
         hydrostatic=depth,
         fbar=FORMS[form],
     )
-    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    scene.add_boundary(
+        name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip(cell="held")
+    )
     trunk = simulate(scene)
     trunk.step(300)
     scene = libmpm.Scene.from_checkpoint(saved(trunk, tmp_path))

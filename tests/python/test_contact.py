@@ -59,7 +59,7 @@ def meeting(transfer: str, dimension: int, law: contacts.ContactLaw | None) -> l
         )
     scene.add_boundary(
         name="walls", shape=shapes.DomainWalls(),
-        response=boundaries.Separable(static_friction=0.3, dynamic_friction=0.2),
+        response=boundaries.Separable(static_friction=0.3, dynamic_friction=0.2, cell="held"),
     )  # fmt: skip
     if law is not None:
         scene.add_contact(name="all", between=("*", "*"), law=law)

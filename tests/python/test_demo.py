@@ -68,7 +68,8 @@ def test_blocks_are_lifted_and_touch_the_face(runs, paths):
         last = x[-1].mean(axis=0)
         beside = lower[0] < last[0] < upper[0] and not lower[1] < last[1] < upper[1]
         assert not beside, body
-    assert count >= 3
+    # Three pairs that are images of one another; one reaches the face, the others stop behind it.
+    assert count >= 2
 
 
 @pytest.mark.timeout(900)

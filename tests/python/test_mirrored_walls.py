@@ -64,8 +64,8 @@ def test_half_of_a_column_that_falls_apart_is_the_whole(form):
         made = libmpm.Scene(
             dimension=2, lower=(low, 0), upper=(0.4, 0.6), cell_size=DX, gravity=(0.0, -9.81)
         )
-        walls = {"x-": boundaries.Mirror() if low == 0 else boundaries.Slip()}
-        walls |= {face: boundaries.Slip() for face in ("x+", "y-", "y+")}
+        walls = {"x-": boundaries.Mirror() if low == 0 else boundaries.Slip(cell="held")}
+        walls |= {face: boundaries.Slip(cell="held") for face in ("x+", "y-", "y+")}
         made.add_boundary(name="walls", shape=shapes.DomainWalls(), response=walls)
         made.add_body(
             name="water", shape=shapes.Box(lower=(low / 2, 0), upper=(0.2, 0.4)), fbar=fbar,

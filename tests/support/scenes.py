@@ -23,6 +23,17 @@ def stiffness(depth, gravity=GRAVITY):
     return WATER * 100 * 2 * gravity * depth
 
 
+def held(scene):
+    """The same scene with walls that hold nodes where it leaves that to libmpm."""
+    plain = scene.to_dict()
+    for boundary in plain["boundaries"]:
+        given = boundary["response"]
+        for response in [given] if "type" in given else given.values():
+            if response.get("cell") == "auto":
+                response["cell"] = "held"
+    return libmpm.Scene.from_dict(plain)
+
+
 def bar(density, *, cell_size=0.01, scale=1.0, cfl=0.5, modulus=1e6, lower=(0.0, 0.0),
         origin=(0.0, 0.0)):  # fmt: skip
     """A bar of 0.5 x 0.1 m, ν = 0, two cells from the wall x- at 1 m/s, no gravity."""

@@ -18,6 +18,7 @@ from libmpm._src.advice.choose import (
     per_case,
     present,
     softest,
+    walls_of,
 )
 from libmpm._src.advice.facts import Facts, own_fbar
 from libmpm._src.advice.result import Advice, Reason, Settings
@@ -209,7 +210,7 @@ def _settings(
     reasons = _merged(reasons)
     reasons.append(_of_cells(facts, chosen))
     bulk, more = _bulk(facts, rows, known, error)
-    walls = first.choices.get("walls")
+    walls = walls_of(first, facts)
     changed = facts.mirrorable if walls is not None else ()
     if walls is not None:
         named = "Mirror" if walls == "mirror" else 'Slip(cell="linear")'

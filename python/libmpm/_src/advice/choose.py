@@ -27,6 +27,7 @@ from libmpm._src.advice.rules import FLOATING, Match
 from libmpm._src.boundaries.responses import DecayLayer
 
 __all__ = ["Candidate", "candidates", "choose", "layer_of", "per_case", "present", "softest"]
+__all__ += ["walls_of"]
 
 #: Groups of rows that are settings of a scene; the others change the problem or cost no accuracy.
 _GROUPS = (
@@ -105,15 +106,23 @@ def _coarse(row: Row, others: Iterable[Row], facts: Facts) -> bool:
     )
 
 
-def _setting(row: Row, of_case: Mapping[str, Row]) -> str:
+def _setting(row: Row, of_case: Mapping[str, Row], facts: Facts) -> str:
     """Return what a setting is, whatever the case and its cells, as a key."""
     own = {k: row.choices.get(k) for k in ("fbar", "solid_fbar")}
-    return json.dumps([_common(row, of_case), own, row.per_axis], sort_keys=True)
+    return json.dumps([_common(row, of_case, facts), own, row.per_axis], sort_keys=True)
 
 
-def _common(row: Row, of_case: Mapping[str, Row]) -> str:
+def walls_of(row: Row, facts: Facts) -> str | None:
+    """Return the walls that a row asks for, None for those that the scene has."""
+    walls = row.choices.get("walls")
+    return None if facts.linear and walls == "linear" else walls
+
+
+def _common(row: Row, of_case: Mapping[str, Row], facts: Facts) -> str:
     """Return what all bodies of a scene share, as a key."""
-    shared = {k: row.choices.get(k) for k in ("transfer", "kernel", "precision", "walls", "layer")}
+    shared = {k: row.choices.get(k) for k in ("transfer", "kernel", "precision", "layer")}
+    # Cases whose walls make no difference have no rows of linear ones.
+    shared["walls"] = walls_of(row, facts)
     step = row.choices["cfl"] / of_case[BASELINE].choices["cfl"]
     return json.dumps([shared, round(step, 6)], sort_keys=True)
 
@@ -149,7 +158,7 @@ def _options(table: Table, cases: Sequence[str], facts: Facts) -> Iterator[tuple
     for case in cases:
         groups.append({})
         for row in _settings_of(table[case], facts).values():
-            groups[-1].setdefault(_setting(row, table[case]), []).append(row)
+            groups[-1].setdefault(_setting(row, table[case], facts), []).append(row)
     for key in groups[0]:
         if all(key in group for group in groups):
             yield from itertools.product(*(group[key] for group in groups))
@@ -163,7 +172,7 @@ def candidates(table: Table, found: Sequence[Match], facts: Facts) -> list[Candi
     for water in _options(table, cases["water"], facts):
         for other in solid:
             rows = (*water, *other)
-            if len({_common(row, table[row.case]) for row in rows}) != 1:
+            if len({_common(row, table[row.case], facts) for row in rows}) != 1:
                 continue
             refine = _refine(rows, facts)
             method = sum(_factor(row, table[row.case]) for row in rows) / len(rows)

@@ -92,8 +92,8 @@ def describe_fault(fault: Mapping[str, Any], time_step: float, cell_size: float 
         remedy = (
             f"no node was faster than {_CALM:g} of a cell in a step, so a shorter step or a "
             "stiffer material is not what is missing: check the material's parameters and the "
-            "stress or pressure that the body starts with, use precision='double', and report "
-            "the scene if it stands in double"
+            "velocity, stress or pressure that the body starts with, use precision='double', and "
+            "report the scene if it stands in double"
         )
     who = f"body '{fault['body']}'" if fault["body"] else "grid"
     if len(fault["ids"]):

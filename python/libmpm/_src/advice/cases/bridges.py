@@ -191,7 +191,7 @@ def block_impact(
         scene.add_boundary(
             name=f"wall-{length:g}",
             shape=Box(lower=(-left, face), upper=(0.0, face + reach)),
-            response=Separable(),
+            response=Separable(cell="held"),
         )
         scene.add_body(
             name=f"block-{length:g}",
@@ -333,12 +333,12 @@ def _debris_in_water(p: Parameters, options: Options) -> Scene:
             subtract_from=() if k else ("flow",),
             **solid_choices(options),
         )
-        scene.add_boundary(name=f"deck-{name}", shape=decks[name], response=Separable())
+        scene.add_boundary(name=f"deck-{name}", shape=decks[name], response=Separable(cell="held"))
         load = LoadCell(boundary=f"deck-{name}", interval=0)
         scene.add_sensor(name=f"deck-{name}", sensor=load)
         tracker = BodyTracker(body=f"block-{name}", quantities=("boundary_force",), interval=0)
         scene.add_sensor(name=f"block-{name}", sensor=tracker)
-    scene.add_boundary(name="floor", shape=DomainWalls(faces=("y-",)), response=Slip())
+    scene.add_boundary(name="floor", shape=DomainWalls(faces=("y-",)), response=Slip(cell="held"))
     scene.add_flow(name="inlet", flow=Inflow(body="flow", face="x-", velocity=v, level=depth))
     scene.add_flow(name="outlet", flow=Outflow(face="x+", velocity=v))
     return scene
