@@ -95,10 +95,10 @@ def _loaded_beam(p: Parameters, options: Options) -> Scene:
     for side, (a, b) in {"left": (low[0], inner[0]), "right": (inner[1], high[0])}.items():
         clamp, wall = slab.box((a, low[1]), (b, 0.0)), slab.box((a, 0.0), (b, high[1]))
         scene.add_boundary(name=f"{side}-clamp", shape=clamp, response=Sticky())
-        scene.add_boundary(name=f"{side}-wall", shape=wall, response=Slip())
+        scene.add_boundary(name=f"{side}-wall", shape=wall, response=Slip(cell="held"))
     if p["thickness"]:
         sides = DomainWalls(faces=("z-", "z+"))
-        scene.add_boundary(name="sides", shape=sides, response=Slip())
+        scene.add_boundary(name="sides", shape=sides, response=Slip(cell="held"))
     return scene
 
 
@@ -198,14 +198,14 @@ def _elastic_column(p: Parameters, options: Options) -> Scene:
     low = (math.floor(_COLUMN[0][0] / dx - 0.5 + 1e-6) - 0.5) * dx
     high = (math.ceil(_COLUMN[1][0] / dx + 0.5 - 1e-6) + 0.5) * dx
     for name, a, b, response in (
-        ("bed-left", left, low, Separable()),
-        ("bed-right", high, right, Separable()),
+        ("bed-left", left, low, Separable(cell="held")),
+        ("bed-right", high, right, Separable(cell="held")),
         ("clamp", low, high, Sticky()),
     ):
         box = slab.box((a, base), (b, bed))
         scene.add_boundary(name=name, shape=box, response=response)
     walls = DomainWalls(faces=("x-", "x+", "y+"))
-    scene.add_boundary(name="walls", shape=walls, response=Separable())
+    scene.add_boundary(name="walls", shape=walls, response=Separable(cell="held"))
     return scene
 
 
@@ -344,9 +344,9 @@ def _buoyancy(p: Parameters, options: Options) -> Scene:
         )
         if n:
             between = slab.box((left - 2 * dx, 0.0), (left, top))
-            scene.add_boundary(name=f"wall-{n}", shape=between, response=Separable())
+            scene.add_boundary(name=f"wall-{n}", shape=between, response=Separable(cell="held"))
     walls = DomainWalls(faces=("x-", "x+", "y-"))
-    scene.add_boundary(name="walls", shape=walls, response=Separable())
+    scene.add_boundary(name="walls", shape=walls, response=Separable(cell="held"))
     return scene
 
 

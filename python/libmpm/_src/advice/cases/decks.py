@@ -90,8 +90,8 @@ def _build(p: Parameters, options: Options) -> Scene:
     )
     soffit = depth + p["clearance"]
     deck = Box(lower=(_FACE, soffit), upper=(_FACE + _ALONG, soffit + _DECK))
-    scene.add_boundary(name="deck", shape=deck, response=Slip())
-    scene.add_boundary(name="bed", shape=DomainWalls(faces=("y-",)), response=Slip())
+    scene.add_boundary(name="deck", shape=deck, response=Slip(cell="held"))
+    scene.add_boundary(name="bed", shape=DomainWalls(faces=("y-",)), response=Slip(cell="held"))
     scene.add_sensor(name="deck", sensor=LoadCell(boundary="deck", interval=0))
     scene.add_flow(name="inlet", flow=Inflow(body="flow", face="x-", velocity=v, level=depth))
     scene.add_flow(name="outlet", flow=Outflow(face="x+", velocity=v))

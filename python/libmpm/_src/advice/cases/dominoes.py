@@ -59,7 +59,7 @@ def _empty(
     rough = Separable(static_friction=p["friction"], dynamic_friction=p["friction"])
     scene.add_boundary(name="floor", shape=DomainWalls(faces=("y-",)), response=rough)
     sides = DomainWalls(faces=slab.faces("x-", "x+"))
-    scene.add_boundary(name="sides", shape=sides, response=Separable())
+    scene.add_boundary(name="sides", shape=sides, response=Separable(cell="held"))
     return scene, slab
 
 

@@ -62,7 +62,7 @@ def _tank(p: Parameters, options: Options) -> Scene:
     else:
         _add_disordered(scene, p, bed, common)
     walls = DomainWalls(faces=("x-", "x+", "y-"))
-    scene.add_boundary(name="walls", shape=walls, response=options.walls or Slip())
+    scene.add_boundary(name="walls", shape=walls, response=options.walls or Slip(cell="held"))
     return scene
 
 
@@ -191,7 +191,9 @@ def _sloshing(p: Parameters, options: Options) -> Scene:
             hydrostatic=level,
         )
     walls = DomainWalls(faces=slab.faces("x-", "x+", "y-"))
-    scene.add_boundary(name="walls", shape=walls, response=Mirror() if p["mirror"] else Slip())
+    scene.add_boundary(
+        name="walls", shape=walls, response=Mirror() if p["mirror"] else Slip(cell="held")
+    )
     return scene
 
 
@@ -259,9 +261,9 @@ def _dam_break(p: Parameters, options: Options) -> Scene:
         material=TaitFluid(density=_WATER, bulk_modulus=_stiffness(2 * a, gravity)),
         fbar=fluid_fbar(options),
     )
-    sides: dict[str, Response] = dict.fromkeys(("x-", "x+", "y-", "y+"), Separable())
+    sides: dict[str, Response] = dict.fromkeys(("x-", "x+", "y-", "y+"), Separable(cell="held"))
     if p["thickness"]:
-        sides |= {"z-": Slip(), "z+": Slip()}
+        sides |= {"z-": Slip(cell="held"), "z+": Slip(cell="held")}
     scene.add_boundary(name="walls", shape=DomainWalls(), response=sides)
     crossing = math.sqrt(a / (2 * gravity))
     cell = LoadCell(boundary="walls", faces=("x+",), interval=0.05 * crossing)
@@ -336,7 +338,9 @@ def _vortex(p: Parameters, options: Options) -> Scene:
         fbar=fluid_fbar(options),
         hydrostatic=1.0 + 2 * speed**2 / gravity,
     )
-    scene.add_boundary(name="walls", shape=DomainWalls(), response=options.walls or Slip())
+    scene.add_boundary(
+        name="walls", shape=DomainWalls(), response=options.walls or Slip(cell="held")
+    )
     scene.add_sensor(name="energy", sensor=Energy(interval=0.02))
     return scene
 

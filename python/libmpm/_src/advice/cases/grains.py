@@ -84,7 +84,7 @@ def _column(p: Parameters, options: Options) -> Scene:
         **solid_choices(options),
     )
     sides = DomainWalls(faces=slab.faces("x-", "x+"))
-    scene.add_boundary(name="sides", shape=sides, response=Separable())
+    scene.add_boundary(name="sides", shape=sides, response=Separable(cell="held"))
     scene.add_boundary(name="floor", shape=DomainWalls(faces=("y-",)), response=Sticky())
     return scene
 
@@ -209,7 +209,7 @@ def _discs(p: Parameters, options: Options) -> Scene:
                     **solid_choices(options),
                 )
     tank = DomainWalls(faces=("x-", "x+", "y-"))
-    scene.add_boundary(name="tank", shape=tank, response=Separable())
+    scene.add_boundary(name="tank", shape=tank, response=Separable(cell="held"))
     scene.add_sensor(name="tank", sensor=LoadCell(boundary="tank"))
     return scene
 

@@ -94,7 +94,7 @@ def _incline(p: Parameters, options: Options) -> Scene:
         )
     if slab.thickness:
         sides = DomainWalls(faces=("z-", "z+"))
-        scene.add_boundary(name="sides", shape=sides, response=Slip())
+        scene.add_boundary(name="sides", shape=sides, response=Slip(cell="held"))
     return scene
 
 
@@ -186,7 +186,9 @@ def _beam(p: Parameters, options: Options) -> Scene:
     ends = DomainWalls(faces=("x-", "x+"))
     scene.add_boundary(name="ends", shape=ends, response=Sticky())
     if slab.thickness:
-        scene.add_boundary(name="sides", shape=DomainWalls(faces=("z-", "z+")), response=Slip())
+        scene.add_boundary(
+            name="sides", shape=DomainWalls(faces=("z-", "z+")), response=Slip(cell="held")
+        )
     return scene
 
 

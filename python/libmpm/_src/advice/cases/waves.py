@@ -86,7 +86,7 @@ def _piston(p: Parameters, options: Options) -> Scene:
     scene.add_boundary(
         name="piston",
         shape=slab.box((-_STROKE - 1.0, -1.0), (-begun, 4.0)),
-        response=Slip(),
+        response=Slip(cell="held"),
         motion=Displacement(stroke),
     )
     scene.add_boundary(name="flume", shape=DomainWalls(faces=("x+", "y-")), response=Mirror())
@@ -169,12 +169,12 @@ def _gate(p: Parameters, options: Options) -> Scene:
         fbar=fluid_fbar(options),
         hydrostatic=1.0,
     )
-    scene.add_boundary(name="walls", shape=DomainWalls(), response=Separable())
+    scene.add_boundary(name="walls", shape=DomainWalls(), response=Separable(cell="held"))
     if p["held"] > 0:
         scene.add_boundary(
             name="gate",
             shape=slab.box((0.0, 0.0), (4 * dx, high[1])),
-            response=Slip(),
+            response=Slip(cell="held"),
             time=(0.0, p["held"] / math.sqrt(_GRAVITY)),
         )
     return scene
@@ -270,7 +270,7 @@ def _pump(p: Parameters, options: Options) -> Scene:
         response=Prescribed(components=("x",)),
         motion=TimeTable((0.0,), ((_CURRENT, 0.0),)),
     )
-    scene.add_boundary(name="bed", shape=DomainWalls(faces=("y-",)), response=Slip())
+    scene.add_boundary(name="bed", shape=DomainWalls(faces=("y-",)), response=Slip(cell="held"))
     inlet = Inflow(body="water", face="x-", velocity=_CURRENT, level=depth)
     scene.add_flow(name="feed", flow=inlet)
     scene.add_flow(name="drain", flow=Outflow(face="x+", velocity=_CURRENT))
@@ -355,8 +355,8 @@ def _slope(p: Parameters, options: Options) -> Scene:
         hydrostatic=1.0,
         sampling=Columns(),
     )
-    scene.add_boundary(name="bed", shape=bed, response=Slip(), layer=options.layer)
-    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
+    scene.add_boundary(name="bed", shape=bed, response=Slip(cell="held"), layer=options.layer)
+    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip(cell="held"))
     return scene
 
 
