@@ -54,6 +54,40 @@ def test_a_state_without_a_finite_pressure_is_refused(saved, entry, value):
         np.asarray(libmpm.Simulation.resume(saved, device="cpu").particles["w"]["pressure"])
 
 
+@pytest.mark.parametrize("offset", [-1.0, 0.6, 1.74])
+def test_offsets_that_the_way_since_the_last_sort_does_not_explain_are_refused(saved, offset):
+    """They put particles beyond the walls, where the run found them 39 steps later."""
+    found = load_checkpoint(saved)
+    found.state["body0_offset1"] = np.array(found.state["body0_offset1"])
+    found.state["body0_offset1"][7] = offset
+    save_checkpoint(saved, found)
+    message = rf"offset1' has {offset:g} at place 7; expected at most 0\.50\d+ cells"
+    with pytest.raises(libmpm.CheckpointError, match=message):
+        libmpm.Simulation.resume(saved, device="cpu").step(1)
+
+
+def test_particles_beyond_an_open_face_resume_as_they_were(tmp_path):
+    """Between two sorts particles may lie outside; a checkpoint of that moment is a good one."""
+    scene = libmpm.Scene(dimension=2, lower=(0, 0), upper=(1, 1), cell_size=0.1)
+    scene.add_body(
+        name="w", shape=shapes.Box(lower=(0.5, 0.3), upper=(0.9, 0.7)), fbar=None,
+        material=materials.TaitFluid(bulk_modulus=1e5), velocity=(1.0, 0.0),
+    )  # fmt: skip
+    sim = libmpm.Simulation(scene, device="cpu", threads=1, precision="double")
+    while np.asarray(sim.particles["w"]["position"])[:, 0].max() <= 1.0:
+        sim.step(1)
+    path = tmp_path / "outside.npz"
+    sim.save_checkpoint(path)
+    again = libmpm.Simulation.resume(path, device="cpu")
+    assert again.steps == sim.steps
+    ends = []
+    for run in (sim, again):
+        with pytest.raises(libmpm.NumericalError, match="left the domain") as caught:
+            run.step(20)
+        ends.append(str(caught.value))
+    assert ends[0] == ends[1]
+
+
 @pytest.mark.parametrize("time", [-np.inf, np.nan, 1e9, -1.0])
 def test_samples_of_no_time_of_the_run_are_refused(saved, time):
     found = load_checkpoint(saved)
