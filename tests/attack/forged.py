@@ -29,8 +29,9 @@ __all__ = ["Forged", "forge"]
 #: Steps that a forged state is taken further: beyond the next sort.
 STEPS = 12
 #: Cells that a particle may lie outside of an open face until the next sort ends the run for it:
-#: as far as any goes between two sorts (`clock_drift`), which a checkpoint's offsets are held to.
-OUTSIDE = 1.0
+#: a checkpoint's offsets are held to half a cell and twice the way since the last sort, of which a
+#: step sees 1.75 at most (`state_check.cpp`).
+OUTSIDE = 1.25
 #: Numbers that indices, counts and sizes are changed to.
 _WHOLE = (0, 1, 2, 3, 7, 255, 256, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**53, 2**62, 2**63 - 1, -1)
 _REAL = (

@@ -18,8 +18,9 @@ namespace {
 
 /// Cells that the step sees a particle beside its home cell at most (`sound`).
 constexpr double furthest_offset = 1.75;
-/// Rounding of offsets in single precision and of the drift that bounds them, cells.
-constexpr double offset_rounding = 1e-4;
+/// Rounding of offsets and of the drift that bounds them, cells. A step that adds half a unit in
+/// the last place or more is rounded to twice of it at most, one that adds less to nothing.
+constexpr double offset_rounding = 1e-4, steps_rounding = 2;
 /// Steps of a state may be longer than this version's plan by rounding, or by what versions have
 /// changed of their bound; by this it is no step of the scene.
 constexpr double longest_step = 2;
@@ -149,7 +150,7 @@ private:
     /// Nobody has gone further from its home cell since the last sort than the clock's drift.
     void offsets(const std::string& p, std::size_t count) const {
         const double most =
-            std::min(furthest_offset, 0.5 + std::max(clock_.drift, 0.0) + offset_rounding);
+            std::min(furthest_offset, 0.5 + steps_rounding * clock_.drift + offset_rounding);
         for (int a = 0; a < D; ++a) {
             const std::string name = p + "offset" + std::to_string(a);
             const auto found = state_.numbers(name, count, furthest_offset);
