@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import time
 
+import h5py
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from libmpm._src.cli.info import about, text_of
 from libmpm._src.output.checkpoint import find_checkpoints, load_checkpoint, save_checkpoint
 from libmpm._src.output.export import export
 from libmpm._src.output.frames import write_frame
-from libmpm._src.output.hdf5_image import attributes_of, new_file
+from libmpm._src.output.hdf5_image import LIBVER, attributes_of, new_file, new_group
 from libmpm._src.output.results import Frame
 from libmpm._src.output.sensor_file import SensorFile, read_sensors
 from libmpm._src.output.series import Series
@@ -163,6 +165,22 @@ def test_damage_anywhere_in_a_file_of_results_ends_by_name(tmp_path):
             path.write_bytes(raw)
             refused += isinstance(fuzzing.answer(lambda r=read, p=path: r(p)), libmpm.Error)
     assert refused > 100
+
+
+def test_files_open_for_writing_and_have_no_times_of_creation(tmp_path):
+    """With every h5py: HDF5 before 2 wrote heads with a wrong checksum, and the time of day.
+
+    `tools/check_dependencies.py floor` runs this with the oldest one.
+    """
+    for name in ("one", "two"):
+        with new_file(tmp_path / name) as file:
+            group = new_group(new_group(file, "über"), "inner")
+            group.create_dataset("data", data=np.arange(3.0), maxshape=(None,), chunks=(8,))
+        with h5py.File(tmp_path / name, "r+", libver=LIBVER, locking=False) as file:
+            assert file["über/inner/data"][2] == 2
+        if name == "one":
+            time.sleep(1.1)  # a unit of those times
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
 
 
 def test_texts_of_older_files_are_read(tmp_path):
