@@ -5,8 +5,8 @@
 
 Makes an environment in build/deps-<which>, with every `name>=version` of the dependencies and of
 the extras triangular, studies and mesh at that version (floor: the last patch of it), and runs the
-tests there on a copy of the package in FOLDER, such as `.venv/lib/python3.11/site-packages`; without
-it on the modules of this tree, which `cmake --preset cpu-release` has built in place.
+tests there on a copy of the package in FOLDER, such as `.venv/lib/python3.11/site-packages`;
+without it on the modules of this tree, which `cmake --preset cpu-release` has built in place.
 """
 
 from __future__ import annotations
