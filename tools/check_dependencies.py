@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Run tests with the oldest versions of the packages that pyproject.toml allows, or the newest.
 
-    python tools/check_dependencies.py floor|newest [--tests FILE...]
+    python tools/check_dependencies.py floor|newest [--package FOLDER] [--tests FILE...]
 
 Makes an environment in build/deps-<which>, with every `name>=version` of the dependencies and of
 the extras triangular, studies and mesh at that version (floor: the last patch of it), and runs the
-tests there on the modules of this tree, which `cmake --preset cpu-release` has built in place.
+tests there on a copy of the package in FOLDER, such as `.venv/lib/python3.11/site-packages`;
+without it on the modules of this tree, which `cmake --preset cpu-release` has built in place.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -25,6 +27,7 @@ TESTS = ("pytest>=8", "pytest-timeout>=2.3", "hypothesis>=6.100", "jsonschema>=4
 #: What touches the packages most: files, pictures, meshes, statistics.
 FILES = (
     "checkpoint", "pictures", "sensor_file", "series", "mesh", "analysis", "demand", "export",
+    "frames", "kill", "attack_findings",
 )  # fmt: skip
 
 
@@ -51,6 +54,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("which", choices=("floor", "newest"))
     parser.add_argument("--tests", nargs="+", help="files of tests")
+    parser.add_argument("--package", type=Path, help="where libmpm is installed")
     options = parser.parse_args()
     folder = ROOT / "build" / f"deps-{options.which}"
     venv.create(folder, clear=True, with_pip=True)
@@ -60,7 +64,11 @@ def main() -> int:
     install = [python, "-m", "pip", "install", "-q", "--disable-pip-version-check", *wanted]
     subprocess.run(install, check=True)
     tests = options.tests or [f"tests/python/test_{name}.py" for name in FILES]
-    environment = os.environ | {"PYTHONPATH": str(ROOT / "python"), "MPLBACKEND": "Agg"}
+    package = ROOT / "python"
+    if options.package is not None:  # a copy, without the packages that lie beside it
+        package = folder / "package"
+        shutil.copytree(options.package / "libmpm", package / "libmpm")
+    environment = os.environ | {"PYTHONPATH": str(package), "MPLBACKEND": "Agg"}
     run = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
     return subprocess.run(run, cwd=ROOT, env=environment, check=False).returncode
 

@@ -28,6 +28,10 @@ __all__ = ["Forged", "forge"]
 
 #: Steps that a forged state is taken further: beyond the next sort.
 STEPS = 12
+#: Cells that a particle may lie outside of an open face until the next sort ends the run for it:
+#: a checkpoint's offsets are held to half a cell and twice the way since the last sort, of which a
+#: step sees 1.75 at most (`state_check.cpp`).
+OUTSIDE = 1.25
 #: Numbers that indices, counts and sizes are changed to.
 _WHOLE = (0, 1, 2, 3, 7, 255, 256, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**53, 2**62, 2**63 - 1, -1)
 _REAL = (
@@ -135,7 +139,7 @@ def _look(sim: libmpm.Simulation) -> None:
             values = np.asarray(view[key])
             assert np.isfinite(values).all(), f"{key} of '{name}' is not finite"
         position = np.asarray(view["position"])
-        slack = 1e-3 * sim.scene.cell_size
+        slack = (OUTSIDE + 1e-3) * sim.scene.cell_size
         ends = (sim.scene.lower, sim.scene.upper)
         low, high = (np.add(end, sim.scene.origin) for end in ends)
         inside = (position >= low - slack).all() and (position <= high + slack).all()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import time
 
+import h5py
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from libmpm._src.cli.info import about, text_of
 from libmpm._src.output.checkpoint import find_checkpoints, load_checkpoint, save_checkpoint
 from libmpm._src.output.export import export
 from libmpm._src.output.frames import write_frame
-from libmpm._src.output.hdf5_image import attributes_of, new_file
+from libmpm._src.output.hdf5_image import LIBVER, attributes_of, new_file, new_group
 from libmpm._src.output.results import Frame
 from libmpm._src.output.sensor_file import SensorFile, read_sensors
 from libmpm._src.output.series import Series
@@ -52,6 +54,40 @@ def test_a_state_without_a_finite_pressure_is_refused(saved, entry, value):
     save_checkpoint(saved, found)
     with pytest.raises(libmpm.CheckpointError, match=r"place 2.*state of"):
         np.asarray(libmpm.Simulation.resume(saved, device="cpu").particles["w"]["pressure"])
+
+
+@pytest.mark.parametrize("offset", [-1.0, 0.6, 1.74])
+def test_offsets_that_the_way_since_the_last_sort_does_not_explain_are_refused(saved, offset):
+    """They put particles beyond the walls, where the run found them 39 steps later."""
+    found = load_checkpoint(saved)
+    found.state["body0_offset1"] = np.array(found.state["body0_offset1"])
+    found.state["body0_offset1"][7] = offset
+    save_checkpoint(saved, found)
+    message = rf"offset1' has {offset:g} at place 7; expected at most 0\.51\d+ cells"
+    with pytest.raises(libmpm.CheckpointError, match=message):
+        libmpm.Simulation.resume(saved, device="cpu").step(1)
+
+
+def test_particles_beyond_an_open_face_resume_as_they_were(tmp_path):
+    """Between two sorts particles may lie outside; a checkpoint of that moment is a good one."""
+    scene = libmpm.Scene(dimension=2, lower=(0, 0), upper=(1, 1), cell_size=0.1)
+    scene.add_body(
+        name="w", shape=shapes.Box(lower=(0.5, 0.3), upper=(0.9, 0.7)), fbar=None,
+        material=materials.TaitFluid(bulk_modulus=1e5), velocity=(1.0, 0.0),
+    )  # fmt: skip
+    sim = libmpm.Simulation(scene, device="cpu", threads=1, precision="double")
+    while np.asarray(sim.particles["w"]["position"])[:, 0].max() <= 1.0:
+        sim.step(1)
+    path = tmp_path / "outside.npz"
+    sim.save_checkpoint(path)
+    again = libmpm.Simulation.resume(path, device="cpu")
+    assert again.steps == sim.steps
+    ends = []
+    for run in (sim, again):
+        with pytest.raises(libmpm.NumericalError, match="left the domain") as caught:
+            run.step(20)
+        ends.append(str(caught.value))
+    assert ends[0] == ends[1]
 
 
 @pytest.mark.parametrize("time", [-np.inf, np.nan, 1e9, -1.0])
@@ -129,6 +165,22 @@ def test_damage_anywhere_in_a_file_of_results_ends_by_name(tmp_path):
             path.write_bytes(raw)
             refused += isinstance(fuzzing.answer(lambda r=read, p=path: r(p)), libmpm.Error)
     assert refused > 100
+
+
+def test_files_open_for_writing_and_have_no_times_of_creation(tmp_path):
+    """With every h5py: HDF5 before 2 wrote heads with a wrong checksum, and the time of day.
+
+    `tools/check_dependencies.py floor` runs this with the oldest one.
+    """
+    for name in ("one", "two"):
+        with new_file(tmp_path / name) as file:
+            group = new_group(new_group(file, "über"), "inner")
+            group.create_dataset("data", data=np.arange(3.0), maxshape=(None,), chunks=(8,))
+        with h5py.File(tmp_path / name, "r+", libver=LIBVER, locking=False) as file:
+            assert file["über/inner/data"][2] == 2
+        if name == "one":
+            time.sleep(1.1)  # a unit of those times
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
 
 
 def test_texts_of_older_files_are_read(tmp_path):

@@ -53,6 +53,17 @@ def test_run_writes_files_and_prints_the_table(scene_file, tmp_path, capsys):
     assert {b: len(v) for b, v in list_frames(out / "frames").items()} == {"water": 6, "block": 6}
 
 
+def test_a_run_without_frames_says_how_to_get_them(scene_file, tmp_path, capsys):
+    content = json.loads(scene_file.read_text())
+    quiet = ["-o", str(tmp_path / "out"), "--quiet", "--no-picture"]
+    assert main(["run", str(scene_file), *quiet]) == 0
+    assert "(12 files, VTKHDF for ParaView)" in capsys.readouterr().out
+    del content["run"]["frame_interval"]
+    scene_file.write_text(json.dumps(content))
+    assert main(["run", str(scene_file), *quiet, "--overwrite"]) == 0
+    assert 'frames   none; "frame_interval" in the "run" key' in capsys.readouterr().out
+
+
 def test_a_second_run_into_the_folder_needs_overwrite(scene_file, tmp_path, capsys):
     command = ["run", str(scene_file), "-o", str(tmp_path / "out"), "--quiet", "--no-picture"]
     assert main(command) == 0

@@ -6,6 +6,7 @@ import json
 import math
 import pickle
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -127,6 +128,39 @@ def test_contains() -> None:
     outside = [(0.75, 0.25), (0.51, 0.49), (-0.1, 0.5), (5.0, 5.0), (0.5 + 1e-6, 0.25)]
     assert mesh.contains(inside).all()
     assert not mesh.contains(outside).any()
+
+
+def test_contains_points_of_an_outline_with_holes_and_corners() -> None:
+    """Against every edge for every point, on outlines with holes, and beside them."""
+    vertices, triangles = Mesh.blocks(columns=6, rows=5, lower=(0.3, -1), upper=(2, 1.7)).arrays()
+    rng = np.random.default_rng(0)
+    kept = triangles[rng.random(len(triangles)) > 0.3]
+    used = np.unique(kept)
+    mesh = Mesh(vertices=vertices[used], triangles=np.searchsorted(used, kept))
+    corners = mesh.arrays()[0]
+    start, end = corners[mesh.outline()].transpose(1, 0, 2)
+    share = rng.random((20, len(start), 1))
+    on = (start + share * (end - start)).reshape(-1, 2)
+    assert mesh.contains(on).all() and mesh.contains(corners).all()
+    points = np.concatenate([rng.uniform((0.2, -1.1), (2.1, 1.8), (2000, 2)), on + 1e-6, on - 1e-6])
+    a, b, c = (mesh.corners()[:, k] for k in range(3))
+    sides = [
+        (q[:, 0] - p[:, 0]) * (points[:, None, 1] - p[:, 1])
+        - (q[:, 1] - p[:, 1]) * (points[:, None, 0] - p[:, 0])
+        for p, q in ((a, b), (b, c), (c, a))
+    ]
+    expected = np.logical_and.reduce([side >= 0 for side in sides]).any(axis=1)
+    assert 0 < expected.sum() < len(points)
+    np.testing.assert_array_equal(mesh.contains(points), expected)
+
+
+def test_many_points_beside_a_mesh_cost_little() -> None:
+    """A forged scene had hundreds of thousands: each was compared with every edge in turn."""
+    mesh = Mesh(vertices=[(0, 0), (1, 0), (0, 1)], triangles=[(0, 1, 2)])
+    points = np.random.default_rng(0).uniform(0.6, 1.0, (1_000_000, 2))
+    began = time.process_time()
+    assert not mesh.contains(points).any()
+    assert time.process_time() - began < 10  # 0.5 s; one by one 34 s
 
 
 def test_slivers_are_doubted() -> None:

@@ -67,6 +67,20 @@ def test_a_pickle_of_the_version_before_is_the_same_scene():
     assert type(old.bodies[1].shape) is shapes.Sphere
 
 
+@pytest.mark.filterwarnings("ignore::libmpm.ModelWarning")
+@pytest.mark.parametrize("name", sorted(p.stem for p in (DATA / "scenes_0.1").glob("*.json")))
+def test_scene_files_of_the_version_before_run(name, tmp_path):
+    """Files that 0.1 has written, with every kind of value that it had; FOLDER: where files lie."""
+    text = (DATA / "scenes_0.1" / f"{name}.json").read_text(encoding="utf-8")
+    file = tmp_path / "scene.json"
+    file.write_text(text.replace("FOLDER", str(DATA / "scenes_0.1")), encoding="utf-8")
+    found = libmpm.Scene.load(file)
+    own = {s.name: lambda sim: 1.0 for s in found.sensors if isinstance(s.sensor, sensors.Custom)}
+    sim = libmpm.Simulation(found, device="cpu", threads=1, functions=own)
+    sim.step(3)
+    assert sim.time > 0 and libmpm.Scene.from_dict(found.to_dict()) == found
+
+
 def test_every_old_module_is_a_module():
     for old, new in moved.MOVED.items():
         new_module = importlib.import_module(f"libmpm._src.{new}")

@@ -11,12 +11,13 @@ from pathlib import Path
 import matplotlib
 
 import libmpm
+from libmpm._src.methods import transfer
 
 matplotlib.use("Agg", force=False)
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-WORDS = {"eight": 8, "ten": 10, "eleven": 11, "twelve": 12}
+WORDS = {"seven": 7, "eight": 8, "ten": 10, "eleven": 11, "twelve": 12}
 
 
 def compared(*rows):
@@ -69,6 +70,13 @@ def test_counts_of_scripts_notebooks_and_pictures():
     gallery = (ROOT / "docs/gallery.ipynb").read_text(encoding="utf-8")
     pictures = re.search(r"\[(\w+) pictures\]", words)[1]
     assert WORDS[pictures] == gallery.count('"image/png"')
+
+
+def test_counts_of_transfers_and_shape_functions():
+    transfers = re.search(r"APIC, FLIP and (\w+) other transfers", README)[1]
+    assert WORDS[transfers] + 2 == len(transfer.SCHEMES)
+    functions = re.search(r"(\w+) shape functions", README)[1]
+    assert WORDS[functions] == len(transfer.KERNELS)
 
 
 def test_links_and_pictures_are_there_and_the_film_is_small():

@@ -55,6 +55,33 @@ def test_valid_scene_is_quiet(scene: Scene) -> None:
         scene.validate(strict=True)
 
 
+def test_water_that_nothing_drives_is_named() -> None:
+    """A dam break without gravity ran, and stood still without a word."""
+
+    def dam(velocity: Any = (0, 0), material: Any = WATER, **changes: Any) -> Scene:
+        made = Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 1), **changes)
+        made.add_body(name="dam", shape=box(0.1, 0, 0.6, 0.5), material=material, velocity=velocity)
+        return made
+
+    def told(scene: Scene) -> bool:
+        said = problems(scene, strict=True)
+        return any("'dam': gravity is zero" in x and "gravity=(0, -9.81)" in x for x in said)
+
+    assert told(dam())
+    assert told(dam(gravity=TimeTable((0, 1), ((0, 0), (0, 0)))))
+    assert not told(dam(gravity=(0, -9.81)))
+    assert not told(dam(gravity=TimeTable((0, 1), ((0, 0), (0, -9.81)))))
+    assert not told(dam(velocity=(1, 0)))
+    assert not told(dam(velocity=libmpm.Field(components=("y", "0"))))
+    assert not told(dam(material=WOOD)), "solids at rest are looked at as they are"
+    pushed = dam()
+    pushed.add_boundary(
+        name="piston", shape=box(-1, -1, 0, 2), response=boundaries.Slip(),
+        motion=boundaries.Displacement(TimeTable((0, 1), ((0, 0), (0.1, 0)))),
+    )  # fmt: skip
+    assert not told(pushed)
+
+
 def test_round_trips(scene: Scene, tmp_path: Path) -> None:
     assert Scene.from_dict(scene.to_dict()) == scene
     assert Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene

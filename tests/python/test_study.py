@@ -309,6 +309,26 @@ def test_a_case_that_another_process_took_over_is_left_to_it(tmp_path, monkeypat
     assert study.cases[0].record["token"] == "another"
 
 
+def test_a_case_whose_run_notices_first_is_left_to_who_took_it_over(tmp_path, monkeypatch):
+    """Before a beat does: the run failed, and its record replaced the one of the other process."""
+
+    def noticed(self):
+        lock = self._folder / "lock"
+        lock.write_text(json.dumps(json.loads(lock.read_text()) | {"token": "another"}))
+        done = {"status": "finished", "token": "another", "steps": 3}
+        (self._folder / "status.json").write_text(json.dumps(self._record | done))
+        assert not self._lock.beat()
+        lock.unlink()
+        raise libmpm.OutputError("the folder is no longer this run's")
+
+    monkeypatch.setattr(worker._Attempt, "_simulate", noticed)
+    study = make(tmp_path, [{}], long_block, until=LONG)
+    result = run(study)
+    assert result["steps"].tolist() == [3]
+    assert study.cases[0].record["token"] == "another"
+    assert not (study.cases[0].folder / worker.TRACEBACK).exists()
+
+
 def test_a_full_disk_fails_the_case_and_not_the_study(tmp_path, monkeypatch):
     study = make(tmp_path)
     real = worker.write_json

@@ -368,7 +368,7 @@ def test_discs_that_collide_keep_their_particles_or_the_scene_says_so(transfer):
 
 def test_water_may_move_by_what_the_grid_cannot_see():
     scene = libmpm.Scene(dimension=2, cell_size=0.05, lower=(0, 0), upper=(1, 1),
-                         method=Method(
+                         gravity=(0, -9.81), method=Method(
                              transfer=libmpm.methods.Transfer(scheme="NFLIP")))  # fmt: skip
     water = materials.TaitFluid(bulk_modulus=1e6)
     scene.add_body(name="water", shape=shapes.Box(lower=(0, 0), upper=(1, 0.5)), material=water)

@@ -18,6 +18,9 @@ namespace {
 
 /// Cells that the step sees a particle beside its home cell at most (`sound`).
 constexpr double furthest_offset = 1.75;
+/// Rounding of offsets and of the drift that bounds them, cells. A step that adds half a unit in
+/// the last place or more is rounded to twice of it at most, one that adds less to nothing.
+constexpr double offset_rounding = 1e-4, steps_rounding = 2;
 /// Steps of a state may be longer than this version's plan by rounding, or by what versions have
 /// changed of their bound; by this it is no step of the scene.
 constexpr double longest_step = 2;
@@ -119,8 +122,7 @@ private:
                 seen[id] = true;
             }
         }
-        for (int a = 0; a < D; ++a)
-            state_.numbers(p + "offset" + std::to_string(a), ids.size(), furthest_offset);
+        offsets(p, ids.size());
         const std::size_t columns = std::size_t(plan.state_columns);
         std::vector<std::vector<double>> shape;  // columns that kernels take a particle's size from
         const int first = plan.phase.edges >= 0 ? plan.phase.edges : plan.phase.extent;
@@ -143,6 +145,21 @@ private:
         if (std::uint64_t(ids.size()) + frozen.size() > kept)
             refuse_entry(p + "id", "has too many elements", "no more than the body's ids");
         ids_end_.push_back(end);
+    }
+
+    /// Nobody has gone further from its home cell since the last sort than the clock's drift.
+    void offsets(const std::string& p, std::size_t count) const {
+        const double most =
+            std::min(furthest_offset, 0.5 + steps_rounding * clock_.drift + offset_rounding);
+        for (int a = 0; a < D; ++a) {
+            const std::string name = p + "offset" + std::to_string(a);
+            const auto found = state_.numbers(name, count, furthest_offset);
+            for (std::size_t q = 0; q < count; ++q)
+                if (std::abs(found[q]) > most)
+                    refuse_entry(name, "has " + number(found[q]) + " at place " + std::to_string(q),
+                                 "at most " + number(most) +
+                                     " cells, half a cell and the way since the last sort");
+        }
     }
 
     template <class Of>

@@ -398,6 +398,9 @@ TEST_F(Forged, every_rule_by_its_entry) {
     expect_refused("body0_id", set(std::uint32_t(1000)));  // one that the body does not keep
     expect_refused("body1_frozen_id", set(read<std::uint32_t>(good_["body1_id"], 0)));
     expect_refused("body0_offset0", set(1.76));
+    // Half a cell and twice the way since the last sort.
+    const double way = read<double>(good_["clock_drift"], 0);
+    expect_refused("body0_offset0", set(-0.51 - 2 * way));
     expect_refused("body0_offset1", set(nan, 3));
     expect_refused("body0_state0", set(HUGE_VAL));
     expect_refused("body1_frozen_position", set(nan));

@@ -242,14 +242,9 @@ class Mesh(Value):
         inside = np.asarray(found(places[:, 0], places[:, 1]) >= 0)
         # The search may put a point of the outline on either side of it.
         reach = _BESIDE * float(np.hypot(*vertices.max(axis=0)))
-        start, end = vertices[self.outline()].transpose(1, 0, 2)
-        along = end - start
         boxed = ((places >= -reach) & (places <= vertices.max(axis=0) + reach)).all(axis=1)
-        for i in np.flatnonzero(~inside & boxed):
-            from_start = places[i] - start
-            part = ((from_start * along).sum(axis=1) / (along**2).sum(axis=1)).clip(0, 1)
-            nearest = from_start - part[:, None] * along
-            inside[i] = np.hypot(*nearest.T).min() <= reach
+        left = np.flatnonzero(~inside & boxed)
+        inside[left] = _beside(places[left], vertices[self.outline()], reach)
         return inside
 
     def doubts(self) -> list[str]:
@@ -274,6 +269,28 @@ class Mesh(Value):
         vertices, triangles = self.arrays()
         ax.triplot(vertices[:, 0], vertices[:, 1], triangles, **style)
         return ax
+
+
+def _beside(places: Floats, edges: Floats, reach: float) -> npt.NDArray[np.bool_]:
+    """Return for points (n, 2) whether one of the edges (k, 2, 2) is within reach, (n,).
+
+    Edge by edge, of the points sorted along x those in the edge's box alone: the cost of many
+    points far from the outline is that of sorting them.
+    """
+    found = np.zeros(len(places), dtype=bool)
+    order = np.argsort(places[:, 0])
+    x, y = places[order].T
+    low, high = edges.min(axis=1) - 2 * reach, edges.max(axis=1) + 2 * reach
+    first, last = np.searchsorted(x, low[:, 0]), np.searchsorted(x, high[:, 0], side="right")
+    for (start, end), a, b, bottom, top in zip(
+        edges, first, last, low[:, 1], high[:, 1], strict=True
+    ):
+        near = order[a:b][(y[a:b] >= bottom) & (y[a:b] <= top)]
+        along, from_start = end - start, places[near] - start
+        part = ((from_start * along).sum(axis=1) / (along**2).sum()).clip(0, 1)
+        nearest = from_start - part[:, None] * along
+        found[near] |= np.hypot(*nearest.T) <= reach
+    return found
 
 
 def pairs(triangles: Numbers) -> tuple[Numbers, Numbers]:

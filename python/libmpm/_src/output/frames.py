@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.errors import OutputError
 from libmpm._src.output.atomic_files import file_name, write_json
-from libmpm._src.output.hdf5_image import attributes_of, new_file, set_attributes
+from libmpm._src.output.hdf5_image import attributes_of, new_file, new_group, set_attributes
 from libmpm._src.output.reading_files import array_of, is_cut, reading
 
 __all__ = [
@@ -122,8 +122,7 @@ def write_frame(
     real
         Type of the stored floating-point attributes.
     """
-    size = position.nbytes + sum(values.nbytes for values in attributes.values())
-    with new_file(path, size) as file:
+    with new_file(path) as file:
         data = _frame(file, len(position), ["position", *attributes], metadata)
         file["VTKHDF"].create_dataset("Points", data=_three(np.asarray(position, np.float64)))
         for name, values in attributes.items():
@@ -134,13 +133,13 @@ def _frame(
     file: h5py.File, count: int, names: Sequence[str], metadata: Mapping[str, Any]
 ) -> h5py.Group:
     """Write all of a frame but its points; return the group that their data goes to."""
-    root = file.create_group("VTKHDF")
+    root = new_group(file, "VTKHDF")
     root.attrs["Version"] = np.array([2, 0], np.int64)
     root.attrs.create("Type", np.bytes_("PolyData"))
     root.create_dataset("NumberOfPoints", data=np.array([count], np.int64))
     for kind in ("Vertices", "Lines", "Polygons", "Strips"):
         cells = count if kind == "Vertices" else 0
-        group = root.create_group(kind)
+        group = new_group(root, kind)
         group.create_dataset("NumberOfCells", data=np.array([cells], np.int64))
         group.create_dataset("NumberOfConnectivityIds", data=np.array([cells], np.int64))
         # Counting numbers shrink to nothing; noise in the attributes would not.
@@ -149,13 +148,13 @@ def _frame(
         )
         group.create_dataset("Connectivity", data=np.arange(cells), **packed)
         group.create_dataset("Offsets", data=np.arange(cells + 1), **packed)
-    field = root.create_group("FieldData")
+    field = new_group(root, "FieldData")
     field.create_dataset("TimeValue", data=np.array([metadata["time"]], np.float64))
     field.create_dataset("Step", data=np.array([metadata["step"]], np.int64))
-    about = file.create_group("libmpm")
+    about = new_group(file, "libmpm")
     set_attributes(about, metadata)
-    set_attributes(about.create_group("units"), {name: UNITS.get(name, "") for name in names})
-    return root.create_group("PointData")
+    set_attributes(new_group(about, "units"), {name: UNITS.get(name, "") for name in names})
+    return new_group(root, "PointData")
 
 
 def part_path(folder: Path, body: str, index: int, rank: int) -> Path:
@@ -187,7 +186,7 @@ def write_index(
         forms = {name: (data.shape[1:], data.dtype) for name, data in points.items()}
     names = ["position", *(name.partition("/")[2] for name in forms if "/" in name)]
     total = int(sum(counts))
-    with new_file(path, 16 * total) as file:
+    with new_file(path) as file:
         _frame(file, total, names, metadata)
         for name, (width, dtype) in forms.items():
             whole = h5py.VirtualLayout((total, *width), dtype)

@@ -11,6 +11,7 @@ texts of any length has none in any format, so that texts are stored with the le
 from __future__ import annotations
 
 import contextlib
+import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ import numpy as np
 
 from libmpm._src.output.atomic_files import replacing
 
-__all__ = ["LIBVER", "attributes_of", "new_file", "set_attributes"]
+__all__ = ["LIBVER", "attributes_of", "new_file", "new_group", "set_attributes"]
 
 #: HDF5 format bounds: without the upper one a newer library writes what older readers refuse; with
 #: a higher lower one a killed process leaves a file marked as open, which cannot be read, and with
@@ -55,22 +56,29 @@ def _decoded(value: Any) -> Any:
     return value
 
 
+def new_group(parent: h5py.Group, name: str) -> h5py.Group:
+    """Create a group without the time at which it was created: equal runs write equal bytes."""
+    links, group = (h5py.h5p.create(k) for k in (h5py.h5p.LINK_CREATE, h5py.h5p.GROUP_CREATE))
+    links.set_char_encoding(h5py.h5t.CSET_UTF8)
+    group.set_obj_track_times(False)
+    return h5py.Group(h5py.h5g.create(parent.id, name.encode(), links, group))
+
+
 @contextlib.contextmanager
-def new_file(path: Path, size: int = 0) -> Iterator[h5py.File]:
+def new_file(path: Path) -> Iterator[h5py.File]:
     """Yield an HDF5 file in memory that becomes `path` when the block ends, atomically.
 
-    `size` is an estimate in bytes; memory is taken in such pieces.
+    HDF5 writes it into a file of Python's: the images that versions before 2 make of files in
+    memory (`get_file_image`) have heads whose checksum is wrong. They also keep the time of
+    creation in each group, the root included, unless told not to.
     """
-    with h5py.File(
-        f"{path}.image",
-        "w",
-        driver="core",
-        backing_store=False,
-        block_size=max(1 << 16, size),
-        libver=LIBVER,
-    ) as file:
+    content = io.BytesIO()
+    access, root = (h5py.h5p.create(k) for k in (h5py.h5p.FILE_ACCESS, h5py.h5p.FILE_CREATE))
+    access.set_libver_bounds(h5py.h5f.LIBVER_V18, h5py.h5f.LIBVER_V110)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    access.set_fileobj_driver(h5py.h5fd.fileobj_driver, content)
+    root.set_obj_track_times(False)
+    with h5py.File(h5py.h5f.create(b"memory", h5py.h5f.ACC_TRUNC, root, access)) as file:
         yield file
-        file.flush()
-        content = file.id.get_file_image()
     with replacing(path) as part:
-        part.write_bytes(content)
+        part.write_bytes(content.getbuffer())

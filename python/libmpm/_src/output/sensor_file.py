@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.errors import ModelWarning, OutputError
 from libmpm._src.output.atomic_files import file_name, writing
-from libmpm._src.output.hdf5_image import LIBVER, attributes_of, new_file, set_attributes
+from libmpm._src.output.hdf5_image import LIBVER, attributes_of, new_file, new_group, set_attributes
 from libmpm._src.output.reading_files import array_of, reading
 from libmpm._src.output.series import Series
 
@@ -72,7 +72,7 @@ class SensorFile:
 
     @staticmethod
     def _create(file: h5py.File, series: Series, capacity: int) -> None:
-        group = file.create_group(file_name(series.name))
+        group = new_group(file, file_name(series.name))
         listed = {"components": list(series.components), "units": list(series.units)}
         set_attributes(group, {"name": series.name, **series.attributes, **listed})
         time, values = series.since(0)

@@ -84,10 +84,13 @@ def closing_report(simulation: Simulation, wall: float, steps: int, *, picture: 
         except Error as error:
             # The results are there: what is damaged among earlier ones must not fail the run.
             lines.append(f"picture  not drawn: {error}")
-    frames = len(list((folder / "frames").glob("*.vtkhdf")))
+    files = len(list((folder / "frames").glob("*.vtkhdf")))
+    frames = f"{folder / 'frames'} ({files} files, VTKHDF for ParaView)"
+    if not files:
+        frames = 'none; "frame_interval" in the "run" key of the scene file asks for them'
     lines += [
         f"sensors  {folder / 'sensors.h5'} (CSV in {folder / 'csv'})",
-        f"frames   {folder / 'frames'} ({frames} files, VTKHDF for ParaView)",
+        f"frames   {frames}",
         f"scene    {folder / 'scene.json'}, plan {folder / 'plan.txt'}",
         f"log      {folder / 'log.json'}",
     ]

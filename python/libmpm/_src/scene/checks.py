@@ -31,6 +31,7 @@ from libmpm._src.scene.checks_bodies import (
     reaches_into,
     wrong_dimension,
 )
+from libmpm._src.scene.checks_drive import undriven
 from libmpm._src.scene.checks_loads import doubtful_loads
 from libmpm._src.scene.checks_sizes import check_range
 from libmpm._src.scene.checks_viscous import smeared_flows
@@ -122,6 +123,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
     if not problems and scene.grid is None and scene.start is None:
         doubts += smeared_flows(scene)
         doubts += doubtful_loads(scene)
+        doubts += undriven(scene)
     return problems, doubts
 
 

@@ -176,12 +176,17 @@ class _Attempt:
             self._record |= {"status": "failed", "error": describe(error)}
             # A full disk must not hide what went wrong before it.
             with contextlib.suppress(OSError):
-                (self._folder / TRACEBACK).write_text(traceback.format_exc(), encoding="utf-8")
-        if self._lost:
+                if not self._is_lost():
+                    (self._folder / TRACEBACK).write_text(traceback.format_exc(), encoding="utf-8")
+        if self._is_lost():
             # What has taken over the case writes its record.
             return {"outcome": "busy"}
         self._close(messages)
         return {"outcome": outcome, "record": self._record}
+
+    def _is_lost(self) -> bool:
+        """Tell whether another process has the case now; the run may notice before a beat does."""
+        return self._lost or self._lock.lost
 
     def _close(self, messages: list[str]) -> None:
         self._record |= {
@@ -299,7 +304,7 @@ class _Attempt:
     def _watch(self, state: State) -> None:
         """Take the state of the run, several times a second; raises where it shall stop."""
         self._state = state
-        if self._lost or _asked_to_stop(self._task):
+        if self._is_lost() or _asked_to_stop(self._task):
             raise _Stopped
 
     def _reached(self) -> dict[str, Any]:
