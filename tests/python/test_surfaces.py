@@ -290,7 +290,7 @@ def test_distances_of_the_lattice_are_those_of_the_shape():
 def test_scenes_without_special_boundaries_run_without_them():
     """Model only what a scene requires: the plan's kernel has another name, the memory is none."""
     scene = Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))
-    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
+    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip(cell="held"))
     scene.add_body(name="water", shape=Box(lower=(0, 0), upper=(1, 0.5)), material=WATER)
     plain = scene.plan(device="cpu")
     assert plain.kernels[0] == "update_grid"

@@ -46,7 +46,7 @@ def tank(cell_size=0.1, modulus=MODULUS, interval=0.005, hydrostatic=DEPTH, **bo
         **body,
     )
     walls = shapes.DomainWalls(faces=("x-", "x+", "y-"))
-    scene.add_boundary(name="walls", shape=walls, response=boundaries.Slip())
+    scene.add_boundary(name="walls", shape=walls, response=boundaries.Slip(cell="held"))
     side = sensors.LoadCell(boundary="walls", faces=("x+",), interval=interval)
     scene.add_sensor(name="side", sensor=side)
     return scene
@@ -243,7 +243,7 @@ def full():
     scene.add_boundary(
         name="ball",
         shape=shapes.Sphere(centre=(0.1, 0.0), radius=0.02),
-        response=boundaries.Slip(),
+        response=boundaries.Slip(cell="held"),
     )
     return scene
 
