@@ -37,7 +37,7 @@ def flume(dx, outlet, bulk_modulus=1e6, soffit=None, before=0.5, **how):
         **how,
     )
     bed = shapes.DomainWalls(faces=("y-",))
-    scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip())
+    scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip(cell="held"))
     inlet = boundaries.Inflow(body="water", face="x-", velocity=BORE.velocity, level=BORE.depth)
     scene.add_flow(name="inlet", flow=inlet)
     due = outlet / BORE.speed
@@ -45,7 +45,7 @@ def flume(dx, outlet, bulk_modulus=1e6, soffit=None, before=0.5, **how):
     scene.add_flow(name="outlet", flow=boundaries.Outflow(face="x+", velocity=leaves))
     if soffit is not None:
         deck = shapes.Box(lower=(FRONT, soffit), upper=(FRONT + LENGTH, soffit + DEPTH))
-        scene.add_boundary(name="deck", shape=deck, response=boundaries.Separable())
+        scene.add_boundary(name="deck", shape=deck, response=boundaries.Separable(cell="held"))
         cell = sensors.LoadCell(boundary="deck", interval=0.01)
         scene.add_sensor(name="deck", sensor=cell)
         front = sensors.LoadCell(boundary="deck", faces=("x-",), interval=0.01)
