@@ -23,8 +23,10 @@ from libmpm._src.grids.shapes import Outline
 from libmpm._src.materials.initial_stress import stored_stress
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import CROSSINGS, FBar
+from libmpm._src.run.element_spec import mesh_part
 from libmpm._src.run.hydrostatic import at_hand, still_water
 from libmpm._src.scene.checks import validate
+from libmpm._src.scene.checks_elements import faint_strains
 from libmpm._src.scene.checks_sizes import check_numbers
 from libmpm._src.scene.checks_time_steps import check_intervals, check_step, too_slow
 from libmpm._src.scene.contact_fields import contact_entry, device_of_contacts
@@ -153,13 +155,13 @@ def lower(
         check_step(scene, fixed, precision)
     if scene.grid is None:
         check_intervals(scene, fixed)
-        warn(too_slow(scene, fixed, precision))
+        warn(too_slow(scene, fixed, precision) + faint_strains(scene, precision))
     bodies = []
     first = 0
     for body in scene.bodies:
         bodies.append(_body(scene, body, first, with_particles and not shell))
         bodies[-1] |= keep_room(scene, body, bodies[-1])
-        if shell:
+        if shell and "elements" not in bodies[-1]:
             _hollow(bodies[-1])
         first += bodies[-1].get("id_count", bodies[-1]["count"])
     if problems := check_numbers(scene, precision, bodies):
@@ -298,6 +300,7 @@ def _body(scene: SceneData, body: Body, first: int, with_particles: bool) -> dic
         | starts
         | _velocity_gradient(scene, body, points.rows, points.count if with_particles else 0)
         | _over_cells(scene, body)
+        | mesh_part(body, points)
     )
 
 

@@ -15,6 +15,7 @@ from libmpm._src.errors import SceneError
 from libmpm._src.run import backends
 from libmpm._src.run.engine_spec import check_backend, choose_device, choose_precision, lower
 from libmpm._src.scene import checks, places
+from libmpm._src.scene.checks_elements import faint_strains
 from libmpm._src.scene.checks_sizes import check_sweeps
 from libmpm._src.scene.checks_time_steps import (
     duration,
@@ -129,6 +130,7 @@ class Plan:
         self._warnings = [
             *checks.check_scene(scene)[1],
             *faster_than_water(scene),
+            *faint_strains(scene, precision),
             *faster_than_flow(scene),
             *shorter_than_step(scene, self.time_step),
         ]

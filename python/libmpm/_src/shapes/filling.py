@@ -23,8 +23,7 @@ from libmpm._src.shapes.oriented_boxes import Extent, TurnedBox
 from libmpm._src.shapes.particle_columns import Stacked
 from libmpm._src.shapes.particle_placement import Columns, Jitter, PoissonDisk, Sampling
 from libmpm._src.shapes.particle_tiles import Jittered, Remaining, Tiled, lattice_tile, random_tile
-from libmpm._src.shapes.point_file import PointFile
-from libmpm._src.shapes.solid import Array, Bounds, Solid
+from libmpm._src.shapes.solid import Array, Bounds, GivenPoints, Solid
 from libmpm._src.shapes.volume import counted_volume, shared_bounds, volume_of
 
 if TYPE_CHECKING:
@@ -117,7 +116,7 @@ def bounds_of(scene: SceneData, body: Body) -> Array:
     """Return the corners (2, d) of a box around a body, relative to the scene's lower corner, m."""
     if isinstance(body.shape, BOXES):
         return body_lattice(scene, body).bounds
-    assert isinstance(body.shape, Solid | PointFile)
+    assert isinstance(body.shape, Solid | GivenPoints)
     return np.array([relative(scene, corner) for corner in body.shape.bounds()])
 
 
@@ -137,7 +136,7 @@ def fill(scene: SceneData, body: Body) -> Filling:
     )
     spacing = scene.cell_size / body.particles_per_cell ** (1.0 / scene.dimension)
     shape, how = body.shape, body.sampling
-    if isinstance(shape, PointFile):
+    if isinstance(shape, GivenPoints):
         return _given(shape, solids, scene.lower, spacing)
     if isinstance(shape, BOXES) and not isinstance(how, Columns | PoissonDisk):
         return _box(scene.lower, body_lattice(scene, body), shape, solids, how, spacing)
@@ -156,7 +155,7 @@ def fill(scene: SceneData, body: Body) -> Filling:
 def caught_in(
     scene: SceneData, body: Body, position: Array, allowance: float
 ) -> npt.NDArray[np.int64]:
-    """Return which positions (n, d), m relative, lie in a body's solid; none in a PointFile."""
+    """Return which positions (n, d), m relative, lie in a body's solid; none in given points."""
     if not isinstance(body.shape, Solid):
         return np.zeros(0, dtype=np.int64)
     low, high = bounds_of(scene, body)
@@ -167,7 +166,7 @@ def caught_in(
 
 @lru_cache(maxsize=4)
 def _given(
-    shape: PointFile, holes: tuple[Solid, ...], corner: tuple[float, ...], spacing: float
+    shape: GivenPoints, holes: tuple[Solid, ...], corner: tuple[float, ...], spacing: float
 ) -> Filling:
     position = shape.positions() - np.asarray(corner)
     bounds = np.array([position.min(axis=0), position.max(axis=0)])
