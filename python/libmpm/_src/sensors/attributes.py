@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.base.values import nearest
 from libmpm._src.sensors import tensors
+from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
     from libmpm._src.run.running import Running
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.parts import Body
 
 __all__ = ["ENGINE", "Attribute", "attribute", "compute", "find", "is_known", "names"]
-__all__ += ["reads", "refusal", "upward"]
+__all__ += ["of_elements", "reads", "refusal", "upward"]
 
 Array = NDArray[np.float64]
 
@@ -104,6 +105,7 @@ class Attribute:
 
 
 _STRESS = ("stress", "pressure")
+_ELEMENT_STRESS = ("element_stress", "element_pressure")
 _F = ("deformation_gradient",)
 
 
@@ -125,6 +127,18 @@ def _log_volume(s: Source) -> Array:
     if "gap" in names:
         return s.column("gap")
     return s.body.material.parameters()["log_plastic_volume"] + s.column("consolidation")
+
+
+def _element_von_mises(s: Source) -> Array:
+    stress, pressure = (s.arrays[name] for name in _ELEMENT_STRESS)
+    if stress.shape[-1] == 2:
+        stress = tensors.solid(stress, -3 * pressure - np.trace(stress, axis1=1, axis2=2))
+    return tensors.von_mises(stress, 1.5)
+
+
+def of_elements(name: str) -> bool:
+    """Tell whether an attribute has a row for each element, not for each particle or vertex."""
+    return name.startswith("element_")
 
 
 def _table() -> dict[str, Attribute]:
@@ -152,6 +166,7 @@ def _table() -> dict[str, Attribute]:
         smoothed = ("volume_ratio_smoothed",)
         add(name, "1", smoothed, lambda s: s.arrays[_smoothed(s.arrays)])
     plain("Pressure", "Pa", "pressure")
+    add("element_von_mises", "Pa", _ELEMENT_STRESS, _element_von_mises, "elements")
     add("VonMisesStress", "Pa", _STRESS, lambda s: tensors.von_mises(s.cauchy(), 1.5))
     add("VonMisesStrain", "1", _F, lambda s: tensors.von_mises(s.strain(), 2 / 3), "strain")
     add("PorePressure", "Pa", (), None, "pore")
@@ -238,6 +253,9 @@ def compute(name: str, source: Source) -> NDArray[Any]:
 
 def _has(body: Body, needs: str, scene: SceneData) -> bool:
     table = body.material.table
+    meshed = isinstance(body.shape, ElementMesh)
+    if needs == "elements" or (meshed and needs in ("F", "strain")):
+        return meshed and needs == "elements"
     columns = [c.name for c in table.columns]
     if needs == "F":
         return table.needs == "deformation_gradient"
@@ -257,6 +275,7 @@ _MEANING = {
     "strain": "deformation gradient and no strain",
     "logJp": "logarithm of a plastic volume",
     "pore": "pore pressure",
+    "elements": "elements",
 }
 
 
