@@ -302,7 +302,7 @@ class Tetrahedra(ElementMesh):
 
         "auto": a Box or OrientedBox as `box` does, exactly; others by gmsh where it is installed
         (`pip install libmpm[elements]`), else by a lattice cut at the surface, whose sharp edges
-        are cut off: its volume falls short by 1 to 5 % at 10 edges across (`docs/elements.md`
+        are cut off: its volume falls short by 1 to 7 % at 10 edges across (`docs/elements.md`
         has numbers). A SurfaceMesh needs gmsh, unless "lattice" is asked for. Raises `SceneError`.
         """
         return cls._fill(solid, edge, mesher, volumes)
