@@ -19,7 +19,8 @@ import libmpm
 from libmpm import Scene, SceneError, materials, shapes
 from libmpm._src.run.engine_spec import lower
 from libmpm._src.scene.checks_elements import LONGEST
-from libmpm._src.shapes.element_topology import determinants, edges, faces, inside
+from libmpm._src.shapes.element_topology import determinants, edges, faces
+from libmpm._src.shapes.mesh_inside import MeshInside
 from libmpm._src.shapes.volume import volume_of
 
 WOOD = materials.NeoHookean(density=600.0, youngs_modulus=1e7, poissons_ratio=0.3)
@@ -300,6 +301,14 @@ def test_boxes_at_any_angle_are_met_exactly() -> None:
 # Gmsh --------------------------------------------------------------------------------------------
 
 
+def require_gmsh() -> Any:
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:
+        pytest.skip(f"gmsh: {error}")
+    return gmsh
+
+
 def stl_of(mesh: Any, path: Path) -> Path:
     meshio.Mesh(mesh.vertices, [("triangle", mesh.surface)]).write(path)
     return path
@@ -313,7 +322,9 @@ def test_a_surface_mesh_without_gmsh_says_what_to_install(
     bar = shapes.Tetrahedra.box(lower=(0, 0, 0), upper=(1, 0.2, 0.2), edge=0.1)
     surface = shapes.SurfaceMesh(file=str(stl_of(bar, tmp_path / "bar.stl")))
     monkeypatch.setitem(sys.modules, "gmsh", None)
-    with pytest.raises(SceneError, match=r"gmsh is not installed.*pip install libmpm\[elements\]"):
+    with pytest.raises(
+        SceneError, match=r"gmsh is not installed, or not whole .*pip install libmpm\[elements\]"
+    ):
         shapes.Tetrahedra.fill(solid=surface, edge=0.1)
     by_lattice = shapes.Tetrahedra.fill(solid=surface, edge=0.1, mesher="lattice")
     assert by_lattice.total_volume() == pytest.approx(0.04, rel=0.3)
@@ -321,7 +332,7 @@ def test_a_surface_mesh_without_gmsh_says_what_to_install(
 
 @pytest.mark.parametrize("name", ["profile", "disc", "plate"])
 def test_gmsh_meets_sharp_edges(name: str) -> None:
-    pytest.importorskip("gmsh", exc_type=ImportError)
+    require_gmsh()
     solid, _ = SOLIDS[name]
     kind: Any = shapes.Triangles if solid.dimension == 2 else shapes.Tetrahedra
     mesh = kind.fill(solid=solid, edge=0.2, mesher="gmsh")
@@ -333,7 +344,7 @@ def test_gmsh_meets_sharp_edges(name: str) -> None:
 
 
 def test_gmsh_fills_a_surface_mesh(tmp_path: Path) -> None:
-    gmsh = pytest.importorskip("gmsh", exc_type=ImportError)
+    gmsh = require_gmsh()
     bar = shapes.Tetrahedra.box(lower=(0, 0, 0), upper=(1, 0.2, 0.2), edge=0.1)
     path = stl_of(bar, tmp_path / "bar.stl")
     surface = shapes.SurfaceMesh(file=str(path), scale=2.0, offset=(1, 0, 0))
@@ -541,7 +552,6 @@ def scene_problems(scene: Scene) -> tuple[list[str], list[str]]:
         ({"sampling": shapes.Jitter(share=0.5, seed=1)}, "sampling is .* the vertices are given"),
         ({"damping": 0.1}, "damping is 0.1 for a body of elements"),
         ({"stress": (1, 2, 3, 0, 0, 0)}, "stress is .* it begins at rest"),
-        ({"subtract_from": ("other",)}, "a mesh has no signed distance"),
         ({"velocity": (1, 0)}, "velocity has 2 numbers"),
     ],
 )  # fmt: skip
@@ -580,23 +590,41 @@ def test_places_of_meshes_are_checked() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31))
-def test_points_inside_a_mesh(seed: int) -> None:
+def test_what_a_mesh_encloses(seed: int) -> None:
     """Against the signed distance of the box that is meshed."""
     rng = np.random.default_rng(seed)
     d = int(rng.integers(2, 4))
     size = rng.uniform(0.3, 1.0, d)
     box = shapes.OrientedBox(centre=(0,) * d, size=size, angle=rng.uniform(0, 90))
     kind: Any = shapes.Triangles if d == 2 else shapes.Tetrahedra
-    mesh = kind.fill(solid=box, edge=0.2)
+    solid = MeshInside(kind.fill(solid=box, edge=0.2))
     points = rng.uniform(-0.8, 0.8, (60, d))
     far = box.distance(points)
-    clear = np.abs(far) > 1e-9
-    rows = mesh.elements.astype(np.int64)
-    found = inside(mesh.vertices, rows, points, 0.0)
-    assert np.array_equal(found[clear], far[clear] < 0)
-    deep = inside(mesh.vertices, rows, points, 0.05)
-    clear = np.abs(far + 0.05) > 1e-9
-    assert np.array_equal(deep[clear], far[clear] < -0.05)
+    inner = far < 0
+    assert solid.distance(points)[inner] == pytest.approx(far[inner], abs=1e-12)
+    assert (solid.distance(points)[~inner] >= -1e-12).all()
+    assert solid.volume() == pytest.approx(box.volume())
+    assert solid == MeshInside(solid.mesh) and hash(solid) == hash(MeshInside(solid.mesh))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_mesh_taken_out_of_water(d: int) -> None:
+    """Particles inside the mesh are left out, as where a box is taken out, and mass with them."""
+    counts = []
+    box = shapes.OrientedBox(centre=(1.0, 0.5, 0.5)[:d], size=(0.8, 0.2, 0.2)[:d], angle=20)
+    kind: Any = shapes.Triangles if d == 2 else shapes.Tetrahedra
+    for shape in (box, kind.fill(solid=box, edge=0.1)):
+        scene = room(d)
+        scene.add_body(
+            name="water", shape=shapes.Box(lower=(0,) * d, upper=(2, 1, 1)[:d]), material=WATER
+        )
+        scene.add_body(name="bar", shape=shape, material=WOOD, subtract_from=("water",))
+        scene.validate()
+        water = lower(scene)["bodies"][0]
+        counts.append(water["count"])
+    assert counts[0] == counts[1]
+    left = 2 - 0.8 * 0.2 ** (d - 1)
+    assert water["count"] * water["particle_mass"] == pytest.approx(1000 * left, rel=1e-3)
 
 
 def test_stiff_elements_in_single_precision_are_doubted() -> None:
@@ -634,3 +662,18 @@ class warned:
     def __exit__(self, *error: object) -> None:
         self._texts += [str(w.message) for w in self._found or ()]
         self._catch.__exit__(None, None, None)
+
+
+def test_debris_as_elements() -> None:
+    from libmpm import debris
+
+    timber = debris.Prototype(name="timber", length=0.4, width=0.1, height=0.1, material=WOOD)
+    field = debris.ordered(timber, columns=2, rows=2, clearance=0.1, centre=(1.0, 0.5))
+    scene = room()
+    names = field.add_to(scene, elevation=0.3, edge=0.05)
+    assert len(names) == 4
+    for body, piece in zip(scene.bodies, field.pieces, strict=True):
+        assert isinstance(body.shape, shapes.Tetrahedra) and body.particles_per_cell == 8
+        assert body.shape.total_volume() == pytest.approx(0.004)
+        middle = np.mean(body.shape.bounds(), axis=0)
+        assert middle == pytest.approx((piece.x, piece.y, 0.35))

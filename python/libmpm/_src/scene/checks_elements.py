@@ -12,8 +12,8 @@ from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
 from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.element_mesh import ElementMesh
-from libmpm._src.shapes.element_topology import inside
-from libmpm._src.shapes.volume import shared_bounds
+from libmpm._src.shapes.mesh_inside import MeshInside
+from libmpm._src.shapes.oriented_boxes import close_pairs
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -65,8 +65,6 @@ def _check_unbuilt(check: Checker, scene: SceneData, body: Body) -> None:
                                "the vertices are the particles; leave it out"),
         "sampling": (body.sampling is not None, body.sampling,
                      "the vertices are given; leave it out"),
-        "subtract_from": (bool(body.subtract_from), body.subtract_from,
-                          "a mesh has no signed distance; shape the other body without it"),
         "fbar": (isinstance(body.fbar, FBar), body.fbar,
                  "volumes='vertex' of the mesh serves in its place; leave it out"),
         "smoothing": (body.smoothing is not None, body.smoothing, "leave it out"),
@@ -105,27 +103,23 @@ def _doubt_thin(scene: SceneData, body: Body, mesh: ElementMesh, doubts: list[st
 
 
 def check_mesh_overlaps(bodies: list[Body], slack: float, problems: list[str]) -> None:
-    """Refuse meshes with vertices inside elements of others, deeper than `slack`, m."""
+    """Refuse meshes with vertices inside others, deeper than `slack`, m."""
     meshes = [(b, b.shape) for b in bodies if isinstance(b.shape, ElementMesh)]
-    for i, (one, first) in enumerate(meshes):
-        for two, second in meshes[i + 1 :]:
-            shared = shared_bounds(first.bounds(), second.bounds())
-            if shared is None:
+    for i, j in close_pairs([mesh.bounds() for _, mesh in meshes]):
+        for (one, first), (two, second) in ((meshes[i], meshes[j]), (meshes[j], meshes[i])):
+            low, high = (np.asarray(end) for end in second.bounds())
+            p = first.positions()
+            near = np.flatnonzero(((p > low) & (p < high)).all(axis=1))
+            if not len(near):
                 continue
-            for whose, points, other, mesh in (
-                (one, first, two, second), (two, second, one, first)
-            ):  # fmt: skip
-                low, high = (np.asarray(end) for end in shared)
-                p = points.positions()
-                near = np.flatnonzero(((p > low) & (p < high)).all(axis=1))
-                caught = near[inside(mesh.positions(), mesh.rows(), p[near], slack)]
-                if len(caught):
-                    problems.append(
-                        f"body '{whose.name}': with body '{other.name}': {len(caught)} of its "
-                        f"vertices, the first {caught[0]}, lie inside elements of the other; "
-                        "expected apart; move one of them"
-                    )
-                    break
+            caught = near[MeshInside(second).distance(p[near]) < -slack]
+            if len(caught):
+                problems.append(
+                    f"body '{one.name}': with body '{two.name}': {len(caught)} of its vertices, "
+                    f"the first {caught[0]}, lie inside elements of the other; expected apart; "
+                    "move one of them"
+                )
+                break
 
 
 def faint_strains(scene: SceneData, precision: str) -> list[str]:

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from libmpm._src.shapes.solid import Array
 
-__all__ = ["Faces", "Numbers", "determinants", "doubles", "edges", "faces", "inside"]
-__all__ += ["longest_edges", "parts", "qualities"]
+__all__ = ["Faces", "Numbers", "determinants", "doubles", "edges", "faces", "longest_edges"]
+__all__ += ["parts", "qualities"]
 
 Numbers = npt.NDArray[np.int64]
 
@@ -159,68 +159,3 @@ def doubles(vertices: Array, tolerance: float) -> Numbers:
     found = np.empty(len(vertices), dtype=np.int64)
     found[order] = first[group]
     return found
-
-
-def inside(
-    vertices: Array, elements: Numbers, points: Array, depth: float
-) -> npt.NDArray[np.bool_]:
-    """Return which points lie in an element, deeper than `depth` m below the surface, (n,).
-
-    Elements are put into cubes of their mean size; a point asks those whose bounds reach its cube.
-    """
-    found = np.zeros(len(points), dtype=bool)
-    if not len(points):
-        return found
-    corner = vertices[elements]
-    low, high = corner.min(axis=1), corner.max(axis=1)
-    start, size = low.min(axis=0), max(float((high - low).mean()), 1e-300)
-    first, last = ((x - start) // size for x in (low, high))
-    reach = (last - first).max(axis=0).astype(np.int64) + 1
-    home = (points - start) // size
-    keys: dict[tuple[int, ...], list[int]] = {}
-    wanted = {tuple(row) for row in home.astype(np.int64).tolist()}
-    for by in itertools.product(*(range(n) for n in reach.tolist())):
-        cell = first + np.asarray(by)
-        rows = np.flatnonzero((cell <= last).all(axis=1))
-        for row, key in zip(
-            rows.tolist(), map(tuple, cell[rows].astype(np.int64).tolist()), strict=True
-        ):
-            if key in wanted:
-                keys.setdefault(key, []).append(row)
-    d = vertices.shape[1]
-    for i, key in enumerate(map(tuple, home.astype(np.int64).tolist())):
-        rows = np.array(keys.get(key, ()), dtype=np.int64)
-        if not len(rows):
-            continue
-        x = corner[rows]
-        edges_ = (x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
-        share = np.linalg.solve(edges_, (points[i] - x[:, 0])[..., None])[..., 0]
-        share = np.column_stack([1.0 - share.sum(axis=1), share])
-        # A share is a height over that of its corner.
-        within = (share > -1e-9).all(axis=1)
-        found[i] = within.any()
-    if depth > 0 and found.any():
-        found &= _deeper(vertices, elements, points, depth, d)
-    return found
-
-
-def _deeper(
-    vertices: Array, elements: Numbers, points: Array, depth: float, d: int
-) -> npt.NDArray[np.bool_]:
-    """Return which points are further than `depth` from the planes of the faces outside, (n,)."""
-    every = faces(elements)
-    outside = every.corners[every.times[every.number] == 1]
-    x = vertices[outside]
-    away = np.full(len(points), np.inf)
-    if d == 2:
-        along = x[:, 1] - x[:, 0]
-        normal = np.column_stack([along[:, 1], -along[:, 0]])
-    else:
-        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    middle, reach = x.mean(axis=1), np.ptp(x, axis=1).max(axis=1)
-    for i, point in enumerate(points):
-        near = np.abs(middle - point).max(axis=1) <= reach + depth
-        if near.any():
-            away[i] = np.abs(((point - middle[near]) * normal[near]).sum(axis=1)).min()
-    return away > depth
