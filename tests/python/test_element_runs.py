@@ -12,6 +12,7 @@ import libmpm
 from libmpm import SceneError, boundaries, materials, shapes
 from support import element_cases as cases
 
+PIC = libmpm.methods.Transfer(scheme="PIC")
 FAST = {"device": "cpu", "precision": "double"}
 
 
@@ -155,6 +156,66 @@ def test_frames_results_and_tracker(tmp_path: Path) -> None:
     assert np.isfinite(tracked).all()
 
 
+def test_sensors_of_elements() -> None:
+    scene = cases.small_scene(2)
+    for name, attribute, operation in (
+        ("energy", "element_energy", "sum"),
+        ("peak", "element_von_mises", "max"),
+        ("least", "element_volume_ratio", "min"),
+    ):
+        for where, region in (("", None), (" here", shapes.Box(lower=(0, 0), upper=(0.5, 1)))):
+            scene.add_sensor(
+                name=name + where,
+                sensor=libmpm.sensors.ParticleSensor(
+                    body="block",
+                    attribute=attribute,
+                    operation=operation,
+                    region=region,
+                    interval=0.01,
+                ),
+            )
+    sim = libmpm.Simulation(scene, **FAST)
+    sim.run(until=0.1, progress=False)
+    view = sim.particles["block"]
+    found = {name: series.values[-1, 0] for name, series in sim.sensors.items()}
+    last = sim.sensors["energy"].time[-1]
+    if last == sim.time:
+        assert found["energy"] == pytest.approx(view["element_energy"].sum(), rel=1e-9)
+        assert found["peak"] == pytest.approx(view["element_von_mises"].max(), rel=1e-9)
+    assert 0 < found["energy here"] < found["energy"]
+    assert found["peak here"] <= found["peak"] and found["least here"] >= found["least"]
+
+
+@pytest.mark.parametrize(
+    ("sensor", "said"),
+    [
+        (
+            libmpm.sensors.ParticleSensor(
+                body="other", attribute="element_energy", operation="sum", interval=0.1
+            ),
+            "stores no elements; bodies that do: 'block'",
+        ),
+        (
+            libmpm.sensors.AttributeTracker(
+                body="block", ids=(0,), attributes=("element_energy",), interval=0.1
+            ),
+            "a row for each element and not for each",
+        ),
+        (
+            libmpm.sensors.ParticleSensor(
+                body="block", attribute="DefGrad_XX", operation="max", interval=0.1
+            ),
+            "stores no deformation gradient",
+        ),
+    ],
+)
+def test_sensors_that_are_refused(sensor: Any, said: str) -> None:
+    scene = cases.small_scene(2)
+    scene.add_sensor(name="s", sensor=sensor)
+    with pytest.raises(SceneError, match=said):
+        scene.validate()
+
+
 def test_an_element_that_inverts_is_named() -> None:
     scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 1))
     scene.add_body(name="block", shape=cases.mesh_of((0.6, 0.3), (1.2, 0.6), 0.05),
@@ -170,7 +231,7 @@ def test_an_element_that_inverts_is_named() -> None:
     [
         ({"method": libmpm.Method(transfer=libmpm.methods.Transfer(scheme="XPIC", order=2))},
          "XPIC"),
-        ({"method": libmpm.Method(kernel=libmpm.methods.Kernel(name="linear"))}, "kernel"),
+        ({"method": libmpm.Method(kernel=libmpm.methods.Kernel(name="linear"), transfer=PIC)}, "kernel"),
     ],
 )  # fmt: skip
 def test_methods_that_are_refused(changes: dict[str, Any], said: str) -> None:

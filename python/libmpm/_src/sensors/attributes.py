@@ -34,6 +34,7 @@ ENGINE: dict[str, str] = {
     "position": "m", "velocity": "m/s", "mass": "kg", "volume": "m³", "density": "kg/m³",
     "pressure": "Pa", "speed": "m/s", "kinetic_energy": "J", "elastic_energy": "J",
     "volume_ratio": "1", "volume_ratio_smoothed": "1", "plastic_strain": "1", "yields": "1",
+    "element_pressure": "Pa", "element_volume_ratio": "1", "element_energy": "J",
 }  # fmt: skip
 VECTORS = ("position", "velocity")
 
@@ -282,6 +283,8 @@ _MEANING = {
 def refusal(name: str, body: Body, scene: SceneData) -> str | None:
     """Return why a body of a scene has no such attribute, with the remedy; None if it has."""
     found = _ATTRIBUTES.get(name)
+    if name in ENGINE and of_elements(name):
+        found = _ATTRIBUTES["element_von_mises"]  # needs what these need
     if found is None:
         if name in ENGINE:
             return _refused_by_engine(name, body, scene)
