@@ -164,6 +164,19 @@ private:
     std::vector<std::uint32_t> cell_by_cell(const Body& body,
                                             std::vector<std::uint8_t>* cell = nullptr) const;
 
+    // domain_elements.hpp
+    void make_mesh(Body& body, const BodySpec& spec);
+    void place_mesh(Body& body);
+    void locate_elements(Body& body, int number);
+    void push_elements(const Phase<X, T, D>& phase, Body& body);
+    void spread_body(Body& body, const Phase<X, T, D>& phase);
+    void see_elements(Body& body, int number, const std::vector<std::string>& names,
+                      Attributes& out);
+    double mean_volume_ratio(Body& body, int number);
+    Fault describe_element(Body& body, Fault fault);
+    bool tears_mesh(const std::vector<std::uint32_t>& left, std::size_t b,
+                    const Buffer<X, std::uint32_t>& cell);
+
     // domain_export.hpp
     DenseColumn make_column(char type, const std::vector<std::size_t>& shape);
 
@@ -427,6 +440,7 @@ private:
 #include "mpm/solver/domain_assign.hpp"
 #include "mpm/solver/domain_contact.hpp"
 #include "mpm/solver/domain_devices.hpp"
+#include "mpm/solver/domain_elements.hpp"
 #include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_migrate.hpp"
 #include "mpm/solver/domain_migrate_devices.hpp"
