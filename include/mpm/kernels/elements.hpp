@@ -215,6 +215,35 @@ MPM_INLINE void spread_vertex(const Phase<X, T, D>& phase, const Reached<W, X, T
     });
 }
 
+/// Where contact looks for faces, masses at vertices are too coarse a picture: a point near each
+/// vertex of an element stands for its part of the volume. Here their shares of the vertices.
+template <int D>
+inline constexpr double own_share = D == 2 ? 2.0 / 3 : 0.5854101966249685;
+
+/// Calls f(offset from the home cell of vertex q, mass) for the points near it of its elements.
+template <class T, int D, class F>
+MPM_INLINE void for_each_point(const ElementsView<T, D>& mesh, const BodyView<T, D>& body,
+                               std::uint32_t q, T density, const F& f) {
+    constexpr T others = T((1 - own_share<D>) / D);
+    const std::int64_t number = body.id[q], from = number * D;
+    for (std::uint32_t c = mesh.start[number]; c < mesh.start[number + 1]; ++c) {
+        const std::int64_t e = mesh.corner[c] / (D + 1);
+        Vec<T, D> at;
+        MPM_UNROLL for (int a = 0; a < D; ++a) at[a] = body.offset[a][q];
+        MPM_UNROLL for (int k = 0; k <= D; ++k) {
+            const std::int64_t to = std::int64_t(mesh.number(e, k)) * D;
+            MPM_UNROLL for (int a = 0; a < D; ++a) {
+                const std::int32_t cells = (mesh.rest_cell[to + a] + mesh.cells[to + a]) -
+                                           (mesh.rest_cell[from + a] + mesh.cells[from + a]);
+                const T beyond = (mesh.rest_offset[to + a] + mesh.beyond[to + a]) -
+                                 (mesh.rest_offset[from + a] + mesh.beyond[from + a]);
+                at[a] = at[a] + others * (T(cells) + beyond);
+            }
+        }
+        f(at, density * mesh.volume[e] * T(1.0 / (D + 1)));
+    }
+}
+
 /// What readers see of an element, in double.
 template <int D>
 struct ElementSeen {
@@ -263,6 +292,9 @@ struct ElementOps {
     void (*volumes)(const Pass<X, T, D>&, const Mesh&);  // of vertices
     void (*forces)(const Pass<X, T, D>&, const Mesh&);
     void (*spread)(const Phase<X, T, D>&, const Mesh&);
+    /// The sum `channel` of the blocks that are flagged: what points of elements weigh less what
+    /// their vertices do.
+    void (*fill)(const Phase<X, T, D>&, const Mesh&, const std::uint8_t* near, int channel);
     /// Where *due is set, per home block: kinetic, elastic, potential energy; `energy`: room for a
     /// number an element.
     void (*energies)(const Phase<X, T, D>&, const Mesh&, const std::int32_t* due, double* energy,

@@ -321,6 +321,7 @@ private:
         if (c <= D) return momentum_sum;
         for (const auto& b : plan_.bodies)
             if (b.group.weight == c) return mass_sum;
+        if (c == plan_.filled) return mass_sum;
         if (plan_.kept.plain >= 0 && c >= plan_.kept.plain && c < plan_.kept.plain + D)
             return momentum_sum;
         return group_sum;
@@ -400,6 +401,7 @@ private:
     Buffer<X, double> full_{exec_};
     Buffer<X, std::int32_t> contact_first_{exec_}, contact_count_{exec_};
     Buffer<X, std::uint32_t> crowded_{exec_};
+    Buffer<X, std::uint8_t> near_contact_{exec_};  // (slots,) of scenes with elements too
     std::int32_t contact_blocks_ = 0;
 
     Inflow<Base, D> inflow_{exec_, spec_, plan_};

@@ -81,6 +81,7 @@ struct Plan {
     int sum_channels = 0, velocity_channels = 0;
     int bytes_per_node = 0;
     KeptChannels kept;    // where the transfer stores velocities
+    int filled = -1;      // sum: what mass by elements differs by from that of their vertices
     SweepChannels sweep;  // of XPIC and FMPM
     int sweeps = 0;       // per step
     double beyond =

@@ -58,8 +58,6 @@ void check_elements(const Spec& spec, const BackendTraits& backend) {
             refuse("the sweeps of transfer '" + spec.transfer.scheme + "'",
                    "use APIC or another transfer");
         if (spec.start.given) refuse("runs that continue from another", "start the scene afresh");
-        if (spec.contact.any())
-            refuse("contact between bodies", "remove the contacts of the scene");
         for (const InletSpec& inlet : spec.inlets)
             if (std::size_t(inlet.body) == k)
                 refuse("inlet '" + inlet.name + "'", "feed another body");

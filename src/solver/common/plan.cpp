@@ -350,6 +350,11 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         held[body.held_by] = int(plan.channels.size());
         plan.channels.push_back("mass:" + body.name);
     }
+    if (spec.contact.any() && std::any_of(spec.bodies.begin(), spec.bodies.end(),
+                                          [](const BodySpec& b) { return !b.elements.empty(); })) {
+        plan.filled = int(plan.channels.size());
+        plan.channels.push_back("filled");
+    }
     plan.sum_channels = int(plan.channels.size());
     if (!held.empty() && plan.sum_channels > 64)
         throw SceneError("the grid would hold " + std::to_string(plan.sum_channels) +
@@ -480,6 +485,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             if (b.vertex_volumes) plan.kernels.push_back("volumes:" + b.name);
             if (b.elements > 0) plan.kernels.push_back("elements:" + b.name);
             plan.kernels.push_back("spread:" + b.name);
+            if (b.elements > 0 && plan.filled >= 0) plan.kernels.push_back("fill:" + b.name);
         } else if (b.pipeline == Pipeline::two_pass) {
             plan.kernels.push_back("gather:" + b.name);
             plan.kernels.push_back("scatter:" + b.name);

@@ -265,6 +265,65 @@ TEST(Elements, take_changes_of_velocity_and_no_states) {
     EXPECT_THROW(e->assign(given), SceneError);
 }
 
+/// A block that moves towards a slab at rest: how far apart they are, in cells, when the first
+/// hundredth of its momentum has gone over. `edge`: of elements, cells; 0: of particles.
+double first_push(double edge) {
+    const double dx = 0.05, gap = 0.4 * dx, speed = 0.1, half = 4 * dx;
+    Spec s = test::empty_scene(2, false, {30, 30}, dx);
+    const auto box = [&](const char* name, double x, double y, double width, double height,
+                         double of) {
+        const int nx = int(std::lround(width / (std::max(of, 0.5) * dx))),
+                  ny = int(std::lround(height / (std::max(of, 0.5) * dx)));
+        if (of > 0) {
+            s.bodies.push_back(test::body_of_elements(
+                s, name, "FixedCorotated", {1000, 1e6, 0.3},
+                test::box_of_elements({x, y}, {width, height}, {nx, ny}), width * height));
+        } else {
+            std::vector<double> at;
+            for (int i = 0; i < nx; ++i)
+                for (int j = 0; j < ny; ++j)
+                    for (double c : {x + (i + 0.5) * width / nx, y + (j + 0.5) * height / ny})
+                        at.push_back(c);
+            s.bodies.push_back(test::body(s, name, "FixedCorotated", {1000, 1e6, 0.3}, at, 4));
+        }
+    };
+    const double floor = 8.3 * dx;
+    box("slab", 6.2 * dx, floor, 16 * dx, half, 0);
+    box("block", 10.2 * dx, floor + half + gap, 8 * dx, 8 * dx, edge);
+    s.bodies[1].velocity = {0, -speed};
+    s.contact.fields = 2;
+    s.contact.kind = {0, 1};
+    s.contact.density = {1000, 1000};
+    s.contact.laws.push_back({ContactKind::friction, 0, 0, 0.7});
+    s.contact.law_of = {-1, 0, 0, -1};
+    s.bodies[0].fields = {{0, 0}};
+    s.bodies[1].fields = {{0, 1}};
+    const auto e = make_cpu_engine(s);
+    const auto block_speed = [&] {
+        const auto a = e->attributes(1, {"velocity", "mass"});
+        double p = 0, m = 0;
+        for (std::size_t k = 0; k < a.id.size(); ++k) {
+            p += a.values.at("mass").data[k] * a.values.at("velocity").data[2 * k + 1];
+            m += a.values.at("mass").data[k];
+        }
+        return -p / m;
+    };
+    while (block_speed() > 0.99 * speed && e->time() < 2 * gap / speed) go(*e, 2);
+    return (gap - speed * e->time()) / dx;
+}
+
+/// By masses at vertices alone they would push from 0.065 (half cells) and 0.21 (cells) on.
+TEST(Elements, touch_where_their_faces_are) {
+    EXPECT_NEAR(first_push(0), 0, 0.05);
+    EXPECT_NEAR(first_push(0.5), 0, 0.05);
+    EXPECT_NEAR(first_push(1), 0, 0.05);
+}
+
+TEST(Elements, without_contact_have_no_sum_of_their_own) {
+    const Spec s = spinning(2, false);
+    EXPECT_LT(make_plan(s, cpu_traits(s.precision)).filled, 0);
+}
+
 template <class F>
 std::string refusal(const F& f) {
     try {

@@ -90,6 +90,62 @@ void spread_vertices(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& me
         spread_vertices_of<5>(phase, mesh);
 }
 
+/// One number a node, of all that points beside a block's vertices reach.
+template <class T, int D>
+struct FillArena {
+    static constexpr int margin = 3, edge = Block<D>::edge + 2 * margin,
+                         nodes = D == 2 ? edge * edge : edge * edge * edge;
+    T sums[nodes];
+    static constexpr int stride(int axis) {
+        int s = 1;
+        for (int a = D - 1; a > axis; --a) s *= edge;
+        return s;
+    }
+};
+template <class T, int D>
+void fill_nodes(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& mesh,
+                const std::uint8_t* near, int channel) {
+    if (idle(phase)) return;
+    using A = FillArena<T, D>;
+    const auto& pass = phase.pass;
+    const T density = T(pass.body.particle_mass / pass.body.particle_volume);
+    for_each_colour<A>(phase, [&](A& arena, std::int32_t slot) {
+        if (!near[slot]) return;
+        std::memset(arena.sums, 0, sizeof arena.sums);
+        const std::int32_t* corner = pass.grid.table.corners + std::int64_t(slot) * D;
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            const auto add = [&](const Vec<T, D>& offset, T mass) {
+                int cell[D];
+                Vec<T, D> xi, half{};
+                std::int64_t in_domain[D];
+                for (int a = 0; a < D; ++a) {
+                    // A vertex is 1.5 cells from its home cell at most, a point of it further.
+                    const T x = offset[a];
+                    const int shift = x < T(-1.5) ? -2 : (x > T(1.5) ? 2 : cell_shift(x));
+                    cell[a] = home[a] + shift;
+                    xi[a] = x - T(shift);
+                    in_domain[a] = corner[a] + cell[a];
+                }
+                const Stencil<T, D, 3> s = stencil_of<3>(KernelChoice{}, xi, half, in_domain);
+                for_each_node(s, places_in_arena<A, 3, D, A::margin>(cell),
+                              [&](const auto&, int place, T w) { arena.sums[place] += mass * w; });
+            };
+            Vec<T, D> own;
+            for (int a = 0; a < D; ++a) own[a] = pass.body.offset[a][q];
+            add(own, -T(pass.body.particle_mass) * pass.body.state[0][q]);
+            for_each_point(mesh, pass.body, q, density, add);
+        });
+        for_each_run<D, A::margin>(
+            pass.destinations + std::int64_t(slot) * Block<D>::neighbours,
+            [&](int at, std::int32_t target, int node, int length) {
+                T* sums = pass.grid.sums +
+                          (std::int64_t(target) * pass.grid.sum_channels + channel) * block_cells +
+                          node;
+                for (int k = 0; k < length; ++k) sums[k] += arena.sums[at + k];
+            });
+    });
+}
+
 template <class Material, class T, int D>
 void element_energies(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& mesh,
                       const std::int32_t* due, double* energy, double* partial) {
@@ -127,9 +183,15 @@ void element_energies(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& m
 
 template <class Material, class T, int D>
 ElementOps<Cpu, T, D> element_instance() {
-    return {
-        &locate_vertices<T, D>, &find_volumes<Material, T, D>,     &find_forces<Material, T, D>,
-        &spread_vertices<T, D>, &element_energies<Material, T, D>, &see_element<Material, T, D>};
+    ElementOps<Cpu, T, D> ops{};
+    ops.locate = &locate_vertices<T, D>;
+    ops.volumes = &find_volumes<Material, T, D>;
+    ops.forces = &find_forces<Material, T, D>;
+    ops.spread = &spread_vertices<T, D>;
+    ops.fill = &fill_nodes<T, D>;
+    ops.energies = &element_energies<Material, T, D>;
+    ops.see = &see_element<Material, T, D>;
+    return ops;
 }
 
 }  // namespace mpm::cpu
