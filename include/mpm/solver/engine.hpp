@@ -131,6 +131,11 @@ struct Attributes {
     std::map<std::string, Array> values;
 };
 
+/// Attributes of bodies of elements whose rows are elements, in the mesh's order.
+inline bool is_of_elements(const std::string& attribute) {
+    return attribute.rfind("element_", 0) == 0;
+}
+
 /// Numbers one after another in the engine's memory: "d" float64 or "L" uint64. The engine must
 /// outlive them.
 struct DenseColumn {

@@ -19,8 +19,9 @@ constexpr std::uint64_t most_ids = (std::uint64_t(1) << 32) - 256;
 bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
     // Nothing has been checked yet: what does not fit is left for the plan to refuse.
     const std::size_t corners = 2 * std::size_t(dimension);
-    return a.restored == b.restored && a.bounds.size() == corners && b.bounds.size() == corners &&
-           a.material == b.material && a.parameters == b.parameters &&
+    return a.elements.empty() && b.elements.empty() && a.restored == b.restored &&
+           a.bounds.size() == corners && b.bounds.size() == corners && a.material == b.material &&
+           a.parameters == b.parameters &&
            // Equal boxes elsewhere differ by the rounding of their edges.
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
            a.smoothing == b.smoothing && a.smoothing_time == b.smoothing_time &&
@@ -343,6 +344,9 @@ MergedSpec merge_alike(const Spec& spec) {
                                ? b > 0 && !asked_for[b] && !asked_for[b - 1] &&
                                      alike(out.spec.bodies.back(), spec.bodies[b], spec.dimension)
                                : b > 0 && spec.stored_as[b] == spec.stored_as[b - 1];
+        if (joins && !(spec.bodies[b].elements.empty() && spec.bodies[b - 1].elements.empty()))
+            throw SceneError("the saved state holds body '" + spec.bodies[b].name +
+                             "' and the one before it as one, which bodies of elements never are");
         if (joins && (asked_for[b] || asked_for[b - 1]))
             throw SceneError("a sensor asks for body '" + spec.bodies[b].name +
                              "' or the one before it, which the saved state holds as one");
