@@ -231,7 +231,8 @@ def test_an_element_that_inverts_is_named() -> None:
     [
         ({"method": libmpm.Method(transfer=libmpm.methods.Transfer(scheme="XPIC", order=2))},
          "XPIC"),
-        ({"method": libmpm.Method(kernel=libmpm.methods.Kernel(name="linear"), transfer=PIC)}, "kernel"),
+        ({"method": libmpm.Method(kernel=libmpm.methods.Kernel(name="linear"), transfer=PIC)},
+         "kernel"),
     ],
 )  # fmt: skip
 def test_methods_that_are_refused(changes: dict[str, Any], said: str) -> None:

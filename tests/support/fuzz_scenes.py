@@ -199,7 +199,10 @@ def _elements(dimension: int) -> libmpm.Scene:
     """A body of elements in the plane or in space, beside water that it is taken out of."""
     d = dimension
     scene = _scene(d, 1.0, name=f"elements in {d}D")
-    scene.add_body(name="water", shape=_box(*(0,) * d, *(1.0, 0.4, 1.0)[:d]), material=WATER)
+    scene.add_body(
+        name="water", shape=_box(*(0,) * d, *(1.0, 0.4, 1.0)[:d]), material=WATER,
+        particles_per_cell=1,
+    )  # fmt: skip
     kind = shapes.Triangles if d == 2 else shapes.Tetrahedra
     mesh = kind.box(lower=(0.3,) * d, upper=(0.5,) * d, edge=0.1, volumes="vertex")
     scene.add_body(

@@ -176,12 +176,17 @@ class Plan:
         """Number of particles in all bodies."""
         return sum(int(b["particles"]) for b in self._result["bodies"])
 
+    @property
+    def elements(self) -> int:
+        """Number of finite elements in all bodies."""
+        return sum(int(b.get("elements", 0)) for b in self._result["bodies"])
+
     @keywords_only("Plan.body", 1)
     def body(self, name: str) -> dict[str, Any]:
         """Return the entry of a body.
 
         Its keys: particles, columns, bytes_per_particle, particle_spacing (m), pipeline ("fused",
-        "two-pass" or "phased") and pipeline_reason.
+        "two-pass" or "phased") and pipeline_reason; of a body of them elements.
         """
         for entry in self._result["bodies"]:
             if entry["name"] == name:
@@ -349,6 +354,8 @@ class Plan:
             ("kernels", " → ".join(self.kernels)),
             ("time step", f"{self.time_step:.4g} s, limited by {self.limited_by}"),
         ]
+        if self.elements:
+            rows.insert(3, ("elements", f"{self.elements:,}, their vertices among the particles"))
         if self._contacts:
             slots = self.memory["grid"] / (64 * self.bytes_per_node)
             text = f"{self._fields} of velocities, in about {slots:,.0f} blocks of one field"

@@ -14,15 +14,14 @@ import numpy.typing as npt
 from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, keywords_only, shown, value
-from libmpm._src.shapes import element_checks, element_files, element_lattices
-from libmpm._src.shapes import element_topology as topology
 from libmpm._src.shapes.boxes import Box, OrientedBox
-from libmpm._src.shapes.element_topology import Numbers
 from libmpm._src.shapes.oriented_boxes import rotation
 from libmpm._src.shapes.solid import Array, GivenPoints, Solid
 from libmpm._src.shapes.surface_mesh import SurfaceMesh
 
 __all__ = ["ElementMesh", "Tetrahedra", "Triangles"]
+
+Numbers = npt.NDArray[np.int64]
 
 #: What may be said about volumes, and Poisson's ratio from which "vertex" is meant by None.
 VOLUMES = ("element", "vertex")
@@ -43,6 +42,9 @@ class ElementMesh(GivenPoints):
     def _check(self, check: Checker) -> dict[str, Any]:
         if self.volumes is not None:
             check.choice("volumes", self.volumes, VOLUMES)
+        # Here and below: a scene without elements loads none of it.
+        from libmpm._src.shapes import element_checks
+
         found = element_checks.check_mesh(check, self.vertices, self.elements, self._d)
         if found is None:
             return {}
@@ -59,6 +61,8 @@ class ElementMesh(GivenPoints):
 
     @classmethod
     def _box(cls, lower: Any, upper: Any, edge: Any, pattern: Any, volumes: Any) -> Self:
+        from libmpm._src.shapes import element_lattices
+
         label = f"{cls.label}.box"
         check = Checker(label)
         low = check.vector("lower", lower, lengths=(cls._d,), unit="m")
@@ -87,6 +91,8 @@ class ElementMesh(GivenPoints):
 
     @classmethod
     def _read(cls, path: Any, scale: Any, offset: Any, weld: Any, part: Any, volumes: Any) -> Self:
+        from libmpm._src.shapes import element_files
+
         label = f"{cls.label}.read"
         mesh = element_files.read_mesh(path, cls._d, label)
         return cls._taken(mesh, scale, offset, weld, part, volumes, label)
@@ -96,6 +102,8 @@ class ElementMesh(GivenPoints):
         cls, mesh: tuple[Array, Numbers], scale: Any, offset: Any, weld: Any, part: Any,
         volumes: Any, label: str,
     ) -> Self:  # fmt: skip
+        from libmpm._src.shapes import element_files
+
         check = Checker(label)
         factor = check.number("scale", scale, lower=0, lower_open=True)
         by = (0.0,) * cls._d
@@ -130,6 +138,8 @@ class ElementMesh(GivenPoints):
     @cached_property
     def sizes(self) -> npt.NDArray[np.float64]:
         """Volume of each element, (m,) m³ (area in m² in 2D)."""
+        from libmpm._src.shapes import element_topology as topology
+
         return topology.determinants(self.vertices, self.rows()) / math.factorial(self._d)
 
     def total_volume(self) -> float:
@@ -139,6 +149,8 @@ class ElementMesh(GivenPoints):
     @cached_property
     def longest_edge(self) -> float:
         """Longest edge of all elements, m; √d times the edge of the cubes of a box."""
+        from libmpm._src.shapes import element_topology as topology
+
         return float(topology.longest_edges(self.vertices, self.rows()).max())
 
     @property
@@ -149,11 +161,15 @@ class ElementMesh(GivenPoints):
     @cached_property
     def quality(self) -> npt.NDArray[np.float64]:
         """Shortest height of each element over its longest edge, (m,); ≥ 0.1."""
+        from libmpm._src.shapes import element_topology as topology
+
         return topology.qualities(self.vertices, self.rows())
 
     @cached_property
     def surface(self) -> npt.NDArray[np.int64]:
         """Vertices of the faces outside, (k, d), ordered so that their normals point outwards."""
+        from libmpm._src.shapes import element_topology as topology
+
         found = topology.faces(self.rows())
         return np.asarray(found.corners[found.times[found.number] == 1])
 
@@ -347,6 +363,8 @@ class Tetrahedra(ElementMesh):
         Rows of numbers separated by commas or blanks, a line of names allowed. Vertices count from
         `first`, 1 in ClaymoreUW. Other arguments as of `read`. Raises `SceneError`.
         """
+        from libmpm._src.shapes import element_files
+
         label = f"{cls.label}.read_tables"
         mesh = element_files.read_tables(vertices, elements, 3, first, label)
         return cls._taken(mesh, scale, offset, weld, part, volumes, label)
@@ -438,6 +456,7 @@ def _counts(label: str, size: Sequence[float], edge: float) -> list[int]:
 
 
 def _filled(solid: Solid, edge: float, mesher: str, label: str) -> tuple[Array, Numbers]:
+    from libmpm._src.shapes import element_lattices
     from libmpm._src.shapes.gmsh_mesher import has_gmsh, knows, mesh_by_gmsh
 
     if mesher == "auto" and isinstance(solid, Box | OrientedBox):
@@ -449,6 +468,8 @@ def _filled(solid: Solid, edge: float, mesher: str, label: str) -> tuple[Array, 
 
 
 def _box_mesh(solid: Box | OrientedBox, edge: float, label: str) -> tuple[Array, Numbers]:
+    from libmpm._src.shapes import element_lattices
+
     counts = _counts(label, solid.size, edge)
     if isinstance(solid, Box):
         return element_lattices.structured(solid.lower, solid.upper, counts, True)
