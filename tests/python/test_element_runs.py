@@ -84,7 +84,8 @@ def test_stress_of_a_uniform_strain(d: int) -> None:
     stress = view["element_stress"]
     size = np.abs(small).max()
     assert np.abs(stress - small).max() < 5 * np.abs(strain).max() * size
-    assert np.ptp(stress, axis=0).max() < 0.05 * size, "vertices near the rim see part of the grid"
+    # Nodes take a linear field exactly, at the rim too.
+    assert np.ptp(stress, axis=0).max() < 1e-6 * size
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])
