@@ -117,6 +117,16 @@ def test_a_resumed_run_has_the_same_bits(volumes: str, tmp_path: Path) -> None:
         assert np.array_equal(array, whole[key]), key
 
 
+def test_a_scene_that_continues_from_one_is_refused(tmp_path: Path) -> None:
+    """Without their elements, restored vertices would be particles."""
+    sim = libmpm.Simulation(cases.small_scene(2), **FAST)
+    sim.step(20)
+    sim.save_checkpoint(tmp_path / "end.npz")
+    scene = libmpm.Scene.from_checkpoint(tmp_path / "end.npz")
+    with pytest.raises(SceneError, match="body 'block': shapes.Triangles in a scene that cont"):
+        scene.validate()
+
+
 def test_mass_and_momentum_are_kept_in_free_flight() -> None:
     scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(3, 1))
     scene.add_body(name="block", shape=cases.mesh_of((0.2, 0.3), (0.8, 0.6), 0.05),

@@ -19,7 +19,14 @@ if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
 
-__all__ = ["LAWS", "LONGEST", "check_elements", "check_mesh_overlaps", "faint_strains"]
+__all__ = [
+    "LAWS",
+    "LONGEST",
+    "check_continued",
+    "check_elements",
+    "check_mesh_overlaps",
+    "faint_strains",
+]
 
 #: Laws that follow from the deformation gradient of an element alone.
 LAWS = ("FixedCorotated", "NeoHookean", "StVenantKirchhoffHencky")
@@ -48,6 +55,16 @@ def check_elements(check: Checker, scene: SceneData, body: Body, doubts: list[st
         )
     _check_unbuilt(check, scene, body)
     _doubt_thin(scene, body, mesh, doubts)
+
+
+def check_continued(scene: SceneData, problems: list[str]) -> None:
+    """Refuse scenes that continue from a run and have bodies of elements, of it or new ones."""
+    for body in scene.bodies if scene.start is not None else ():
+        if isinstance(body.shape, ElementMesh):
+            problems.append(
+                f"body '{body.name}': {body.shape.label} in a scene that continues from another "
+                "run; expected bodies of particles; resume the run itself, or begin afresh"
+            )
 
 
 def _check_unbuilt(check: Checker, scene: SceneData, body: Body) -> None:

@@ -238,8 +238,8 @@ def _body(context: Context, body: Record, cfl: float) -> BodyRecord | None:
     numbers = _material(context, [material, body], law, own.text("constitutive", "JFluid"))
     choices = [algorithm, body, material]
     if pick(choices, "boolean", "use_FEM", False):
-        context.fail(body.path, "has use_FEM true, which is refused: meshes are not taken from such "
-                     "scenes; set it to false for particles, and add the body by "
+        context.fail(body.path, "has use_FEM true, which is refused: meshes are not read from it; "
+                     "set it to false for particles, and add the body by "
                      "shapes.Tetrahedra.read_tables(vertices=, elements=)")  # fmt: skip
     share: dict[str, Any] = {"lower": 0, "upper": 1}
     alpha = pick(choices, "number", "ASFLIP_alpha", 0.0, **share)
