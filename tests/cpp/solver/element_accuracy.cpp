@@ -102,11 +102,11 @@ Beam beam(int cells, double edge, double nu, bool vertex_volumes, double offset)
             b.velocity_gradient.push_back(g);
         if (q > 1 - 1.01 * dx / L) tip.push_back(v);
     }
-    BoundarySpec box;  // the nodes, centres of cells, left of the clamp
+    BoundarySpec box;  // the nodes, centres of cells, left of the clamp: a box holds one layer more
     box.name = "clamp";
     box.is_box = true;
     box.lower = {0, 0};
-    box.upper = {int(std::floor(clamp / dx - 0.5 + 1e-9)) + 1, high};
+    box.upper = {int(std::floor(clamp / dx - 0.5 + 1e-9)), high};
     box.present.assign(4, 1);
     box.law.assign(4, {Response::sticky, 0, 0});
     box.end = forever;
@@ -145,7 +145,7 @@ Beam beam(int cells, double edge, double nu, bool vertex_volumes, double offset)
     return out;
 }
 
-/// Of four places in a cell: the spectrum of the grid depends on it by one percent.
+/// Of two places in a cell: the spectrum of the grid depends on it by one percent.
 Beam mean_beam(int cells, double edge, double nu, bool vertex_volumes) {
     Beam out;
     for (double offset : {0.0, 0.5}) {

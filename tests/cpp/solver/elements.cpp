@@ -196,7 +196,7 @@ TEST(Elements, uniform_strain_rate_strains_all_elements_alike) {
         for (int a = 0; a < 2; ++a) x[a] += random.between(-0.015, 0.015);
     }
     s.bodies.push_back(
-        test::body_of_elements(s, "patch", "NeoHookean", {1000, 1e3, 0.3}, mesh, 0.64));
+        test::body_of_elements(s, "patch", "FixedCorotated", {1000, 1e3, 0.3}, mesh, 0.64));
     s.bodies[0].velocity.clear();
     for (std::size_t v = 0; v < mesh.vertices(); ++v) {
         const double x = mesh.vertex[2 * v] - 1.4, y = mesh.vertex[2 * v + 1] - 1.4;
