@@ -79,6 +79,7 @@ inline py::dict fault_dict(const Fault& f) {
     d["speed"] = f.speed;
     d["grew_since"] = f.grew_since;
     d["message"] = f.message;
+    if (f.element >= 0) d["element"] = f.element;
     return d;
 }
 

@@ -58,7 +58,7 @@ def test_stress_of_a_uniform_strain(d: int) -> None:
     The mesh is irregular; the stress is that of a particle of the same law with the same F.
     """
     rng = np.random.default_rng(0)
-    mesh = cases.mesh_of((0.3,) * d, (0.7,) * d, 0.1)
+    mesh = cases.mesh_of((0.3,) * d, (0.7,) * d, 0.08)
     inner = np.setdiff1d(np.arange(mesh.count), np.unique(mesh.surface))
     places = mesh.vertices.copy()
     places[inner] += rng.uniform(-0.01, 0.01, (len(inner), d))

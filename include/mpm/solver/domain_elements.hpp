@@ -182,19 +182,12 @@ Fault Domain<X, T, D>::describe_element(Body& body, Fault fault) {
         const double ratio =
             1 + volume_change(element_state<double>(mesh, element_inverse<double>(mesh, e), e));
         fault.ids.clear();
-        std::string vertices;
-        for (int k = 0; k <= D; ++k) {
+        for (int k = 0; k <= D; ++k)
             fault.ids.push_back(body.first_id + std::uint64_t(mesh.number(e, k)));
-            vertices += (k > 0 ? ", " : "") + std::to_string(mesh.number(e, k));
-        }
+        fault.element = e;
         fault.value = ratio;
         fault.code = std::isfinite(ratio) ? "inverted-element" : "non-finite";
-        fault.message =
-            "element " + std::to_string(e) + " of vertices " + vertices +
-            (std::isfinite(ratio)
-                 ? " has shrunk to " + std::to_string(ratio) + " of its volume at rest, below " +
-                       std::to_string(least_element_ratio) + " (crushed or turned inside out)"
-                 : " has vertices whose places are not finite");
+        name_element(fault, body.first_id);
     }
     return fault;
 }

@@ -21,6 +21,11 @@ namespace mpm {
 /// larger, nodes between vertices are empty and other bodies pass.
 inline constexpr double largest_element = 1.05;
 
+/// Refuses what is no mesh of this grid, by the element's number. `position`: (vertices, dimension)
+/// m; `element`: (m, dimension + 1).
+void check_mesh(const std::string& body, int dimension, const std::vector<double>& position,
+                const std::vector<std::int32_t>& element, double cell_size);
+
 /// Memory of a mesh with numbers of `real` bytes.
 template <int D>
 double planned_mesh_bytes(std::uint64_t elements, std::uint64_t vertices, bool vertex_volumes,
@@ -36,8 +41,7 @@ class ElementMesh {
 public:
     static constexpr std::size_t corners = D + 1;
 
-    /// `position`: (vertices, D) m; `element`: (m, D + 1). Refuses what is no mesh of this grid, by
-    /// the element's number.
+    /// As `check_mesh` has it.
     ElementMesh(X& exec, const std::string& body, const std::vector<double>& position,
                 const std::vector<std::int32_t>& element, bool vertex_volumes, double cell_size,
                 double density)
@@ -60,53 +64,20 @@ public:
           elements_(element.size() / corners),
           vertices_(position.size() / D),
           vertex_volumes_(vertex_volumes) {
-        const std::string who = "body '" + body + "': ";
-        if (element.empty() || element.size() % corners != 0)
-            throw SceneError(who + "its elements are no rows of " + std::to_string(corners) +
-                             " vertices");
-        if (elements_ >= ~std::uint32_t(0) / corners)
-            throw CapacityError(who + std::to_string(elements_) + " elements; one body holds at " +
-                                "most " + std::to_string(~std::uint32_t(0) / corners) +
-                                ". Split it into several bodies");
+        check_mesh(body, D, position, element, cell_size);
         std::vector<T> inverse(elements_ * D * D), volume(elements_);
         std::vector<double> of_vertex(vertices_, 0.0);
         std::vector<std::uint32_t> start(vertices_ + 1, 0), corner(element.size());
         for (std::size_t e = 0; e < elements_; ++e) {
             Mat<double, D> edges;
-            double longest = 0;
             for (std::size_t k = 0; k < corners; ++k) {
-                const std::int32_t v = element[e * corners + k];
-                if (v < 0 || std::size_t(v) >= vertices_)
-                    throw SceneError(who + "element " + std::to_string(e) + " names vertex " +
-                                     std::to_string(v) + " of " + std::to_string(vertices_));
-                ++start[std::size_t(v) + 1];
-                for (std::size_t l = 0; l < k; ++l) {
-                    double square = 0;
-                    for (std::size_t a = 0; a < D; ++a)
-                        square += std::pow(
-                            at(position, element, e, k, a) - at(position, element, e, l, a), 2);
-                    longest = std::max(longest, std::sqrt(square) / cell_size);
-                }
+                ++start[std::size_t(element[e * corners + k]) + 1];
                 for (std::size_t a = 0; k > 0 && a < D; ++a)
                     edges.e[a][k - 1] =
                         (at(position, element, e, k, a) - at(position, element, e, 0, a)) /
                         cell_size;
             }
             const ElementAtRest<D> rest(edges);
-            if (!(rest.volume > 0))
-                throw SceneError(who + "element " + std::to_string(e) + " has the volume " +
-                                 std::to_string(rest.volume * std::pow(cell_size, D)) + " m^" +
-                                 std::to_string(D) +
-                                 "; give its vertices in the order of positive volume, and no "
-                                 "flat elements");
-            if (longest > largest_element * std::sqrt(double(D)))
-                throw SceneError(
-                    who + "element " + std::to_string(e) + " has an edge of " +
-                    std::to_string(longest * cell_size) + " m, " + std::to_string(longest) +
-                    " cells; at most " + std::to_string(largest_element * std::sqrt(double(D))) +
-                    " may be, or nodes between its vertices are empty. Refine the mesh, or take a "
-                    "cell_size of " +
-                    std::to_string(longest * cell_size / std::sqrt(double(D))) + " m");
             volume[e] = T(rest.volume * std::pow(cell_size, D));
             for (std::size_t a = 0; a < D; ++a)
                 for (std::size_t b = 0; b < D; ++b)
@@ -116,9 +87,6 @@ public:
                     rest.volume * std::pow(cell_size, D) / double(corners);
         }
         for (std::size_t v = 0; v < vertices_; ++v) {
-            if (start[v + 1] == 0)
-                throw SceneError(who + "vertex " + std::to_string(v) +
-                                 " belongs to no element; leave it out");
             start[v + 1] += start[v];
             mass_.push_back(density * of_vertex[v]);
         }

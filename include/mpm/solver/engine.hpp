@@ -40,6 +40,7 @@ struct Fault {
     double speed = 0;
     std::int64_t grew_since = 0;
     std::string message;
+    std::int64_t element = -1;  // of a body of elements; `ids` are then its vertices
 };
 
 struct RunResult {

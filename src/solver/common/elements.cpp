@@ -1,7 +1,11 @@
 // What bodies of elements are built for (design/elements.md).
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "mpm/core/error.hpp"
+#include "mpm/solver/element_mesh.hpp"
+#include "mpm/solver/faults.hpp"
 #include "mpm/solver/plan.hpp"
 
 namespace mpm {
@@ -36,6 +40,73 @@ std::string not_of_elements(const Spec& spec, const BodySpec& b) {
 }
 
 }  // namespace
+
+void check_mesh(const std::string& body, int dimension, const std::vector<double>& position,
+                const std::vector<std::int32_t>& element, double cell_size) {
+    const std::string who = "body '" + body + "': ";
+    const std::size_t D = std::size_t(dimension), corners = D + 1, vertices = position.size() / D;
+    if (element.empty() || element.size() % corners != 0)
+        throw SceneError(who + "its elements are no rows of " + std::to_string(corners) +
+                         " vertices");
+    if (element.size() >= ~std::uint32_t(0))
+        throw CapacityError(
+            who + std::to_string(element.size() / corners) + " elements; one body holds at most " +
+            std::to_string(~std::uint32_t(0) / corners) + ". Split it into several bodies");
+    std::vector<bool> held(vertices, false);
+    const double most = largest_element * std::sqrt(double(dimension));
+    for (std::size_t e = 0; e < element.size() / corners; ++e) {
+        const std::string which = who + "element " + std::to_string(e);
+        const std::int32_t* vertex = element.data() + e * corners;
+        double x[4][3] = {}, longest = 0;
+        for (std::size_t k = 0; k < corners; ++k) {
+            if (vertex[k] < 0 || std::size_t(vertex[k]) >= vertices)
+                throw SceneError(which + " names vertex " + std::to_string(vertex[k]) + " of " +
+                                 std::to_string(vertices));
+            held[std::size_t(vertex[k])] = true;
+            for (std::size_t a = 0; a < D; ++a) x[k][a] = position[std::size_t(vertex[k]) * D + a];
+            for (std::size_t l = 0; l < k; ++l)
+                longest = std::max(
+                    longest, std::hypot(x[k][0] - x[l][0], x[k][1] - x[l][1], x[k][2] - x[l][2]));
+        }
+        const auto rest = [&]<int N>() {
+            Mat<double, N> edges;
+            for (int a = 0; a < N; ++a)
+                for (int k = 0; k < N; ++k) edges.e[a][k] = x[k + 1][a] - x[0][a];
+            return ElementAtRest<N>(edges).volume;
+        };
+        const double volume =
+            dimension == 2 ? rest.template operator()<2>() : rest.template operator()<3>();
+        if (!(volume > 0))
+            throw SceneError(which + " has the volume " + std::to_string(volume) + " m^" +
+                             std::to_string(dimension) +
+                             "; give its vertices in the order of positive volume, and no flat "
+                             "elements");
+        if (longest > most * cell_size)
+            throw SceneError(which + " has an edge of " + std::to_string(longest) + " m, " +
+                             std::to_string(longest / cell_size) + " cells; at most " +
+                             std::to_string(most) +
+                             " may be, or nodes between its vertices are empty. Refine the mesh, "
+                             "or take a cell_size of " +
+                             std::to_string(longest / most) + " m");
+    }
+    for (std::size_t v = 0; v < vertices; ++v)
+        if (!held[v])
+            throw SceneError(who + "vertex " + std::to_string(v) +
+                             " belongs to no element; leave it out");
+}
+
+void name_element(Fault& fault, std::uint64_t first_id) {
+    std::string vertices;
+    for (const std::uint64_t id : fault.ids)
+        vertices += (vertices.empty() ? "" : ", ") + std::to_string(id - first_id);
+    fault.message = "element " + std::to_string(fault.element) + " of vertices " + vertices;
+    if (fault.code == "non-finite")
+        fault.message += " has vertices whose places are not finite";
+    else
+        fault.message += " has shrunk to " + std::to_string(fault.value) +
+                         " of its volume at rest, below " + std::to_string(least_element_ratio) +
+                         " (crushed or turned inside out)";
+}
 
 void check_elements(const Spec& spec, const BackendTraits& backend) {
     for (std::size_t k = 0; k < spec.bodies.size(); ++k) {
