@@ -115,6 +115,23 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
     "weight of a cantilever, 8 cells, h = Δx/2": (
         cases.static_tip, {"edge": 0.5, "cells": 8}, [near("tip", 1, 0.04)],
     ),
+    "cantilever, 2 cells, h = Δx/2, ν 0.49, vertex volumes": (
+        cases.vibration,
+        {"edge": 0.5, "cells": 2, "ratio": 0.49, "volumes": "vertex", "cycles": 2.2},
+        [],
+    ),
+    "cantilever, 2 cells, h = Δx/2, ν 0.49, one-way, element volumes": (
+        cases.vibration,
+        {"edge": 0.5, "cells": 2, "ratio": 0.49, "volumes": "element", "pattern": "one-way",
+         "cycles": 2.2},
+        [],
+    ),
+    "Cook, ν 0.3, 8 cells, h = Δx/2": (
+        cases.cook, {"cells": 8, "edge": 0.5, "ratio": 0.3}, [],
+    ),
+    "Cook, ν 0.4999, 8 cells, h = Δx/2, vertex volumes": (
+        cases.cook, {"cells": 8, "edge": 0.5, "ratio": 0.4999, "volumes": "vertex"}, [],
+    ),
     "Cook, ν 0.3, 16 cells, h = Δx/2": (
         cases.cook, {"cells": 16, "edge": 0.5, "ratio": 0.3}, [near("lift", 21.94, 0.02)],
     ),

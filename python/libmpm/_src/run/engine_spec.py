@@ -161,7 +161,7 @@ def lower(
     for body in scene.bodies:
         bodies.append(_body(scene, body, first, with_particles and not shell))
         bodies[-1] |= keep_room(scene, body, bodies[-1])
-        if shell and "elements" not in bodies[-1]:
+        if shell:
             _hollow(bodies[-1])
         first += bodies[-1].get("id_count", bodies[-1]["count"])
     if problems := check_numbers(scene, precision, bodies):
@@ -227,10 +227,10 @@ def _added(scene: SceneData, time_step: float | None, with_particles: bool) -> d
 
 
 def _hollow(specification: dict[str, Any]) -> None:
-    """Leave one particle of a body, in the middle of its bounds, and the ids of all."""
-    middle = specification["bounds"].mean(axis=0, keepdims=True)
+    """Leave one particle of a body, in the middle of its bounds, and all ids; a mesh whole."""
     specification.setdefault("id_count", specification["count"])
-    specification |= {"count": 1, "position": middle}
+    if "elements" not in specification:
+        specification |= {"count": 1, "position": specification["bounds"].mean(0, keepdims=True)}
 
 
 def _restored(scene: SceneData, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:

@@ -23,8 +23,8 @@ from libmpm._src.shapes.solid import Array, Solid
 
 __all__ = ["LONGEST", "cut_lattice", "structured"]
 
-#: Share of an edge, long and short ones, from whose cut a vertex is moved there. The thinnest element
-#: of 350 solids at random, turned and put together, had a height of 0.118 of its longest edge.
+#: Share of an edge, long and short ones, from whose cut a vertex is moved there. The thinnest
+#: element of 350 solids at random, turned and put together, had a height of 0.118 of its edge.
 _SNAP = {2: (0.30, 0.30), 3: (0.30, 0.35)}
 #: Spacing of the lattice in edges, so that no edge gets longer than √d of them.
 _SPACING = {2: 0.9, 3: 1.1}
