@@ -43,6 +43,7 @@ inline py::dict plan_dict(const Plan& p) {
         body["columns"] = columns;
         body["bytes_per_particle"] = b.bytes_per_particle;
         body["particle_spacing"] = b.spacing;
+        body["elements"] = b.elements;
         body["pipeline"] = p.on_functions ? "modified update" : name_of(b.pipeline);
         body["pipeline_reason"] = b.pipeline_reason;
         bodies.append(body);
@@ -78,6 +79,7 @@ inline py::dict fault_dict(const Fault& f) {
     d["speed"] = f.speed;
     d["grew_since"] = f.grew_since;
     d["message"] = f.message;
+    if (f.element >= 0) d["element"] = f.element;
     return d;
 }
 

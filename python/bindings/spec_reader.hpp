@@ -188,6 +188,18 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
                              std::to_string(b.count) + " numbers of 32 bits");
         b.ids.assign(ids.data(), ids.data() + ids.size());
     }
+    if (d.contains("elements")) {
+        const auto e = py::array_t<std::int32_t, py::array::c_style>::ensure(d["elements"]);
+        if (!e || e.ndim() != 2 || e.shape(1) != dimension + 1)
+            throw SceneError("body '" + b.name + "': elements are no rows of " +
+                             std::to_string(dimension + 1) + " numbers of 32 bits");
+        b.elements.assign(e.data(), e.data() + e.size());
+        const auto volumes = d["element_volumes"].cast<std::string>();
+        if (volumes != "element" && volumes != "vertex")
+            throw SceneError("body '" + b.name + "': element_volumes is '" + volumes +
+                             "'; expected element or vertex");
+        b.vertex_volumes = volumes == "vertex";
+    }
     if (d.contains("volume"))
         b.volume = read_rows(d["volume"], b.count, {}, "body '" + b.name + "': volume");
     if (d.contains("stress")) {

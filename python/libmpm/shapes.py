@@ -5,7 +5,8 @@ Solids have an inside, a signed distance and bounds: `Box`, `OrientedBox`, `Sphe
 `a | b`, `a & b` and `a - b` (`Union`, `Intersection`, `Difference`), moved, turned and repeated by
 methods (`Moved`, `Turned`, `Repeated`). `basin` is what water fills above a bed,
 `afloat` puts a body where it floats. `PointFile` takes the
-particles of a body from a file; `Columns`, `Jitter` and `PoissonDisk` are ways to place those of
+particles of a body from a file; `Tetrahedra` and `Triangles` are bodies of finite elements, whose
+vertices move with the grid; `Columns`, `Jitter` and `PoissonDisk` are ways to place those of
 a solid.
 
 `DomainWalls` is the edge of the domain, for boundaries; on a grid of `libmpm.grids` there are also
@@ -18,6 +19,7 @@ from libmpm._src.shapes.afloat import Afloat, afloat
 from libmpm._src.shapes.basin import basin
 from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox
 from libmpm._src.shapes.combined import Difference, Intersection, Union
+from libmpm._src.shapes.element_mesh import Tetrahedra, Triangles
 from libmpm._src.shapes.height_field import HeightField
 from libmpm._src.shapes.particle_placement import Columns, Jitter, PoissonDisk, Sampling
 from libmpm._src.shapes.point_file import PointFile
@@ -56,6 +58,8 @@ __all__ = [
     "Solid",
     "Sphere",
     "SurfaceMesh",
+    "Tetrahedra",
+    "Triangles",
     "Turned",
     "Union",
     "Wedge",

@@ -195,6 +195,22 @@ def _solids() -> libmpm.Scene:
     return scene
 
 
+def _elements(dimension: int) -> libmpm.Scene:
+    """A body of elements in the plane or in space, beside water that it is taken out of."""
+    d = dimension
+    scene = _scene(d, 1.0, name=f"elements in {d}D")
+    scene.add_body(
+        name="water", shape=_box(*(0,) * d, *(1.0, 0.4, 1.0)[:d]), material=WATER,
+        particles_per_cell=1,
+    )  # fmt: skip
+    kind = shapes.Triangles if d == 2 else shapes.Tetrahedra
+    mesh = kind.box(lower=(0.3,) * d, upper=(0.5,) * d, edge=0.1, volumes="vertex")
+    scene.add_body(
+        name="bar", shape=mesh, material=materials.NeoHookean(**SOLID), subtract_from=("water",),
+    )  # fmt: skip
+    return scene
+
+
 def _watched() -> libmpm.Scene:
     """2D: every sensor that is evaluated in Python, and a transfer that stores velocities."""
     transfer = libmpm.methods.Transfer(
@@ -395,6 +411,8 @@ def small_scenes(folder: Path) -> list[libmpm.Scene]:
     scenes = [
         _plane(),
         _solids(),
+        _elements(2),
+        _elements(3),
         _watched(),
         _touching(),
         *_methods(),

@@ -26,6 +26,7 @@ struct ContactView {
     const std::int32_t* first;  // of each block with several fields: their first slot
     const std::int32_t* count;  // and how many slots
     std::int32_t blocks;
+    std::int32_t filled;  // the sum by which what fills a node differs from its mass; -1: none
 };
 
 /// The slots of the block that a slot is of, one for each field there.
@@ -54,8 +55,9 @@ struct NodeContact {
         bool too_many = false;
         std::int32_t slot[most_fields_at_node];
         std::int32_t kind[most_fields_at_node];
-        int of[most_fields_at_node];  // the first of those that it is stuck to, or itself
-        T mass[most_fields_at_node];  // its own, kg
+        int of[most_fields_at_node];   // the first of those that it is stuck to, or itself
+        T mass[most_fields_at_node];   // its own, kg
+        T fills[most_fields_at_node];  // what its volume there would weigh, kg
         // Of the first of those that are stuck to each other, for all of them:
         T together[most_fields_at_node];
         Vec<T, D> velocity[most_fields_at_node];
@@ -77,12 +79,21 @@ struct NodeContact {
             f.kind[i] =
                 contact.kind_of[node.grid.table.keys_of.field(node.grid.table.keys[first + k])];
             f.mass[i] = m;
+            f.fills[i] = fills(first + k, n);
             f.of[i] = i;
             f.pushed[i] = f.held[i] = false;
         }
         for (int i = 0; i < f.count; ++i)
             for (int j = i + 1; j < f.count; ++j)
                 if (law(f, i, j) < 0) stick(f, i, j);
+    }
+    /// What fills a node: its mass, but for bodies of elements, whose mass is at vertices.
+    MPM_INLINE T fills(std::int32_t slot, int n) const {
+        const auto sums = node.sums(slot, n);
+        const double unit = node.clock->unit_read[mass_sum];
+        T m = from_sum<T>(sums[0], unit);
+        if (contact.filled >= 0) m = m + from_sum<T>(sums[contact.filled * block_cells], unit);
+        return m;
     }
     MPM_INLINE std::int32_t law(const Fields& f, int i, int j) const {
         return contact.law_of[f.kind[i] * contact.kinds + f.kind[j]];
@@ -159,7 +170,7 @@ struct NodeContact {
         const ContactLaw& l = contact.laws[law(f, i, j)];
         const T of_a = T(1 / contact.full[f.kind[i]]), of_b = T(1 / contact.full[f.kind[j]]);
         T allowed;
-        if (!approach_allowed<T>(l, f.mass[i] * of_a, f.mass[j] * of_b,
+        if (!approach_allowed<T>(l, f.fills[i] * of_a, f.fills[j] * of_b,
                                  node.boundaries.cell_size / node.clock->dt, allowed))
             return;
         Vec<T, D> w, normal, impulse;
@@ -187,9 +198,7 @@ struct NodeContact {
         const auto fraction = [&](std::int32_t slot, T of_full, int around, int there) {
             const std::int32_t to =
                 node.grid.table.neighbours[std::int64_t(slot) * Block<D>::neighbours + around];
-            return to < 0 ? T(0)
-                          : from_sum<T>(node.sums(to, there)[0], node.clock->unit_read[mass_sum]) *
-                                of_full;
+            return to < 0 ? T(0) : fills(to, there) * of_full;
         };
         return descent<T, D>(
             [&](const int(&k)[D]) {

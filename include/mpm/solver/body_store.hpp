@@ -1,6 +1,7 @@
 // The particles of one body: columns, order, and what the plan decided about them.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/pass.hpp"
 #include "mpm/kernels/sorting.hpp"
+#include "mpm/solver/element_mesh.hpp"
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/plan.hpp"
 
@@ -34,6 +36,9 @@ struct BodyStore {
     std::uint64_t first_id = 0;
     double particle_mass = 0;
     double particle_volume = 0;
+    // Of bodies of elements, whose vertices are the particles; their particle is the mean vertex.
+    std::unique_ptr<ElementMesh<X, T, D>> mesh;
+    ElementOps<X, T, D> elements{};
 
     std::uint32_t count = 0;
     std::vector<Buffer<X, T>> offset;  // D columns

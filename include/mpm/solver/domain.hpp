@@ -164,6 +164,19 @@ private:
     std::vector<std::uint32_t> cell_by_cell(const Body& body,
                                             std::vector<std::uint8_t>* cell = nullptr) const;
 
+    // domain_elements.hpp
+    void make_mesh(Body& body, const BodySpec& spec);
+    void place_mesh(Body& body);
+    void locate_elements(Body& body, int number);
+    void push_elements(const Phase<X, T, D>& phase, Body& body);
+    void spread_body(Body& body, const Phase<X, T, D>& phase);
+    void see_elements(Body& body, int number, const std::vector<std::string>& names,
+                      Attributes& out);
+    double mean_volume_ratio(Body& body, int number);
+    Fault describe_element(Body& body, Fault fault);
+    bool tears_mesh(const std::vector<std::uint32_t>& left, std::size_t b,
+                    const Buffer<X, std::uint32_t>& cell);
+
     // domain_export.hpp
     DenseColumn make_column(char type, const std::vector<std::size_t>& shape);
 
@@ -308,6 +321,7 @@ private:
         if (c <= D) return momentum_sum;
         for (const auto& b : plan_.bodies)
             if (b.group.weight == c) return mass_sum;
+        if (c == plan_.filled) return mass_sum;
         if (plan_.kept.plain >= 0 && c >= plan_.kept.plain && c < plan_.kept.plain + D)
             return momentum_sum;
         return group_sum;
@@ -387,6 +401,7 @@ private:
     Buffer<X, double> full_{exec_};
     Buffer<X, std::int32_t> contact_first_{exec_}, contact_count_{exec_};
     Buffer<X, std::uint32_t> crowded_{exec_};
+    Buffer<X, std::uint8_t> near_contact_{exec_};  // (slots,) of scenes with elements too
     std::int32_t contact_blocks_ = 0;
 
     Inflow<Base, D> inflow_{exec_, spec_, plan_};
@@ -427,6 +442,7 @@ private:
 #include "mpm/solver/domain_assign.hpp"
 #include "mpm/solver/domain_contact.hpp"
 #include "mpm/solver/domain_devices.hpp"
+#include "mpm/solver/domain_elements.hpp"
 #include "mpm/solver/domain_export.hpp"
 #include "mpm/solver/domain_migrate.hpp"
 #include "mpm/solver/domain_migrate_devices.hpp"

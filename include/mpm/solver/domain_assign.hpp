@@ -58,6 +58,10 @@ void Domain<X, T, D>::assign(const Assignment& given) {
     const std::size_t n = given.id.size(), width = std::size_t(given.width);
     const bool states = !given.state.empty() || !given.pressure.empty();
     const bool two = body.plan.smoothing == Smoothing::two_volumes;
+    if (states && body.mesh)
+        throw SceneError(who +
+                         " are given a state, but are vertices of elements, whose strain follows "
+                         "from where they are; give them a change of velocity alone");
     if (!given.state.empty() && two)
         throw SceneError(who +
                          " are given a state, but F-bar keeps a second volume of theirs "

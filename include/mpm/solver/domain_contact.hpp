@@ -37,6 +37,21 @@ void Domain<X, T, D>::list_contacts() {
     contact_blocks_ = std::int32_t(first.size());
     contact_first_.assign(first);
     contact_count_.assign(count);
+    if (plan_.filled < 0) return;
+    // What contact reads of a node and its neighbours comes from these blocks and those beside.
+    const auto neighbours = blocks_.neighbours().host();
+    std::vector<std::uint8_t> near(keys.size(), 0);
+    for (std::size_t k = 0; k < first.size(); ++k) {
+        for (std::int32_t slot = first[k]; slot < first[k] + count[k]; ++slot) {
+            near[std::size_t(slot)] = 1;
+            for (int n = 0; n < Block<D>::neighbours; ++n) {
+                const std::int32_t to =
+                    neighbours[std::size_t(slot) * Block<D>::neighbours + std::size_t(n)];
+                if (to >= 0) near[std::size_t(to)] = 1;
+            }
+        }
+    }
+    near_contact_.assign(near);
 }
 
 /// What nodes hold of all their fields comes with the first of these: behind the last slot of the
@@ -56,7 +71,8 @@ template <class X, class T, int D>
 ContactView Domain<X, T, D>::contact_view() {
     return {
         contact_laws_.data(),       law_of_.data(),        kind_of_.data(),       full_.data(),
-        std::int32_t(full_.size()), contact_first_.data(), contact_count_.data(), contact_blocks_};
+        std::int32_t(full_.size()), contact_first_.data(), contact_count_.data(), contact_blocks_,
+        std::int32_t(plan_.filled)};
 }
 
 /// Contact after the grid update, whose maxima it joins with its own for `decided`.

@@ -115,8 +115,9 @@ Gathered Domain<X, T, D>::gather(int number, const std::vector<std::string>& nam
         body.material->volumetric && body.plan.smoothing != Smoothing::two_volumes;
     std::vector<std::string> on_host;
     for (const auto& name : names) {
-        const bool is_here = std::find(here.begin(), here.end(), name) != here.end() ||
-                             (name == "volume_ratio" && own_ratio);
+        const bool is_here = (std::find(here.begin(), here.end(), name) != here.end() ||
+                              (name == "volume_ratio" && own_ratio)) &&
+                             !(body.mesh && (name == "mass" || name == "kinetic_energy"));
         if (!is_here || !body.frozen_id.empty()) on_host.push_back(name);
     }
     Gathered out;

@@ -442,6 +442,9 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
     if (by_columns) {
         const Phase<X, T, D> p = phase(body, number, to);
         body.ops.rest(p);
+        if constexpr (!X::is_device) {
+            if (body.mesh) locate_elements(body, number);
+        }
         const Scratch<D> column{p.n.channels};
         const bool affine = !gradient.empty() && p.n.scheme.affine;
         for (int c = 0; c < D && affine; ++c)
@@ -459,7 +462,7 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
                 body.ops.scatter(p.pass);
             }
         }
-        if (phases || X::is_device) phase_ops_.spread(p);
+        if (phases || X::is_device) spread_body(body, p);
     } else {
         body.ops.initial(pass(body, number, to));
     }

@@ -64,6 +64,13 @@ std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
     if (b.material->plastic) names.push_back("plastic_strain");
     if (b.material->yields) names.push_back("yields");
     if (b.plan.smoothing == Smoothing::two_volumes) names.push_back("volume_ratio_smoothed");
+    if (b.mesh) {
+        // F is an element's.
+        names.erase(std::remove(names.begin(), names.end(), "deformation_gradient"), names.end());
+        for (const char* name :
+             {"element_stress", "element_pressure", "element_volume_ratio", "element_energy"})
+            names.push_back(name);
+    }
     return names;
 }
 
@@ -254,6 +261,9 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         fill(k, &body.frozen_position[(k - active) * D], rest, still,
              &body.frozen_state[(k - active) * std::size_t(body.plan.state_columns)]);
     }
+    if constexpr (!X::is_device) {
+        if (body.mesh) see_elements(body, number, names, out);
+    }
     return out;
 }
 
@@ -360,6 +370,7 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     for (const auto& b : bodies_) {
         for (const auto& c : b.offset) bytes += double(c.bytes());
         for (const auto& c : b.state) bytes += double(c.bytes());
+        if (b.mesh) bytes += double(b.mesh->bytes());
         bytes += double(b.id.bytes() + b.cell.bytes() + b.cell_start.bytes() + b.home.bytes() +
                         b.lone.bytes() + b.lone_slot.bytes() + b.scratch.bytes());
     }

@@ -45,7 +45,14 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         body.particle_mass = s.particle_mass;
         const double density = body.material->density(s.parameters.data());
         body.particle_volume = s.particle_mass / density;
-        least_mass_ = std::min(least_mass_, s.particle_mass);
+        double lightest = s.particle_mass;
+        if constexpr (!X::is_device) {
+            if (!s.elements.empty()) {
+                make_mesh(body, s);
+                lightest = *std::min_element(body.mesh->mass().begin(), body.mesh->mass().end());
+            }
+        }
+        least_mass_ = std::min(least_mass_, lightest);
         constants.push_back({density, s.smoothing_time, s.smoothing_ratio});
     }
     constants_.assign(constants);
@@ -84,11 +91,16 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
                          spec_.start.load_impulse, clock_);
     link_table();
     link_homes();
+    if constexpr (!X::is_device) {
+        for (Body& body : bodies_)
+            if (body.mesh) place_mesh(body);
+    }
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {
         b.position = b.pressure = b.state = {};
         b.velocity = b.velocity_gradient = {};
+        b.elements = {};
         b.ids = {};
     }
     spec_.start = {};

@@ -182,6 +182,9 @@ bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
         Body& body = bodies_[b];
         mass_and_volume.push_back({body.particle_mass, body.particle_volume});
         if (left[b] == 0) continue;
+        if constexpr (!X::is_device) {
+            if (body.mesh && tears_mesh(left, b, cells[b])) return false;
+        }
         for (Way& way :
              outflow_.ways(int(b), body.first_id, clock_.step, list_left(body, left[b], cells[b])))
             ways.push_back(std::move(way));

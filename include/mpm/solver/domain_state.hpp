@@ -168,6 +168,8 @@ void Domain<X, T, D>::load(const State& whole) {
     push_clock();
     meet_hosts();
     dead_ = false;
+    for (Body& body : bodies_)
+        if (body.mesh) body.mesh->begin_anew();
     smoothing_logs_ = Buffer<X, SmoothingLog>(exec_);
     for (Body& body : bodies_) body.smoothing_seen = 0;
 }
@@ -190,6 +192,21 @@ void Domain<X, T, D>::check_laws(const State& state) const {
         for (std::size_t r = 0; r < std::size_t(body.plan.state_columns); ++r)
             column.push_back(detail::numbers(state, p + "state" + std::to_string(r)));
         if (column.empty()) continue;
+        if (body.mesh) {
+            const auto id = detail::from_blob<std::uint32_t>(state, p + "id");
+            if (id.size() != body.mesh->vertices())
+                refuse_entry(p + "id", "has " + std::to_string(id.size()) + " elements",
+                             "the " + std::to_string(body.mesh->vertices()) +
+                                 " vertices of the body's mesh");
+            for (std::size_t q = 0; q < id.size(); ++q) {
+                const double share = body.mesh->mass()[id[q]] / body.particle_mass;
+                if (!(std::abs(column[0][q] - share) <= 1e-6 * share))
+                    refuse_entry(
+                        p + "state0",
+                        "is " + std::to_string(column[0][q]) + " at place " + std::to_string(q),
+                        "the share of the mass that its vertex has, " + std::to_string(share));
+            }
+        }
         double own[max_state_columns] = {};
         for (std::size_t q = 0; q < column[0].size(); ++q) {
             for (std::size_t r = 0; r < column.size(); ++r) own[r] = column[r][q];

@@ -141,7 +141,16 @@ void Domain<X, T, D>::sample_energy(Sensor<Base>& s, SensorRecord* record) {
             p.due = &record->due;
             p.part = Part::speeds;
             if (p.n.velocity < 0) phase_ops_.collect(p);
-            bodies_[b].ops.phase_energies(p, &record->due, partial);
+            bool done = false;
+            if constexpr (!X::is_device) {
+                if (Body& body = bodies_[b]; body.mesh) {
+                    done = true;
+                    locate_elements(body, int(b));
+                    body.elements.energies(p, body.mesh->view(), &record->due, body.mesh->energy(),
+                                           partial);
+                }
+            }
+            if (!done) bodies_[b].ops.phase_energies(p, &record->due, partial);
         } else if (bodies_[b].homes > 0) {
             bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due, partial);
         }
@@ -231,7 +240,10 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
             p.turns = true;
             body.ops.respond(p);
             after_respond(body, p);
-            phase_ops_.spread(p);
+            if constexpr (!X::is_device) {
+                if (body.mesh) locate_elements(body, number);
+            }
+            spread_body(body, p);
             break;
     }
 }
@@ -395,7 +407,7 @@ std::int64_t Domain<X, T, D>::steps_to_sort() const {
 /// What a fault says of the particle that it names is in its columns.
 template <class X, class T, int D>
 Fault Domain<X, T, D>::describe_fault() {
-    return mpm::describe_fault<D>(spec_, plan_, clock_, [&](std::size_t number, std::size_t place) {
+    const auto describe = [&](std::size_t number, std::size_t place) {
         const Body& body = bodies_.at(number);
         FailedParticle out;
         std::uint32_t id = 0;
@@ -413,7 +425,16 @@ Fault Domain<X, T, D>::describe_fault() {
         out.offset = read(body.offset);
         out.state = read(body.state);
         return out;
-    });
+    };
+    const Fault fault = mpm::describe_fault<D>(spec_, plan_, clock_, describe);
+    if constexpr (!X::is_device) {
+        if (clock_.fault == FaultKind::particle && clock_.fault_particle != fault_elsewhere) {
+            Body& body = bodies_.at(std::size_t(clock_.fault_particle >> 40));
+            if (body.mesh && body.mesh->inverted() != no_fault)
+                return describe_element(body, fault);
+        }
+    }
+    return fault;
 }
 
 }  // namespace mpm

@@ -40,6 +40,7 @@ struct Fault {
     double speed = 0;
     std::int64_t grew_since = 0;
     std::string message;
+    std::int64_t element = -1;  // of a body of elements; `ids` are then its vertices
 };
 
 struct RunResult {
@@ -130,6 +131,11 @@ struct Attributes {
     std::vector<std::uint64_t> id;
     std::map<std::string, Array> values;
 };
+
+/// Attributes of bodies of elements whose rows are elements, in the mesh's order.
+inline bool is_of_elements(const std::string& attribute) {
+    return attribute.rfind("element_", 0) == 0;
+}
 
 /// Numbers one after another in the engine's memory: "d" float64 or "L" uint64. The engine must
 /// outlive them.

@@ -31,4 +31,8 @@ template <int D>
 Fault describe_fault(const Spec& spec, const Plan& plan, const Clock& clock,
                      const std::function<FailedParticle(std::size_t, std::size_t)>& particle);
 
+/// The message of a fault that has found `element`, from its vertices, value and code; `first_id`
+/// is the body's.
+void name_element(Fault& fault, std::uint64_t first_id);
+
 }  // namespace mpm

@@ -17,6 +17,9 @@ namespace mpm {
 const std::vector<MaterialInfo>& materials();
 const MaterialInfo& material(const std::string& name);
 
+/// Is it a law that elements are built for (physics/element.hpp)?
+bool material_of_elements(const std::string& name);
+
 /// What the backend that will run the scene is like.
 struct BackendTraits {
     bool device = false;
@@ -68,6 +71,8 @@ struct BodyPlan {
     PhaseNumbers phase;  // of the phased step
     CellNumbers cells;   // and between its parts
     double spacing = 0;
+    std::uint64_t elements = 0;  // whose vertices the particles are
+    bool vertex_volumes = false;
 };
 struct Plan {
     std::vector<BodyPlan> bodies;
@@ -76,6 +81,7 @@ struct Plan {
     int sum_channels = 0, velocity_channels = 0;
     int bytes_per_node = 0;
     KeptChannels kept;    // where the transfer stores velocities
+    int filled = -1;      // sum: what mass by elements differs by from that of their vertices
     SweepChannels sweep;  // of XPIC and FMPM
     int sweeps = 0;       // per step
     double beyond =
@@ -109,6 +115,8 @@ std::string needs_phases(const Spec& spec, const BodySpec& body, bool device);
 bool stores_in_one_pass(const Spec& spec);
 /// Adds to a plan whose bodies are there what they do over cells; refuses what does not fit.
 void plan_cells(const Spec& spec, Plan& plan);
+/// Refuses what bodies of elements are not built for, by its name.
+void check_elements(const Spec& spec, const BackendTraits& backend);
 /// Adds to a plan whose bodies are there what the scene's transfer stores.
 void plan_phases(const Spec& spec, Plan& plan);
 

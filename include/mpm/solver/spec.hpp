@@ -88,6 +88,10 @@ struct BodySpec {
     std::uint64_t id_count = 0;      // ids kept for the body; 0: as many as particles
     Rows state;  // (count, state_width): what its particles store; of one that begins here, what
     int state_width = 0;  // its material stores, or empty: all zero
+    // Of bodies of elements, whose rows are vertices (design/elements.md): (m, dimension + 1) rows,
+    // of positive orientation; volumes of vertices in place of the elements' own.
+    std::vector<std::int32_t> elements;
+    bool vertex_volumes = false;
     // On functions over cells only:
     Rows volume;  // (count,) m^2, or empty: all alike, from the mass
     Rows stress;  // (count, 4) Pa: xx, yy, xy, zz of materials that store it, or empty

@@ -1,11 +1,6 @@
 // The parts of the phased step that know no material.
-#include <cstring>
-#include <memory>
-
-#include "mpm/kernels/cpu/arena.hpp"
-#include "mpm/kernels/cpu/phases.hpp"
+#include "mpm/kernels/cpu/spreading.hpp"
 #include "mpm/kernels/phase_ops.hpp"
-#include "mpm/kernels/transfers.hpp"
 
 namespace mpm {
 
@@ -42,22 +37,6 @@ void collect_block(const Phase<Cpu, T, D>& phase, std::int32_t slot) {
     });
 }
 
-/// Sums of one block's particles, of all nodes that they can reach from the cells beside their own,
-/// with the particles' mass. Together they go to the grid, so that a block of nodes gets one number
-/// of each block of particles: which rank has added these is nothing that bits could tell.
-template <class T, int D, int W>
-struct SpreadArena {
-    static constexpr int margin = W / 2 + 1, edge = Block<D>::edge + 2 * margin,
-                         nodes = D == 2 ? edge * edge : edge * edge * edge,
-                         width = SpreadTargets<D>::most;  // channels
-    T sums[nodes][width];
-    static constexpr int stride(int axis) {
-        int s = 1;
-        for (int a = D - 1; a > axis; --a) s *= edge;
-        return s;
-    }
-};
-
 template <class S, bool modified, class T, int D>
 void spread_block(const Phase<Cpu, T, D>& phase, SpreadArena<T, D, S::width>& arena,
                   std::int32_t slot) {
@@ -79,17 +58,7 @@ void spread_block(const Phase<Cpu, T, D>& phase, SpreadArena<T, D, S::width>& ar
             phase, reached, places_in_arena<A, W, D, A::margin>(reached.at.cell), q,
             [&](int channel, int place, T amount) { arena.sums[place][channel] += m * amount; });
     });
-    const bool weighs = phase.part == Part::step && pass.group.weight >= 0;
-    for_each_run<D, A::margin>(
-        pass.destinations + row, [&](int at, std::int32_t target, int node, int length) {
-            T* sums = g.sums + std::int64_t(target) * g.sum_channels * block_cells + node;
-            const auto add = [&](int sum, int channel) {
-                for (int k = 0; k < length; ++k)
-                    sums[sum * block_cells + k] += arena.sums[at + k][channel];
-            };
-            for (int c = 0; c < to.channels; ++c) add(to.sum[c], c);
-            if (weighs) add(pass.group.weight, to.channels - 1);
-        });
+    flush_arena<W>(phase, to, arena, slot);
 }
 
 /// Calls f with a stencil of the kernel's kind.
@@ -120,16 +89,9 @@ void collect_body(const Phase<Cpu, T, D>& phase) {
 
 template <class S, bool modified, class T, int D>
 void spread_by_colours(const Phase<Cpu, T, D>& phase) {
-    const auto& pass = phase.pass;
-#pragma omp parallel num_threads(phase_threads(*pass.exec, pass.body.count))
-    {
-        const auto arena = std::make_unique<SpreadArena<T, D, S::width>>();
-        for (int colour = 0; colour < pass.colours; ++colour) {
-#pragma omp for schedule(dynamic, 1)
-            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k)
-                spread_block<S, modified>(phase, *arena, pass.coloured[k]);
-        }
-    }
+    for_each_colour<SpreadArena<T, D, S::width>>(phase, [&](auto& arena, std::int32_t slot) {
+        spread_block<S, modified>(phase, arena, slot);
+    });
 }
 
 template <class T, int D>

@@ -38,6 +38,11 @@ Gathered Engine::gather(int body, const std::vector<std::string>& names,
     }
     for (const auto& [name, value] : from.values) {
         auto shape = value.shape;
+        if (is_of_elements(name)) {  // rows as the mesh has them
+            DenseColumn& to = out.columns[name] = on_heap('d', shape);
+            std::copy(value.data.begin(), value.data.end(), static_cast<double*>(to.data.get()));
+            continue;
+        }
         shape[0] = rows.size();
         const std::size_t width = from.id.empty() ? 0 : value.data.size() / from.id.size();
         DenseColumn& to = out.columns[name] = on_heap('d', shape);

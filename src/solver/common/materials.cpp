@@ -2,6 +2,7 @@
 // that were added since.
 #include "mpm/core/error.hpp"
 #include "mpm/kernels/model_headers.inc"
+#include "mpm/physics/element.hpp"
 #include "mpm/solver/added_materials.hpp"
 #include "mpm/solver/plan.hpp"
 
@@ -27,6 +28,14 @@ std::vector<MaterialInfo>& list() {
 }  // namespace
 
 const std::vector<MaterialInfo>& materials() { return list(); }
+
+bool material_of_elements(const std::string& name) {
+#define MPM_MODEL(Model) \
+    if (name == Model::name) return hyperelastic<Model>;
+#include "mpm/kernels/models.inc"
+#undef MPM_MODEL
+    return false;
+}
 
 void add_material(const MaterialInfo& info) {
     for (const MaterialInfo& m : list())

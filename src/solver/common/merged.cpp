@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "mpm/solver/element_mesh.hpp"
+#include "mpm/solver/faults.hpp"
 #include "mpm/solver/saved_state.hpp"
 
 namespace mpm {
@@ -19,7 +21,10 @@ constexpr std::uint64_t most_ids = (std::uint64_t(1) << 32) - 256;
 bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
     // Nothing has been checked yet: what does not fit is left for the plan to refuse.
     const std::size_t corners = 2 * std::size_t(dimension);
-    return a.restored == b.restored && a.bounds.size() == corners && b.bounds.size() == corners &&
+    return a.elements.empty() == b.elements.empty() && a.vertex_volumes == b.vertex_volumes &&
+           a.elements.size() + b.elements.size() < most_ids &&
+           (a.elements.empty() || ids_of(a) + ids_of(b) < most_ids / 2) &&
+           a.restored == b.restored && a.bounds.size() == corners && b.bounds.size() == corners &&
            a.material == b.material && a.parameters == b.parameters &&
            // Equal boxes elsewhere differ by the rounding of their edges.
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
@@ -89,6 +94,7 @@ void append(BodySpec& to, const BodySpec& b, int dimension) {
     for (const FieldOfIds& f : b.fields)
         if (to.fields.empty() || to.fields.back().field != f.field)
             to.fields.push_back({ids_of(to) + f.first, f.field});
+    for (const std::int32_t v : b.elements) to.elements.push_back(v + std::int32_t(ids_of(to)));
     to.id_count = ids_of(to) + ids_of(b);
     to.count += b.count;
     for (int a = 0; a < dimension; ++a) {
@@ -103,14 +109,25 @@ public:
            const std::function<std::unique_ptr<Engine>(const Spec&)>& make)
         : body_of_(std::move(merged.body_of)), inner_(make(merged.spec)) {
         for (const auto& b : spec.bodies)
-            bodies_.push_back({b.name, b.first_id, b.count, ids_of(b)});
+            bodies_.push_back({b.name, b.first_id, b.count, ids_of(b), 0,
+                               b.elements.size() / std::size_t(spec.dimension + 1)});
+        for (std::size_t b = 1; b < bodies_.size(); ++b)
+            if (body_of_[b] == body_of_[b - 1])
+                bodies_[b].first_element = bodies_[b - 1].first_element + bodies_[b - 1].elements;
         for (const auto& b : merged.spec.bodies) together_.push_back({b.count, ids_of(b)});
     }
 
     RunResult run(std::int64_t steps, double until, double wall) override {
         columns_ = {};
         RunResult r = inner_->run(steps, until, wall);
-        if (!r.fault.ids.empty()) r.fault.body = bodies_[owner(r.fault.ids[0])].name;
+        if (!r.fault.ids.empty()) {
+            const Body& b = bodies_[owner(r.fault.ids[0])];
+            r.fault.body = b.name;
+            if (r.fault.element >= 0) {
+                r.fault.element -= std::int64_t(b.first_element);
+                name_element(r.fault, b.first_id);
+            }
+        }
         return r;
     }
     double time() const override { return inner_->time(); }
@@ -156,12 +173,30 @@ public:
     Attributes attributes(int body, const std::vector<std::string>& names) override {
         const int m = body_of_.at(std::size_t(body));
         if (alone(body)) return inner_->attributes(m, names);
-        const Columns& all = columns(m, names);
+        std::vector<std::string> of_rows, of_elements;
+        for (const auto& name : names)
+            (is_of_elements(name) ? of_elements : of_rows).push_back(name);
+        const Columns& all = columns(m, of_rows);
         const std::size_t first = all.start[body - first_of(m)];
         const std::size_t last = all.start[body - first_of(m) + 1], n = all.read.id.size();
         Attributes out;
         for (std::size_t q = first; q < last; ++q) out.id.push_back(all.read.id[all.rows[q]]);
-        for (const auto& name : names) {
+        for (const auto& name : of_elements) {
+            auto found = columns_.of_elements.find(name);
+            if (found == columns_.of_elements.end()) {
+                Attributes read = inner_->attributes(m, {name});
+                found = columns_.of_elements.emplace(name, std::move(read.values.at(name))).first;
+            }
+            const Array& from = found->second;
+            const Body& b = bodies_[std::size_t(body)];
+            const std::size_t width = from.data.size() / from.shape[0];
+            const auto row = from.data.begin() + std::ptrdiff_t(b.first_element * width);
+            Array& to = out.values[name];
+            to.shape = from.shape;
+            to.shape[0] = b.elements;
+            to.data.assign(row, row + std::ptrdiff_t(b.elements * width));
+        }
+        for (const auto& name : of_rows) {
             const Array& from = all.read.values.at(name);
             Array& to = out.values[name];
             to.shape = from.shape;
@@ -179,8 +214,15 @@ public:
     Gathered gather(int body, const std::vector<std::string>& names,
                     const std::vector<double>& origin, IdRange ids) override {
         const Body& b = bodies_.at(std::size_t(body));
-        return inner_->gather(body_of_[std::size_t(body)], names, origin,
-                              ids.within({b.first_id, b.ids}));
+        std::vector<std::string> of_rows, of_elements;
+        for (const auto& name : names)
+            (is_of_elements(name) ? of_elements : of_rows).push_back(name);
+        Gathered out = inner_->gather(body_of_[std::size_t(body)], of_rows, origin,
+                                      ids.within({b.first_id, b.ids}));
+        if (of_elements.empty()) return out;
+        for (auto& [name, column] : Engine::gather(body, of_elements, origin, ids).columns)
+            out.columns[name] = std::move(column);
+        return out;
     }
     DenseColumn duplicate(const DenseColumn& column) override { return inner_->duplicate(column); }
     void copy_out(const DenseColumn& column, void* to) override { inner_->copy_out(column, to); }
@@ -227,6 +269,7 @@ private:
     struct Body {
         std::string name;
         std::uint64_t first_id, count, ids;
+        std::size_t first_element, elements;  // the first among those of the merged body
     };
 
     struct Together {
@@ -239,6 +282,7 @@ private:
     struct Columns {
         int merged = -1;
         Attributes read;
+        std::map<std::string, Array> of_elements;
         std::vector<std::size_t> rows;   // body by body, in the order of storage
         std::vector<std::size_t> start;  // (bodies + 1,) in `rows`
     };
@@ -374,6 +418,13 @@ std::unique_ptr<Engine> make_merged(
     const Spec& spec, const std::function<std::unique_ptr<Engine>(const Spec&)>& make) {
     MergedSpec merged = merge_alike(spec);
     if (merged.spec.bodies.size() == spec.bodies.size()) return make(spec);
+    // What is wrong with a mesh is said of the body that has it.
+    for (const BodySpec& b : spec.bodies) {
+        if (b.elements.empty() || !b.position) continue;
+        std::vector<double> position(std::size_t(b.count) * std::size_t(spec.dimension));
+        b.position(0, b.count, position.data());
+        check_mesh(b.name, spec.dimension, position, b.elements, spec.cell_size);
+    }
     return std::make_unique<Merged>(spec, std::move(merged), make);
 }
 

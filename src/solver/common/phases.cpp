@@ -149,6 +149,7 @@ bool stores_in_one_pass(const Spec& spec) {
 }
 
 std::string needs_phases(const Spec& spec, const BodySpec& b, bool device) {
+    if (!b.elements.empty()) return "elements work between the parts of a step";
     const MaterialInfo& m = material(b.material);
     if (spec.transfer.scheme == "APIC" ? !m.fused : !m.fuses_memory)
         return "material " + b.material + " has no fused form" +
@@ -241,6 +242,8 @@ void plan_phases(const Spec& spec, Plan& plan) {
         BodyPlan& p = plan.bodies[b];
         p.phase = common;
         p.phase.scheme = numbers_of(scheme, memory, body);
+        // A shift would move vertices against the elements that hold them together.
+        if (p.elements > 0) p.phase.scheme.rule = ShiftRule::none;
         if (!body.guard || p.phase.scheme.rule == ShiftRule::none) p.phase.guard = -1;
         p.phase.channels = D + (p.smoothing == Smoothing::none ? 0 : 1);
         p.phase.lags =

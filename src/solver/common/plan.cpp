@@ -8,6 +8,7 @@
 #include "mpm/data/blocks.hpp"
 #include "mpm/kernels/cell_sums.hpp"
 #include "mpm/kernels/sorting.hpp"
+#include "mpm/solver/element_mesh.hpp"
 
 namespace mpm {
 
@@ -262,6 +263,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     }
     check_pipeline(spec, backend);
     check_contact(spec, backend);
+    check_elements(spec, backend);
     const bool between =
         spec.deformed_nodes || spec.kernel.modified ||
         std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
@@ -348,6 +350,11 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         held[body.held_by] = int(plan.channels.size());
         plan.channels.push_back("mass:" + body.name);
     }
+    if (spec.contact.any() && std::any_of(spec.bodies.begin(), spec.bodies.end(),
+                                          [](const BodySpec& b) { return !b.elements.empty(); })) {
+        plan.filled = int(plan.channels.size());
+        plan.channels.push_back("filled");
+    }
     plan.sum_channels = int(plan.channels.size());
     if (!held.empty() && plan.sum_channels > 64)
         throw SceneError("the grid would hold " + std::to_string(plan.sum_channels) +
@@ -364,10 +371,20 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         p.particles = body.count;
         choose_pipeline(spec, backend, body, p);
         p.columns.push_back({"position", D, D * real});
-        p.state_columns = m.reals(D);
-        for (int c = 0; c < m.column_count; ++c) {
-            const int n = m.columns[c].components[D - 2];
-            p.columns.push_back({m.columns[c].name, n, n * real});
+        p.elements = body.elements.size() / std::size_t(D + 1);
+        p.vertex_volumes = body.vertex_volumes;
+        if (p.elements > 0) {
+            p.state_columns = 1;
+            p.columns.push_back({"mass_share", 1, real});
+            plan.memory_particles +=
+                D == 2 ? planned_mesh_bytes<2>(p.elements, p.particles, p.vertex_volumes, real)
+                       : planned_mesh_bytes<3>(p.elements, p.particles, p.vertex_volumes, real);
+        } else {
+            p.state_columns = m.reals(D);
+            for (int c = 0; c < m.column_count; ++c) {
+                const int n = m.columns[c].components[D - 2];
+                p.columns.push_back({m.columns[c].name, n, n * real});
+            }
         }
         if (group_of[b] < 0 && body.held_by != 0) p.group.weight = held.at(body.held_by);
         if (group_of[b] >= 0) {
@@ -465,7 +482,10 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         if (b.cells.smooths()) plan.kernels.push_back("smooth_cells:" + b.name);
         if (phased) {
             plan.kernels.push_back("respond:" + b.name);
+            if (b.vertex_volumes) plan.kernels.push_back("volumes:" + b.name);
+            if (b.elements > 0) plan.kernels.push_back("elements:" + b.name);
             plan.kernels.push_back("spread:" + b.name);
+            if (b.elements > 0 && plan.filled >= 0) plan.kernels.push_back("fill:" + b.name);
         } else if (b.pipeline == Pipeline::two_pass) {
             plan.kernels.push_back("gather:" + b.name);
             plan.kernels.push_back("scatter:" + b.name);

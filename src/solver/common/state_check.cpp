@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "mpm/core/linalg.hpp"
 #include "mpm/data/blocks.hpp"
@@ -103,7 +104,10 @@ private:
                          "goes from " + std::to_string(start.front()) + " to " +
                              std::to_string(start.back()),
                          "0 to its " + std::to_string(ids.size()) + " particles");
-        places(body, p, start);
+        // Vertices of elements store what part of the mean mass they have.
+        std::vector<double> share;
+        if (plan.elements > 0) share = state_.numbers(p + "state0", ids.size(), largest_);
+        places(body, p, start, share);
         fields(body, p, start, ids);
 
         const auto frozen = state_.list<std::uint32_t>(p + "frozen_id");
@@ -181,8 +185,8 @@ private:
     }
 
     /// Home cells lie in the domain, and around a block with particles the table has all blocks.
-    void places(const BodySpec& body, const std::string& p,
-                const std::vector<std::uint32_t>& start) {
+    void places(const BodySpec& body, const std::string& p, const std::vector<std::uint32_t>& start,
+                const std::vector<double>& share) {
         for (std::size_t slot = 0; slot < keys_.size(); ++slot) {
             const std::uint32_t* cells = start.data() + slot * block_cells;
             if (cells[0] == cells[block_cells]) continue;
@@ -208,7 +212,11 @@ private:
                         "lacks a block beside one with particles of body '" + body.name + "'",
                         "all blocks around those with particles");
             });
-            held_[slot] += body.particle_mass * double(cells[block_cells] - cells[0]);
+            double particles = double(cells[block_cells] - cells[0]);
+            if (!share.empty())
+                particles = std::accumulate(share.begin() + cells[0],
+                                            share.begin() + cells[block_cells], 0.0);
+            held_[slot] += body.particle_mass * particles;
         }
     }
     /// Particles lie in blocks of their body's field.

@@ -99,6 +99,17 @@ struct FixedCorotated : IsotropicElastic, StoresDisplacement {
         return tau;
     }
 
+    // For elements: U' and U of the part of the energy that is one of J alone, of J - 1.
+    static constexpr bool hyperelastic = true;
+    template <class V, class T>
+    MPM_INLINE static V volume_pressure(V change, const Constants<T>& k) {
+        return k.lame * change;
+    }
+    template <class V, class T>
+    MPM_INLINE static V volume_energy(V change, const Constants<T>& k) {
+        return T(0.5) * k.lame * change * change;
+    }
+
     template <int D>
     MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],
                                          const double* q) {

@@ -9,11 +9,11 @@
 #pragma once
 
 #include "mpm/physics/material/displacement.hpp"
-#include "mpm/physics/material/elasticity.hpp"
+#include "mpm/physics/material/logarithmic_volume.hpp"
 
 namespace mpm {
 
-struct NeoHookean : IsotropicElastic, StoresDisplacement {
+struct NeoHookean : IsotropicElastic, StoresDisplacement, LogarithmicVolume {
     static constexpr const char* name = "NeoHookean";
     static constexpr const char* summary = "Hyperelastic solid, compressible neo-Hookean energy";
     static constexpr const char* source = "Bonet and Wood (2008), section 6.4.3";

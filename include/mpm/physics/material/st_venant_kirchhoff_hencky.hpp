@@ -5,11 +5,11 @@
 //   tau = 2 mu e + lambda tr(e) I
 #pragma once
 
-#include "mpm/physics/material/elasticity.hpp"
+#include "mpm/physics/material/logarithmic_volume.hpp"
 
 namespace mpm {
 
-struct StVenantKirchhoffHencky : IsotropicElastic {
+struct StVenantKirchhoffHencky : IsotropicElastic, LogarithmicVolume {
     static constexpr const char* name = "StVenantKirchhoffHencky";
     static constexpr const char* summary =
         "Hyperelastic solid, quadratic in the logarithmic strain";

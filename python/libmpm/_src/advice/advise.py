@@ -31,7 +31,7 @@ from libmpm._src.methods.method import FBar
 from libmpm._src.run import backends
 from libmpm._src.scene.checks import check_scene
 from libmpm._src.scene.checks_loads import doubtful_loads
-from libmpm._src.shapes.point_file import PointFile
+from libmpm._src.shapes.solid import GivenPoints
 
 if TYPE_CHECKING:
     from libmpm._src.scene.scene import Scene
@@ -199,7 +199,7 @@ def _settings(
             Reason(f"F-bar of '{body.name}'", _fbar_text(fbar[body.name]),
                    why if fbar[body.name] != own else "", fbar[body.name] != own)
         )  # fmt: skip
-        if body.lattice is None and not isinstance(body.shape, PointFile):
+        if body.lattice is None and not isinstance(body.shape, GivenPoints):
             count = row.per_axis**scene.dimension
             particles[body.name] = count
             reasons.append(

@@ -21,8 +21,7 @@ from libmpm._src.scene.places import extent_of, initial_gravity, planes
 from libmpm._src.shapes.boxes import DomainWalls
 from libmpm._src.shapes.filling import BOXES
 from libmpm._src.shapes.particle_placement import Columns
-from libmpm._src.shapes.point_file import PointFile
-from libmpm._src.shapes.solid import Solid
+from libmpm._src.shapes.solid import GivenPoints, Solid
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -302,7 +301,7 @@ class Facts:
         return all(
             isinstance(b.sampling, Columns | None)
             and b.lattice is None
-            and not isinstance(b.shape, PointFile)
+            and not isinstance(b.shape, GivenPoints)
             for b in self.water
         )
 
@@ -391,7 +390,7 @@ def own_fbar(body: Body) -> FBar | None:
 
 def _ends(body: Body) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the corners of the box around a body, m."""
-    assert isinstance(body.shape, Solid | PointFile)
+    assert isinstance(body.shape, Solid | GivenPoints)
     low, high = body.shape.bounds()
     return tuple(map(float, low)), tuple(map(float, high))
 

@@ -17,9 +17,10 @@ def need(module: str, what: str, extra: str = "triangular") -> Any:
     """
     try:
         return importlib.import_module(module)
-    except ImportError as error:
+    # Of a package that is there a library of the system may be missing.
+    except (ImportError, OSError) as error:
         package = module.split(".")[0]
         raise SceneError(
-            f"{what}: the package {package} is not installed ({error}); expected it for this call; "
-            f"run `pip install libmpm[{extra}]`"
+            f"{what}: the package {package} is not installed, or not whole ({error}); expected "
+            f"it for this call; run `pip install libmpm[{extra}]`"
         ) from error

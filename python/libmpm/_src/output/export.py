@@ -22,6 +22,7 @@ from libmpm._src.output.reading_files import is_cut
 from libmpm._src.output.results import BodyFrames, Frame, Results
 from libmpm._src.output.sensor_file import append_csv
 from libmpm._src.output.series import Series
+from libmpm._src.shapes.element_mesh import ElementMesh
 
 __all__ = ["FORMATS", "Picture", "export", "whole_series"]
 
@@ -39,7 +40,7 @@ _ROWS = 1 << 16
 
 @dataclass(frozen=True)
 class Picture:
-    """One body at one time, ready to be written.
+    """One body at one time, ready to be written; `elements` (m, d + 1) of a body of them.
 
     `arrays` holds "position" (n, d) m in the world and what else was asked for; `units` their SI
     units, `metadata` time (s), step, body, index, precision and version.
@@ -48,6 +49,7 @@ class Picture:
     arrays: dict[str, NDArray[Any]]
     units: dict[str, str]
     metadata: dict[str, Any]
+    elements: NDArray[Any] | None = None
 
 
 def export(
@@ -83,9 +85,11 @@ def export(
 
     Frames become ``<body>_<index>`` with the format's ending: VTKHDF as the run writes it, CSV
     with a column for each component, its unit in the head, or NumPy archives with an array for each
-    attribute, "time" and "step". Sensors become ``<sensor>.csv`` or ``sensors.npz``; VTKHDF has
-    none. A checkpoint gives one frame, numbered by its step, of every attribute the engine knows.
-    Frames and series that are damaged are left out, with a warning each.
+    attribute, "time" and "step". Of bodies of elements CSV has a second file,
+    ``<body>_<index>.elements.csv``, and archives have "elements". Sensors become ``<sensor>.csv``
+    or ``sensors.npz``; VTKHDF has none. A checkpoint gives one frame, numbered by its step, of
+    every attribute the engine knows. Frames and series that are damaged are left out, with a
+    warning each.
     Raises `SceneError`, `CheckpointError`, `OutputError`.
     """
     bodies = (bodies,) if isinstance(bodies, str) else bodies
@@ -183,7 +187,7 @@ def _of_run(
                 except (SceneError, OutputError) as error:
                     _leave_out(error)
                     continue
-                yield Picture(arrays, frame.units, frame.metadata)
+                yield Picture(arrays, frame.units, frame.metadata, frame.elements)
 
     return made()
 
@@ -245,7 +249,9 @@ def _of_checkpoint(
                 "version": simulation.version,
             }  # fmt: skip
             units = {name: frames.UNITS.get(name, "") for name in arrays}
-            yield Picture(arrays, units, metadata)
+            shape = next(b.shape for b in simulation.scene.bodies if b.name == body)
+            mesh = shape.rows() if isinstance(shape, ElementMesh) else None
+            yield Picture(arrays, units, metadata, mesh)
 
     return made()
 
@@ -271,7 +277,10 @@ def _vtkhdf(folder: Path, picture: Picture) -> Path:
     path = _path(folder, picture, "vtkhdf")
     real = np.float32 if picture.metadata.get("precision") == "single" else np.float64
     others = {k: v for k, v in picture.arrays.items() if k != "position"}
-    frames.write_frame(path, picture.arrays["position"], others, picture.metadata, real=real)
+    frames.write_frame(
+        path, picture.arrays["position"], others, picture.metadata, real=real,
+        elements=picture.elements,
+    )  # fmt: skip
     return path
 
 
@@ -299,22 +308,36 @@ def _columns(name: str, values: NDArray[Any], dimension: int) -> list[str]:
 
 def _csv(folder: Path, picture: Picture) -> Path:
     path = _path(folder, picture, "csv")
+    arrays = picture.arrays
+    points = {name: array for name, array in arrays.items() if not frames.of_elements(name)}
+    _table(path, picture, points)
+    if picture.elements is not None:
+        cells: dict[str, NDArray[Any]] = {
+            f"vertex_{i}": column for i, column in enumerate(picture.elements.T)
+        }
+        cells |= {name: array for name, array in arrays.items() if frames.of_elements(name)}
+        _table(path.with_suffix(".elements.csv"), picture, cells)
+    return path
+
+
+def _table(path: Path, picture: Picture, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays of one length as columns."""
     position = picture.arrays["position"]
+    rows = len(next(iter(arrays.values())))
     titles: list[str] = []
     columns: list[NDArray[Any]] = []
-    for name, values in picture.arrays.items():
+    for name, values in arrays.items():
         unit = picture.units.get(name, "")
         names = _columns(name, values, position.shape[1])
         titles += [f"{n} [{unit}]" if unit else n for n in names]
-        columns += list(values.reshape(len(position), math.prod(values.shape[1:])).T)
+        columns += list(values.reshape(rows, math.prod(values.shape[1:])).T)
     with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(titles) + "\n")
         # Texts take many times the memory of numbers.
-        for row in range(0, len(position), _ROWS):
+        for row in range(0, rows, _ROWS):
             # A column's own type gives its shortest exact text: 0.1 for a single 0.1 too.
             texts = [column[row : row + _ROWS].astype("U") for column in columns]
             file.writelines(",".join(line) + "\n" for line in zip(*texts, strict=True))
-    return path
 
 
 def _sensor_csv(folder: Path, series: Series) -> Path:
@@ -325,6 +348,8 @@ def _sensor_csv(folder: Path, series: Series) -> Path:
 
 def _npz(folder: Path, picture: Picture) -> Path:
     about = {key: np.asarray(picture.metadata[key]) for key in ("time", "step")}
+    if picture.elements is not None:
+        about["elements"] = picture.elements
     return _archive(_path(folder, picture, "npz"), about | picture.arrays)
 
 

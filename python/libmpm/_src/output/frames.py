@@ -1,5 +1,7 @@
 """Particle frames as VTKHDF, for ParaView: one PolyData file per body and frame.
 
+A body of elements is an UnstructuredGrid: its vertices are the points, its elements the cells.
+
 One file per body, not one composite file: each opens on its own in ParaView and VTK, groups into a
 time series by its number, and a kill loses the file in flight and nothing else. Metadata lies in
 the group ``/libmpm`` because strings inside ``/VTKHDF`` crash VTK's reader.
@@ -29,6 +31,7 @@ __all__ = [
     "frame_path",
     "frame_time",
     "list_frames",
+    "of_elements",
     "part_path",
     "read_frame",
     "read_series",
@@ -52,7 +55,15 @@ UNITS = {
     "id": "1",
     "volume_ratio": "1",
     "deformation_gradient": "1",
+    "element_stress": "Pa",
+    "element_pressure": "Pa",
+    "element_von_mises": "Pa",
+    "element_volume_ratio": "1",
+    "element_energy": "J",
 }
+
+#: VTK's numbers of linear triangles and tetrahedra, by vertices.
+_CELL_TYPES = {3: 5, 4: 10}
 
 #: What a file of a frame is, and what to do about one that is damaged.
 WHAT, REMEDY = "frame of libmpm", "delete it, or resume the run from a checkpoint before it"
@@ -106,6 +117,7 @@ def write_frame(
     metadata: Mapping[str, Any],
     *,
     real: type = np.float64,
+    elements: NDArray[Any] | None = None,
 ) -> None:
     """Write one body at one time.
 
@@ -121,22 +133,64 @@ def write_frame(
         Attributes of ``/libmpm``; ``time`` (s) and ``step`` are also stored as field data.
     real
         Type of the stored floating-point attributes.
+    elements
+        Of a body of elements: rows of `position`, (m, dimension + 1). Attributes that
+        `of_elements` then have a row each of these.
     """
     with new_file(path) as file:
-        data = _frame(file, len(position), ["position", *attributes], metadata)
+        names = ["position", *attributes]
+        data = _frame(file, len(position), names, metadata, elements)
         file["VTKHDF"].create_dataset("Points", data=_three(np.asarray(position, np.float64)))
         for name, values in attributes.items():
-            data.create_dataset(name, data=_point_data(values, real))
+            group = data if not of_elements(name) else file["VTKHDF/CellData"]
+            group.create_dataset(name, data=_point_data(values, real))
+
+
+def of_elements(name: str) -> bool:
+    """Tell whether an attribute has a row for each element and not for each vertex."""
+    return name.startswith("element_")
 
 
 def _frame(
-    file: h5py.File, count: int, names: Sequence[str], metadata: Mapping[str, Any]
+    file: h5py.File,
+    count: int,
+    names: Sequence[str],
+    metadata: Mapping[str, Any],
+    elements: NDArray[Any] | None = None,
 ) -> h5py.Group:
     """Write all of a frame but its points; return the group that their data goes to."""
     root = new_group(file, "VTKHDF")
     root.attrs["Version"] = np.array([2, 0], np.int64)
-    root.attrs.create("Type", np.bytes_("PolyData"))
+    kind = "PolyData" if elements is None else "UnstructuredGrid"
+    root.attrs.create("Type", np.bytes_(kind))
     root.create_dataset("NumberOfPoints", data=np.array([count], np.int64))
+    if elements is None:
+        _put_points(root, count)
+    else:
+        _put_elements(root, elements)
+    field = new_group(root, "FieldData")
+    field.create_dataset("TimeValue", data=np.array([metadata["time"]], np.float64))
+    field.create_dataset("Step", data=np.array([metadata["step"]], np.int64))
+    about = new_group(file, "libmpm")
+    set_attributes(about, metadata)
+    set_attributes(new_group(about, "units"), {name: UNITS.get(name, "") for name in names})
+    return new_group(root, "PointData")
+
+
+def _put_elements(root: h5py.Group, elements: NDArray[Any]) -> None:
+    """Write the cells of an UnstructuredGrid."""
+    m, corners = elements.shape
+    packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+    root.create_dataset("NumberOfCells", data=np.array([m], np.int64))
+    root.create_dataset("NumberOfConnectivityIds", data=np.array([m * corners], np.int64))
+    root.create_dataset("Connectivity", data=elements.ravel().astype(np.int64), **packed)
+    root.create_dataset("Offsets", data=corners * np.arange(m + 1), **packed)
+    root.create_dataset("Types", data=np.full(m, _CELL_TYPES[corners], np.uint8), **packed)
+    new_group(root, "CellData")
+
+
+def _put_points(root: h5py.Group, count: int) -> None:
+    """Write the cells of PolyData: a vertex for each point."""
     for kind in ("Vertices", "Lines", "Polygons", "Strips"):
         cells = count if kind == "Vertices" else 0
         group = new_group(root, kind)
@@ -148,13 +202,6 @@ def _frame(
         )
         group.create_dataset("Connectivity", data=np.arange(cells), **packed)
         group.create_dataset("Offsets", data=np.arange(cells + 1), **packed)
-    field = new_group(root, "FieldData")
-    field.create_dataset("TimeValue", data=np.array([metadata["time"]], np.float64))
-    field.create_dataset("Step", data=np.array([metadata["step"]], np.int64))
-    about = new_group(file, "libmpm")
-    set_attributes(about, metadata)
-    set_attributes(new_group(about, "units"), {name: UNITS.get(name, "") for name in names})
-    return new_group(root, "PointData")
 
 
 def part_path(folder: Path, body: str, index: int, rank: int) -> Path:
@@ -212,8 +259,9 @@ def read_frame(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     with reading(path, WHAT, REMEDY), h5py.File(path, "r", locking=False) as file:
         require_parts(path, file["VTKHDF/Points"])
         arrays = {"position": array_of(file["VTKHDF/Points"])}
-        for name, dataset in file["VTKHDF/PointData"].items():
-            arrays[name] = array_of(dataset)
+        for group in ("PointData", "CellData"):
+            for name, dataset in file["VTKHDF"].get(group, {}).items():
+                arrays[name] = array_of(dataset)
         return arrays, attributes_of(file["libmpm"])
 
 

@@ -52,8 +52,10 @@ class _OfRanks(Writer):
         attributes: Mapping[str, NDArray[Any]],
         metadata: Mapping[str, Any],
         real: type,
+        elements: NDArray[Any] | None,
     ) -> None:
         link = self._link
+        assert elements is None  # several ranks share no body of elements
         paths = [frames.part_path(self._frames, body, index, r) for r in range(link.ranks)]
         frames.write_frame(paths[link.rank], position, attributes, metadata, real=real)
         counts = link.tell(len(position))

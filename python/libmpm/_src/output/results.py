@@ -32,7 +32,8 @@ class Frame(Mapping[str, NDArray[Any]]):
     """One body at one time: ``frame["position"]`` is a NumPy array, read when asked for.
 
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), in SI units; rows
-    are sorted by id, positions are in world coordinates, m.
+    are sorted by id, positions are in world coordinates, m. Of a body of elements rows are its
+    vertices, and `elements` and attributes "element_..." have one for each element.
     """
 
     def __init__(self, path: Path, dimension: int) -> None:
@@ -43,8 +44,12 @@ class Frame(Mapping[str, NDArray[Any]]):
             with h5py.File(path, "r", locking=False) as file:
                 about = attributes_of(file["libmpm"])
                 self._units = {k: str(v) for k, v in attributes_of(file["libmpm/units"]).items()}
-                self._names = ["position", *file["VTKHDF/PointData"]]
+                cells = file["VTKHDF"].get("CellData", {})
+                self._names = ["position", *file["VTKHDF/PointData"], *cells]
+                self._of_cells = frozenset(cells)
                 self._count = int(file["VTKHDF/NumberOfPoints"][0])
+                whole = "VTKHDF/Connectivity" in file
+                self._cells = int(file["VTKHDF/NumberOfCells"][0]) if whole else 0
             self.body = str(about["body"])
             self.index, self.step = int(about["index"]), int(about["step"])
             time = float(about["time"])
@@ -59,6 +64,23 @@ class Frame(Mapping[str, NDArray[Any]]):
     def count(self) -> int:
         """Number of particles."""
         return self._count
+
+    @property
+    def elements(self) -> NDArray[Any] | None:
+        """Vertices of each element, rows of "position", (m, d + 1); None of a body of particles.
+
+        Attributes "element_..." have a row for each. Raises `SceneError` where it is damaged.
+        """
+        if not self._cells:
+            return None
+        with (
+            reading(self.path, frames.WHAT, frames.REMEDY),
+            h5py.File(self.path, "r", locking=False) as file,
+        ):
+            rows = array_of(file["VTKHDF/Connectivity"])
+            if rows.size != self._cells * (self._dimension + 1):
+                raise ValueError(f"it has {rows.size} vertices of {self._cells} elements")
+            return rows.reshape(self._cells, self._dimension + 1)
 
     @property
     def names(self) -> list[str]:
@@ -84,11 +106,13 @@ class Frame(Mapping[str, NDArray[Any]]):
             reading(self.path, frames.WHAT, frames.REMEDY),
             h5py.File(self.path, "r", locking=False) as file,
         ):
-            dataset = file["VTKHDF/Points" if name == "position" else f"VTKHDF/PointData/{name}"]
+            group = "CellData" if name in self._of_cells else "PointData"
+            dataset = file["VTKHDF/Points" if name == "position" else f"VTKHDF/{group}/{name}"]
             frames.require_parts(self.path, dataset)
             whole = array_of(dataset)
-            if whole.ndim < 1 or len(whole) != self._count:
-                raise ValueError(f"'{name}' has {whole.shape} values of {self._count} particles")
+            expected = self._cells if name in self._of_cells else self._count
+            if whole.ndim < 1 or len(whole) != expected:
+                raise ValueError(f"'{name}' has {whole.shape} values of {expected}")
             return self._narrow(whole, name)
 
     def _narrow(self, values: NDArray[Any], name: str) -> NDArray[Any]:

@@ -18,6 +18,8 @@ __all__ = ["Output"]
 
 #: Attributes of a frame where none are chosen.
 DEFAULT_ATTRIBUTES = ("velocity", "pressure")
+#: And of a body of elements.
+OF_ELEMENTS = ("element_stress", "element_volume_ratio")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +46,7 @@ class Output:
     attributes
         Names to store in frames beside the position: one list for all bodies or
         {body: list}. A body that the mapping leaves out has no frames. Default: velocity and
-        pressure.
+        pressure, of bodies of elements their elements' stress and volume ratio too.
     checkpoint_interval
         Simulated seconds between checkpoints. None: none.
     overwrite
@@ -119,11 +121,11 @@ class Output:
         """Whether earlier results in the folder are replaced."""
         return self._settings.overwrite
 
-    def attributes_of(self, body: str) -> list[str] | None:
-        """Return the names stored in frames of `body`; None for no frames of it."""
+    def attributes_of(self, body: str, *, meshed: bool = False) -> list[str] | None:
+        """Return the names stored in frames of `body`, `meshed` of elements; None for no frames."""
         chosen = self._settings.attributes
         if chosen is None:
-            return list(DEFAULT_ATTRIBUTES)
+            return [*DEFAULT_ATTRIBUTES, *(OF_ELEMENTS if meshed else ())]
         if isinstance(chosen, dict):
             return chosen.get(body)
         return chosen

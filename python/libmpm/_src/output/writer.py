@@ -32,6 +32,7 @@ from libmpm._src.output.earlier_run import (
 from libmpm._src.output.folder_lock import Hold
 from libmpm._src.output.sensor_file import SensorFile, append_csv
 from libmpm._src.output.settings import Output
+from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
     from libmpm._src.run.running import Running
@@ -137,7 +138,7 @@ class Writer:
         if self.output.frame_interval:
             for body in bodies:
                 view = self._simulation.particles[body]
-                for name in self.output.attributes_of(body) or ():
+                for name in self._chosen(body) or ():
                     problem = view.refusal(name)
                     if problem is not None:
                         problems.append(
@@ -204,7 +205,7 @@ class Writer:
         self._require()
         simulation = self._simulation
         for body, particles in simulation.particles.items():
-            chosen = self.output.attributes_of(body)
+            chosen = self._chosen(body)
             if chosen is None:
                 continue
             arrays = particles.read(["position", *chosen])
@@ -223,8 +224,18 @@ class Writer:
                     "version": simulation.version,
                 },
                 np.float32 if simulation.precision == "single" else np.float64,
+                self._elements(body),
             )
             self._list_frame(body, index)
+
+    def _elements(self, body: str) -> NDArray[Any] | None:
+        """Return the elements of a body (m, d + 1); None of a body of particles."""
+        shape = next(b.shape for b in self._simulation.scene.bodies if b.name == body)
+        return shape.rows() if isinstance(shape, ElementMesh) else None
+
+    def _chosen(self, body: str) -> list[str] | None:
+        """Return the names stored in frames of a body; None for no frames of it."""
+        return self.output.attributes_of(body, meshed=self._elements(body) is not None)
 
     def _put_frame(
         self,
@@ -234,9 +245,10 @@ class Writer:
         attributes: Mapping[str, NDArray[Any]],
         metadata: Mapping[str, Any],
         real: type,
+        elements: NDArray[Any] | None,
     ) -> None:
         path = frames.frame_path(self._frames, body, index)
-        frames.write_frame(path, position, attributes, metadata, real=real)
+        frames.write_frame(path, position, attributes, metadata, real=real, elements=elements)
 
     def _list_frame(self, body: str, index: int) -> None:
         self._times[body][index] = self._simulation.time

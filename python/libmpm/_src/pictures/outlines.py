@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from libmpm._src.base.axes import AXES
 from libmpm._src.base.palette import CYCLE, OUTLINE, STRUCTURE
 from libmpm._src.boundaries.responses import Response
 from libmpm._src.grids.shapes import Outline
+from libmpm._src.pictures.mesh_outline import mesh_lines
 from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox, faces_of
+from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -149,6 +152,10 @@ def draw_shape(
     elif isinstance(shape, OrientedBox) and plane.hidden is None:
         corners = plane.flat(shape.corners)
         axes.add_patch(Polygon(corners[[0, 1, 3, 2]], closed=True, **patch))
+    elif isinstance(shape, ElementMesh):
+        lines = LineCollection(list(mesh_lines(shape, plane)), colors=color, linewidths=linewidth,
+                               linestyles=linestyle, zorder=4)  # fmt: skip
+        axes.add_collection(lines)
     elif isinstance(shape, Outline):
         for segment in np.asarray(shape.segments(), np.float64):
             ends = segment.reshape(2, 2) + plane.origin

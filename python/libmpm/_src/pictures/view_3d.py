@@ -18,6 +18,7 @@ from libmpm._src.pictures.plot import extend_of, sampled_particles
 from libmpm._src.pictures.preview import sampled_bodies, vertical_of
 from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.boxes import Box, DomainWalls
+from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
     from pyvista import Plotter
@@ -49,6 +50,9 @@ def surface_of(pyvista: Any, scene: SceneData, shape: Any) -> Any:
     if isinstance(shape, Box):
         low, high = np.asarray(shape.lower) + origin, np.asarray(shape.upper) + origin
         return pyvista.Box(np.stack([low, high], axis=1).ravel())
+    if isinstance(shape, ElementMesh):
+        corners = np.insert(shape.surface, 0, 3, axis=1)
+        return pyvista.PolyData(shape.vertices + origin, faces=corners.ravel())
     if not hasattr(shape, "distance"):
         return None
     found = sample_solid(shape, lower, upper, _PLACES)

@@ -24,8 +24,10 @@ from libmpm._src.grids.shapes import Outline
 from libmpm._src.materials.initial_stress import stored_stress
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import CROSSINGS, FBar
+from libmpm._src.run.element_spec import mesh_part
 from libmpm._src.run.hydrostatic import at_hand, still_water
 from libmpm._src.scene.checks import validate
+from libmpm._src.scene.checks_elements import faint_strains
 from libmpm._src.scene.checks_sizes import check_numbers
 from libmpm._src.scene.checks_time_steps import check_intervals, check_step, too_slow
 from libmpm._src.scene.contact_fields import contact_entry, device_of_contacts
@@ -154,7 +156,7 @@ def lower(
         check_step(scene, fixed, precision)
     if scene.grid is None:
         check_intervals(scene, fixed)
-        warn(too_slow(scene, fixed, precision))
+        warn(too_slow(scene, fixed, precision) + faint_strains(scene, precision))
     bodies = []
     first = 0
     for body in scene.bodies:
@@ -227,10 +229,10 @@ def _added(scene: SceneData, time_step: float | None, with_particles: bool) -> d
 
 
 def _hollow(specification: dict[str, Any]) -> None:
-    """Leave one particle of a body, in the middle of its bounds, and the ids of all."""
-    middle = specification["bounds"].mean(axis=0, keepdims=True)
+    """Leave one particle of a body, in the middle of its bounds, and all ids; a mesh whole."""
     specification.setdefault("id_count", specification["count"])
-    specification |= {"count": 1, "position": middle}
+    if "elements" not in specification:
+        specification |= {"count": 1, "position": specification["bounds"].mean(0, keepdims=True)}
 
 
 def _restored(scene: SceneData, body: Body, before: RestoredBody, fill: bool) -> dict[str, Any]:
@@ -300,6 +302,7 @@ def _body(scene: SceneData, body: Body, first: int, with_particles: bool) -> dic
         | starts
         | _velocity_gradient(scene, body, points.rows, points.count if with_particles else 0)
         | _over_cells(scene, body)
+        | mesh_part(body, points)
     )
 
 

@@ -25,6 +25,11 @@ _CAUSES = {
         "the deformation gradient is no longer invertible",
         "lower Method.cfl or the time step, use a smaller cell, or a stiffer material",
     ),
+    "inverted-element": (
+        "an element has turned inside out, or lost all but a twentieth of its volume",
+        "lower Method.cfl or the time step, use a stiffer material or longer elements where it is "
+        "crushed; what breaks or flows is for particles",
+    ),
     "compressed": (
         "the volume fell out of the range of the equation of state",
         "lower Method.cfl or the time step, or raise the bulk modulus",
@@ -97,7 +102,8 @@ def describe_fault(fault: Mapping[str, Any], time_step: float, cell_size: float 
         )
     who = f"body '{fault['body']}'" if fault["body"] else "grid"
     if len(fault["ids"]):
-        who += f", particle {listed(fault['ids'], _SHOWN)}"
+        what = "vertices" if code == "inverted-element" else "particle"
+        who += f", {what} {listed(fault['ids'], _SHOWN)}"
     text = (
         f"{who}: {cause} at step "
         f"{fault['step']}, {fault['time']:.6g} s (time step {time_step:.4g} s"

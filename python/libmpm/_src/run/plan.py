@@ -15,6 +15,7 @@ from libmpm._src.errors import SceneError
 from libmpm._src.run import backends
 from libmpm._src.run.engine_spec import check_backend, choose_device, choose_precision, lower
 from libmpm._src.scene import checks, places
+from libmpm._src.scene.checks_elements import faint_strains
 from libmpm._src.scene.checks_sizes import check_sweeps
 from libmpm._src.scene.checks_time_steps import (
     duration,
@@ -129,6 +130,7 @@ class Plan:
         self._warnings = [
             *checks.check_scene(scene)[1],
             *faster_than_water(scene),
+            *faint_strains(scene, precision),
             *faster_than_flow(scene),
             *shorter_than_step(scene, self.time_step),
         ]
@@ -174,12 +176,17 @@ class Plan:
         """Number of particles in all bodies."""
         return sum(int(b["particles"]) for b in self._result["bodies"])
 
+    @property
+    def elements(self) -> int:
+        """Number of finite elements in all bodies."""
+        return sum(int(b.get("elements", 0)) for b in self._result["bodies"])
+
     @keywords_only("Plan.body", 1)
     def body(self, name: str) -> dict[str, Any]:
         """Return the entry of a body.
 
         Its keys: particles, columns, bytes_per_particle, particle_spacing (m), pipeline ("fused",
-        "two-pass" or "phased") and pipeline_reason.
+        "two-pass" or "phased") and pipeline_reason; of a body of them elements.
         """
         for entry in self._result["bodies"]:
             if entry["name"] == name:
@@ -347,6 +354,8 @@ class Plan:
             ("kernels", " → ".join(self.kernels)),
             ("time step", f"{self.time_step:.4g} s, limited by {self.limited_by}"),
         ]
+        if self.elements:
+            rows.insert(3, ("elements", f"{self.elements:,}, their vertices among the particles"))
         if self._contacts:
             slots = self.memory["grid"] / (64 * self.bytes_per_node)
             text = f"{self._fields} of velocities, in about {slots:,.0f} blocks of one field"

@@ -28,7 +28,10 @@ class BodyView(Mapping[str, NDArray[Any]]):
     Beside `names` it takes the library names of attributes, such as ``view["VonMisesStress"]``.
 
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), float64 in SI
-    units; ``id`` is uint64 and ``position`` is in world coordinates, m.
+    units; ``id`` is uint64 and ``position`` is in world coordinates, m. Of a body of elements rows
+    are its vertices; ``element_stress`` (m, dimension, dimension), ``element_pressure``,
+    ``element_von_mises``, ``element_volume_ratio`` and ``element_energy`` (m,) have one for each
+    element, in the mesh's order.
     """
 
     def __init__(self, simulation: Running, index: int, name: str) -> None:
@@ -66,7 +69,11 @@ class BodyView(Mapping[str, NDArray[Any]]):
             wanted += [name] if name in known else attributes.reads(name, body, known)
         arrays = self._simulation.engine.attributes(self._index, list(dict.fromkeys(wanted)))
         order = np.argsort(arrays["id"], kind="stable")
-        read = {name: np.asarray(array)[order] for name, array in arrays.items()}
+        # Elements keep the order of the mesh, vertices their numbers.
+        read = {
+            name: np.asarray(array) if attributes.of_elements(name) else np.asarray(array)[order]
+            for name, array in arrays.items()
+        }
         if "position" in read:
             read["position"] = read["position"] + self._simulation.offset
         source = attributes.Source(read, body, attributes.upward(scene))

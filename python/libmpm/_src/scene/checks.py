@@ -32,6 +32,7 @@ from libmpm._src.scene.checks_bodies import (
     wrong_dimension,
 )
 from libmpm._src.scene.checks_drive import undriven
+from libmpm._src.scene.checks_elements import check_continued
 from libmpm._src.scene.checks_loads import doubtful_loads
 from libmpm._src.scene.checks_sizes import check_range
 from libmpm._src.scene.checks_viscous import smeared_flows
@@ -92,6 +93,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
     to_place = scene.bodies if scene.start is None else new_bodies(scene)
     fitting = [b for b in to_place if check_body(scene, b, problems, doubts)]
     check_cfl(scene, doubts)
+    check_continued(scene, problems)
     check_overlaps(scene, fitting, problems)
     if scene.grid is not None and len(fitting) == len(to_place) and not problems:
         grid_checks.check_overlaps(scene, fitting, problems)

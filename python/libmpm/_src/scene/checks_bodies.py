@@ -18,13 +18,15 @@ from libmpm._src.materials.initial_stress import check_stress
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
 from libmpm._src.methods.transfer import SHIFTS
+from libmpm._src.scene.checks_elements import check_elements, check_mesh_overlaps
 from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.boxes import Box, OrientedBox
+from libmpm._src.shapes.element_mesh import ElementMesh
 from libmpm._src.shapes.filling import BOXES, fill, geometry_of
 from libmpm._src.shapes.oriented_boxes import close_pairs, reach
 from libmpm._src.shapes.particle_placement import Columns, Jitter
 from libmpm._src.shapes.point_file import PointFile
-from libmpm._src.shapes.solid import Bounds, Solid
+from libmpm._src.shapes.solid import Bounds, GivenPoints, Solid
 from libmpm._src.shapes.volume import overlap_depth, shared_bounds
 
 if TYPE_CHECKING:
@@ -100,7 +102,7 @@ def check_body(scene: SceneData, body: Body, problems: list[str], doubts: list[s
     d = scene.dimension
     wrong_dimension(check, "velocity", len(body.velocity), d)  # of a vector or a Field
     fits = not wrong_dimension(check, "shape", body.shape.dimension, d)
-    on_cells = isinstance(body.shape, Solid | PointFile)
+    on_cells = isinstance(body.shape, Solid | GivenPoints)
     _check_shift(scene, body, doubts)
     if scene.grid is not None and body.sampling is not None:
         check.fail(
@@ -118,6 +120,8 @@ def check_body(scene: SceneData, body: Body, problems: list[str], doubts: list[s
             outside(check, scene, "the body", body.shape.lower, body.shape.upper)
         fits = grid_checks.check_body(scene, body, check.problems) and fits
     elif fits and on_cells:
+        if isinstance(body.shape, ElementMesh):
+            check_elements(check, scene, body, doubts)
         before = len(check.problems)
         _check_holes(check, scene, body)
         fits = len(check.problems) == before and _check_lattice(check, scene, body)
@@ -165,7 +169,7 @@ def _check_field(scene: SceneData, body: Body) -> list[str]:
 
 def _at_the_middle(body: Body, field: Field, name: str) -> list[str]:
     """Evaluate a field at the middle of a shape's bounds."""
-    if not isinstance(body.shape, Solid | PointFile):
+    if not isinstance(body.shape, Solid | GivenPoints):
         return []
     corners = np.array(body.shape.bounds(), dtype=np.float64)
     try:
@@ -278,7 +282,7 @@ def _size(body: Body) -> tuple[float, ...]:
     """Return how thick a body is on each axis, m; of a turned box, on its own axes."""
     if isinstance(body.shape, BOXES):
         return tuple(body.shape.size)
-    assert isinstance(body.shape, Solid | PointFile)
+    assert isinstance(body.shape, Solid | GivenPoints)
     return tuple(b - a for a, b in zip(*body.shape.bounds(), strict=True))
 
 
@@ -334,7 +338,7 @@ def _check_place(check: Checker, scene: SceneData, body: Body) -> bool:
     if isinstance(shape, BOXES):
         outside(check, scene, "the body", shape.lower, shape.upper)
         return True
-    assert isinstance(shape, Solid | PointFile)
+    assert isinstance(shape, Solid | GivenPoints)
     low, high = shape.bounds()
     endless = [a for a, x in enumerate(zip(low, high, strict=True)) if not np.all(np.isfinite(x))]
     if endless:
@@ -348,7 +352,7 @@ def _check_place(check: Checker, scene: SceneData, body: Body) -> bool:
     if all(a >= c - slack and b <= e + slack for a, b, c, e in ends):
         return True
     if (
-        isinstance(shape, PointFile)
+        isinstance(shape, GivenPoints)
         or shared_bounds((low, high), (scene.lower, scene.upper)) is None
     ):
         outside(check, scene, "the body", low, high)
@@ -375,7 +379,7 @@ def reaches_into(scene: SceneData, body: Body, box: Bounds) -> tuple[float, str]
 def _depth(scene: SceneData, body: Body, other: Solid, per_cell: int) -> tuple[float, str]:
     """Return how deep a lattice, or given particles, of a body lie in a solid, m, and in words."""
     shape = body.shape
-    if isinstance(shape, PointFile):
+    if isinstance(shape, GivenPoints):
         deep = -float(other.distance(shape.positions()).min())
         return deep, f"{deep:.3g}"
     assert isinstance(shape, Solid)
@@ -389,7 +393,8 @@ def _depth(scene: SceneData, body: Body, other: Solid, per_cell: int) -> tuple[f
 
 def check_overlaps(scene: SceneData, bodies: list[Body], problems: list[str]) -> None:
     slack = _ROUNDING * scene.cell_size
-    boxes = [(b, b.shape) for b in bodies if isinstance(b.shape, Solid | PointFile)]
+    check_mesh_overlaps(bodies, slack, problems)
+    boxes = [(b, b.shape) for b in bodies if isinstance(b.shape, Solid | GivenPoints)]
     earlier: dict[str, Body] = {}
     for two, _ in boxes:
         for name in two.subtract_from:

@@ -28,6 +28,7 @@ from libmpm._src.scene.start import Start
 from libmpm._src.sensors.engine_sensors import Sensor
 from libmpm._src.shapes.basin import has_bed
 from libmpm._src.shapes.boxes import Box, DomainWalls, Solid
+from libmpm._src.shapes.element_mesh import Tetrahedra, Triangles
 from libmpm._src.shapes.particle_placement import Columns, Sampling
 from libmpm._src.shapes.point_file import PointFile
 
@@ -276,7 +277,7 @@ class SceneData:
         self,
         *,
         name: str,
-        shape: Solid | PointFile | Cells | Points,
+        shape: Solid | PointFile | Tetrahedra | Triangles | Cells | Points,
         material: Material,
         particles_per_cell: int | None = None,
         velocity: Sequence[float] | Field | None = None,

@@ -19,6 +19,7 @@ from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.placed_force import PlacedForce
 from libmpm._src.sensors.engine_sensors import Sensor
 from libmpm._src.shapes.boxes import FACES, Box, DomainWalls, OrientedBox, Solid
+from libmpm._src.shapes.element_mesh import Tetrahedra, Triangles
 from libmpm._src.shapes.particle_placement import Sampling
 from libmpm._src.shapes.point_file import PointFile
 
@@ -33,9 +34,10 @@ class Body(Value):
     """
 
     name: str = given("name among the bodies", range="unique")
-    shape: Solid | PointFile | Cells | Points = given(
+    shape: Solid | PointFile | Tetrahedra | Triangles | Cells | Points = given(
         "any solid of `libmpm.shapes`, exact total mass: boxes by a lattice of their own, "
-        "others by that of the cells; a PointFile; on a `grid` Box, Cells or Points",
+        "others by that of the cells; a PointFile; Tetrahedra or Triangles, whose vertices are "
+        "the particles; on a `grid` Box, Cells or Points",
         range="a shape",
     )
     material: Material = given("a value of `libmpm.materials`", range="material")
@@ -107,7 +109,7 @@ class Body(Value):
         return f"body '{self.name}'"
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        kinds = (Solid, PointFile, Cells, Points)
+        kinds = (Solid, PointFile, Tetrahedra, Triangles, Cells, Points)
         check.instance("shape", self.shape, kinds, "shapes.Box(lower=..., upper=...)")
         check.instance("material", self.material, (Material,), "a value of libmpm.materials")
         named = isinstance(self.fbar, str) and self.fbar == "default"

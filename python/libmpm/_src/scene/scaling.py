@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import numpy as np
+
 from libmpm._src.base.axes import AXES
 from libmpm._src.base.declarations import FIXED, OWNER, TEXT, declared
 from libmpm._src.base.formulas import Field
@@ -160,7 +162,8 @@ class Scaling:
                     "give the geometry as values"
                 )
             return item
-        if isinstance(item, int) and HALF_POWERS.get(unit) == 0:
+        whole = isinstance(item, int) or (isinstance(item, np.ndarray) and item.dtype.kind in "iu")
+        if whole and HALF_POWERS.get(unit) == 0:
             return item
         if unit == TEXT:
             raise SceneError(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.base.values import nearest
 from libmpm._src.sensors import tensors
+from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
     from libmpm._src.run.running import Running
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.parts import Body
 
 __all__ = ["ENGINE", "Attribute", "attribute", "compute", "find", "is_known", "names"]
-__all__ += ["reads", "refusal", "upward"]
+__all__ += ["of_elements", "reads", "refusal", "upward"]
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,7 @@ ENGINE: dict[str, str] = {
     "position": "m", "velocity": "m/s", "mass": "kg", "volume": "m³", "density": "kg/m³",
     "pressure": "Pa", "speed": "m/s", "kinetic_energy": "J", "elastic_energy": "J",
     "volume_ratio": "1", "volume_ratio_smoothed": "1", "plastic_strain": "1", "yields": "1",
+    "element_pressure": "Pa", "element_volume_ratio": "1", "element_energy": "J",
 }  # fmt: skip
 VECTORS = ("position", "velocity")
 
@@ -104,6 +106,7 @@ class Attribute:
 
 
 _STRESS = ("stress", "pressure")
+_ELEMENT_STRESS = ("element_stress", "element_pressure")
 _F = ("deformation_gradient",)
 
 
@@ -125,6 +128,18 @@ def _log_volume(s: Source) -> Array:
     if "gap" in names:
         return s.column("gap")
     return s.body.material.parameters()["log_plastic_volume"] + s.column("consolidation")
+
+
+def _element_von_mises(s: Source) -> Array:
+    stress, pressure = (s.arrays[name] for name in _ELEMENT_STRESS)
+    if stress.shape[-1] == 2:
+        stress = tensors.solid(stress, -3 * pressure - np.trace(stress, axis1=1, axis2=2))
+    return tensors.von_mises(stress, 1.5)
+
+
+def of_elements(name: str) -> bool:
+    """Tell whether an attribute has a row for each element, not for each particle or vertex."""
+    return name.startswith("element_")
 
 
 def _table() -> dict[str, Attribute]:
@@ -152,6 +167,7 @@ def _table() -> dict[str, Attribute]:
         smoothed = ("volume_ratio_smoothed",)
         add(name, "1", smoothed, lambda s: s.arrays[_smoothed(s.arrays)])
     plain("Pressure", "Pa", "pressure")
+    add("element_von_mises", "Pa", _ELEMENT_STRESS, _element_von_mises, "elements")
     add("VonMisesStress", "Pa", _STRESS, lambda s: tensors.von_mises(s.cauchy(), 1.5))
     add("VonMisesStrain", "1", _F, lambda s: tensors.von_mises(s.strain(), 2 / 3), "strain")
     add("PorePressure", "Pa", (), None, "pore")
@@ -238,6 +254,9 @@ def compute(name: str, source: Source) -> NDArray[Any]:
 
 def _has(body: Body, needs: str, scene: SceneData) -> bool:
     table = body.material.table
+    meshed = isinstance(body.shape, ElementMesh)
+    if needs == "elements" or (meshed and needs in ("F", "strain")):
+        return meshed and needs == "elements"
     columns = [c.name for c in table.columns]
     if needs == "F":
         return table.needs == "deformation_gradient"
@@ -257,12 +276,15 @@ _MEANING = {
     "strain": "deformation gradient and no strain",
     "logJp": "logarithm of a plastic volume",
     "pore": "pore pressure",
+    "elements": "elements",
 }
 
 
 def refusal(name: str, body: Body, scene: SceneData) -> str | None:
     """Return why a body of a scene has no such attribute, with the remedy; None if it has."""
     found = _ATTRIBUTES.get(name)
+    if name in ENGINE and of_elements(name):
+        found = _ATTRIBUTES["element_von_mises"]  # needs what these need
     if found is None:
         if name in ENGINE:
             return _refused_by_engine(name, body, scene)

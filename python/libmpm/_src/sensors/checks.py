@@ -50,6 +50,11 @@ def check_sampled(
     elif isinstance(sensor, AttributeTracker):
         for name in sensor.attributes:
             _check_attribute(check, scene, name, sensor.body)
+            if attributes.of_elements(name):
+                check.fail(
+                    f"attributes has '{name}', which has a row for each element and not for each "
+                    "particle; expected attributes of vertices; use ParticleSensor with a region"
+                )
         _check_ids(check, sensor, counts)
     elif isinstance(sensor, GridSensor):
         _check_grid(check, scene, sensor)

@@ -59,7 +59,7 @@ class OfParticles(Sampler):
         for i in self._bodies:
             found = np.asarray(moment.attribute(i, sensor.attribute), dtype=np.float64)
             if sensor.region is not None:
-                place = moment.in_scene(moment.attribute(i, "position"))
+                place = moment.places(i, sensor.attribute)
                 found = found[in_region(sensor.region, place, self._scene.cell_size)]
             parts.append(found)
         values = np.concatenate(parts)

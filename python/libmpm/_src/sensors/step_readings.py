@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.reductions import Array
+from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
     from libmpm._src.methods.transfer import Kernel
@@ -219,7 +220,10 @@ class Moment:
         order = np.argsort(read["id"], kind="stable")
         if frozen:
             order = order[np.asarray(read["frozen"])[order] == 0]
-        found = {name: np.asarray(read[name])[order] for name in wanted}
+        found = {
+            name: np.asarray(read[name])[... if attributes.of_elements(name) else order]
+            for name in wanted
+        }
         if "position" in found:
             found["position"] = found["position"] + self.simulation.offset
         self._arrays[body] = found
@@ -232,6 +236,14 @@ class Moment:
             self.arrays(body), self.scene.bodies[body], attributes.upward(self.scene)
         )
         return attributes.compute(name, source)
+
+    def places(self, body: int, name: str) -> NDArray[Any]:
+        """Return where the rows of an attribute are, m in the scene: of elements their middles."""
+        place = self.in_scene(self.attribute(body, "position"))
+        mesh = self.scene.bodies[body].shape
+        if isinstance(mesh, ElementMesh) and attributes.of_elements(name):
+            return np.asarray(place[mesh.rows()].mean(axis=1))
+        return place
 
     def in_scene(self, world: Array) -> Array:
         """Return points of the world in coordinates of the scene, m."""

@@ -19,12 +19,13 @@ from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.shapes import lattices
 from libmpm._src.shapes.boxes import Box, OrientedBox
 from libmpm._src.shapes.combined import Intersection, Union
+from libmpm._src.shapes.element_mesh import ElementMesh
+from libmpm._src.shapes.mesh_inside import MeshInside
 from libmpm._src.shapes.oriented_boxes import Extent, TurnedBox
 from libmpm._src.shapes.particle_columns import Stacked
 from libmpm._src.shapes.particle_placement import Columns, Jitter, PoissonDisk, Sampling
 from libmpm._src.shapes.particle_tiles import Jittered, Remaining, Tiled, lattice_tile, random_tile
-from libmpm._src.shapes.point_file import PointFile
-from libmpm._src.shapes.solid import Array, Bounds, Solid
+from libmpm._src.shapes.solid import Array, Bounds, GivenPoints, Solid
 from libmpm._src.shapes.volume import counted_volume, shared_bounds, volume_of
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.parts import Body
 
 __all__ = ["BOXES", "Filling", "body_lattice", "bounds_of", "caught_in", "fill", "geometry_of"]
-__all__ += ["holes_of", "is_plain", "place_of", "relative"]
+__all__ += ["holes_of", "is_plain", "place_of", "relative", "solid_of"]
 
 #: Shapes that a lattice of their own fills.
 BOXES = (Box, OrientedBox)
@@ -101,6 +102,13 @@ def body_lattice(scene: SceneData, body: Body) -> lattices.Lattice:
     return lattices.lattice(*place, scene.cell_size, body.particles_per_cell, body.lattice)
 
 
+def solid_of(shape: object) -> Solid | None:
+    """Return a shape as a solid: itself, or what a mesh of elements encloses; None of others."""
+    if isinstance(shape, ElementMesh):
+        return MeshInside(shape)
+    return shape if isinstance(shape, Solid) else None
+
+
 def holes_of(scene: SceneData, body: Body) -> list[Body]:
     """Return the bodies that are subtracted from this one."""
     return [b for b in scene.bodies if body.name in b.subtract_from and b is not body]
@@ -117,7 +125,7 @@ def bounds_of(scene: SceneData, body: Body) -> Array:
     """Return the corners (2, d) of a box around a body, relative to the scene's lower corner, m."""
     if isinstance(body.shape, BOXES):
         return body_lattice(scene, body).bounds
-    assert isinstance(body.shape, Solid | PointFile)
+    assert isinstance(body.shape, Solid | GivenPoints)
     return np.array([relative(scene, corner) for corner in body.shape.bounds()])
 
 
@@ -130,14 +138,11 @@ def fill(scene: SceneData, body: Body) -> Filling:
         points = lattices.points(grid, taken, scene.cell_size)
         # What is subtracted takes its mass along.
         return Filling(points, grid.bounds, grid.volume, grid.count)
-    solids = tuple(
-        b.shape
-        for b in holes
-        if isinstance(b.shape, Solid) and b.shape.dimension == scene.dimension
-    )
+    solids = tuple(solid_of(b.shape) for b in holes if b.shape.dimension == scene.dimension)
+    solids = tuple(solid for solid in solids if solid is not None)
     spacing = scene.cell_size / body.particles_per_cell ** (1.0 / scene.dimension)
     shape, how = body.shape, body.sampling
-    if isinstance(shape, PointFile):
+    if isinstance(shape, GivenPoints):
         return _given(shape, solids, scene.lower, spacing)
     if isinstance(shape, BOXES) and not isinstance(how, Columns | PoissonDisk):
         return _box(scene.lower, body_lattice(scene, body), shape, solids, how, spacing)
@@ -156,18 +161,19 @@ def fill(scene: SceneData, body: Body) -> Filling:
 def caught_in(
     scene: SceneData, body: Body, position: Array, allowance: float
 ) -> npt.NDArray[np.int64]:
-    """Return which positions (n, d), m relative, lie in a body's solid; none in a PointFile."""
-    if not isinstance(body.shape, Solid):
+    """Return which positions (n, d), m relative, lie in a body's solid; none in given points."""
+    solid = solid_of(body.shape)
+    if solid is None:
         return np.zeros(0, dtype=np.int64)
     low, high = bounds_of(scene, body)
     near = np.flatnonzero(np.all((position >= low) & (position <= high), axis=1))
-    far = body.shape.distance(position[near] + np.asarray(scene.lower))
+    far = solid.distance(position[near] + np.asarray(scene.lower))
     return near[far <= allowance]
 
 
 @lru_cache(maxsize=4)
 def _given(
-    shape: PointFile, holes: tuple[Solid, ...], corner: tuple[float, ...], spacing: float
+    shape: GivenPoints, holes: tuple[Solid, ...], corner: tuple[float, ...], spacing: float
 ) -> Filling:
     position = shape.positions() - np.asarray(corner)
     bounds = np.array([position.min(axis=0), position.max(axis=0)])

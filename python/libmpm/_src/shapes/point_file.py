@@ -14,7 +14,7 @@ from libmpm._src.base.file_digest import file_state
 from libmpm._src.base.values import Checker, value
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.shape_files import check_file
-from libmpm._src.shapes.solid import Array, Bounds, Shape
+from libmpm._src.shapes.solid import Array, GivenPoints
 
 __all__ = ["PointFile"]
 
@@ -22,7 +22,7 @@ _ENDINGS = (".npy", ".csv", ".txt", ".xyz")
 
 
 @value
-class PointFile(Shape):
+class PointFile(GivenPoints):
     """Particles at the positions of a file, for bodies.
 
     {fields}
@@ -103,11 +103,6 @@ class PointFile(Shape):
             return self.volume
         assert self.particle_volume is not None
         return self.particle_volume * self.count
-
-    def bounds(self) -> Bounds:
-        """Return the corners of the smallest straight box around the particles, m."""
-        p = self.positions()
-        return tuple(p.min(axis=0).tolist()), tuple(p.max(axis=0).tolist())
 
 
 @functools.lru_cache(maxsize=4)

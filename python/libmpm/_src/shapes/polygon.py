@@ -10,6 +10,7 @@ import numpy.typing as npt
 from libmpm._src.shapes.solid import Array, Corner
 
 __all__ = ["area", "crossing", "polygon_distance", "segment_distance2"]
+__all__ += ["segments_distance"]
 
 #: Numbers in one piece of work: points times edges.
 _PIECE = 1 << 20
@@ -30,14 +31,21 @@ def polygon_distance(corners: Array, u: Array, v: Array) -> Array:
 
     Exact: the nearest of its edges; inside by the parity of edges that a ray crosses.
     """
+    return segments_distance(corners, np.roll(corners, -1, axis=0), u, v)
+
+
+def segments_distance(start: Array, end: Array, u: Array, v: Array) -> Array:
+    """Return the signed distance (n,) of points from what segments (m, 2) enclose, m.
+
+    They close: of one polygon or several, one inside another a hole.
+    """
     result = np.empty(len(u))
-    following = np.roll(corners, -1, axis=0)
-    step = max(1, _PIECE // len(corners))
+    step = max(1, _PIECE // len(start))
     for i in range(0, len(u), step):
         piece = slice(i, i + step)
         pu, pv = u[piece], v[piece]
-        far = np.sqrt(segment_distance2(pu, pv, corners, following))
-        result[piece] = np.where(_inside(corners, following, pu, pv), -far, far)
+        far = np.sqrt(segment_distance2(pu, pv, start, end))
+        result[piece] = np.where(_inside(start, end, pu, pv), -far, far)
     return result
 
 

@@ -21,7 +21,7 @@ from libmpm._src.errors import SceneError
 if TYPE_CHECKING:
     from libmpm._src.shapes.combined import Difference, Intersection, Union
 
-__all__ = ["Array", "Bounds", "Corner", "Shape", "Solid"]
+__all__ = ["Array", "Bounds", "Corner", "GivenPoints", "Shape", "Solid"]
 __all__ += ["box_distance", "dot", "from_box", "length", "slab", "unit"]
 
 Array = npt.NDArray[np.float64]
@@ -31,6 +31,33 @@ Bounds = tuple[Corner, Corner]
 
 class Shape(Value):
     """Base of all shapes."""
+
+
+class GivenPoints(Shape):
+    """Base of the shapes whose points are given one by one: particles of a file, vertices."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes, 2 or 3."""
+        raise NotImplementedError
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        raise NotImplementedError
+
+    def positions(self) -> Array:
+        """Return the positions (n, d), m."""
+        raise NotImplementedError
+
+    def total_volume(self) -> float:
+        """Return the volume that all points stand for, m³ (m² in 2D)."""
+        raise NotImplementedError
+
+    def bounds(self) -> Bounds:
+        """Return the corners of the smallest straight box around the points, m."""
+        p = self.positions()
+        return tuple(p.min(axis=0).tolist()), tuple(p.max(axis=0).tolist())
 
 
 class Solid(Shape):

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from libmpm._src.shapes.mesh_inside import MeshInside
 from libmpm._src.shapes.solid import Array, Bounds, Solid
 from libmpm._src.shapes.surface_mesh import SurfaceMesh
 
@@ -102,9 +103,9 @@ def overlap_depth(one: Solid, two: Solid, within: Bounds, spacing: float) -> flo
     return deepest
 
 
-def _meshes(item: Any) -> list[SurfaceMesh]:
+def _meshes(item: Any) -> list[SurfaceMesh | MeshInside]:
     """Return the meshes of which a solid is made."""
-    if isinstance(item, SurfaceMesh):
+    if isinstance(item, SurfaceMesh | MeshInside):
         return [item]
     if isinstance(item, Solid):
         item = tuple(item.__getstate__().values())

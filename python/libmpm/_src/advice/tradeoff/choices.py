@@ -16,7 +16,7 @@ from libmpm._src.run import backends
 from libmpm._src.run.engine_spec import PIPELINES, PRECISIONS
 from libmpm._src.scene.parts import Body
 from libmpm._src.scene.scene import Scene
-from libmpm._src.shapes.point_file import PointFile
+from libmpm._src.shapes.solid import GivenPoints
 from libmpm._src.studies.study.plan import OPTIONS
 
 __all__ = ["CHOICES", "apply_choices", "check_value", "refusal", "unknown"]
@@ -70,7 +70,7 @@ def _bar_particles(scene: Scene) -> str:
     for body in scene.bodies:
         if body.lattice is not None:
             barred = barred or f"body '{body.name}' has a lattice of its own"
-        elif isinstance(body.shape, PointFile | Cells | Points):
+        elif isinstance(body.shape, GivenPoints | Cells | Points):
             kind = type(body.shape).__name__
             barred = barred or f"body '{body.name}' takes its particles from {kind}"
     return barred

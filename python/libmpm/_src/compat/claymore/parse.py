@@ -156,7 +156,8 @@ def _scene(context: Context, file: Record, name: str) -> SceneRecord:
     if file.children("meshes", "body"):
         context.fail(
             file.where("meshes"),
-            "has bodies of finite elements, which are refused; describe them by geometry",
+            "has bodies of finite elements, which are refused; describe them by geometry, or add "
+            "them to the scene by shapes.Tetrahedra.read_tables(vertices=, elements=)",
         )
     bodies = [_body(context, body, cfl) for body in file.children("bodies", "body")]
     if not bodies:
@@ -237,8 +238,9 @@ def _body(context: Context, body: Record, cfl: float) -> BodyRecord | None:
     numbers = _material(context, [material, body], law, own.text("constitutive", "JFluid"))
     choices = [algorithm, body, material]
     if pick(choices, "boolean", "use_FEM", False):
-        context.fail(body.path, "has use_FEM true, which is refused: bodies of finite elements are "
-                     "not built; set it to false for particles")  # fmt: skip
+        context.fail(body.path, "has use_FEM true, which is refused: meshes are not read from it; "
+                     "set it to false for particles, and add the body by "
+                     "shapes.Tetrahedra.read_tables(vertices=, elements=)")  # fmt: skip
     share: dict[str, Any] = {"lower": 0, "upper": 1}
     alpha = pick(choices, "number", "ASFLIP_alpha", 0.0, **share)
     low = pick(choices, "number", "ASFLIP_beta_min", 0.0, **share)

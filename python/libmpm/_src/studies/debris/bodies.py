@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from libmpm._src.base.values import Checker
 from libmpm._src.scene.places import vertical_axis
 from libmpm._src.shapes.boxes import OrientedBox
+from libmpm._src.shapes.element_mesh import Tetrahedra, Triangles
 
 if TYPE_CHECKING:
     from libmpm._src.scene.scene import Scene
@@ -16,12 +17,20 @@ __all__ = ["add_to"]
 
 
 def add_to(
-    field: DebrisField, scene: Scene, *, elevation: float, name: str, **options: Any
+    field: DebrisField,
+    scene: Scene,
+    *,
+    elevation: float,
+    name: str,
+    edge: float | None,
+    **options: Any,
 ) -> tuple[str, ...]:
     """Add a body for every piece; see `DebrisField.add_to`."""
     check = Checker(f"{field.label}.add_to")
     elevation = check.number("elevation", elevation, unit="m")
     check.text("name", name)
+    if edge is not None:
+        edge = check.number("edge", edge, lower=0, lower_open=True, unit="m")
     if not field.pieces:
         check.fail("there are no pieces; expected some to add")
     if scene.dimension == 2:
@@ -49,11 +58,15 @@ def add_to(
         size = [kind.length, kind.width, kind.height]
         d = scene.dimension
         shape: Any = OrientedBox(centre=centre[:d], size=size[:d], angle=piece.angle)
+        per_cell: int | None = kind.particles_per_cell
+        if edge is not None:
+            shape = (Triangles if d == 2 else Tetrahedra).fill(solid=shape, edge=edge)
+            per_cell = None
         scene.add_body(
             name=body,
             shape=shape,
             material=kind.material,
-            particles_per_cell=kind.particles_per_cell,
+            particles_per_cell=per_cell,
             **options,
         )
     return tuple(names)

@@ -343,6 +343,7 @@ class DebrisField(Value):
         name: str = "debris",
         subtract_from: Sequence[str] = (),
         fbar: FBar | Literal["default"] | None = "default",
+        edge: float | None = None,
     ) -> tuple[str, ...]:
         """Add a body for every piece to a scene and return their names, in the pieces' order.
 
@@ -354,6 +355,7 @@ class DebrisField(Value):
         name           -     bodies are called name-1, name-2, ...
         subtract_from  -     bodies that lose their particles inside the debris, such as water
         fbar           -     see `Scene.add_body`
+        edge           m     of bodies of elements (`shapes.Tetrahedra.box`); None = of particles
         =============  ====  ================================================================
 
         In 3D the plan is x, y, and z points up. A 2D scene is the plan itself, in plane strain.
@@ -365,6 +367,7 @@ class DebrisField(Value):
             self,
             scene,
             elevation=elevation,
+            edge=edge,
             velocity=velocity,
             name=name,
             subtract_from=subtract_from,

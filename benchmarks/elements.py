@@ -1,0 +1,219 @@
+"""Bodies of elements against closed forms: spin, impact, vibration, locking, weight, Cook.
+
+    python benchmarks/elements.py                 all cases, half an hour on two threads
+    python benchmarks/elements.py --only bar      those whose names begin so
+    python benchmarks/elements.py --write         and the table of docs/elements.md
+
+A case has bounds (design/elements.md says where they come from); one that is missed is marked.
+One JSON line a case goes to benchmarks/results/elements.jsonl.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from result_pages import Line, append, filled, load, markdown
+
+import libmpm
+from libmpm._src.cli import bench
+from support import element_cases as cases
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks/results/elements.jsonl"
+PAGE = ROOT / "docs/elements.md"
+MARKS = "<!-- table: benchmarks/elements.py --write -->", "<!-- end of elements -->"
+
+#: Above or below a bound, or near to a value: (quantity, value, tolerance or None).
+Bound = tuple[str, str, float, float]
+AFLIP = libmpm.methods.Transfer(scheme="AFLIP", flip=0.99)
+
+
+def near(name: str, value: float, share: float) -> Bound:
+    """Return a bound: within a share of a value."""
+    return name, "near", value, share
+
+
+def over(name: str, value: float) -> Bound:
+    """Return a bound: at least a value."""
+    return name, "over", value, 0.0
+
+
+def under(name: str, value: float) -> Bound:
+    """Return a bound: at most a value."""
+    return name, "under", value, 0.0
+
+
+_SPIN = [near("momentum", 1, 1e-12), over("energy", 0.999)]
+_FINE, _COARSE = [near("force", 1, 0.02), over("rebound", 0.93)], [
+    near("force", 1, 0.04), over("rebound", 0.87)
+]  # fmt: skip
+
+#: Name -> (case, its arguments, bounds).
+CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
+    "spin, 3 turns, h = Δx/2": (cases.spin, {"edge": 0.5}, _SPIN),
+    "spin, 3 turns, h = Δx": (cases.spin, {"edge": 1.0}, _SPIN),
+    "spin, 3 turns, h = Δx/2, 8 cells": (cases.spin, {"edge": 0.5, "cells": 8}, _SPIN),
+    "spin in space, 1 turn, h = Δx, 8 cells": (
+        cases.spin, {"edge": 1.0, "cells": 8, "turns": 1, "dimension": 3}, _SPIN,
+    ),
+    "spin, single precision, h = Δx/2": (
+        cases.spin, {"edge": 0.5, "precision": "single"},
+        [near("momentum", 1, 1e-3), over("energy", 0.995)],
+    ),
+    "bar, h = Δx/2": (cases.bar_impact, {"edge": 0.5}, _FINE),
+    "bar, h = Δx": (cases.bar_impact, {"edge": 1.0}, _COARSE),
+    "bar, h = Δx/2, half the cells": (cases.bar_impact, {"edge": 0.5, "dx": 0.02}, []),
+    "bar, h = Δx/2, twice the cells": (cases.bar_impact, {"edge": 0.5, "dx": 0.005}, _FINE),
+    "bar, h = Δx/2, AFLIP 0.99": (cases.bar_impact, {"edge": 0.5, "transfer": AFLIP}, _FINE),
+    "bar in space, h = Δx": (
+        cases.bar_impact, {"edge": 1.0, "dx": 0.02, "dimension": 3}, [near("force", 1, 0.08)],
+    ),
+    "cantilever, 4 cells, h = Δx/2": (
+        cases.vibration, {"edge": 0.5, "cells": 4},
+        [near("frequency", 1, 0.02), over("kept_per_cycle", 0.99)],
+    ),
+    "cantilever, 4 cells, h = Δx": (
+        cases.vibration, {"edge": 1.0, "cells": 4},
+        [near("frequency", 1, 0.08), over("kept_per_cycle", 0.95)],
+    ),
+    "cantilever, 6 cells, h = Δx/2": (
+        cases.vibration, {"edge": 0.5, "cells": 6},
+        [near("frequency", 1, 0.02), over("kept_per_cycle", 0.99)],
+    ),
+    "cantilever, 6 cells, h = Δx": (
+        cases.vibration, {"edge": 1.0, "cells": 6},
+        [near("frequency", 1, 0.04), over("kept_per_cycle", 0.97)],
+    ),
+    "cantilever, 2 cells, h = Δx/2": (cases.vibration, {"edge": 0.5, "cells": 2}, []),
+    "cantilever in space, 2 cells, h = Δx/2, ν 0.3, vertex volumes": (
+        cases.vibration,
+        {"edge": 0.5, "cells": 2, "dimension": 3, "ratio": 0.3, "volumes": "vertex", "cycles": 2.2},
+        [near("frequency", 1, 0.03)],
+    ),
+    "cantilever in space, 2 cells, h = Δx/2, ν 0.49, vertex volumes": (
+        cases.vibration,
+        {"edge": 0.5, "cells": 2, "dimension": 3, "ratio": 0.49, "volumes": "vertex",
+         "cycles": 2.2},
+        [near("frequency", 1, 0.13)],
+    ),
+    "cantilever in space, 2 cells, h = Δx/2, ν 0.49, element volumes": (
+        cases.vibration,
+        {"edge": 0.5, "cells": 2, "dimension": 3, "ratio": 0.49, "volumes": "element",
+         "cycles": 2.2},
+        [over("frequency", 1.5)],
+    ),
+    "weight of a cantilever, 4 cells, h = Δx/2": (
+        cases.static_tip, {"edge": 0.5, "cells": 4}, [near("tip", 1, 0.04)],
+    ),
+    "weight of a cantilever, 8 cells, h = Δx/2": (
+        cases.static_tip, {"edge": 0.5, "cells": 8}, [near("tip", 1, 0.04)],
+    ),
+    "cantilever, 2 cells, h = Δx/2, ν 0.49, vertex volumes": (
+        cases.vibration,
+        {"edge": 0.5, "cells": 2, "ratio": 0.49, "volumes": "vertex", "cycles": 2.2},
+        [],
+    ),
+    "cantilever, 2 cells, h = Δx/2, ν 0.49, one-way, element volumes": (
+        cases.vibration,
+        {"edge": 0.5, "cells": 2, "ratio": 0.49, "volumes": "element", "pattern": "one-way",
+         "cycles": 2.2},
+        [],
+    ),
+    "Cook, ν 0.3, 8 cells, h = Δx/2": (
+        cases.cook, {"cells": 8, "edge": 0.5, "ratio": 0.3}, [],
+    ),
+    "Cook, ν 0.4999, 8 cells, h = Δx/2, vertex volumes": (
+        cases.cook, {"cells": 8, "edge": 0.5, "ratio": 0.4999, "volumes": "vertex"}, [],
+    ),
+    "Cook, ν 0.3, 16 cells, h = Δx/2": (
+        cases.cook, {"cells": 16, "edge": 0.5, "ratio": 0.3}, [near("lift", 21.94, 0.02)],
+    ),
+    "Cook, ν 0.4999, 16 cells, h = Δx/2, vertex volumes": (
+        cases.cook, {"cells": 16, "edge": 0.5, "ratio": 0.4999, "volumes": "vertex"},
+        [near("lift", 18.50, 0.03)],
+    ),
+    "Cook, ν 0.4999, 16 cells, h = Δx/2, one-way, element volumes": (
+        cases.cook,
+        {"cells": 16, "edge": 0.5, "ratio": 0.4999, "volumes": "element", "pattern": "one-way"},
+        [under("lift", 8.0)],
+    ),
+}  # fmt: skip
+
+
+def holds(bound: Bound, values: dict[str, float]) -> bool:
+    """Tell whether a bound is met."""
+    name, kind, value, share = bound
+    found = values[name]
+    if kind == "near":
+        return abs(found / value - 1) <= share
+    return found >= value if kind == "over" else found <= value
+
+
+def said(bound: Bound) -> str:
+    """Return a bound in words."""
+    name, kind, value, share = bound
+    tolerance = f"{100 * share:g} %" if share >= 1e-3 else f"{share:g}"
+    how = (
+        f"{value:g} ± {tolerance}"
+        if kind == "near"
+        else f"{'≥' if kind == 'over' else '≤'} {value:g}"
+    )
+    return f"{name.replace('_', ' ')} {how}"
+
+
+def shown(name: str, value: float) -> str:
+    """Return a measured quantity in words."""
+    text = f"1 {value - 1:+.0e}" if name == "momentum" else f"{value:.4g}"
+    return f"{name.replace('_', ' ')} {text}"
+
+
+def table(lines: list[Line]) -> str:
+    """Return the newest results as a table."""
+    newest = {line["case"]: line for line in lines}
+    rows = [["case", "measured", "bound"]]
+    for name, (_, _, bounds) in CASES.items():
+        if name in newest:
+            values = newest[name]["values"]
+            hidden = ("steps", "deep", "seconds")
+            measured = "; ".join(shown(k, v) for k, v in values.items() if k not in hidden)
+            missed = "" if all(holds(b, values) for b in bounds) else " (missed)"
+            rows.append([name, measured, "; ".join(map(said, bounds)) + missed])
+    return "\n".join(markdown(rows))
+
+
+def main() -> int:
+    """Do what the command line says."""
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
+    parser.add_argument("--output", type=Path, default=RESULTS)
+    parser.add_argument("--only", default="", help="cases whose names begin so")
+    parser.add_argument("--again", action="store_true", help="cases that are in the file too")
+    parser.add_argument("--write", action="store_true", help="the table of the page")
+    arguments = parser.parse_args()
+    done = set() if arguments.again else {x["case"] for x in load(arguments.output)}
+    missed = 0
+    for name, (case, given, bounds) in CASES.items():
+        if not name.startswith(arguments.only) or name in done:
+            continue
+        began = time.time()
+        values = case(**given) | {"seconds": round(time.time() - began, 1)}
+        met = [holds(b, values) for b in bounds]
+        missed += met.count(False)
+        line = {"case": name, "values": values, "bounds": [said(b) for b in bounds], "met": met,
+                "commit": bench.commit(), "version": libmpm.__version__}  # fmt: skip
+        append(arguments.output, line)
+        print(name, values, met, flush=True)
+    if arguments.write:
+        PAGE.write_text(filled(PAGE, *MARKS, table(load(arguments.output))), encoding="utf-8")
+    return int(missed > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,197 @@
+// CPU driver of bodies of elements: loops; no formula. Each loop writes numbers of its own alone.
+#pragma once
+
+#include "mpm/kernels/cpu/spreading.hpp"
+#include "mpm/kernels/elements.hpp"
+
+namespace mpm::cpu {
+
+inline int element_threads(const Cpu& exec, std::int64_t count) {
+    return count > 2048 ? exec.threads() : 1;
+}
+
+/// Calls f(home cell in the domain, vertex in storage order) for the vertices of a body.
+template <class T, int D, class F>
+void for_each_vertex(const Pass<Cpu, T, D>& pass, const F& f) {
+#pragma omp parallel for schedule(dynamic, 8) \
+    num_threads(element_threads(*pass.exec, pass.body.count))
+    for (std::int32_t h = 0; h < pass.body.homes; ++h) {
+        const std::int32_t slot = pass.body.home[h];
+        const std::int32_t* corner = pass.grid.table.corners + std::int64_t(slot) * D;
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            std::int32_t cell[D];
+            for (int a = 0; a < D; ++a) cell[a] = corner[a] + home[a];
+            f(cell, q);
+        });
+    }
+}
+
+template <class T, int D>
+void locate_vertices(const Pass<Cpu, T, D>& pass, const ElementsView<T, D>& mesh, bool at_rest) {
+    for_each_vertex<T, D>(pass, [&](const std::int32_t(&cell)[D], std::uint32_t q) {
+        if (at_rest) rest_vertex(mesh, pass.body, cell, q);
+        locate_vertex(mesh, pass.body, cell, q);
+    });
+}
+
+template <class Material, class T, int D>
+void find_volumes(const Pass<Cpu, T, D>& pass, const ElementsView<T, D>& mesh) {
+    const auto k = Material::template constants<T>(pass.parameters);
+#pragma omp parallel num_threads(element_threads(*pass.exec, mesh.elements))
+    {
+#pragma omp for schedule(static)
+        for (std::int64_t e = 0; e < mesh.elements; ++e) grow_element(mesh, e);
+#pragma omp for schedule(static)
+        for (std::int64_t v = 0; v < mesh.vertices; ++v) press_vertex<Material>(mesh, k, v);
+    }
+}
+
+template <class Material, class T, int D>
+void find_forces(const Pass<Cpu, T, D>& pass, const ElementsView<T, D>& mesh) {
+    const auto k = Material::template constants<T>(pass.parameters);
+#pragma omp parallel for schedule(static) num_threads(element_threads(*pass.exec, mesh.elements))
+    for (std::int64_t e = 0; e < mesh.elements; ++e) {
+        const T change = push_element<Material>(mesh, k, e);
+        // Not-a-number is no volume either.
+        if (!(change > T(least_element_ratio - 1)))
+            Cpu::keep_smallest(mesh.inverted, std::uint64_t(e));
+    }
+}
+
+template <int W, class T, int D>
+void spread_vertices_of(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& mesh) {
+    using A = SpreadArena<T, D, W>;
+    const auto& pass = phase.pass;
+    const SpreadTargets<D> to(phase.n, phase.part, pass.group);
+    // Forces are kept times a cell.
+    const double density = pass.body.particle_mass / pass.body.particle_volume;
+    const T scale = T(0.25 * pass.numbers->impulse * density);  // dt_next / dx
+    for_each_colour<A>(phase, [&](A& arena, std::int32_t slot) {
+        std::memset(arena.sums, 0, sizeof arena.sums);
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
+            const T m = T(pass.body.particle_mass) * pass.body.state[0][q];
+            Vec<T, D> push = force_on_vertex(mesh, pass.body.id[q]);
+            for (int a = 0; a < D; ++a) push[a] = scale * push[a] / m;
+            spread_vertex(phase, reached, places_in_arena<A, W, D, A::margin>(reached.at.cell), q,
+                          push, [&](int channel, int place, T amount) {
+                              arena.sums[place][channel] += m * amount;
+                          });
+        });
+        flush_arena<W>(phase, to, arena, slot);
+    });
+}
+template <class T, int D>
+void spread_vertices(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& mesh) {
+    if (idle(phase)) return;
+    if (kernel_width(phase.n.kernel.kernel) == 3)
+        spread_vertices_of<3>(phase, mesh);
+    else
+        spread_vertices_of<5>(phase, mesh);
+}
+
+/// One number a node, of all that points beside a block's vertices reach.
+template <class T, int D>
+struct FillArena {
+    static constexpr int margin = 3, edge = Block<D>::edge + 2 * margin,
+                         nodes = D == 2 ? edge * edge : edge * edge * edge;
+    T sums[nodes];
+    static constexpr int stride(int axis) {
+        int s = 1;
+        for (int a = D - 1; a > axis; --a) s *= edge;
+        return s;
+    }
+};
+template <class T, int D>
+void fill_nodes(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& mesh,
+                const std::uint8_t* near, int channel) {
+    if (idle(phase)) return;
+    using A = FillArena<T, D>;
+    const auto& pass = phase.pass;
+    const T density = T(pass.body.particle_mass / pass.body.particle_volume);
+    for_each_colour<A>(phase, [&](A& arena, std::int32_t slot) {
+        if (!near[slot]) return;
+        std::memset(arena.sums, 0, sizeof arena.sums);
+        const std::int32_t* corner = pass.grid.table.corners + std::int64_t(slot) * D;
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            const auto add = [&](const Vec<T, D>& offset, T mass) {
+                int cell[D];
+                Vec<T, D> xi, half{};
+                std::int64_t in_domain[D];
+                for (int a = 0; a < D; ++a) {
+                    // A vertex is 1.5 cells from its home cell at most, a point of it further.
+                    const T x = offset[a];
+                    const int shift = x < T(-1.5) ? -2 : (x > T(1.5) ? 2 : cell_shift(x));
+                    cell[a] = home[a] + shift;
+                    xi[a] = x - T(shift);
+                    in_domain[a] = corner[a] + cell[a];
+                }
+                const Stencil<T, D, 3> s = stencil_of<3>(KernelChoice{}, xi, half, in_domain);
+                for_each_node(s, places_in_arena<A, 3, D, A::margin>(cell),
+                              [&](const auto&, int place, T w) { arena.sums[place] += mass * w; });
+            };
+            Vec<T, D> own;
+            for (int a = 0; a < D; ++a) own[a] = pass.body.offset[a][q];
+            add(own, -T(pass.body.particle_mass) * pass.body.state[0][q]);
+            for_each_point(mesh, pass.body, q, density, add);
+        });
+        for_each_run<D, A::margin>(
+            pass.destinations + std::int64_t(slot) * Block<D>::neighbours,
+            [&](int at, std::int32_t target, int node, int length) {
+                T* sums = pass.grid.sums +
+                          (std::int64_t(target) * pass.grid.sum_channels + channel) * block_cells +
+                          node;
+                for (int k = 0; k < length; ++k) sums[k] += arena.sums[at + k];
+            });
+    });
+}
+
+template <class Material, class T, int D>
+void element_energies(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& mesh,
+                      const std::int32_t* due, double* energy, double* partial) {
+    if (!*due) return;
+    const auto& pass = phase.pass;
+    const auto k = Material::template constants<double>(pass.parameters);
+    const double dx = 1 / pass.numbers->rate;
+#pragma omp parallel for schedule(static) num_threads(element_threads(*pass.exec, mesh.elements))
+    for (std::int64_t e = 0; e < mesh.elements; ++e)
+        energy[e] = see_element<Material>(mesh, e, pass.parameters).own_energy / (D + 1);
+#pragma omp parallel for schedule(dynamic, 8) \
+    num_threads(element_threads(*pass.exec, pass.body.count))
+    for (std::int32_t h = 0; h < pass.body.homes; ++h) {
+        const std::int32_t slot = pass.body.home[h];
+        const std::int32_t* corner = pass.grid.table.corners + std::int64_t(slot) * D;
+        double sum[3] = {};
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            const double m = pass.body.particle_mass * double(pass.body.state[0][q]);
+            double height = 0;
+            for (int a = 0; a < D; ++a)
+                height += pass.clock->gravity[a] *
+                          (double(corner[a] + home[a]) + 0.5 + double(pass.body.offset[a][q])) * dx;
+            sum[0] += 0.5 * m * speed_squared(phase, q);
+            sum[2] -= m * height;
+            const std::uint32_t number = pass.body.id[q];
+            for (std::uint32_t c = mesh.start[number]; c < mesh.start[number + 1]; ++c)
+                sum[1] += energy[mesh.corner[c] / (D + 1)];
+            if (mesh.grown)
+                sum[1] += (1 - own_volume_share) * double(mesh.vertex_volume[number]) *
+                          Material::volume_energy(double(mesh.vertex_change[number]), k);
+        });
+        for (int n = 0; n < 3; ++n) partial[3 * h + n] = sum[n];
+    }
+}
+
+template <class Material, class T, int D>
+ElementOps<Cpu, T, D> element_instance() {
+    ElementOps<Cpu, T, D> ops{};
+    ops.locate = &locate_vertices<T, D>;
+    ops.volumes = &find_volumes<Material, T, D>;
+    ops.forces = &find_forces<Material, T, D>;
+    ops.spread = &spread_vertices<T, D>;
+    ops.fill = &fill_nodes<T, D>;
+    ops.energies = &element_energies<Material, T, D>;
+    ops.see = &see_element<Material, T, D>;
+    return ops;
+}
+
+}  // namespace mpm::cpu

@@ -1,0 +1,65 @@
+// CPU: sums of one block's particles on their way to the grid in the phased step, and the order in
+// which blocks bring theirs.
+#pragma once
+
+#include <cstring>
+#include <memory>
+
+#include "mpm/kernels/cpu/arena.hpp"
+#include "mpm/kernels/cpu/phases.hpp"
+#include "mpm/kernels/transfers.hpp"
+
+namespace mpm::cpu {
+
+/// Sums of one block's particles, of all nodes that they can reach from the cells beside their own,
+/// with the particles' mass. Together they go to the grid, so that a block of nodes gets one number
+/// of each block of particles: which rank has added these is nothing that bits could tell.
+template <class T, int D, int W>
+struct SpreadArena {
+    static constexpr int margin = W / 2 + 1, edge = Block<D>::edge + 2 * margin,
+                         nodes = D == 2 ? edge * edge : edge * edge * edge,
+                         width = SpreadTargets<D>::most;  // channels
+    T sums[nodes][width];
+    static constexpr int stride(int axis) {
+        int s = 1;
+        for (int a = D - 1; a > axis; --a) s *= edge;
+        return s;
+    }
+};
+
+/// What an arena holds of the particles of a home block, into the grid.
+template <int W, class T, int D>
+MPM_INLINE void flush_arena(const Phase<Cpu, T, D>& phase, const SpreadTargets<D>& to,
+                            const SpreadArena<T, D, W>& arena, std::int32_t slot) {
+    const auto& pass = phase.pass;
+    const auto& g = pass.grid;
+    const bool weighs = phase.part == Part::step && pass.group.weight >= 0;
+    for_each_run<D, SpreadArena<T, D, W>::margin>(
+        pass.destinations + std::int64_t(slot) * Block<D>::neighbours,
+        [&](int at, std::int32_t target, int node, int length) {
+            T* sums = g.sums + std::int64_t(target) * g.sum_channels * block_cells + node;
+            const auto add = [&](int sum, int channel) {
+                for (int k = 0; k < length; ++k)
+                    sums[sum * block_cells + k] += arena.sums[at + k][channel];
+            };
+            for (int c = 0; c < to.channels; ++c) add(to.sum[c], c);
+            if (weighs) add(pass.group.weight, to.channels - 1);
+        });
+}
+
+/// Calls block(arena, slot) for the home blocks of a body, colour after colour.
+template <class A, class T, int D, class F>
+void for_each_colour(const Phase<Cpu, T, D>& phase, const F& block) {
+    const auto& pass = phase.pass;
+#pragma omp parallel num_threads(phase_threads(*pass.exec, pass.body.count))
+    {
+        const auto arena = std::make_unique<A>();
+        for (int colour = 0; colour < pass.colours; ++colour) {
+#pragma omp for schedule(dynamic, 1)
+            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k)
+                block(*arena, pass.coloured[k]);
+        }
+    }
+}
+
+}  // namespace mpm::cpu

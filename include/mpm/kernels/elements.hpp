@@ -1,0 +1,312 @@
+// Bodies whose stress lives in linear elements and whose vertices move with the grid as particles
+// do (design/elements.md). Here is what happens to one vertex and to one element; drivers own the
+// loops. In a step, after the vertices have been collected and moved:
+//
+//   locate    by vertex in storage order: how far it stands from its place at rest, by number
+//   volumes   (with volumes of vertices) by element V (J - 1)/(D + 1), then by vertex its pressure
+//   forces    by element, D forces of D numbers; that on vertex 0 is minus their sum
+//   spread    by vertex: its elements' forces in the order of elements, mass and momentum
+//
+// Nobody adds to what another writes: each vertex has the list of its elements, ascending, so that
+// no schedule changes a bit.
+#pragma once
+
+#include <string>
+
+#include "mpm/kernels/transfers.hpp"
+#include "mpm/physics/element.hpp"
+
+namespace mpm {
+
+/// What a vertex stores as a particle of the phased step: its mass over the mean of its body's. It
+/// has no stress of its own.
+struct VertexCarrier {
+    static constexpr bool volumetric = false;
+    template <class T>
+    struct Constants {};
+    template <class T>
+    MPM_HD static Constants<T> constants(const double*) {
+        return {};
+    }
+    template <int D>
+    static constexpr int reals = 1;
+
+    template <class V, int D, class T>
+    MPM_INLINE static void advance(V (&)[1], const Mat<V, D>&, const Constants<T>&) {}
+    template <class V, int D, class T>
+    MPM_INLINE static Mat<V, D> kirchhoff(const V (&)[1], const Mat<V, D>&, const Constants<T>&) {
+        Mat<V, D> none;
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) none.e[a][b] =
+            V(ScalarOf<V>(0));
+        return none;
+    }
+    template <class V, int D>
+    MPM_INLINE static MaskOf<V> admissible(const V (&state)[1]) {
+        return V(ScalarOf<V>(0)) < state[0];
+    }
+    template <int D>
+    MPM_HD static Observation<D> observe(const double*, const double (&)[D][D], const double*) {
+        Observation<D> o{};
+        o.volume_ratio = 1;
+        for (int a = 0; a < D; ++a) o.deformation[a][a] = 1;
+        return o;
+    }
+};
+
+/// The mesh of one body, as kernels see it. Lengths of elements and displacements are in cells.
+template <class T, int D>
+struct ElementsView {
+    static constexpr int corners = D + 1;
+    std::int64_t elements, vertices;
+    // By element, in the mesh's order.
+    const std::int32_t* vertex;  // (elements, D + 1), numbers
+    const T* inverse;            // (elements, D, D): D_m^-1, 1/cells
+    const T* volume;             // (elements,) at rest, m^D
+    T* force;                    // (elements, D, D): on vertices 1 to D, times a cell
+    T* grown;                    // (elements,): V (J - 1)/(D + 1); null without volumes of vertices
+    // By number of vertex.
+    std::int32_t* rest_cell;      // (vertices, D)
+    T* rest_offset;               // (vertices, D)
+    std::int32_t* cells;          // (vertices, D): whole cells from its place at rest
+    T* beyond;                    // (vertices, D): and the rest of its displacement
+    const std::uint32_t* start;   // (vertices + 1)
+    const std::uint32_t* corner;  // element * (D + 1) + which of its vertices, ascending
+    const T* vertex_volume;       // (vertices,): sum V/(D + 1), m^D
+    T* vertex_change;             // (vertices,): J_a - 1
+    T* pressure;                  // (vertices,): U'(J_a), Pa
+    std::uint64_t* inverted;      // the first element that is, else no_fault
+
+    MPM_INLINE int number(std::int64_t element, int k) const {
+        return vertex[element * corners + k];
+    }
+};
+
+/// Where vertex q stands, whose home cell in the domain is `cell`.
+template <class T, int D>
+MPM_INLINE void locate_vertex(const ElementsView<T, D>& mesh, const BodyView<T, D>& body,
+                              const std::int32_t (&cell)[D], std::uint32_t q) {
+    const std::int64_t at = std::int64_t(body.id[q]) * D;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        mesh.cells[at + a] = cell[a] - mesh.rest_cell[at + a];
+        mesh.beyond[at + a] = body.offset[a][q] - mesh.rest_offset[at + a];
+    }
+}
+/// The same, for its place at rest.
+template <class T, int D>
+MPM_INLINE void rest_vertex(const ElementsView<T, D>& mesh, const BodyView<T, D>& body,
+                            const std::int32_t (&cell)[D], std::uint32_t q) {
+    const std::int64_t at = std::int64_t(body.id[q]) * D;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        mesh.rest_cell[at + a] = cell[a];
+        mesh.rest_offset[at + a] = body.offset[a][q];
+    }
+}
+
+template <class V, class T, int D>
+MPM_INLINE Mat<V, D> element_inverse(const ElementsView<T, D>& mesh, std::int64_t e) {
+    Mat<V, D> out;
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) out.e[a][b] =
+        V(mesh.inverse[(e * D + a) * D + b]);
+    return out;
+}
+
+/// H of an element. Whole cells are subtracted first: a body may be a thousand of them from where
+/// it began, or turned by any angle.
+template <class V, class T, int D>
+MPM_INLINE Mat<V, D> element_state(const ElementsView<T, D>& mesh, const Mat<V, D>& inverse,
+                                   std::int64_t e) {
+    const std::int64_t from = std::int64_t(mesh.number(e, 0)) * D;
+    Mat<V, D> moved;
+    MPM_UNROLL for (int k = 0; k < D; ++k) {
+        const std::int64_t to = std::int64_t(mesh.number(e, k + 1)) * D;
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            moved.e[a][k] = V(mesh.cells[to + a] - mesh.cells[from + a]) +
+                            (V(mesh.beyond[to + a]) - V(mesh.beyond[from + a]));
+        }
+    }
+    return element_gradient(moved, inverse);
+}
+
+template <class T, int D>
+MPM_INLINE void grow_element(const ElementsView<T, D>& mesh, std::int64_t e) {
+    const Mat<T, D> h = element_state<T>(mesh, element_inverse<T>(mesh, e), e);
+    mesh.grown[e] = mesh.volume[e] * volume_change(h) * T(1.0 / (D + 1));
+}
+template <class Material, class T, int D, class Constants>
+MPM_INLINE void press_vertex(const ElementsView<T, D>& mesh, const Constants& k,
+                             std::int64_t number) {
+    T sum = T(0);
+    for (std::uint32_t c = mesh.start[number]; c < mesh.start[number + 1]; ++c)
+        sum = sum + mesh.grown[mesh.corner[c] / (D + 1)];
+    const T change = sum / mesh.vertex_volume[number];
+    mesh.vertex_change[number] = change;
+    mesh.pressure[number] = Material::volume_pressure(change, k);
+}
+template <class V, class T, int D>
+MPM_INLINE V element_pressure(const ElementsView<T, D>& mesh, std::int64_t e) {
+    V sum = V(mesh.pressure[mesh.number(e, 0)]);
+    MPM_UNROLL for (int k = 1; k <= D; ++k) sum = sum + V(mesh.pressure[mesh.number(e, k)]);
+    return V(1.0 / (D + 1)) * sum;
+}
+
+/// Leaves an element's forces; returns J - 1.
+template <class Material, class T, int D, class Constants>
+MPM_INLINE T push_element(const ElementsView<T, D>& mesh, const Constants& k, std::int64_t e) {
+    const Mat<T, D> inverse = element_inverse<T>(mesh, e), h = element_state<T>(mesh, inverse, e);
+    const T change = volume_change(h);
+    Mat<T, D> tau = kirchhoff_at<Material>(h, k);
+    if (mesh.grown) take_vertex_pressure<Material>(tau, change, element_pressure<T>(mesh, e), k);
+    const Mat<T, D> pull = element_pull(tau, h, inverse);
+    const T volume = mesh.volume[e];
+    MPM_UNROLL for (int n = 0; n < D; ++n) MPM_UNROLL for (int a = 0; a < D; ++a)
+        mesh.force[(e * D + n) * D + a] = -(volume * pull.e[a][n]);
+    return change;
+}
+
+/// What its elements push a vertex by, in the order of its list.
+template <class T, int D>
+MPM_INLINE Vec<T, D> force_on_vertex(const ElementsView<T, D>& mesh, std::int64_t number) {
+    Vec<T, D> sum;
+    MPM_UNROLL for (int a = 0; a < D; ++a) sum[a] = T(0);
+    for (std::uint32_t c = mesh.start[number]; c < mesh.start[number + 1]; ++c) {
+        const std::uint32_t e = mesh.corner[c] / (D + 1);
+        const int k = int(mesh.corner[c] % (D + 1));
+        const T* force = mesh.force + std::int64_t(e) * D * D;
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            if (k > 0) {
+                sum[a] = sum[a] + force[(k - 1) * D + a];
+            } else {
+                T all = force[a];
+                MPM_UNROLL for (int n = 1; n < D; ++n) all = all + force[n * D + a];
+                sum[a] = sum[a] - all;
+            }
+        }
+    }
+    return sum;
+}
+
+/// `spread_particle` of a vertex: no stress goes with slopes, `push` (m/s) is the whole of it.
+template <int W, class X, class T, int D, class S, class G, class Add>
+MPM_INLINE void spread_vertex(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
+                              const Places<D, W>& places, std::uint32_t q, const Vec<G, D>& push,
+                              const Add& add) {
+    const auto& pass = phase.pass;
+    const PhaseNumbers& n = phase.n;
+    const auto& s = reached.stencil;
+    const std::size_t count = pass.body.count;
+    const Scratch<D> column{n.channels};
+    const auto get = [&](int c) { return pass.scratch[std::size_t(c) * count + q]; };
+    const bool plain = n.plain >= 0;
+    const int mass = n.channels + (plain ? D : 0);
+    G value[D], slope[D][D] = {};
+    MPM_UNROLL for (int c = 0; c < D; ++c) {
+        value[c] = get(column.value(c));
+        MPM_UNROLL for (int a = 0; a < D; ++a) if (n.scheme.affine) slope[a][c] =
+            get(column.slope(a, c));
+    }
+    for_each_node(s, places, [&](const auto& k, int place, G w) {
+        MPM_UNROLL for (int c = 0; c < D; ++c) {
+            G at = value[c];
+            MPM_UNROLL for (int a = 0; a < D; ++a) at = at + slope[a][c] * s.distance[a][k[a]];
+            add(c, place, w * at + w * push[c]);
+            if (plain) add(n.channels + c, place, w * at);
+        }
+        add(mass, place, w);
+    });
+}
+
+/// Where contact looks for faces, masses at vertices are too coarse a picture: a point near each
+/// vertex of an element stands for its part of the volume. Here their shares of the vertices.
+template <int D>
+inline constexpr double own_share = D == 2 ? 2.0 / 3 : 0.5854101966249685;
+
+/// Calls f(offset from the home cell of vertex q, mass) for the points near it of its elements.
+template <class T, int D, class F>
+MPM_INLINE void for_each_point(const ElementsView<T, D>& mesh, const BodyView<T, D>& body,
+                               std::uint32_t q, T density, const F& f) {
+    constexpr T others = T((1 - own_share<D>) / D);
+    const std::int64_t number = body.id[q], from = number * D;
+    for (std::uint32_t c = mesh.start[number]; c < mesh.start[number + 1]; ++c) {
+        const std::int64_t e = mesh.corner[c] / (D + 1);
+        Vec<T, D> at;
+        MPM_UNROLL for (int a = 0; a < D; ++a) at[a] = body.offset[a][q];
+        MPM_UNROLL for (int k = 0; k <= D; ++k) {
+            const std::int64_t to = std::int64_t(mesh.number(e, k)) * D;
+            MPM_UNROLL for (int a = 0; a < D; ++a) {
+                const std::int32_t cells = (mesh.rest_cell[to + a] + mesh.cells[to + a]) -
+                                           (mesh.rest_cell[from + a] + mesh.cells[from + a]);
+                const T beyond = (mesh.rest_offset[to + a] + mesh.beyond[to + a]) -
+                                 (mesh.rest_offset[from + a] + mesh.beyond[from + a]);
+                at[a] = at[a] + others * (T(cells) + beyond);
+            }
+        }
+        f(at, density * mesh.volume[e] * T(1.0 / (D + 1)));
+    }
+}
+
+/// What readers see of an element, in double.
+template <int D>
+struct ElementSeen {
+    double volume_ratio, pressure;  // J; Pa, positive in compression, of all three axes
+    double stress[D][D];            // Cauchy, Pa
+    double energy;                  // J (2D: J/m), of vertices its share
+    double own_energy;              // the same without what is vertices'
+};
+template <class Material, class T, int D>
+ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
+                           const double* parameters) {
+    const Mat<double, D> inverse = element_inverse<double>(mesh, e),
+                         h = element_state<double>(mesh, inverse, e);
+    const auto k = Material::template constants<double>(parameters);
+    double state[Material::template reals<D>];
+    state_at<Material>(state, h, k);
+    const double still[D][D] = {};
+    const Observation<D> o = Material::template observe<D>(state, still, parameters);
+    const double change = volume_change(h), volume = double(mesh.volume[e]);
+    ElementSeen<D> seen{};
+    seen.volume_ratio = 1 + change;
+    seen.pressure = o.pressure;
+    seen.energy = seen.own_energy = volume * o.elastic_energy;
+    double more = 0;  // of the mean stress
+    if (mesh.grown) {
+        const double part = 1 - own_volume_share;
+        more = part * (element_pressure<double>(mesh, e) - Material::volume_pressure(change, k));
+        seen.own_energy -= part * volume * Material::volume_energy(change, k);
+        double shared = 0;
+        for (int c = 0; c <= D; ++c)
+            shared += Material::volume_energy(double(mesh.vertex_change[mesh.number(e, c)]), k);
+        seen.energy = seen.own_energy + part * volume * shared / (D + 1);
+    }
+    seen.pressure -= more;
+    for (int a = 0; a < D; ++a)
+        for (int b = 0; b < D; ++b) seen.stress[a][b] = o.stress[a][b] + (a == b ? more : 0.0);
+    return seen;
+}
+
+/// The elements' part of a step, as the solver calls it: compiled once for each law that they are
+/// built for, precision and dimension (src/kernels/cpu/elements.cpp).
+template <class X, class T, int D>
+struct ElementOps {
+    using Mesh = ElementsView<T, D>;
+    void (*locate)(const Pass<X, T, D>&, const Mesh&, bool at_rest);
+    void (*volumes)(const Pass<X, T, D>&, const Mesh&);  // of vertices
+    void (*forces)(const Pass<X, T, D>&, const Mesh&);
+    void (*spread)(const Phase<X, T, D>&, const Mesh&);
+    /// The sum `channel` of the blocks that are flagged: what points of elements weigh less what
+    /// their vertices do.
+    void (*fill)(const Phase<X, T, D>&, const Mesh&, const std::uint8_t* near, int channel);
+    /// Where *due is set, per home block: kinetic, elastic, potential energy; `energy`: room for a
+    /// number an element.
+    void (*energies)(const Phase<X, T, D>&, const Mesh&, const std::int32_t* due, double* energy,
+                     double* partial);
+    ElementSeen<D> (*see)(const Mesh&, std::int64_t element, const double* parameters);
+};
+
+/// Of a law by its name.
+template <class X, class T, int D>
+ElementOps<X, T, D> element_ops(const std::string& material);
+/// What moves vertices as particles.
+template <class X, class T, int D>
+BodyOps<X, T, D> vertex_ops();
+
+}  // namespace mpm

@@ -1,0 +1,106 @@
+// Linear triangles and tetrahedra, total Lagrangian (design/elements.md). With the edges of an
+// element at rest and now,
+//
+//   D_m = [X_1 - X_0, ..., X_D - X_0],   D_s = [x_1 - x_0, ..., x_D - x_0],   F = D_s D_m^-1,
+//
+// the energy V Psi(F) gives the forces [f_1 .. f_D] = -V P D_m^-T, f_0 = -(f_1 + ... + f_D), with
+// P = dPsi/dF = tau F^-T (Irving, Teran, Fedkiw 2004; a published form has the sign wrong). Two
+// dimensions are plane strain.
+//
+// H = F - I comes from differences of displacements, never from F: strains of 1e-6 survive single
+// precision.
+//
+// Towards nu = 1/2 elements lock. Volumes of vertices take the place of their own (average nodal
+// pressure, Bonet and Burton 1998): with V_a = sum V/(D+1) and J_a = sum (V J/(D+1)) / V_a, the
+// volumetric energy U is that of J_a in V_a, so that
+//
+//   p_a = U'(J_a),   p_e = mean of p_a over its vertices,   P = P_dev(F) + p_e J F^-T
+//
+// is still the derivative of an energy. A share of each element's own U stays as a brake on the
+// modes that volumes of vertices do not see (Puso and Solberg 2006).
+#pragma once
+
+#include "mpm/core/linalg.hpp"
+#include "mpm/physics/material/description.hpp"
+
+namespace mpm {
+
+/// An element whose volume has shrunk to this part of that at rest counts as turned inside out.
+inline constexpr double least_element_ratio = 0.05;
+/// Share of an element's own volumetric energy that is kept beside that of its vertices.
+inline constexpr double own_volume_share = 0.05;
+
+/// Materials whose stress is the derivative of an energy of F alone, and that say which part of it
+/// is one of J: what elements are built for.
+template <class Material>
+inline constexpr bool hyperelastic = requires {
+    Material::hyperelastic;
+};
+
+/// What a law stores at F = I + H: it starts from rest and takes all of H in one update, which is
+/// exact for laws without a memory, whatever it is that they store.
+template <class Material, class V, int D, class Constants>
+MPM_INLINE void state_at(V (&state)[Material::template reals<D>], const Mat<V, D>& h,
+                         const Constants& k) {
+    using T = ScalarOf<V>;
+    MPM_UNROLL for (int r = 0; r < Material::template reals<D>; ++r) state[r] = V(T(0));
+    Material::advance(state, h, k);
+}
+template <class Material, class V, int D, class Constants>
+MPM_INLINE Mat<V, D> kirchhoff_at(const Mat<V, D>& h, const Constants& k) {
+    using T = ScalarOf<V>;
+    V state[Material::template reals<D>];
+    state_at<Material>(state, h, k);
+    Mat<V, D> still;
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) still.e[a][b] =
+        V(T(0));
+    return Material::kirchhoff(state, still, k);
+}
+
+/// H from the displacements of vertices 1 to D less that of vertex 0, in columns.
+template <class V, int D>
+MPM_INLINE Mat<V, D> element_gradient(const Mat<V, D>& displacement, const Mat<V, D>& inverse) {
+    return product(displacement, inverse);
+}
+
+/// tau as it is with the volumes of vertices: the mean of their pressures in place of the
+/// element's own, but for the brake. `change` is J - 1.
+template <class Material, class V, int D, class Constants>
+MPM_INLINE void take_vertex_pressure(Mat<V, D>& tau, V change, V pressure, const Constants& k) {
+    using T = ScalarOf<V>;
+    const V more = T(1 - own_volume_share) * (pressure - Material::volume_pressure(change, k)) *
+                   (T(1) + change);
+    MPM_UNROLL for (int a = 0; a < D; ++a) tau.e[a][a] = tau.e[a][a] + more;
+}
+
+/// P D_m^-T for P = tau F^-T: its column k is what a unit of volume pulls vertex k + 1 back by.
+template <class V, int D>
+MPM_INLINE Mat<V, D> element_pull(const Mat<V, D>& tau, const Mat<V, D>& h,
+                                  const Mat<V, D>& inverse) {
+    using T = ScalarOf<V>;
+    Mat<V, D> f = h;
+    MPM_UNROLL for (int a = 0; a < D; ++a) f.e[a][a] = f.e[a][a] + T(1);
+    const Mat<V, D> c = cofactors(f);
+    const V scale = T(1) / determinant(f, c);
+    Mat<V, D> p = product(tau, c);
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) p.e[a][b] =
+        scale * p.e[a][b];
+    return product_transposed(p, inverse);
+}
+
+/// D_m^-1 and the volume of an element at rest, from its edges in columns; the volume is below zero
+/// where the vertices are in the wrong order.
+template <int D>
+struct ElementAtRest {
+    Mat<double, D> inverse;
+    double volume;
+    explicit ElementAtRest(const Mat<double, D>& edges) {
+        const Mat<double, D> c = cofactors(edges);
+        const double d = determinant(edges, c);
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b) inverse.e[a][b] = c.e[b][a] / d;
+        volume = d / (D == 2 ? 2 : 6);
+    }
+};
+
+}  // namespace mpm

@@ -1,0 +1,217 @@
+// Domain: bodies of elements. Their vertices are particles of the phased step, stored, sorted and
+// saved as such; here is what is by number of vertex and of element (design/elements.md).
+#pragma once
+
+#include "mpm/solver/domain.hpp"
+
+namespace mpm {
+
+template <class X, class T, int D>
+void Domain<X, T, D>::make_mesh(Body& body, const BodySpec& s) {
+    if constexpr (!X::is_device) {
+        std::vector<double> position(std::size_t(s.count) * D);
+        s.position(0, s.count, position.data());
+        body.mesh = std::make_unique<ElementMesh<X, T, D>>(
+            exec_, s.name, position, s.elements, s.vertex_volumes, spec_.cell_size,
+            body.material->density(s.parameters.data()));
+        body.ops = vertex_ops<X, T, D>();
+        body.elements = element_ops<X, T, D>(s.material);
+    }
+}
+
+/// Once particles are in their cells: these are the vertices' places at rest. The share of its
+/// mass is what a vertex stores.
+template <class X, class T, int D>
+void Domain<X, T, D>::place_mesh(Body& body) {
+    if constexpr (!X::is_device) {
+        std::vector<T> share;
+        for (const double mass : body.mesh->mass()) share.push_back(T(mass / body.particle_mass));
+        const std::vector<std::uint32_t> id = body.id.host(body.count);
+        for (std::size_t q = 0; q < id.size(); ++q) body.state[0].data()[q] = share[id[q]];
+        body.elements.locate(pass(body, int(&body - bodies_.data()), parity()), body.mesh->view(),
+                             true);
+    }
+}
+
+/// Where vertices are now, by number, and what volumes of vertices follow from it.
+template <class X, class T, int D>
+void Domain<X, T, D>::locate_elements(Body& body, int number) {
+    if constexpr (!X::is_device) {
+        const Pass<X, T, D> p = pass(body, number, parity());
+        body.elements.locate(p, body.mesh->view(), false);
+        if (body.mesh->vertex_volumes()) body.elements.volumes(p, body.mesh->view());
+    }
+}
+
+/// The forces of elements where their vertices are; the first that has turned inside out is kept,
+/// and halts the coming step.
+template <class X, class T, int D>
+void Domain<X, T, D>::push_elements(const Phase<X, T, D>& phase, Body& body) {
+    if constexpr (!X::is_device) {
+        body.elements.forces(phase.pass, body.mesh->view());
+        const std::uint64_t inverted = body.mesh->inverted();
+        if (inverted == no_fault) return;
+        const auto vertex = std::uint32_t(body.mesh->view().number(std::int64_t(inverted), 0));
+        const std::uint32_t* id = body.id.data();
+        const auto place = std::uint32_t(std::find(id, id + body.count, vertex) - id);
+        X::keep_smallest(phase.pass.fault_particle, fault_number(phase.pass.body_number, place));
+    }
+}
+
+/// What a body's particles have in scratch, or vertices with the forces of their elements.
+template <class X, class T, int D>
+void Domain<X, T, D>::spread_body(Body& body, const Phase<X, T, D>& phase) {
+    if constexpr (!X::is_device) {
+        if (body.mesh) {
+            push_elements(phase, body);
+            body.elements.spread(phase, body.mesh->view());
+            if (contact_blocks_ > 0 && plan_.filled >= 0)
+                body.elements.fill(phase, body.mesh->view(), near_contact_.data(), plan_.filled);
+            return;
+        }
+    }
+    phase_ops_.spread(phase);
+}
+
+/// Attributes of elements, and of vertices what follows from theirs: means weighted by volume, and
+/// a share of each element's volume and energy.
+template <class X, class T, int D>
+void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std::string>& names,
+                                   Attributes& out) {
+    if constexpr (!X::is_device) {
+        const auto follows = [](const std::string& name) {
+            for (const char* own : {"mass", "volume", "volume_ratio", "density", "pressure",
+                                    "stress", "elastic_energy", "kinetic_energy"})
+                if (name == own) return true;
+            return is_of_elements(name);
+        };
+        if (std::none_of(names.begin(), names.end(), follows)) return;
+        locate_elements(body, number);
+        const ElementsView<T, D> mesh = body.mesh->view();
+        const std::size_t elements = body.mesh->elements(), n = body.count;
+        std::vector<ElementSeen<D>> seen(elements);
+        exec_.host_for(std::int64_t(elements), [&](std::int64_t e) {
+            seen[std::size_t(e)] = body.elements.see(mesh, e, body.parameters.data());
+        });
+        const auto put = [&](const std::string& name, std::size_t rows,
+                             std::vector<std::size_t> shape, const auto& value) {
+            if (std::find(names.begin(), names.end(), name) == names.end()) return;
+            Array& a = out.values[name];
+            std::size_t width = 1;
+            for (const std::size_t k : shape) width *= k;
+            a.shape = {rows};
+            a.shape.insert(a.shape.end(), shape.begin(), shape.end());
+            a.data.assign(rows * width, 0.0);
+            for (std::size_t k = 0; k < rows; ++k) value(k, a.data.data() + k * width);
+        };
+        const std::vector<std::size_t> square = {std::size_t(D), std::size_t(D)};
+        put("element_stress", elements, square, [&](std::size_t e, double* to) {
+            for (int k = 0; k < D * D; ++k) to[k] = seen[e].stress[k / D][k % D];
+        });
+        put("element_pressure", elements, {},
+            [&](std::size_t e, double* to) { *to = seen[e].pressure; });
+        put("element_volume_ratio", elements, {},
+            [&](std::size_t e, double* to) { *to = seen[e].volume_ratio; });
+        put("element_energy", elements, {},
+            [&](std::size_t e, double* to) { *to = seen[e].energy; });
+
+        const std::vector<std::uint32_t> id = body.id.host(n);
+        // Sum over the elements of the vertex in row k, each with its part of the volume.
+        const auto sum = [&](std::size_t k, const auto& of) {
+            double all = 0;
+            for (std::uint32_t c = mesh.start[id[k]]; c < mesh.start[id[k] + 1]; ++c) {
+                const std::size_t e = mesh.corner[c] / (D + 1);
+                all += double(mesh.volume[e]) / (D + 1) * of(seen[e]);
+            }
+            return all;
+        };
+        const auto rest = [&](std::size_t k) {
+            return sum(k, [](const ElementSeen<D>&) { return 1.0; });
+        };
+        const auto volume = [&](std::size_t k) {
+            return sum(k, [](const ElementSeen<D>& s) { return s.volume_ratio; });
+        };
+        const std::vector<double>& mass = body.mesh->mass();
+        put("mass", n, {}, [&](std::size_t k, double* to) { *to = mass[id[k]]; });
+        put("volume", n, {}, [&](std::size_t k, double* to) { *to = volume(k); });
+        put("volume_ratio", n, {}, [&](std::size_t k, double* to) { *to = volume(k) / rest(k); });
+        put("density", n, {}, [&](std::size_t k, double* to) { *to = mass[id[k]] / volume(k); });
+        put("pressure", n, {}, [&](std::size_t k, double* to) {
+            *to = sum(k, [](const ElementSeen<D>& s) { return s.pressure; }) / rest(k);
+        });
+        put("stress", n, square, [&](std::size_t k, double* to) {
+            for (int i = 0; i < D * D; ++i)
+                to[i] = sum(k, [&](const ElementSeen<D>& s) { return s.stress[i / D][i % D]; }) /
+                        rest(k);
+        });
+        put("elastic_energy", n, {}, [&](std::size_t k, double* to) {
+            *to = 0;
+            for (std::uint32_t c = mesh.start[id[k]]; c < mesh.start[id[k] + 1]; ++c)
+                *to += seen[mesh.corner[c] / (D + 1)].energy / (D + 1);
+        });
+        const auto kinetic = out.values.find("kinetic_energy");
+        for (std::size_t k = 0; kinetic != out.values.end() && k < n; ++k)
+            kinetic->second.data[k] *= mass[id[k]] / body.particle_mass;
+    }
+}
+
+/// Of all elements, by their volume.
+template <class X, class T, int D>
+double Domain<X, T, D>::mean_volume_ratio(Body& body, int number) {
+    double now = 0, rest = 0;
+    if constexpr (!X::is_device) {
+        locate_elements(body, number);
+        const ElementsView<T, D> mesh = body.mesh->view();
+        for (std::int64_t e = 0; e < mesh.elements; ++e) {
+            const double v = double(mesh.volume[e]);
+            now += v * (1 + volume_change(
+                                element_state<double>(mesh, element_inverse<double>(mesh, e), e)));
+            rest += v;
+        }
+    }
+    return now / rest;
+}
+
+/// What `describe_fault` has said of the vertex that the fault was reported by, said of the
+/// element.
+template <class X, class T, int D>
+Fault Domain<X, T, D>::describe_element(Body& body, Fault fault) {
+    if constexpr (!X::is_device) {
+        const ElementsView<T, D> mesh = body.mesh->view();
+        const auto e = std::int64_t(body.mesh->inverted());
+        const double ratio =
+            1 + volume_change(element_state<double>(mesh, element_inverse<double>(mesh, e), e));
+        fault.ids.clear();
+        for (int k = 0; k <= D; ++k)
+            fault.ids.push_back(body.first_id + std::uint64_t(mesh.number(e, k)));
+        fault.element = e;
+        fault.value = ratio;
+        fault.code = std::isfinite(ratio) ? "inverted-element" : "non-finite";
+        name_element(fault, body.first_id);
+    }
+    return fault;
+}
+
+/// Vertices have left the domain: whatever the policy, their elements cannot go on without them.
+template <class X, class T, int D>
+bool Domain<X, T, D>::tears_mesh(const std::vector<std::uint32_t>& left, std::size_t b,
+                                 const Buffer<X, std::uint32_t>& cell) {
+    const Body& body = bodies_[b];
+    std::vector<std::uint64_t> ids;
+    for (const Leaver<D>& who : list_left(body, left[b], cell))
+        ids.push_back(body.first_id + who.id);
+    fault_ = Fault{"left-domain",
+                   body.plan.name,
+                   ids,
+                   clock_.step,
+                   clock_.time,
+                   double(ids.size()),
+                   clock_.speed,
+                   growth_start(clock_),
+                   std::to_string(ids.size()) + " vertices left the domain, the first at step " +
+                       std::to_string(clock_.step) +
+                       "; a body of elements stays whole, so that no policy takes them out"};
+    return true;
+}
+
+}  // namespace mpm

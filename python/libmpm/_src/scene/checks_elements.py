@@ -1,0 +1,176 @@
+"""Rules about bodies of elements: edges against cells, laws, and what they are not built for."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from libmpm._src.base.values import Checker, shown
+from libmpm._src.materials.material import wave_speed
+from libmpm._src.methods.method import FBar
+from libmpm._src.scene.places import initial_gravity
+from libmpm._src.shapes.element_mesh import ElementMesh
+from libmpm._src.shapes.mesh_inside import MeshInside
+from libmpm._src.shapes.oriented_boxes import close_pairs
+
+if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
+    from libmpm._src.scene.parts import Body
+
+__all__ = [
+    "LAWS",
+    "LONGEST",
+    "check_continued",
+    "check_elements",
+    "check_mesh_overlaps",
+    "faint_strains",
+]
+
+#: Laws that follow from the deformation gradient of an element alone.
+LAWS = ("FixedCorotated", "NeoHookean", "StVenantKirchhoffHencky")
+#: Longest edge over √d, in cells: beyond it nodes between vertices are empty, and a pressed block
+#: of 2 went through what it lay on.
+LONGEST = 1.05
+#: Edges, in cells, that a thin part needs shorter ones than, and (cells of thickness, error of a
+#: cantilever's frequency in % with h = Δx).
+_COARSE = 0.75
+_STIFF = ((2.0, 25), (4.0, 6), (6.0, 2))
+#: Strain that single precision resolves.
+_RESOLVED = 1e-7
+
+
+def check_elements(check: Checker, scene: SceneData, body: Body, doubts: list[str]) -> None:
+    """Check a body of elements in a scene of its dimension."""
+    mesh = body.shape
+    assert isinstance(mesh, ElementMesh)
+    d, dx = scene.dimension, scene.cell_size
+    if mesh.edge > LONGEST * dx * (1 + 1e-9):
+        need = mesh.edge / LONGEST
+        check.fail(
+            f"longest edge {mesh.longest_edge:.4g} m, that is {mesh.edge / dx:.3g} cells by √{d}; "
+            f"expected ≤ {LONGEST:g}, beyond which other bodies pass between its vertices; use a "
+            f"cell_size ≥ {need:.4g} m, or mesh with edge ≤ {LONGEST * dx:.4g} m"
+        )
+    _check_unbuilt(check, scene, body)
+    _doubt_thin(scene, body, mesh, doubts)
+
+
+def check_continued(scene: SceneData, problems: list[str]) -> None:
+    """Refuse scenes that continue from a run and have bodies of elements, of it or new ones."""
+    for body in scene.bodies if scene.start is not None else ():
+        if isinstance(body.shape, ElementMesh):
+            problems.append(
+                f"body '{body.name}': {body.shape.label} in a scene that continues from another "
+                "run; expected bodies of particles; resume the run itself, or begin afresh"
+            )
+
+
+def _check_unbuilt(check: Checker, scene: SceneData, body: Body) -> None:
+    """Refuse what bodies of elements do not have."""
+    law = body.material.table.name
+    if law not in LAWS or body.material.added:
+        check.fail(
+            f"material is {law} for elements; expected a law of the deformation gradient alone: "
+            f"{', '.join(LAWS)}; make it of particles, or choose one of these"
+        )
+    per_cell = 2**scene.dimension
+    holes = [b.name for b in scene.bodies if body.name in b.subtract_from]
+    given = {
+        "particles_per_cell": (body.particles_per_cell != per_cell, body.particles_per_cell,
+                               "the vertices are the particles; leave it out"),
+        "sampling": (body.sampling is not None, body.sampling,
+                     "the vertices are given; leave it out"),
+        "fbar": (isinstance(body.fbar, FBar), body.fbar,
+                 "volumes='vertex' of the mesh serves in its place; leave it out"),
+        "smoothing": (body.smoothing is not None, body.smoothing, "leave it out"),
+        "assumed": (body.assumed is not None, body.assumed, "leave it out"),
+        "stress": (body.stress is not None, body.stress, "it begins at rest; leave it out"),
+        "damping": (body.damping > 0, body.damping, "leave it out"),
+        "force": (body.force is not None, body.force, "leave it out"),
+    }  # fmt: skip
+    for name, (is_given, item, why) in given.items():
+        if is_given:
+            check.fail(f"{name} is {shown(item, 80)} for a body of elements; {why}")
+    if holes:
+        check.fail(
+            f"it is named by subtract_from of {', '.join(repr(n) for n in holes)}; expected a body "
+            "of particles, since elements cannot be taken out of a mesh; mesh it with the hole"
+        )
+
+
+def _doubt_thin(scene: SceneData, body: Body, mesh: ElementMesh, doubts: list[str]) -> None:
+    """Say how stiff a thin part bends with edges as long as cells."""
+    dx = scene.cell_size
+    if mesh.edge <= _COARSE * dx:
+        return
+    low, high = mesh.bounds()
+    thick = min(b - a for a, b in zip(low, high, strict=True)) / dx
+    if not 0 < thick < _STIFF[-1][0] * (1 - 1e-6):
+        return
+    cells, errors = zip(*_STIFF, strict=True)
+    error = float(np.interp(thick, cells, errors))
+    doubts.append(
+        f"body '{body.name}': {thick:.3g} cells thick with edges of {mesh.edge / dx:.3g} cells; "
+        f"bending parts so thin vibrate about {error:.0f} % too fast with edges of a cell, about "
+        "1 to 3 % with half a cell; use elements of edge "
+        f"{0.5 * dx:g} m where it bends"
+    )
+
+
+def check_mesh_overlaps(bodies: list[Body], slack: float, problems: list[str]) -> None:
+    """Refuse meshes with vertices inside others, deeper than `slack`, m."""
+    meshes = [(b, b.shape) for b in bodies if isinstance(b.shape, ElementMesh)]
+    for i, j in close_pairs([mesh.bounds() for _, mesh in meshes]):
+        for (one, first), (two, second) in ((meshes[i], meshes[j]), (meshes[j], meshes[i])):
+            low, high = (np.asarray(end) for end in second.bounds())
+            p = first.positions()
+            near = np.flatnonzero(((p > low) & (p < high)).all(axis=1))
+            if not len(near):
+                continue
+            caught = near[MeshInside(second).distance(p[near]) < -slack]
+            if len(caught):
+                problems.append(
+                    f"body '{one.name}': with body '{two.name}': {len(caught)} of its vertices, "
+                    f"the first {caught[0]}, lie inside elements of the other; expected apart; "
+                    "move one of them"
+                )
+                break
+
+
+def faint_strains(scene: SceneData, precision: str) -> list[str]:
+    """Say where single precision cannot resolve the stresses of stiff elements.
+
+    What is expected follows from speeds, ρ c v, and weight, ρ g L: a body of E resolves E·1e-7.
+    """
+    if precision != "single":
+        return []
+    gravity = float(np.linalg.norm(initial_gravity(scene)))
+    low, high = np.asarray(scene.lower), np.asarray(scene.upper)
+    fast = [0.0]
+    for body in scene.bodies:
+        if isinstance(body.velocity, tuple):
+            fast.append(math.hypot(*body.velocity))
+        if body.material.table.stores_volume and hasattr(body.shape, "bounds"):
+            bottom, top = body.shape.bounds()
+            deep = np.minimum(np.asarray(top), high) - np.maximum(np.asarray(bottom), low)
+            fast.append(math.sqrt(2 * gravity * max(0.0, float(deep.max()))))
+    doubts = []
+    for body in scene.bodies:
+        have = body.material.parameters()
+        if not isinstance(body.shape, ElementMesh) or "youngs_modulus" not in have:
+            continue
+        speed = wave_speed(body.material)
+        assert speed is not None
+        bottom, top = body.shape.bounds()
+        long = max(b - a for a, b in zip(bottom, top, strict=True))
+        expected = have["density"] * max(speed * max(fast), gravity * long)
+        resolved = _RESOLVED * have["youngs_modulus"]
+        if 0 < expected < 10 * resolved:
+            doubts.append(
+                f"body '{body.name}': stresses are resolved to about E·1e-7 = {resolved:.3g} Pa in "
+                f"single precision, where speeds and weight let expect {expected:.3g} Pa; "
+                "expected a tenth of that or less; use precision='double'"
+            )
+    return doubts
