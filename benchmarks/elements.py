@@ -69,6 +69,7 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
     ),
     "bar, h = Δx/2": (cases.bar_impact, {"edge": 0.5}, _FINE),
     "bar, h = Δx": (cases.bar_impact, {"edge": 1.0}, _COARSE),
+    "bar, h = Δx, half the cells": (cases.bar_impact, {"edge": 1.0, "dx": 0.02}, []),
     "bar, h = Δx/2, half the cells": (cases.bar_impact, {"edge": 0.5, "dx": 0.02}, []),
     "bar, h = Δx/2, twice the cells": (cases.bar_impact, {"edge": 0.5, "dx": 0.005}, _FINE),
     "bar, h = Δx/2, AFLIP 0.99": (cases.bar_impact, {"edge": 0.5, "transfer": AFLIP}, _FINE),
@@ -131,6 +132,15 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
     ),
     "Cook, ν 0.4999, 8 cells, h = Δx/2, vertex volumes": (
         cases.cook, {"cells": 8, "edge": 0.5, "ratio": 0.4999, "volumes": "vertex"}, [],
+    ),
+    "Cook, ν 0.49, 8 cells, h = Δx/2, vertex volumes": (
+        cases.cook, {"cells": 8, "edge": 0.5, "ratio": 0.49, "volumes": "vertex"}, [],
+    ),
+    "Cook, ν 0.49, 8 cells, h = Δx/2, element volumes": (
+        cases.cook, {"cells": 8, "edge": 0.5, "ratio": 0.49, "volumes": "element"}, [],
+    ),
+    "Cook, ν 0.49, 16 cells, h = Δx/2, vertex volumes": (
+        cases.cook, {"cells": 16, "edge": 0.5, "ratio": 0.49, "volumes": "vertex"}, [],
     ),
     "Cook, ν 0.3, 16 cells, h = Δx/2": (
         cases.cook, {"cells": 16, "edge": 0.5, "ratio": 0.3}, [near("lift", 21.94, 0.02)],

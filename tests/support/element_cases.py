@@ -273,9 +273,10 @@ def cook(
 ) -> Numbers:  # fmt: skip
     """Return how far the middle of the loaded side of Cook's membrane rises, E = F = 1.
 
-    Corners (0, 0), (48, 44), (48, 60), (0, 44), 48 wide, plane strain; the left side is held, the
-    right one loaded upwards. Cells are 48 / `cells`, elements `edge` of these along x. The load is
-    a `share` of F, so that strains are small, ramped over ten periods and averaged over two.
+    Corners (0, 0), (48, 44), (48, 60), (0, 44), plane strain; the left side is held, and lies on
+    the last nodes that are: half a cell before the face of the region. The right one is loaded
+    upwards. Cells are 48 / `cells`, elements `edge` of these along x. The load is a `share` of F,
+    so that strains are small, ramped over four periods and averaged over two.
     """
     dx = 48.0 / cells
     columns, rows = round(cells / edge), max(2, round(44 / (edge * dx)))
@@ -298,7 +299,7 @@ def cook(
     whole = shapes.Triangles.box(
         lower=(0, 0), upper=(columns + further, rows), edge=1.0, pattern=pattern,  # type: ignore[arg-type]
     )  # fmt: skip
-    points = np.concatenate([strip, places]) + np.array([6 * dx, 4 * dx])
+    points = np.concatenate([strip, places]) + np.array([5.5 * dx, 4 * dx])
     mesh = shapes.Triangles(vertices=points, elements=whole.elements, volumes=volumes)  # type: ignore[arg-type]
     density = 1.0
     scene = libmpm.Scene(

@@ -127,7 +127,7 @@ Beam beam(int cells, double edge, double nu, bool vertex_volumes, double offset)
     std::vector<double> zero, peak;
     double before = 0, since = 0, most = 0;
     while (e->time() < 3.3 / slender) {
-        EXPECT_EQ(e->run(4, forever, forever).reason, "steps");
+        EXPECT_EQ(e->run(16, forever, forever).reason, "steps");
         const double y = height() - rest, t = e->time();
         if (before < 0 && y >= 0) {
             zero.push_back(t - (t - since) * y / (y - before));
