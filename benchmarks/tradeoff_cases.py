@@ -171,7 +171,7 @@ class Measured:
         plain = scene.to_dict()
         if option.walls is None:
             # Options are compared with held nodes; "linear walls" is an option of its own.
-            hold_nodes(plain)
+            plain = with_held_cells(plain, auto=True)
         for body in plain["bodies"]:
             if more and (self.kind == "solid" or "bulk_modulus" in body["material"]):
                 body |= {k: v.to_dict() for k, v in more.items()}
@@ -180,15 +180,6 @@ class Measured:
             if option.per_cell is not None:
                 body["particles_per_cell"] = option.per_cell
         return libmpm.Scene.from_dict(plain), p
-
-
-def hold_nodes(scene: dict[str, Any]) -> None:
-    """Let all walls of a scene's dictionary hold nodes that leave it to the scene."""
-    for boundary in scene["boundaries"]:
-        given = boundary["response"]
-        for response in [given] if "type" in given else given.values():
-            if response.get("cell") == "auto":
-                response["cell"] = "held"
 
 
 def wave_speed(law: Mapping[str, Any]) -> float:

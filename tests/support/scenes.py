@@ -13,6 +13,7 @@ import numpy as np
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
+from libmpm._src.boundaries.wall_cells import with_held_cells
 
 WATER = 1000.0  # kg/m³
 GRAVITY = 9.81  # m/s²
@@ -25,13 +26,7 @@ def stiffness(depth, gravity=GRAVITY):
 
 def held(scene):
     """The same scene with walls that hold nodes where it leaves that to libmpm."""
-    plain = scene.to_dict()
-    for boundary in plain["boundaries"]:
-        given = boundary["response"]
-        for response in [given] if "type" in given else given.values():
-            if response.get("cell") == "auto":
-                response["cell"] = "held"
-    return libmpm.Scene.from_dict(plain)
+    return libmpm.Scene.from_dict(with_held_cells(scene.to_dict(), auto=True))
 
 
 def bar(density, *, cell_size=0.01, scale=1.0, cfl=0.5, modulus=1e6, lower=(0.0, 0.0),

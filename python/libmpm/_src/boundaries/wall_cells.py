@@ -101,10 +101,11 @@ def _reaches(scene: SceneData, moving: Boundary, wall: Boundary, face: str) -> b
     return bool(first[axis] <= plane <= last[axis])
 
 
-def with_held_cells(scene: Mapping[str, Any]) -> dict[str, Any]:
+def with_held_cells(scene: Mapping[str, Any], *, auto: bool = False) -> dict[str, Any]:
     """Return the scene of a run whose walls name no cell, as until 0.1, with the held nodes it had.
 
-    Runs that continue keep their walls; a scene file that names none asks for "auto".
+    Runs that continue keep their walls; a scene file that names none asks for "auto". With `auto`
+    those that say so are held too, for comparisons with what was measured so.
     """
     given = scene.get("boundaries", ())
     if not isinstance(given, list | tuple):  # as the scene's own reader will say
@@ -112,16 +113,17 @@ def with_held_cells(scene: Mapping[str, Any]) -> dict[str, Any]:
     boundaries = []
     for boundary in given:
         if isinstance(boundary, Mapping) and "response" in boundary:
-            boundary = dict(boundary) | {"response": _held(boundary["response"])}
+            boundary = dict(boundary) | {"response": _held(boundary["response"], auto)}
         boundaries.append(boundary)
     return dict(scene) | {"boundaries": boundaries}
 
 
-def _held(response: Any) -> Any:
+def _held(response: Any, auto: bool) -> Any:
     if not isinstance(response, Mapping):
         return response
     if "type" not in response:  # by face
-        return {face: _held(one) for face, one in response.items()}
-    if response["type"] in ("Slip", "Separable") and "cell" not in response:
-        return dict(response) | {"cell": "held"}
-    return response
+        return {face: _held(one, auto) for face, one in response.items()}
+    if response["type"] not in ("Slip", "Separable"):
+        return response
+    named = response.get("cell", "held")
+    return dict(response) | {"cell": "held" if auto and named == "auto" else named}
