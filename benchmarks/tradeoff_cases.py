@@ -24,6 +24,7 @@ from tradeoff_scenes import (
 
 import libmpm
 from libmpm import cases
+from libmpm._src.boundaries.wall_cells import with_held_cells
 
 Parameters = Mapping[str, Any]
 
