@@ -12,6 +12,7 @@
 
 #include "mpm/solver/blob.hpp"
 #include "mpm/solver/engine.hpp"
+#include "mpm/solver/plan.hpp"
 #include "mpm/solver/saved_clock.hpp"
 #include "support/random.hpp"
 
