@@ -25,7 +25,9 @@ TEST(ElementMesh, lists_the_elements_of_each_vertex_ascending) {
     for (std::size_t v = 0; v < mesh.vertices(); ++v) {
         for (std::uint32_t c = view.start[v]; c < view.start[v + 1]; ++c, ++entries) {
             EXPECT_EQ(std::size_t(box.element[view.corner[c]]), v);
-            if (c > view.start[v]) EXPECT_LT(view.corner[c - 1], view.corner[c]);
+            if (c > view.start[v]) {
+                EXPECT_LT(view.corner[c - 1], view.corner[c]);
+            }
         }
     }
     EXPECT_EQ(entries, box.element.size());
