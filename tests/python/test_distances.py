@@ -234,7 +234,7 @@ def test_a_raster_with_a_step_holds_the_nodes_that_its_profile_drawn_out_holds()
 @pytest.mark.parametrize(("angle", "warned"), [(20, True), (40, True), (90, False)])
 def test_what_a_layer_holds_ahead_of_a_sharp_edge_is_said(angle: float, warned: bool) -> None:
     """Two half-spaces: ahead of their edge distances are sin(angle / 2) of the true ones."""
-    scene = Scene(dimension=2, cell_size=0.1, lower=(-2, -1), upper=(2, 1))
+    scene = Scene(dimension=2, cell_size=0.1, lower=(-2, -1), upper=(2, 1), gravity=(0, -9.81))
     half = np.radians(angle / 2)
     sides = [
         shapes.HalfSpace(point=(0, 0.03), normal=(-np.sin(half), s * np.cos(half))) for s in (1, -1)

@@ -677,3 +677,27 @@ def test_debris_as_elements() -> None:
         assert body.shape.total_volume() == pytest.approx(0.004)
         middle = np.mean(body.shape.bounds(), axis=0)
         assert middle == pytest.approx((piece.x, piece.y, 0.35))
+
+
+@pytest.mark.parametrize("path", [1, "", None])
+def test_tables_are_read_from_paths_alone(path):
+    """A number would be the standard output, closed after reading."""
+    with pytest.raises(libmpm.SceneError, match=r"vertices is .*; expected the path of a file"):
+        shapes.Tetrahedra.read_tables(vertices=path, elements=path)
+
+
+def test_slow_impacts_of_long_edges_are_named():
+    """At 0.0014 of the wave speed a wall had 0.07 of the force (docs/elements.md)."""
+
+    def doubts(speed, edge):
+        scene = libmpm.Scene(
+            dimension=2, cell_size=0.025, lower=(0, 0), upper=(1.2, 0.5), gravity=(0, 0)
+        )
+        bar = shapes.Triangles.box(lower=(0.1, 0.1), upper=(1.1, 0.3), edge=edge)
+        law = materials.NeoHookean(density=500, youngs_modulus=1e9, poissons_ratio=0.0)
+        scene.add_body(name="bar", shape=bar, material=law, velocity=(-speed, 0))
+        return [text for text in scene.plan().warnings if "impact" in text]
+
+    (text,) = doubts(2.0, 0.025)
+    assert "0.07 at 0.0014" in text and "edge ≤ 0.0125 m" in text
+    assert not doubts(40.0, 0.025) and not doubts(2.0, 0.0125)

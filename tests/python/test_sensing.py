@@ -390,7 +390,9 @@ def stacked(interval=0.0, **changes):
     scene = libmpm.Scene(
         dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 2), gravity=(0, -9.81), **changes
     )
-    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    # A wall of linear cells acts on what is two cells off, as the upper block is in the end.
+    walls = boundaries.Slip(cell="held")
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=walls)
     for name, density, low, high in (
         ("lower", 500, (0.5, 0.0), (1.1, 0.4)), ("upper", 800, (0.6, 0.4), (1.0, 0.7)),
     ):  # fmt: skip

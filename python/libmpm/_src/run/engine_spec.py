@@ -419,8 +419,7 @@ def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, A
     faces = {}
     given = boundary.response
     # An outline or a surface has no faces: its one response stands under the first name.
-    present = faces_present(scene, boundary)
-    for face in present or ("x-",):
+    for face in (present := faces_present(scene, boundary)) or ("x-",):
         response = given if isinstance(given, Response) else given[face]
         static, dynamic = response.friction
         faces[face] = {
@@ -431,7 +430,6 @@ def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, A
         }
         if isinstance(response, Prescribed):
             faces[face]["axes"] = response.axes(scene.dimension)
-    start, end = boundary.window
     result: dict[str, Any] = {"name": boundary.name, "kind": "domain"}
     if isinstance(boundary.shape, Outline):
         corner = np.asarray(scene.lower, dtype=np.float64)
@@ -457,12 +455,11 @@ def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, A
     if boundary.bodies:
         names = [b.name for b in scene.bodies]
         result["bodies"] = [names.index(name) for name in boundary.bodies]
-    motion = boundary.motion
     return result | {
         "faces": faces,
-        "start": start,
-        "end": end,
-        "velocity": engine_table(motion) if isinstance(motion, TimeTable) else None,
+        "start": boundary.window[0],
+        "end": boundary.window[1],
+        "velocity": engine_table(m) if isinstance(m := boundary.motion, TimeTable) else None,
     }
 
 

@@ -11,11 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from libmpm._src.base.values import Checker, warn
+from libmpm._src.base.values import Checker, plain, warn
 from libmpm._src.errors import SceneError
 from libmpm._src.scene.cut import cells_within, cut_parts, require_particles
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.old_defaults import with_old_defaults
+from libmpm._src.scene.places import named_cells
 from libmpm._src.scene.start import RestoredBody, Start, digest_of
 from libmpm._src.sensors.engine_sensors import ParticleTracker
 from libmpm._src.sensors.python_sensors import AttributeTracker
@@ -112,7 +113,12 @@ def _cut_out(
     data = before.to_dict()
     data.pop("start", None)
     data |= {"lower": lower, "upper": upper}
-    data["boundaries"] = [b for b in data["boundaries"] if b["name"] not in gone]
+    # What stood on a wall may lie outside; the wall's cells stay as they were.
+    data["boundaries"] = [
+        told | {"response": plain(named_cells(before, boundary))}
+        for told, boundary in zip(data["boundaries"], before.boundaries, strict=True)
+        if boundary.name not in gone
+    ]
     data["sensors"] = [s for s in data["sensors"] if s["name"] not in blind]
     bodies = [dataclasses.replace(one, left=left[one.name]) for one in start.bodies]
     start = dataclasses.replace(

@@ -85,6 +85,9 @@ def read_tables(
 
 
 def _table(path: str | Path, columns: int, what: str, label: str) -> Array:
+    # A whole number would be a file that is open already, and closed here.
+    if not isinstance(path, str | Path) or not str(path):
+        raise SceneError(f"{label}: {what} is {shown(path)}; expected the path of a file")
     try:
         with open(path, encoding="utf-8") as file:
             head = file.readline()
