@@ -33,7 +33,7 @@ class Frame(Mapping[str, NDArray[Any]]):
 
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), in SI units; rows
     are sorted by id, positions are in world coordinates, m. Of a body of elements rows are its
-    vertices, and `elements` and attributes "element_..." have one for each element.
+    vertices, and `elements` and attributes ``element_...`` have one for each element.
     """
 
     def __init__(self, path: Path, dimension: int) -> None:
@@ -69,7 +69,7 @@ class Frame(Mapping[str, NDArray[Any]]):
     def elements(self) -> NDArray[Any] | None:
         """Vertices of each element, rows of "position", (m, d + 1); None of a body of particles.
 
-        Attributes "element_..." have a row for each. Raises `SceneError` where it is damaged.
+        Attributes ``element_...`` have a row for each. Raises `SceneError` where it is damaged.
         """
         if not self._cells:
             return None
