@@ -33,11 +33,23 @@ def speed(sim):
     return np.sqrt(np.mean(np.sum(v**2, axis=1)) / (scenes.GRAVITY * DEPTH))
 
 
-@pytest.mark.parametrize("precision", ["double", "single"])
-def test_hundred_thousand_steps(precision, device, figure):
+#: Largest speed, parts of √(gH), beside walls of linear cells: the acceptance of their study, whose
+#: profile (0.5 %) and bed (1 %) are within the bounds of the source.
+LINEAR_SPEED = 2e-4
+
+
+@pytest.mark.parametrize(
+    ("precision", "cell", "most"),
+    [
+        ("double", "held", REST_SPEED),
+        ("single", "held", REST_SPEED),
+        ("single", "linear", LINEAR_SPEED),
+    ],
+)
+def test_hundred_thousand_steps(precision, cell, most, device, figure):
     scene = scenes.tank(
         cells=(WIDTH, LAYERS), cell_size=DEPTH / LAYERS, modulus=scenes.stiffness(DEPTH),
-        gravity=scenes.GRAVITY, at_rest=True, interval=1.0, response=boundaries.Slip(),
+        gravity=scenes.GRAVITY, at_rest=True, interval=1.0, response=boundaries.Slip(cell=cell),
     )  # fmt: skip
     sim = libmpm.Simulation(scene, device=device, precision=precision, threads=1)
     speeds = []
@@ -53,12 +65,12 @@ def test_hundred_thousand_steps(precision, device, figure):
         axes[0].axvline(side * REST_EDGE_CELL, color="r", label="bound of bed and surface cell")
     axes[0].set(xlabel="(p - ρg(H-y)) / ρgH", ylabel="y / H", title=f"rms {rms:.4f}")
     axes[1].semilogy(np.arange(1, 401) * 250, speeds)
-    axes[1].axhline(REST_SPEED, color="r", label="bound")
+    axes[1].axhline(most, color="r", label="bound")
     axes[1].set(xlabel="step", ylabel="rms node speed / √(gH)", title=f"last tenth {late:.1e}")
     assert rms <= REST_PROFILE
     assert abs(error[0]) <= REST_EDGE_CELL
     assert abs(error[-1]) <= REST_EDGE_CELL
-    assert late <= REST_SPEED
+    assert late <= most
 
 
 def test_ten_kilometres_away(device):
