@@ -23,12 +23,11 @@ import argparse
 import itertools
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from result_pages import Line, append, filled, load, markdown
-from wall_loads import CELLS, GRAVITY, PAGE, WATER, run, water
+from wall_loads import CELLS, GRAVITY, PAGE, WATER, run, scene_of, water
 
 import libmpm
 from libmpm import boundaries, materials, methods, sensors, shapes
@@ -45,15 +44,6 @@ Values = dict[str, float]
 Array = npt.NDArray[np.float64]
 
 
-def scene_of(upper: tuple[float, float], cell: float, transfer: str, **more: Any) -> libmpm.Scene:
-    """Return an empty scene from (0, 0) on under gravity."""
-    method = libmpm.Method(cfl=0.3, transfer=TRANSFERS[transfer], leaving="delete")
-    return libmpm.Scene(
-        dimension=2, cell_size=cell, lower=more.get("lower", (0.0, 0.0)), upper=upper,
-        gravity=(0.0, -GRAVITY), method=method,
-    )  # fmt: skip
-
-
 def stiff(depth: float) -> materials.TaitFluid:
     """Return water in which sound is 14 times as fast as long waves of a depth."""
     return water(200 * WATER * GRAVITY * depth)
@@ -62,7 +52,7 @@ def stiff(depth: float) -> materials.TaitFluid:
 def dam(cell: str, transfer: str, across: int) -> Values:
     """Return twice the height of the middle of what was 1 m x 1 m, over 0.5 m."""
     dx = 0.5 / across
-    scene = scene_of((2.0, 2.0), dx, transfer)
+    scene = scene_of((2.0, 2.0), dx, TRANSFERS[transfer])
     square = shapes.Box(lower=(0.0, 0.0), upper=(1.0, 1.0))
     scene.add_body(name="water", shape=square, material=stiff(1.0), hydrostatic=1.0)
     response = boundaries.Slip(cell=cell)  # type: ignore[arg-type]
@@ -84,7 +74,7 @@ def tube(cell: str, transfer: str, across: int) -> Values:
     length = 2 * (high - wide) + wide + 2 * 0.5587 * wide
     rate = np.sqrt(2 * GRAVITY / length)
     speed = 0.2 * wide * rate
-    scene = scene_of((3 * wide, high + wide), dx, transfer)
+    scene = scene_of((3 * wide, high + wide), dx, TRANSFERS[transfer])
     legs = {
         "left": ((0.0, wide), (wide, high), (0.0, -speed)),
         "bottom": ((0.0, 0.0), (3 * wide, wide), (speed, 0.0)),
@@ -139,7 +129,7 @@ def channel(
     """Return water 1 m deep before a piston that sends a wave of H/h 0.2."""
     dx = 1.0 / across
     start = 8 * dx
-    scene = scene_of((start + length, 2.2), dx, transfer)
+    scene = scene_of((start + length, 2.2), dx, TRANSFERS[transfer])
     room = shapes.Box(lower=(start, 0.0), upper=(start + length, 1.0))
     shape = room if bed is None else shapes.basin(level=1.0, bed=bed, within=room)
     sampling = {} if bed is None else {"sampling": shapes.Columns()}
@@ -218,7 +208,7 @@ def run_up(cell: str, transfer: str, across: int) -> Values:
 def disc(cell: str, transfer: str, across: int) -> Values:
     """Return how a disc 0.16 m wide starts to rise, over g/3, in a tank of 8 by 6 of its width."""
     dx = 0.16 / across
-    scene = scene_of((1.28, 1.12), dx, transfer)
+    scene = scene_of((1.28, 1.12), dx, TRANSFERS[transfer])
     ball = shapes.Sphere(centre=(0.64, 0.48), radius=0.08)
     scene.add_body(
         name="water", shape=shapes.Box(lower=(0.0, 0.0), upper=(1.28, 0.96)),

@@ -24,7 +24,7 @@ import numpy as np
 from result_pages import Line, append, filled, load, markdown
 
 import libmpm
-from libmpm import boundaries, materials, sensors, shapes
+from libmpm import boundaries, materials, methods, sensors, shapes
 from libmpm._src.cli import bench
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,7 +38,9 @@ TRANSFERS = ("APIC", "FLIP")
 Values = dict[str, float]
 
 
-def scene_of(upper: tuple[float, float], cell: float, transfer: str, **more: Any) -> libmpm.Scene:
+def scene_of(
+    upper: tuple[float, float], cell: float, transfer: str | methods.Transfer, **more: Any
+) -> libmpm.Scene:
     """Return an empty scene from (0, 0) on under gravity."""
     method = libmpm.Method(cfl=0.3, transfer=transfer, leaving="delete")
     return libmpm.Scene(
