@@ -151,8 +151,11 @@ def draw(folder: Path, *, length: float = 0.0) -> Path | None:
     figure = Figure(figsize=(13, sum(heights)), layout="constrained")
     grid = figure.add_gridspec(1 + len(picks), 2, height_ratios=heights)
     shown = [run.time(i) for i in picks] if run is not None else []
-    _draw_forces(figure.add_subplot(grid[0, 0]), sensors, loads, length, shown)
-    _draw_levels(figure.add_subplot(grid[0, 1]), sensors, shown)
+    gauges = [s for s in sensors.values() if s.attributes.get("kind") == "wave-gauge" and len(s)]
+    curves = figure.add_subplot(grid[0, 0] if gauges else grid[0, :])
+    _draw_forces(curves, sensors, loads, length, shown)
+    if gauges:
+        _draw_levels(figure.add_subplot(grid[0, 1], sharex=curves), gauges, shown)
     if run is not None and picks:
         moments = {i: run.dots(i, "speed") for i in picks}
         found = [d.colour for dots, _ in moments.values() for d in dots.values()]
@@ -205,11 +208,10 @@ def _draw_forces(
     _mark(axes, shown)
 
 
-def _draw_levels(axes: Any, sensors: Mapping[str, Series], shown: Sequence[float]) -> None:
+def _draw_levels(axes: Any, gauges: Sequence[Series], shown: Sequence[float]) -> None:
     """Draw the level at every wave gauge, over the same times as the forces."""
-    for series in sensors.values():
-        if series.attributes.get("kind") == "wave-gauge" and len(series):
-            series.plot(axes=axes, label=series.name)
+    for series in gauges:
+        series.plot(axes=axes, label=series.name)
     axes.set(xlabel="time [s]", ylabel="surface [m]", title="Wave gauges")
     _mark(axes, shown)
 

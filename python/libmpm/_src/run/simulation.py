@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -350,12 +350,12 @@ class Simulation(Shown, Acting):
         """The compiled engine; made when first asked for."""
         return self._assembly.engine
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> NoReturn:
         """Refuse to be copied or pickled: two would share one engine and one output folder."""
         raise Error(
             "a Simulation cannot be copied or pickled, because it owns an engine and its output "
-            "folder; continue from a checkpoint, Simulation.resume(sim.save_checkpoint(path)), or "
-            "make another one of the same scene"
+            "folder; continue from a checkpoint, by sim.save_checkpoint(path) and "
+            "Simulation.resume(path), or make another one of the same scene"
         )
 
     def flow_series(self) -> list[Series]:
