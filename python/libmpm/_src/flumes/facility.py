@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from libmpm._src.pictures.figures import Picture
     from libmpm._src.scene.run_file import RunFile
 
-__all__ = ["WIDTHS", "Axes", "Difference", "Facility", "Instrument", "Width"]
+__all__ = ["WIDTHS", "Axes", "Deviation", "Facility", "Instrument", "Width"]
 
 Width = Literal["slice", "half", "full"]
 WIDTHS = ("slice", "half", "full")
@@ -45,7 +45,7 @@ _UNCOMPARED = 30.0
 Pairs = tuple[tuple[float, float], ...]
 
 
-class Difference(NamedTuple):
+class Deviation(NamedTuple):
     """A number in which a scene is not the facility: what, there, in the scene, and why."""
 
     what: str
@@ -150,7 +150,7 @@ class Facility(Value):
         """Return what a run of it is compared in."""
         raise NotImplementedError
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return every number in which the scene is not the facility, with the reason."""
         raise NotImplementedError
 
@@ -260,7 +260,7 @@ class Facility(Value):
                  for i in self.instruments()]  # fmt: skip
         rows += ["differences from the facility:"]
         rows += [f"  {d.what}: {d.facility} there, {d.scene} here; {d.why}"
-                 for d in self.differences()]  # fmt: skip
+                 for d in self.deviations()]  # fmt: skip
         return "\n".join(rows)
 
     def bed_response(self) -> Slip:

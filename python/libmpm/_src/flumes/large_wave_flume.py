@@ -16,7 +16,7 @@ from libmpm._src.flumes import large_wave_flume_rows, records
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import add_field, lengthened, scattered
 from libmpm._src.flumes.facility import (
-    Difference,
+    Deviation,
     Facility,
     Instrument,
     Pairs,
@@ -368,19 +368,19 @@ class LargeWaveFlume(Facility):
 
     # What it is compared with ----------------------------------------------------------------
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return where the scene is not the flume."""
         found = [
-            Difference("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
+            Deviation("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
                        "longer steps; waves run at a tenth of its sound or less"),
-            Difference("step of the bed", "upright at x 14.275 m", "over 5 mm",
+            Deviation("step of the bed", "upright at x 14.275 m", "over 5 mm",
                        "a profile has one height at a place"),
         ]  # fmt: skip
         if self.width != "slice":
             wide = 2 * self._across(3.66)[1]
             found += lengthened("width", 3.66, wide)
         if self.end is not None:
-            found.append(Difference("end", "beach at 87.46 m", f"wall at {self.end:g} m", "cost"))
+            found.append(Deviation("end", "beach at 87.46 m", f"wall at {self.end:g} m", "cost"))
         if self.structure is not None:
             low, high = self.box().bounds()
             share = 2.0 if self.width == "half" else 1.0
@@ -388,10 +388,10 @@ class LargeWaveFlume(Facility):
             found += lengthened("box across", 1.016, share * (high[1] - low[1]))
             found += lengthened("box up", 0.615, high[2] - low[2])
         if self.debris is not None:
-            found.append(Difference("E of the bars", "0.8 GPa", f"{self.modulus():.3g} Pa",
+            found.append(Deviation("E of the bars", "0.8 GPa", f"{self.modulus():.3g} Pa",
                                     "longer steps; single blows are softer"))  # fmt: skip
             gap = 2 * self.cell_size if self.gap is None else self.gap
-            found.append(Difference("gap between bars", "none", f"{gap:g} m",
+            found.append(Deviation("gap between bars", "none", f"{gap:g} m",
                                     "bodies share velocities at nodes: no contact"))  # fmt: skip
         return tuple(found)
 

@@ -20,7 +20,7 @@ from libmpm._src.flumes.comparison import Comparison, Row
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import add_field, lengthened, scattered, track
 from libmpm._src.flumes.facility import (
-    Difference,
+    Deviation,
     Facility,
     Instrument,
     Pairs,
@@ -296,12 +296,12 @@ class WASIRF(Facility):
 
     # What it is compared with ----------------------------------------------------------------
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return where the scene is not the flume."""
         found = [
-            Difference("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
+            Deviation("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
                        "longer steps"),
-            Difference("current", "boundary layers, turbulence", "the same at all heights",
+            Deviation("current", "boundary layers, turbulence", "the same at all heights",
                        "no drag of bed and walls"),
         ]  # fmt: skip
         found += lengthened("working part", _LENGTH, _LENGTH - self._cells(self.start))
@@ -315,7 +315,7 @@ class WASIRF(Facility):
                 found += lengthened(f"box {what}", edge, round(by * (high[k] - low[k]), 9))
         if self.debris is not None:
             modulus = self.field().prototypes[0].material.parameters()["youngs_modulus"]
-            found.append(Difference("E of the debris", "0.8 GPa", f"{modulus:.3g} Pa",
+            found.append(Deviation("E of the debris", "0.8 GPa", f"{modulus:.3g} Pa",
                                     "longer steps; single blows are softer"))  # fmt: skip
         return tuple(found)
 

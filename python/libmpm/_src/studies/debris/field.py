@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from libmpm._src.base.formulas import Field
     from libmpm._src.methods.method import FBar
     from libmpm._src.scene.scene import Scene
-    from libmpm._src.studies.debris.mesh import Tetrahedra
+    from libmpm._src.studies.debris.mesh import DebrisMesh
 
 __all__ = ["DebrisField", "Placement"]
 
@@ -375,7 +375,7 @@ class DebrisField(Value):
         )
 
     @keywords_only("debris.DebrisField.mesh")
-    def mesh(self, *, edge: float | None = None, elevation: float = 0.0) -> Tetrahedra:
+    def mesh(self, *, edge: float | None = None, elevation: float = 0.0) -> DebrisMesh:
         """Return the pieces as tetrahedra, for finite elements.
 
         `edge` in m is the longest edge of the bricks that a piece is cut into; None = one brick.
