@@ -38,7 +38,7 @@ class Convergence:
 
     @property
     def order(self) -> tuple[float, ...]:
-        """log(E' / E) / log(h' / h) with E', h' of the grid before; not a number at the first."""
+        """log(E' / E) / log(h' / h) with E', h' of the grid before; NaN at the first."""
         found = [math.nan]
         for k in range(1, len(self.n)):
             errors, spacings = self.error[k - 1 : k + 1], self.spacing[k - 1 : k + 1]
@@ -49,7 +49,7 @@ class Convergence:
         return tuple(found)
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """Return the columns as lists; an order that is not a number becomes None."""
+        """Return the columns as lists; a NaN order becomes None."""
         return {
             "n": list(self.n),
             "functions": list(self.functions),

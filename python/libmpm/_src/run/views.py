@@ -25,7 +25,7 @@ _BODIES = ("body", "material")
 class BodyView(Mapping[str, NDArray[Any]]):
     """The particles of one body: ``view["position"]`` is a NumPy copy, rows sorted by id.
 
-    Beside `names` it takes the library names of attributes, such as ``view["VonMisesStress"]``.
+    Besides `names` it takes the library names of attributes, such as ``view["VonMisesStress"]``.
 
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), float64 in SI
     units; ``id`` is uint64 and ``position`` is in world coordinates, m. Of a body of elements rows

@@ -258,7 +258,7 @@ class Parity:
 
     @property
     def deviations(self) -> Floats:
-        """Simulated over measured minus 1, (n,); infinite or not a number where measured is 0."""
+        """Simulated over measured minus 1, (n,); infinite or NaN where measured is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.simulated / self.measured - 1)
 
