@@ -106,7 +106,8 @@ def _callables():
             label, kind = f"{module.__name__}.{name}", inspect.isclass(thing)
             if not kind or (issubclass(thing, Value) and not inspect.isabstract(thing)):
                 yield label, thing
-            for key, inner in vars(thing).items() if kind else ():
+            bases = reversed(thing.__mro__) if kind else ()
+            for key, inner in {k: x for base in bases for k, x in vars(base).items()}.items():
                 if isinstance(inner, classmethod) and key[0] != "_" and key != "from_dict":
                     yield f"{label}.{key}", getattr(thing, key)
 

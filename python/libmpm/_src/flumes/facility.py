@@ -45,6 +45,11 @@ _UNCOMPARED = 30.0
 Pairs = tuple[tuple[float, float], ...]
 
 
+def rectangle(x: float, u: float, z: float, w: float) -> Pairs:
+    """Return the corners of a rectangle from x to u and z to w, for drawings."""
+    return ((x, z), (u, z), (u, w), (x, w))
+
+
 class Deviation(NamedTuple):
     """A number in which a scene is not the facility: what, there, in the scene, and why."""
 

@@ -23,6 +23,7 @@ from libmpm._src.flumes.facility import (
     Width,
     check_debris,
     modulus_at_speed,
+    rectangle,
     wall,
 )
 from libmpm._src.flumes.structures import EDGE_TEXT, EDGES, Edges, add_structure
@@ -311,16 +312,16 @@ class LargeWaveFlume(Facility):
 
     def outlines(self) -> tuple[tuple[str, Pairs], ...]:
         """Return box and debris from the side."""
-        found: list[tuple[str, Pairs]] = [("piston", _rectangle(-0.6, 0.0, 0.0, 2.6))]
+        found: list[tuple[str, Pairs]] = [("piston", rectangle(-0.6, 0.0, 0.0, 2.6))]
         if self.structure is not None:
             (x, _, z), (u, _, w) = _BOX
-            found.append(("box", _rectangle(x, u, z, w)))
+            found.append(("box", rectangle(x, u, z, w)))
         if self.debris is not None:
             field = self.field()
             low = min(p.x for p in field.pieces) - 0.25
             high = max(p.x for p in field.pieces) + 0.25
             z = self.still_water
-            found.append(("debris", _rectangle(low, high, z - 0.05, z + 0.01)))
+            found.append(("debris", rectangle(low, high, z - 0.05, z + 0.01)))
         return tuple(found)
 
     # Debris ----------------------------------------------------------------------------------
@@ -403,7 +404,3 @@ class LargeWaveFlume(Facility):
     def joint_rows(cls, comparisons: Sequence[Comparison]) -> list[Row]:
         """Return row L10, the line through first peaks of all layouts with a box plot."""
         return large_wave_flume_rows.parity(comparisons)
-
-
-def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
-    return ((x, z), (u, z), (u, w), (x, w))

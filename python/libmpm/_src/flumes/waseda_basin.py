@@ -21,6 +21,7 @@ from libmpm._src.flumes.facility import (
     Width,
     check_debris,
     modulus_at_speed,
+    rectangle,
     wall,
 )
 from libmpm._src.flumes.structures import (
@@ -330,7 +331,7 @@ class WasedaBasin(Facility):
             )
         if self.debris is not None:
             x, z = self.field().pieces[0].x, _APRON
-            found.append(("debris", _rectangle(x - 0.03, x + 0.03, z, z + 0.06)))
+            found.append(("debris", rectangle(x - 0.03, x + 0.03, z, z + 0.06)))
         return tuple(found)
 
     def deviations(self) -> tuple[Deviation, ...]:
@@ -365,7 +366,3 @@ class WasedaBasin(Facility):
     def criteria(self) -> tuple[Criterion, ...]:
         """Return rows T1 to T3, with debris T4 to T7, with columns T8."""
         return waseda_basin_rows.criteria(self)
-
-
-def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
-    return ((x, z), (u, z), (u, w), (x, w))

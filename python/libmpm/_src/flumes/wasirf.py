@@ -27,6 +27,7 @@ from libmpm._src.flumes.facility import (
     Width,
     check_debris,
     modulus_at_speed,
+    rectangle,
     wall,
 )
 from libmpm._src.flumes.structures import (
@@ -283,15 +284,15 @@ class WASIRF(Facility):
         found: list[tuple[str, Pairs]] = []
         if self.structure is not None:
             z = self.underside
-            found.append(("box", _rectangle(_FRONT, _FRONT + _BOX[0], z, z + _BOX[2])))
+            found.append(("box", rectangle(_FRONT, _FRONT + _BOX[0], z, z + _BOX[2])))
         if self.debris is not None:
             pieces = [p.x for p in self.field().pieces]
             z = self.still_water
-            found.append(("debris", _rectangle(min(pieces) - 0.1, max(pieces) + 0.1, z, z + 0.03)))
+            found.append(("debris", rectangle(min(pieces) - 0.1, max(pieces) + 0.1, z, z + 0.03)))
         before, behind = self.pump()
-        found.append(("pump", _rectangle(self.start, before, 0.0, 0.02)))
+        found.append(("pump", rectangle(self.start, before, 0.0, 0.02)))
         if behind < _LENGTH:
-            found.append(("drain", _rectangle(behind, _LENGTH, 0.0, 0.02)))
+            found.append(("drain", rectangle(behind, _LENGTH, 0.0, 0.02)))
         return tuple(found)
 
     # What it is compared with ----------------------------------------------------------------
@@ -419,7 +420,3 @@ class WASIRF(Facility):
         return (Criterion("W4", what, "N", ("box",), window, measure,
                           float(row["exp_mascarenas2022_median_N"]), low, high,
                           f"{low:g} to {high:g} N", gates=False),)  # fmt: skip
-
-
-def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
-    return ((x, z), (u, z), (u, w), (x, w))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from libmpm._src.base.arguments import keywords_only
-from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.base.tables import Tabled
 from libmpm._src.base.values import Checker
 from libmpm._src.grids.functions import Field, Functions
 from libmpm._src.grids.grid import SplineGrid, TriangularGrid
@@ -19,7 +19,7 @@ Grid = TriangularGrid | SplineGrid
 
 
 @dataclass(frozen=True, repr=False)
-class Convergence:
+class Convergence(Tabled):
     """Errors on finer and finer grids; prints as a table, in Jupyter too.
 
     Made by `convergence`. Entry k of each tuple belongs to the k-th grid.
@@ -68,15 +68,6 @@ class Convergence:
                 for n, f, h, e, p in columns
             ),
         ]
-
-    def __repr__(self) -> str:
-        """Return the table as text for a terminal."""
-        return text_table(self._rows())
-
-    def _repr_html_(self) -> str:
-        """Return the table for Jupyter."""
-        head, *rows = self._rows()
-        return html_table(rows, head)
 
 
 @keywords_only("grids.convergence", 3, method=False)
