@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
 
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.time_tables import TimeTable
@@ -185,7 +185,7 @@ class Facility(Value):
     # What all of them do ---------------------------------------------------------------------
 
     @classmethod
-    def at_level(cls, level: str, **changes: Any) -> Any:
+    def at_level(cls, level: str, **changes: Any) -> Self:
         """Return the facility at a level, "laptop" or "full", with some arguments changed.
 
         Laptop: a slice, two cores, at most 10 minutes. Full: in space, one H200, at most 8
@@ -196,7 +196,7 @@ class Facility(Value):
         return cls(**{**cls.levels[level], **changes})
 
     @classmethod
-    def of_case(cls, case: str, level: str | None = None, **changes: Any) -> Any:
+    def of_case(cls, case: str, level: str | None = None, **changes: Any) -> Self:
         """Return the facility in a set-up that was measured, with some arguments changed.
 
         `level` None is the set-up's own: "laptop" or "full". Raises `SceneError`.
