@@ -218,7 +218,7 @@ class Simulation(Shown, Acting):
 
     @property
     def dt(self) -> float:
-        """The time step, s."""
+        """The time step that is being taken, s; it changes from step to step."""
         return float(self.engine.time_step)
 
     @property
