@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
+from libmpm._src.base.arguments import wrong_arguments
 from libmpm._src.base.values import nearest, shown
-from libmpm._src.errors import SceneError
-from libmpm._src.scene.data import SceneData
+from libmpm._src.errors import ArgumentError, SceneError
+from libmpm._src.scene.data import HEAD, SceneData
 from libmpm._src.scene.parts import Body
 from libmpm._src.shapes.particle_placement import Sampling
 
@@ -30,6 +31,7 @@ def copied(scene: S, changes: Mapping[str, Any]) -> S:
         )
     if "start" in changes:
         raise SceneError("Scene.copy: start is what Scene.from_checkpoint sets; leave it out")
+    _check_names("copy", [key for key in HEAD if key != "start"], changes)
     head = {key: getattr(scene, key) for key in scene._head()}
     if changes.get("grid") is not None:
         head = {key: item for key, item in head.items() if key not in _OF_SQUARES}
@@ -47,6 +49,8 @@ def replace(scene: SceneData, name: str, kind: str | None, changes: Mapping[str,
     kind = _kind_of(scene, "replace", name, kind)
     old = scene._by_kind()[kind][name]
     inner: Any = old.sensor if kind == "sensor" else old.flow if kind == "flow" else old
+    fields = [f.name for f in dataclasses.fields(inner) if f.name != "name"]
+    _check_names("replace", fields, changes)
     new = dataclasses.replace(inner, **changes)
     if inner is not old:
         new = dataclasses.replace(old, **{kind: new})
@@ -58,6 +62,12 @@ def replace(scene: SceneData, name: str, kind: str | None, changes: Mapping[str,
 def remove(scene: SceneData, name: str, kind: str | None) -> None:
     """Take the part `name` out of the scene."""
     del scene._by_kind()[_kind_of(scene, "remove", name, kind)][name]
+
+
+def _check_names(what: str, names: Iterable[str], changes: Mapping[str, Any]) -> None:
+    problems = wrong_arguments(f"Scene.{what}", list(names), (), 0, 0, changes)
+    if problems:
+        raise ArgumentError(problems)
 
 
 def _default(scene: SceneData, body: Body) -> Sampling | None:
