@@ -105,8 +105,9 @@ def keywords_only(
 
     Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
     after self may come without a name. `instead` names an argument that makes others unnecessary.
-    A function that is no `method` has no self. `renamed` has arguments by their names of version
-    0.1, which warn until 0.3.
+    A function that is no `method` has no self. In the label of a method that several classes have,
+    {} stands for the label of the class. `renamed` has arguments by their names of version 0.1,
+    which warn until 0.3.
     """
     own = int(method)
 
@@ -122,10 +123,11 @@ def keywords_only(
 
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+            said = label.format(getattr(args[0], "label", "")) if method and args else label
             for old in [key for key in renamed or {} if key in kwargs]:
                 new = (renamed or {})[old]
                 warnings.warn(
-                    f"{label}: '{old}' is '{new}' since libmpm 0.2; the old name goes in 0.3",
+                    f"{said}: '{old}' is '{new}' since libmpm 0.2; the old name goes in 0.3",
                     DeprecationWarning,
                     stacklevel=2,
                 )
@@ -136,7 +138,7 @@ def keywords_only(
                 known = {k: v for k, v in kwargs.items() if k in names}  # type: ignore[assignment]
             if inspect.Parameter.VAR_POSITIONAL in kinds:
                 unnamed = min(unnamed, positional)
-            problems = wrong_arguments(label, names, required, unnamed, positional, known, instead)
+            problems = wrong_arguments(said, names, required, unnamed, positional, known, instead)
             if problems:
                 raise ArgumentError(problems)
             return function(*args, **kwargs)

@@ -272,8 +272,17 @@ class Value:
 
     def __repr__(self) -> str:
         """Return the call that makes this value."""
-        inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in self._fields)
+        inside = ", ".join(f"{name}={_text(getattr(self, name))}" for name in self._fields)
         return f"{self.label or type(self).__name__}({inside})"
+
+
+def _text(item: Any) -> str:
+    """Return what is read as the same item again; 2.2e+09 and not 2200000000.0."""
+    if isinstance(item, float) and 1e6 <= abs(item) < math.inf:
+        for digits in range(1, 6):
+            if float(text := f"{item:.{digits}g}") == item:
+                return text
+    return repr(item)
 
 
 def _constructor(

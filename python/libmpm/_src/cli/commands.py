@@ -14,7 +14,7 @@ import time as clock
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from libmpm._src.cli.options import parser
 from libmpm._src.errors import (
@@ -27,6 +27,10 @@ from libmpm._src.errors import (
     OutputError,
     SceneError,
 )
+
+if TYPE_CHECKING:
+    from libmpm._src.run.partition import Partition
+    from libmpm._src.scene.scaling import Scaling
 
 __all__ = ["EXIT_CODES", "ExitCode", "main"]
 
@@ -78,7 +82,7 @@ def _device(text: str) -> str | list[str]:
     return text.split(",") if "," in text else text
 
 
-def _partition(arguments: argparse.Namespace, path: Path | None = None) -> Any:
+def _partition(arguments: argparse.Namespace, path: Path | None = None) -> Partition | None:
     """Return the partition that was asked for, the rest from a checkpoint; None for neither."""
     names = ("cuts", "at", "by", "weights", "rebalance_above")
     given = {name: getattr(arguments, name) for name in names}
@@ -100,7 +104,7 @@ def _partition(arguments: argparse.Namespace, path: Path | None = None) -> Any:
     return Partition(**(kept | given))
 
 
-def _scaling(arguments: argparse.Namespace) -> Any:
+def _scaling(arguments: argparse.Namespace) -> Scaling | None:
     """Return the scaling that was asked for, or None."""
     ratio = getattr(arguments, "scale", None)
     if ratio is None:

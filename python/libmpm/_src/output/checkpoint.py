@@ -53,7 +53,7 @@ class Checkpoint:
     `header` is JSON: format, version, scene, device, precision, pipeline, threads, time_step,
     time (s), step, until (s), output settings. `state` is the engine's own, and `sensors` holds
     per sensor (time (n,), values (n, components), components, units). `memory` is what sensors that
-    are evaluated in Python need beside their series, by number of the sensor.
+    are evaluated in Python need besides their series, by number of the sensor.
     """
 
     header: dict[str, Any]

@@ -57,7 +57,7 @@ class Frame(Mapping[str, NDArray[Any]]):
                 raise ValueError(f"its time is {time}")
         #: Simulated time, s.
         self.time = time
-        #: What the writer noted beside: version, precision, ...
+        #: What the writer noted besides: version, precision, ...
         self.metadata = about
 
     @property

@@ -44,7 +44,7 @@ class Output:
         Simulated seconds between frames; frame k is taken at the first step boundary with
         time >= k * frame_interval. None: no frames.
     attributes
-        Names to store in frames beside the position: one list for all bodies or
+        Names to store in frames besides the position: one list for all bodies or
         {body: list}. A body that the mapping leaves out has no frames. Default: velocity and
         pressure, of bodies of elements their elements' stress and volume ratio too.
     checkpoint_interval

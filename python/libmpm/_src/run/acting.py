@@ -298,7 +298,7 @@ class Acting:
         taken out and put in as it is with the new values, so that the coming step has them
         (`include/mpm/solver/domain_assign.hpp`). A checkpoint holds the result, and a resumed run
         has the same bits. Refused where it cannot be exact: bodies that are smoothed over cells, a
-        stored state beside F-bar's second volume, several ranks, grids of functions, and a change
+        stored state besides F-bar's second volume, several ranks, grids of functions, and a change
         that would take particles through half a cell in the coming step. Raises `SceneError`;
         nothing is changed then. The guard counts energies again afterwards.
         """

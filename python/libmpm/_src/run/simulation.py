@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.values import keywords_only, shown, warned_already
-from libmpm._src.errors import Error
+from libmpm._src.errors import Error, SceneError
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
 from libmpm._src.output.settings import Output
@@ -218,7 +218,7 @@ class Simulation(Shown, Acting):
 
     @property
     def dt(self) -> float:
-        """The time step, s."""
+        """The time step that is being taken, s; it changes from step to step."""
         return float(self.engine.time_step)
 
     @property
@@ -350,12 +350,12 @@ class Simulation(Shown, Acting):
         """The compiled engine; made when first asked for."""
         return self._assembly.engine
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> NoReturn:
         """Refuse to be copied or pickled: two would share one engine and one output folder."""
         raise Error(
             "a Simulation cannot be copied or pickled, because it owns an engine and its output "
-            "folder; continue from a checkpoint, Simulation.resume(sim.save_checkpoint(path)), or "
-            "make another one of the same scene"
+            "folder; continue from a checkpoint, by sim.save_checkpoint(path) and "
+            "Simulation.resume(path), or make another one of the same scene"
         )
 
     def flow_series(self) -> list[Series]:
@@ -381,7 +381,7 @@ class Simulation(Shown, Acting):
     def step(self, n: int = 1) -> None:
         """Advance `n` steps. Raises `Error` while another thread runs or steps it."""
         if n < 0:
-            raise ValueError(f"n is {n}; expected a number of steps, 0 or more")
+            raise SceneError(f"Simulation.step: n is {n}; expected a number of steps, ≥ 0")
         try:
             with self._turns.advancing(self._scene.name):
                 self._loop.step(n)
@@ -396,21 +396,24 @@ class Simulation(Shown, Acting):
         progress: bool | Callable[[State], object] = True,
         wall_limit: float | None = None,
     ) -> bool:
-        """Advance to the first step boundary with time >= `until`, s; return whether it got there.
+        """Advance to the first step boundary with time ≥ `until`, s; return whether it got there.
 
-        `progress` shows a bar, or is a callable that receives a `State` several times a second.
-        After `wall_limit` seconds of wall time, ≥ 0, the run stops at a step boundary, writes a
-        checkpoint into the output folder if it has one, and returns False; `stopped` says why.
-        Ctrl-C stops at a step boundary with everything valid and flushed. Either way `run` can be
-        called again, and no bit is changed. Raises `Error` while another thread runs or steps it.
+        Where the time is past `until` already nothing is done. `progress` shows a bar, or is a
+        callable that receives a `State` several times a second. After `wall_limit` seconds of wall
+        time, ≥ 0, the run stops at a step boundary, writes a checkpoint into the output folder if
+        it has one, and returns False; `stopped` says why. Ctrl-C stops at a step boundary with
+        everything valid and flushed. Either way `run` can be called again, and no bit is changed.
+        Raises `Error` while another thread runs or steps it.
         """
         if isinstance(until, bool | str | bytes) or not hasattr(until, "__float__"):
             raise Error(f"Simulation.run: until is {shown(until)}; expected a time as a number, s")
         until = float(until)
         if math.isnan(until):
-            raise ValueError("until is not a number; expected seconds")
+            raise SceneError("Simulation.run: until is NaN; expected a time as a number, s")
         if wall_limit is not None and not wall_limit >= 0:
-            raise ValueError(f"wall_limit is {shown(wall_limit)}; expected seconds, ≥ 0, or None")
+            raise SceneError(
+                f"Simulation.run: wall_limit is {shown(wall_limit)}; expected seconds, ≥ 0, or None"
+            )
         with self._turns.advancing(self._scene.name):
             return self._loop.run(until, progress, wall_limit)
 

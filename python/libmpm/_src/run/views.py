@@ -25,7 +25,7 @@ _BODIES = ("body", "material")
 class BodyView(Mapping[str, NDArray[Any]]):
     """The particles of one body: ``view["position"]`` is a NumPy copy, rows sorted by id.
 
-    Beside `names` it takes the library names of attributes, such as ``view["VonMisesStress"]``.
+    Besides `names` it takes the library names of attributes, such as ``view["VonMisesStress"]``.
 
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), float64 in SI
     units; ``id`` is uint64 and ``position`` is in world coordinates, m. Of a body of elements rows
@@ -112,6 +112,13 @@ class BodyView(Mapping[str, NDArray[Any]]):
         """Return body, count and time."""
         return f"<body '{self.name}': {len(self)} particles at {self._simulation.time:g} s>"
 
+    def _repr_html_(self) -> str:
+        """Return shape and material as a table for Jupyter, without asking the device."""
+        body = self._simulation.scene.bodies[self._index]
+        return html_table(
+            [("particles of", self.name), ("shape", body.shape), ("material", body.material)]
+        )
+
 
 class ParticlesView(Mapping[str, BodyView]):
     """Body name -> particles."""
@@ -176,6 +183,10 @@ class GridView(Mapping[str, NDArray[np.float64]]):
     def __repr__(self) -> str:
         """Return the names of the arrays, without asking the device."""
         return f"<active nodes of the grid: {', '.join(self.names)}>"
+
+    def _repr_html_(self) -> str:
+        """Return the names of the arrays as a table for Jupyter, without asking the device."""
+        return html_table([("active nodes of the grid", ", ".join(self.names))])
 
 
 class SensorsView(Mapping[str, Series]):

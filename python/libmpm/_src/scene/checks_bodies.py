@@ -53,7 +53,7 @@ _MOST_POINTS = 2**33
 _PIECE = 1 << 18
 
 #: Share of their own velocity that particles keep, and with which they move where they are pressed,
-#: above which discs that collide tear (docs/choosing-a-method.md).
+#: above which discs that collide tear (docs/method-tables.md).
 _KEPT, _SHIFTED = 0.9, 0.05
 
 

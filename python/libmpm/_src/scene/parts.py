@@ -102,7 +102,7 @@ class Body(Value):
         low=0,
     )
     force: PlacedForce | None = given(
-        "`PlacedForce`: a force by mass that changes with the place, beside gravity", default=None
+        "`PlacedForce`: a force by mass that changes with the place, besides gravity", default=None
     )
 
     def _label(self) -> str:

@@ -1,7 +1,7 @@
 """Every particle attribute by its library name: what it is, what it is made from, who has it.
 
 The names are those of ClaymoreUW's output (Bonus 2023, listing of attributes); they are accepted
-wherever attributes are named, beside the engine's own (`position`, `stress`, ...), and nothing is
+wherever attributes are named, besides the engine's own (`position`, `stress`, ...), and nothing is
 computed before it is asked for.
 """
 

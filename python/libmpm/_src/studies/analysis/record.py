@@ -170,7 +170,7 @@ class Record:
 
     @property
     def interval(self) -> float:
-        """Median of the times between samples, s; not a number for a single point."""
+        """Median of the times between samples, s; NaN for a single point."""
         return float(np.median(self._steps)) if len(self._steps) else math.nan
 
     @property
