@@ -3,6 +3,7 @@
     python benchmarks/claims.py                            all on the GPU and the CPU's cores
     python benchmarks/claims.py V13 bridges --list         some; what there is
     python benchmarks/claims.py --device cuda --workers 8 --budget 330 --output FILE
+    python benchmarks/claims.py --merge FILE ...           lines of other files into --output
 
 V13 (some seconds each) and the bridges, whose modified functions devices do not have, run in
 `--processes` processes on the CPU, the rest on the device, `--workers` at once in threads that
@@ -16,6 +17,7 @@ out. The scenes, and what is not the source's in them: `claims_scenes`.
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import multiprocessing
 import time
@@ -28,7 +30,7 @@ from typing import Any
 
 import claims_scenes
 from bridges_scenes import TABLE
-from result_pages import append, load
+from result_pages import append, load, markdown
 
 import libmpm
 from libmpm._src.cli import bench
@@ -260,6 +262,31 @@ def measure(job: Job, device: str, until: float, keep: Path | None) -> dict[str,
     }  # fmt: skip
 
 
+def merged(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one line a run, in the order in which they came: the one that got furthest."""
+    found: dict[str, dict[str, Any]] = {}
+    for line in lines:
+        have = found.get(line["name"])
+        rank = line["complete"], line.get("reached", 0.0)
+        if have is None or rank >= (have["complete"], have.get("reached", 0.0)):
+            found[line["name"]] = line
+    return list(found.values())
+
+
+def table(lines: list[dict[str, Any]]) -> str:
+    """Return what was measured, a row a run, as a table of a page."""
+    rows = [["run", "particles, steps", "until", "measured", "the source"]]
+    for line in lines:
+        values = {k: f"{v:.4g}" for k, v in line.get("values", {}).items() if v is not None}
+        said = ", ".join(f"{k} {v}" for k, v in values.items()) or line.get("error", "-")
+        rows.append([
+            line["name"], f"{line.get('particles', '-')}, {line.get('steps', '-')}",
+            f"{line.get('reached', 0.0):.3g} s{'' if line['complete'] else ' (partial)'}", said,
+            line.get("source", "-"),
+        ])  # fmt: skip
+    return "\n".join(markdown(rows))
+
+
 def main() -> int:
     """Run what is wanted and not there yet; 1 if a run failed or did not end."""
     form = argparse.RawDescriptionHelpFormatter
@@ -276,9 +303,21 @@ def main() -> int:
     parser.add_argument("--small", action="store_true", help="sizes of seconds, to try it")
     parser.add_argument("--again", action="store_true", help="also what the file has")
     parser.add_argument("--list", action="store_true", help="run nothing")
+    parser.add_argument("--table", action="store_true", help="run nothing, print what there is")
+    parser.add_argument(
+        "--merge", type=Path, nargs="+", help="run nothing, take over lines of other files"
+    )
     a = parser.parse_args()
     if unknown := sorted(set(a.claims) - set(claims_scenes.RUNS)):
         parser.error(f"no claim {', '.join(unknown)}; there are {', '.join(claims_scenes.RUNS)}")
+    if a.merge:
+        lines = merged([x for path in (a.output, *a.merge) for x in load(path)])
+        a.output.write_text("".join(json.dumps(x) + "\n" for x in lines), encoding="utf-8")
+        return 0
+    if a.table:
+        some = [x for x in load(a.output) if a.only in x["name"]]
+        print(table([x for x in some if not a.claims or x["claim"] in a.claims]))
+        return 0
     have = set() if a.again else {x["name"] for x in load(a.output) if x.get("complete")}
     chosen = [
         Job(**(vars(job) | {"parameters": dict(job.parameters) | dict(SMALL[job.scene])}))

@@ -176,3 +176,17 @@ def test_what_did_not_end_is_marked() -> None:
         if until is not None:
             assert line["complete"] == (line["reached"] >= until), line["name"]
         assert line["complete"] or "reached" in line
+
+
+def test_of_several_lines_of_a_run_the_furthest_counts() -> None:
+    """Runs that go on from checkpoints leave a line for each piece."""
+    pieces = [
+        {"name": "a", "complete": False, "reached": 0.5},
+        {"name": "b", "complete": True, "reached": 1.0},
+        {"name": "a", "complete": False, "reached": 0.2, "error": "the clock"},
+        {"name": "b", "complete": False, "reached": 0.1},
+        {"name": "a", "complete": True, "reached": 1.0, "values": {"x": 1.0, "y": None}},
+    ]
+    found = claims.merged(pieces)
+    assert [(x["name"], x["reached"]) for x in found] == [("a", 1.0), ("b", 1.0)]
+    assert "x 1" in claims.table(found) and "partial" not in claims.table(found)
