@@ -33,7 +33,7 @@ GOOD = 0.06
 def slug(cells, transfer, wall, material, pull):
     dx = GAP / cells
     far = (LENGTH * cells + cells + 2 * AIR) * dx
-    room = 2 * dx if wall == "boxes" else 0.0
+    room = 2 * dx if wall in ("boxes", "surfaces") else 0.0
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=(0.0, -room), gravity=(pull, 0.0),
         upper=(far, GAP + room),
@@ -48,6 +48,11 @@ def slug(cells, transfer, wall, material, pull):
         for name, low in (("floor", -room), ("lid", GAP)):
             box = shapes.Box(lower=(0.0, low), upper=(far, low + room))
             scene.add_boundary(name=name, shape=box, response=WALLS["sticky"])
+    elif wall == "surfaces":
+        floor = shapes.HeightField(x=(0.0, far), z=(0.0, 0.0))
+        scene.add_boundary(name="floor", shape=floor, response=WALLS["sticky"])
+        lid = shapes.HalfSpace(point=(0.0, GAP), normal=(0.0, -1.0))
+        scene.add_boundary(name="lid", shape=lid, response=WALLS["sticky"])
     else:
         faces = shapes.DomainWalls(faces=("y-", "y+"))
         scene.add_boundary(name="plates", shape=faces, response=WALLS[wall])
@@ -106,7 +111,7 @@ def check(scene, until, mud=None):
 
 
 @pytest.mark.parametrize("cells", [8, 16])
-@pytest.mark.parametrize("wall", [*WALLS, "boxes"])
+@pytest.mark.parametrize("wall", [*WALLS, "boxes", "surfaces"])
 @pytest.mark.parametrize("transfer", TRANSFERS)
 def test_newtonian(transfer, wall, cells):
     scene, until = newtonian(cells, transfer, wall)

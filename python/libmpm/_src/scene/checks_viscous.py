@@ -19,7 +19,7 @@ from libmpm._src.boundaries.responses import Mirror, Response, Sticky
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.checks_time_steps import step_of
-from libmpm._src.shapes.boxes import Box, DomainWalls
+from libmpm._src.shapes.boxes import DomainWalls, Solid
 from libmpm._src.shapes.filling import bounds_of
 
 if TYPE_CHECKING:
@@ -125,14 +125,16 @@ def _faces_of(scene: SceneData, boundary: Boundary) -> Iterator[tuple[str, Respo
 def _held(scene: SceneData, body: Body, bounds: NDArray[np.float64]) -> dict[str, _Plate]:
     """Return by side what holds a body along it, no further away than a cell.
 
-    `bounds` are those of the body, m, lower and upper: faces of the domain and boxes at rest count.
+    `bounds` are those of the body, m, lower and upper. Faces of the domain count, and surfaces of
+    `Sticky` solids at rest that lie along the grid, between which flows are as between those faces.
     """
     out: dict[str, _Plate] = {}
     domain = (np.asarray(scene.lower, dtype=float), np.asarray(scene.upper, dtype=float))
     for boundary in scene.boundaries:
         if boundary.bodies and body.name not in boundary.bodies:
             continue
-        shape, moves = boundary.shape, boundary.motion is not None
+        shape = boundary.shape
+        moves = any(x is not None for x in (boundary.motion, boundary.rotation, boundary.within))
         if isinstance(shape, DomainWalls):
             for face, response in _faces_of(scene, boundary):
                 axis, upper = "xyz".index(face[0]), face[1] == "+"
@@ -141,16 +143,28 @@ def _held(scene: SceneData, body: Body, bounds: NDArray[np.float64]) -> dict[str
                 near = abs(bounds[end, axis] - domain[end][axis]) <= scene.cell_size
                 if near and (mirrored or isinstance(response, Sticky)):
                     out[face] = _Plate(face, f"face '{face}'", mirrored)
-        elif isinstance(shape, Box) and isinstance(boundary.response, Sticky) and not moves:
-            low, high = (np.asarray(end, dtype=float) for end in (shape.lower, shape.upper))
-            for axis, upper in product(range(scene.dimension), (False, True)):
-                gap = low[axis] - bounds[1, axis] if upper else bounds[0, axis] - high[axis]
-                beside = (np.minimum(high, bounds[1]) > np.maximum(low, bounds[0])).tolist()
-                beside[axis] = True
-                if all(beside) and -0.01 * scene.cell_size <= gap <= scene.cell_size:
-                    side = "xyz"[axis] + ("+" if upper else "-")
-                    out[side] = _Plate(side, f"boundary '{boundary.name}'", False)
+        elif isinstance(shape, Solid) and isinstance(boundary.response, Sticky) and not moves:
+            for side in _sides_at(shape, bounds, scene.cell_size):
+                out[side] = _Plate(side, f"boundary '{boundary.name}'", False)
     return out
+
+
+def _sides_at(solid: Solid, bounds: NDArray[np.float64], cell: float) -> Iterator[str]:
+    """Give the sides of a body's box, most of which lies along a solid's surface.
+
+    Along: at most a cell before it and a quarter of one within. A flow along a slope is not meant.
+    """
+    dimension = bounds.shape[1]
+    if solid.dimension != dimension:
+        return
+    shares = np.array([1, 3, 5]) / 6
+    for axis, end in product(range(dimension), (0, 1)):
+        axes = [low + shares * (high - low) for low, high in bounds.T]
+        axes[axis] = bounds[end, axis : axis + 1]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+        away = solid.distance(points) / cell
+        if np.mean((away >= -0.25) & (away <= 1)) > 0.5:
+            yield "xyz"[axis] + "-+"[end]
 
 
 def smeared_flows(scene: SceneData) -> list[str]:
@@ -172,12 +186,13 @@ def smeared_flows(scene: SceneData) -> list[str]:
             continue
         plate, gap, peak, better = found
         wall = "Mirror(slip=False)" if plate.mirrored else "Sticky()"
+        at = "" if plate.label.startswith("face") else " on a face of the domain"
         doubts.append(
             f"body '{body.name}': a flow of it along {plate.label} would have {peak:.0%} of its "
             f"speed, {gap} cells between the plates: transfer '{transfer.scheme}' and {wall} take "
             f"more than its viscosity of {nu:.3g} m²/s in steps of {step:.3g} s; expected within "
-            f"{_ERROR:.0%}; use 'FLIP' or 'AFLIP' with boundaries.Mirror(slip=False), {better:.0%} "
-            "here, or finer cells"
+            f"{_ERROR:.0%}; use 'FLIP' or 'AFLIP' with boundaries.Mirror(slip=False){at}, "
+            f"{better:.0%} here, or finer cells"
         )
     return doubts
 
