@@ -225,10 +225,10 @@ def swing(t: npt.NDArray[np.float64], moved: npt.NDArray[np.float64]) -> dict[st
     half = np.mean(np.diff(crossing))
     # The motion turns round half-way between its zeros: five half cycles after the start.
     fifth = np.abs(moved[np.abs(t - 5 * half) < half / 2])
-    whole = t[-1] > 5.5 * half
+    there = t[-1] >= 5 * half
     return {
         "period": float(2 * half),
-        "amplitude": float(fifth.max() / abs(moved[0])) if whole else math.nan,
+        "amplitude": float(fifth.max() / abs(moved[0])) if there else math.nan,
     }
 
 
