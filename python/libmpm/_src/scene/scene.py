@@ -219,7 +219,8 @@ class Scene(SceneData):
 
         check_storable(self)
         text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
-        Path(path).write_text(text + "\n", encoding="utf-8")
+        # A file's name may hold bytes that are no text; JSON has a way to write them.
+        Path(path).write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
 
     @classmethod
     @keywords_only("Scene.load", 1)

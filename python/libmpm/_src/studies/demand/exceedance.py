@@ -111,6 +111,9 @@ def exceedance(
     seed = check.integer("seed", seed)
     angle, angle_reduction = in_radians(check, degrees, angle, angle_reduction)
     request = _Request.checked(check, rate, hazard, load, confidence, interval)
+    check.instance("joint", joint, (bool, np.bool_), "True or False")
+    check.instance("scatter", scatter, (bool, np.bool_), "True or False")
+    check.finish()
     models: list[Any] = [
         ordered,
         reduction_of(check, "angle", angle_reduction, angle),
@@ -131,7 +134,6 @@ def exceedance(
     # Streams of their own: more draws or another scatter leave the fields as they are.
     streams = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(3))
     of_fields, of_parameters, of_scatter = streams
-    check.instance("joint", joint, (bool, np.bool_), "True or False")
     check.finish()
     if joint:
         fields = _rows(check, laws, angles, samples)
