@@ -107,9 +107,11 @@ def _both(folder: Path, given: argparse.Namespace) -> int:
         path.with_suffix(".part").write_text(json.dumps(result, indent=1) + "\n")
         path.with_suffix(".part").replace(path)
 
-    # Of earlier calls: seconds of the run that nobody stops, and kills of the other.
+    # Of earlier calls: seconds of the run that nobody stops, kills of the other, and growth.
     kept = folder / "state.json"
-    before = json.loads(kept.read_text()) if kept.exists() else {"seconds": 0.0, "kills": 0}
+    before = {"seconds": 0.0, "kills": 0, "growth": 0}
+    if kept.exists():
+        before |= json.loads(kept.read_text())
     result["kills"] = before["kills"]
     parts: list[dict[str, Any]] = []
     result["parts"] = parts
@@ -120,6 +122,7 @@ def _both(folder: Path, given: argparse.Namespace) -> int:
                 parts.append(_process(folder / "whole", until, given, end, None))
             finally:
                 before["seconds"] += time.monotonic() - began
+                before["growth"] = max([before["growth"], *(p["growth"] for p in parts)])
                 kept.write_text(json.dumps(before))
         save()
         while not (folder / "killed" / "steps").exists():
@@ -128,12 +131,13 @@ def _both(folder: Path, given: argparse.Namespace) -> int:
             delay = max(rng.uniform(0.2, 1.8) * part, 1.0) if due else None
             parts.append(_process(folder / "killed", until, given, end, delay))
             before["kills"] += parts[-1]["killed"]
+            before["growth"] = max(before["growth"], parts[-1]["growth"])
             result["kills"] = before["kills"]
             kept.write_text(json.dumps(before))
             save()
         compare(folder / "killed", folder / "whole")
         result["steps"] = int((folder / "whole" / "steps").read_text())
-        growth = max((p["growth"] for p in parts), default=0)
+        growth = before["growth"]
         result["largest_growth"] = growth
         result["outcome"] = "the same bits"
         if growth > FLAT:
