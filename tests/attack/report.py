@@ -57,7 +57,7 @@ def table(found: Counts) -> str:
 def write(folder: Path, collected: Sequence[Path] = ()) -> None:
     """Add what was counted to the lines of results, and write the tables of the page.
 
-    `collected` are files of records (`attacks.json`, `long_run.json`) that came from other machines.
+    `collected` are files of records (`attacks.json`, `long_run.json`) of other machines.
     """
     lines = _lines(LINES)
     found = [json.loads(path.read_text()) for path in collected]

@@ -52,17 +52,43 @@ def test_a_domain_of_claymore_of_more_cells_than_are_counted_is_refused(tmp_path
     assert "fewer than 1e+09 on an axis" in str(found)
 
 
-@pytest.mark.parametrize("scale", [1e-320, 1e-200, 1e200])
+@pytest.mark.parametrize("scale", [1e-320, 1e-200, 1e90])
 def test_the_axis_of_a_cylinder_of_any_length_has_a_direction(scale):
     """Squares of its length are beyond all numbers."""
     cylinder = shapes.Cylinder(start=(0, 0, 0), end=(3 * scale, 0, 4 * scale), radius=1.0)
     assert cylinder._axis == pytest.approx((0.6, 0, 0.8), rel=1e-3)
 
 
-def test_a_polygon_whose_area_is_beyond_all_numbers_is_refused():
-    profile = [(-1e300, -1e300), (1e300, -1e300), (0.0, 1e300)]
-    with pytest.raises(libmpm.SceneError, match="area is beyond"):
-        shapes.Extrusion(axis="z", profile=profile, lower=0, upper=1)
+@pytest.mark.parametrize("number", [1e100, -1e300, 10**400, np.inf])
+def test_numbers_beyond_all_that_is_measured_are_refused(number):
+    """Their squares are infinite: they ended in an `OverflowError` of one check or another."""
+    for make in (
+        lambda: shapes.Box(lower=(-1.0, -1.0), upper=(1.0, abs(number))),
+        lambda: libmpm.FBar(length=abs(number)),
+        lambda: materials.TaitFluid(bulk_modulus=abs(number)),
+        lambda: libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1),
+                             gravity=(0, number)),
+    ):  # fmt: skip
+        with pytest.raises(libmpm.SceneError, match=r"number below 1e\+100|finite number"):
+            make()
+    with pytest.raises(libmpm.SceneError, match=r"below 1e|not finite|regular table"):
+        libmpm.TimeTable((0.0, 1.0), (0.0, number))
+
+
+@pytest.mark.parametrize("number", [5e-324, 1e-300, 9e-101])
+def test_numbers_above_nothing_that_is_measured_are_refused(number):
+    """What was divided by them was infinite."""
+    for make in (
+        lambda: libmpm.Method(time_step=number),
+        lambda: materials.TaitFluid(bulk_modulus=1e5, density=number),
+        lambda: libmpm.Scene(dimension=2, cell_size=number, lower=(0, 0), upper=(1, 1)),
+        lambda: shapes.Sphere(centre=(0, 0, 0), radius=number),
+        lambda: shapes.afloat(
+            shape=shapes.Box(lower=(0, 0), upper=(1, 1)), density=number, level=1
+        ),
+    ):
+        with pytest.raises(libmpm.SceneError, match="expected ≥ 1e-100"):
+            make()
 
 
 def test_a_gravity_that_moves_nothing_has_a_plan():
@@ -138,6 +164,48 @@ def test_an_array_for_the_axis_of_a_basin_is_refused(axis):
 def test_a_scatter_of_samples_is_a_choice(scatter):
     with pytest.raises(libmpm.SceneError, match="scatter is"):
         demand.exceedance(lambda c: 2.0 * c, count=[1, 2, 3], samples=10, scatter=scatter)
+
+
+@pytest.mark.parametrize("function", [int, lambda x: 1 / 0, lambda x: "a"])
+def test_what_a_function_of_demand_raises_is_named(function):
+    """Functions of a number, of an array, or of what they are not for."""
+    for make in (
+        lambda: demand.Density(function, lower=0.0, upper=1.0),
+        lambda: demand.Reduction(function, upper=1.0),
+        lambda: demand.exceedance(function, count=[1, 2, 4], samples=10),
+        lambda: demand.expected_load(function, count=demand.Discrete([1.0, 2.0, 4.0, 5.0])),
+        lambda: demand.rate_weighted_load(
+            lambda c: 2.0 * c, count=[1, 2], porosity=[0.1, 0.2], porosity_reduction=function,
+            rate=1.0,
+        ),
+    ):  # fmt: skip
+        assert isinstance(fuzzing.answer(make), libmpm.Error)
+
+
+def test_arrays_without_a_length_are_no_pairs():
+    with pytest.raises(libmpm.SceneError, match="scenarios is"):
+        demand.combine(np.array(1.0))
+    with pytest.raises(libmpm.SceneError, match="hazard is"):
+        demand.exceedance(lambda c: 2.0 * c, count=[1, 2], samples=10, hazard=np.array(1.0))
+    with pytest.raises(libmpm.SceneError, match="breaks"):
+        demand.Reduction(np.ones_like, upper=1.0, breaks=[None])
+
+
+def test_samples_that_no_memory_holds_are_refused():
+    with pytest.raises(libmpm.SceneError, match="samples is 1e"):
+        demand.exceedance(lambda c: 2.0 * c, count=[1, 2], samples=10**9)
+
+
+@pytest.mark.parametrize("path", [10**5000, fuzzing.nested(5000)], ids=range(2))
+def test_a_path_of_a_mesh_that_has_no_text_is_refused(path):
+    for shape in (shapes.Tetrahedra, shapes.Triangles):
+        with pytest.raises(libmpm.SceneError, match="path is"):
+            shape.read(path)
+
+
+def test_a_mesh_of_no_size_is_refused():
+    with pytest.raises(libmpm.SceneError, match="have no area"):
+        shapes.Triangles.box(lower=(0, 0), upper=(1e-320, 1e-320), edge=0.5)
 
 
 @pytest.mark.parametrize(
