@@ -69,6 +69,8 @@ _DEEP, _LOOKED_AT = 0.25, 16
 
 def validate(scene: SceneData, *, strict: bool = False) -> None:
     """Check a scene; see `Scene.validate`. Raises `SceneError`, warns of doubts."""
+    if not isinstance(strict, bool | np.bool_):
+        raise SceneError(f"Scene.validate: strict is {shown(strict)}; expected True or False")
     problems, doubts = check_scene(scene)
     if strict:
         problems, doubts = problems + doubts, []
