@@ -144,7 +144,7 @@ def _checked(
     names = None if cases is None else sequence((cases,) if isinstance(cases, str) else cases)
     for name in names or ():
         if name not in [r.case for r in RULES]:
-            check.fail(f"cases has {shown(name)}; {nearest(str(name), [r.case for r in RULES])}")
+            check.fail(f"cases has {shown(name)}; {nearest(name, [r.case for r in RULES])}")
     check.finish()
     problems, _ = check_scene(scene)
     if problems:

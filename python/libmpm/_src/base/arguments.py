@@ -8,13 +8,17 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from libmpm._src.errors import ArgumentError
+from libmpm._src.errors import ArgumentError, SceneError
 
-__all__ = ["hint", "keywords_only", "nearest", "shown", "wrong_arguments"]
+__all__ = [
+    "file_path", "hint", "keywords_only", "known", "nearest", "quoted", "shown", "wrong_arguments",
+]  # fmt: skip
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -48,6 +52,26 @@ def shown(item: Any, most: int = 200) -> str:
     except (RecursionError, ValueError):
         return f"a {type(item).__name__} without a text of its own"
     return text if len(text) <= most else f"{text[:most]}…"
+
+
+def known(name: object, names: Iterable[str]) -> bool:
+    """Tell whether something is one of the names; an array, a list or a number never is."""
+    return isinstance(name, str) and name in names
+
+
+def quoted(name: object) -> str:
+    """Return a name for a message: a text in quotes, anything else as it is shown."""
+    return f"'{name}'" if isinstance(name, str) and len(name) <= 200 else shown(name, 80)
+
+
+def file_path(path: object, what: str) -> Path:
+    """Return the path of a file or folder; raises `SceneError` for what is none."""
+    try:
+        if isinstance(path, str | os.PathLike) and str(path) and b"\0" not in os.fsencode(path):
+            return Path(path)
+    except (TypeError, UnicodeError):  # a path of bytes; a text that no system has
+        pass
+    raise SceneError(f"{what}: path is {shown(path, 80)}; expected the name of a file or folder")
 
 
 class hint(str):

@@ -346,7 +346,7 @@ def _import(arguments: argparse.Namespace) -> int:
     )  # fmt: skip
     text = json.dumps(found.run_file().to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
     with replacing(arguments.output) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+        part.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
     print(found.report())
     return ExitCode.DONE
 
@@ -410,13 +410,36 @@ def _plain_warnings() -> Iterator[None]:
         warnings.formatwarning = usual
 
 
+@contextlib.contextmanager
+def _all_characters() -> Iterator[None]:
+    """Show what standard output has no character for by its number, as standard error does.
+
+    A terminal may be of few characters, and names of files and texts of logs hold any.
+    """
+    stream = sys.stdout
+    before = getattr(stream, "errors", None)
+    if before not in ("strict", "surrogateescape") or not hasattr(stream, "reconfigure"):
+        yield
+        return
+    stream.reconfigure(errors="backslashreplace")
+    try:
+        yield
+    finally:
+        try:
+            stream.reconfigure(errors=before)
+        except BrokenPipeError:
+            raise  # what was printed is written here, and nobody reads it any more
+        except (OSError, ValueError):
+            pass  # left for the end of the process, or closed
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code of the process, an `ExitCode`."""
     began = clock.monotonic()
     parsed = parser().parse_args(arguments)
     parsed.began = began
     try:
-        with _signals(parsed.command), _plain_warnings():
+        with _all_characters(), _signals(parsed.command), _plain_warnings():
             return _COMMANDS[parsed.command](parsed)
     except Error as error:
         print(f"libmpm: {type(error).__name__}: {error}", file=sys.stderr)

@@ -319,7 +319,11 @@ def find_newest(path: Path, read: Callable[[Path], T]) -> tuple[Path, T]:
 
     A file that is not complete is skipped with a warning; the last one's error is raised.
     """
-    if not path.is_dir():
+    try:
+        folder = path.is_dir()
+    except OSError as error:  # a name that is too long
+        raise CheckpointError(f"{path}: cannot be read: {error.strerror}") from error
+    if not folder:
         return path, read(path)
     *newer, oldest = _files_of(path)
     for candidate in newer:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import math
+import contextlib
+import numbers
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,12 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+<<<<<<< HEAD
 from libmpm._src.base.values import keywords_only, shown, warned_already
+=======
+from libmpm._src.base.arguments import file_path, keywords_only, shown
+from libmpm._src.base.values import Checker, warned_already
+>>>>>>> h4
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
@@ -107,6 +113,8 @@ class Simulation(Shown, Acting):
     ) -> None:
         """Check the request; nothing is allocated yet."""
         self._turns = Turns()
+        if not isinstance(scene, Scene):
+            raise SceneError(f"Simulation: scene is {shown(scene, 80)}; expected a Scene")
         self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
         precision = choose_precision(self._scene, precision)
         requested: dict[str, Any] = {
@@ -310,7 +318,11 @@ class Simulation(Shown, Acting):
 
     def particle_count(self, body: int) -> int:
         """Return the number of particles of body number `body` now in the run."""
-        return int(self.engine.particle_count(body))
+        bodies = len(self._scene.bodies)
+        number = isinstance(body, int | np.integer) and not isinstance(body, bool)
+        if not (number and 0 <= body < bodies):
+            raise SceneError(f"body is {shown(body, 80)}; expected a number below {bodies}")
+        return int(self.engine.particle_count(int(body)))
 
     def set_initial(self, body: str, name: str, array: Any) -> None:
         """Give the particles of a body their own velocity or pressure at the start.
@@ -380,8 +392,14 @@ class Simulation(Shown, Acting):
     @keywords_only("Simulation.step", 1)
     def step(self, n: int = 1) -> None:
         """Advance `n` steps. Raises `Error` while another thread runs or steps it."""
+<<<<<<< HEAD
         if n < 0:
             raise SceneError(f"Simulation.step: n is {n}; expected a number of steps, ≥ 0")
+=======
+        check = Checker("Simulation.step")
+        n = check.integer("n", n, remedy="a number of steps")
+        check.finish()
+>>>>>>> h4
         try:
             with self._turns.advancing(self._scene.name):
                 self._loop.step(n)
@@ -405,6 +423,7 @@ class Simulation(Shown, Acting):
         everything valid and flushed. Either way `run` can be called again, and no bit is changed.
         Raises `Error` while another thread runs or steps it.
         """
+<<<<<<< HEAD
         if isinstance(until, bool | str | bytes) or not hasattr(until, "__float__"):
             raise Error(f"Simulation.run: until is {shown(until)}; expected a time as a number, s")
         until = float(until)
@@ -414,6 +433,20 @@ class Simulation(Shown, Acting):
             raise SceneError(
                 f"Simulation.run: wall_limit is {shown(wall_limit)}; expected seconds, ≥ 0, or None"
             )
+=======
+        check = Checker("Simulation.run")
+        if not isinstance(until, numbers.Real | str | bytes | np.bool_) and hasattr(
+            until, "__float__"
+        ):
+            with contextlib.suppress(OverflowError, TypeError, ValueError):
+                until = float(until)  # arrays and decimal fractions that are one number
+        until = check.number("until", until, unit="s", infinite=True)
+        if wall_limit is not None:
+            wall_limit = check.number("wall_limit", wall_limit, lower=0, unit="s", infinite=True)
+        if not isinstance(progress, bool | np.bool_) and not callable(progress):
+            check.fail(f"progress is {shown(progress)}; expected True, False or a callable")
+        check.finish()
+>>>>>>> h4
         with self._turns.advancing(self._scene.name):
             return self._loop.run(until, progress, wall_limit)
 
@@ -434,7 +467,7 @@ class Simulation(Shown, Acting):
         simulation it waits for the boundary of a step.
         """
         with self._turns, self._shared.together():
-            self._files.save(Path(path), self._loop.until)
+            self._files.save(file_path(path, "Simulation.save_checkpoint"), self._loop.until)
 
     @classmethod
     @keywords_only("Simulation.resume", 1)
@@ -461,7 +494,9 @@ class Simulation(Shown, Acting):
         processes that a launcher has started. `partition` "same" cuts as the parent run did, where
         several ranks continue; at the start the cuts are made for the state of the checkpoint.
         """
-        source, arguments = recorded(Path(path), device, guard, ranks, partition)
+        source, arguments = recorded(
+            file_path(path, "Simulation.resume"), device, guard, ranks, partition
+        )
         with warned_already():  # the run that wrote it has said them
             simulation = cls(**arguments, output=output, functions=functions)
         simulation._assembly.restored = source

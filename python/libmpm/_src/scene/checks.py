@@ -72,6 +72,8 @@ _LOOKED_AT, _LOOKED_AT_IN_ALL = 16, 50_000
 
 def validate(scene: SceneData, *, strict: bool = False) -> None:
     """Check a scene; see `Scene.validate`. Raises `SceneError`, warns of doubts."""
+    if not isinstance(strict, bool | np.bool_):
+        raise SceneError(f"Scene.validate: strict is {shown(strict)}; expected True or False")
     problems, doubts = check_scene(scene)
     if strict:
         problems, doubts = problems + doubts, []

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
+from libmpm._src.base.arguments import file_path, keywords_only
 from libmpm._src.base.declarations import documents
-from libmpm._src.base.values import keywords_only
 from libmpm._src.scene.data import HEAD, SCHEMA, Body, Boundary, PlacedSensor, SceneData
 
 if TYPE_CHECKING:
@@ -243,7 +243,9 @@ class Scene(SceneData):
         """
         from libmpm._src.scene.from_checkpoint import scene_from_checkpoint
 
-        return scene_from_checkpoint(Path(path), tiles, axis, within, read=cls.from_dict)
+        return scene_from_checkpoint(
+            file_path(path, "Scene.from_checkpoint"), tiles, axis, within, read=cls.from_dict
+        )
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
@@ -258,11 +260,15 @@ class Scene(SceneData):
     @keywords_only("Scene.save", 1)
     def save(self, path: str | Path) -> None:
         """Write the scene to a JSON file; one with a `sensors.Custom` is refused."""
+        from libmpm._src.output.atomic_files import writing
         from libmpm._src.sensors.custom_functions import check_storable
 
         check_storable(self)
         text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
-        Path(path).write_text(text + "\n", encoding="utf-8")
+        path = file_path(path, "Scene.save")
+        # A file's name may hold bytes that are no text; JSON has a way to write them.
+        with writing(path):
+            path.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
 
     @classmethod
     @keywords_only("Scene.load", 1)
@@ -273,7 +279,7 @@ class Scene(SceneData):
         """
         from libmpm._src.scene.scene_file import read_json
 
-        return cls.from_dict(read_json(Path(path)))
+        return cls.from_dict(read_json(file_path(path, "Scene.load")))
 
     def _repr_html_(self) -> str:
         """Return the scene's parts as tables for Jupyter."""

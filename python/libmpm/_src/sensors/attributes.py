@@ -211,7 +211,7 @@ def names() -> tuple[str, ...]:
 
 def find(name: str) -> Attribute | None:
     """Return what is known of a library name; None of any other."""
-    return _ATTRIBUTES.get(name)
+    return _ATTRIBUTES.get(name) if isinstance(name, str) else None
 
 
 def is_known(name: object) -> bool:

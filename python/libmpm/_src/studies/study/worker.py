@@ -182,7 +182,9 @@ class _Attempt:
             # A full disk must not hide what went wrong before it.
             with contextlib.suppress(OSError):
                 if not self._is_lost():
-                    (self._folder / TRACEBACK).write_text(traceback.format_exc(), encoding="utf-8")
+                    (self._folder / TRACEBACK).write_text(
+                        traceback.format_exc(), encoding="utf-8", errors="backslashreplace"
+                    )
         if self._is_lost():
             # What has taken over the case writes its record.
             return {"outcome": "busy"}
