@@ -66,7 +66,7 @@ def test_water_at_rest_keeps_its_bits(device):
     """A lattice at rest has no node above the band of disorder."""
     state = []
     for shifting in (False, True):
-        scene = tank((0.5, 1.2), (0.5, 1.0), 16, shifting=shifting)
+        scene = tank((0.5, 1.25), (0.5, 1.0), 16, shifting=shifting)
         sim = libmpm.Simulation(scene, device=device, precision="single", threads=1)
         sim.step(400)
         water = sim.particles["water"]
@@ -88,7 +88,7 @@ def test_what_is_packed_spreads(dimension, device):
         scene.add_body(
             name="water", shape=shapes.Box(lower=(0.25,) * dimension, upper=(0.75,) * dimension),
             material=materials.TaitFluid(bulk_modulus=1e4), fbar=methods.FBar(shifting=shifting),
-            sampling=shapes.Jitter(share=0.5, seed=3),
+            sampling=shapes.Jitter(share=1.0, seed=3),
         )  # fmt: skip
         scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
         sim = libmpm.Simulation(scene, device=device, precision="double", threads=1)
@@ -96,9 +96,9 @@ def test_what_is_packed_spreads(dimension, device):
         sim.step(301)
         most[shifting] = np.asarray(sim.grid["mass"]).max() / full
         centre[shifting] = np.abs(sim.particles["water"]["position"].mean(axis=0) - before).max()
-    assert most[False] > 1.15
-    assert most[True] < 1.09
-    assert centre[True] < 1e-3
+    assert most[False] > 1.12
+    assert most[True] < 1.07  # the band of disorder ends at 1.05
+    assert centre[True] < 1e-4
 
 
 def test_bits_of_one_rank():

@@ -172,10 +172,11 @@ struct BeginStep {
     }
 };
 
-/// Particles are shifted (kernels/shifting.hpp) at every tenth step, by part of the excess, what
-/// is above the band of disorder, and at most so many cells: measured in design/fbar.md, 4.
+/// Particles are shifted (kernels/shifting.hpp) at every tenth step, by a part of the excess above
+/// the band of disorder (divided by the dimension: what flows from a node along all axes must not
+/// be more than it has too much), and at most so many cells: measured in design/fbar.md, 4.
 inline constexpr std::int64_t shift_every = 10;
-inline constexpr double shift_rate = 0.1, shift_band = 0.05, shift_most = 0.05;
+inline constexpr double shift_rate = 0.2, shift_band = 0.05, shift_most = 0.05;
 
 MPM_INLINE bool shifts_now(const Clock& clock) {
     return clock.halt == Halt::none && clock.step % shift_every == 0;

@@ -174,7 +174,7 @@ struct ShiftParticles {
             }
         }
         for (int a = 0; a < D; ++a) {
-            const G most = G(shift_most), by = G(shift_rate) * down[a];
+            const G most = G(shift_most), by = G(shift_rate / D) * down[a];
             if (by != G(0)) body.offset[a][q] += T(by > most ? most : (by < -most ? -most : by));
         }
     }

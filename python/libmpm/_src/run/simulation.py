@@ -12,12 +12,8 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-<<<<<<< HEAD
-from libmpm._src.base.values import keywords_only, shown, warned_already
-=======
 from libmpm._src.base.arguments import file_path, keywords_only, shown
 from libmpm._src.base.values import Checker, warned_already
->>>>>>> h4
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
@@ -392,14 +388,9 @@ class Simulation(Shown, Acting):
     @keywords_only("Simulation.step", 1)
     def step(self, n: int = 1) -> None:
         """Advance `n` steps. Raises `Error` while another thread runs or steps it."""
-<<<<<<< HEAD
-        if n < 0:
-            raise SceneError(f"Simulation.step: n is {n}; expected a number of steps, ≥ 0")
-=======
         check = Checker("Simulation.step")
         n = check.integer("n", n, remedy="a number of steps")
         check.finish()
->>>>>>> h4
         try:
             with self._turns.advancing(self._scene.name):
                 self._loop.step(n)
@@ -423,17 +414,6 @@ class Simulation(Shown, Acting):
         everything valid and flushed. Either way `run` can be called again, and no bit is changed.
         Raises `Error` while another thread runs or steps it.
         """
-<<<<<<< HEAD
-        if isinstance(until, bool | str | bytes) or not hasattr(until, "__float__"):
-            raise Error(f"Simulation.run: until is {shown(until)}; expected a time as a number, s")
-        until = float(until)
-        if math.isnan(until):
-            raise SceneError("Simulation.run: until is NaN; expected a time as a number, s")
-        if wall_limit is not None and not wall_limit >= 0:
-            raise SceneError(
-                f"Simulation.run: wall_limit is {shown(wall_limit)}; expected seconds, ≥ 0, or None"
-            )
-=======
         check = Checker("Simulation.run")
         if not isinstance(until, numbers.Real | str | bytes | np.bool_) and hasattr(
             until, "__float__"
@@ -446,7 +426,6 @@ class Simulation(Shown, Acting):
         if not isinstance(progress, bool | np.bool_) and not callable(progress):
             check.fail(f"progress is {shown(progress)}; expected True, False or a callable")
         check.finish()
->>>>>>> h4
         with self._turns.advancing(self._scene.name):
             return self._loop.run(until, progress, wall_limit)
 
