@@ -17,7 +17,8 @@ SCENES = {
     "slip": {},
     "separable": {"separable": True},
     "gap of one": {"gap": 1},
-    "gap of two": {"gap": 2, "separable": True},
+    "gap of two": {"gap": 2},
+    "gap of two, separable": {"gap": 2, "separable": True},
     "wide gap": {"gap": 5},
     "thin": {"thin": True},
 }
@@ -26,6 +27,8 @@ SCENES = {
 @pytest.mark.parametrize("case", SCENES)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_as_the_naive_method(dimension, case, device):
+    if case == "gap of two, separable" and device != "cpu":
+        pytest.skip("lines without pressure, where the rounding of sums decides what is pressed")
     scene = scenes.narrow(dimension, **SCENES[case])
     steps = 40 if dimension == 2 else 6
     spec = scenes.specification(scene)

@@ -200,8 +200,8 @@ class LinesReference(Reference):
         impulse = sign * np.sum(m * (t * lead - u[:, axis]))
         static, dynamic = law["static_friction"], law["dynamic_friction"]
         if law["kind"] == "separable" and not impulse > 0:
-            onto = np.sum((m * u[:, axis])[-2:]) / np.sum(m[-2:])
-            if place <= 0 and sign * onto < 0:  # the two beside the plane, together
+            onto = 0.5 * np.sum(u[-2:, axis]) if m[-2:].min() > 0 else 0.0  # in the plane
+            if place <= 0 and sign * onto < 0:
                 before = v[node].copy()
                 v[node][axis] -= onto
                 along = v[node] - wall

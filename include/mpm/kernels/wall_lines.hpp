@@ -43,16 +43,17 @@ struct FollowLines {
     };
     /// Sums over the nodes of a line, velocities relative to the wall.
     struct Sums {
-        T leader = 0;              // mass
-        T mass = 0, led = 0;       // sum of m, of T m
-        T push = 0, inert = 0;     // sum of T m v, of T^2 m
-        T beside = 0, toward = 0;  // of the two nodes beside the plane: sum of m, of m v
+        T leader = 0;           // mass
+        T mass = 0, led = 0;    // sum of m, of T m
+        T push = 0, inert = 0;  // sum of T m v, of T^2 m
+        int beside = 0;         // nodes with mass of the two beside the plane
+        T toward = 0;           // sum of their v: twice the velocity in the plane
         Vec<T, D> momentum{};
         MPM_INLINE T lead() const { return push / inert; }
     };
-    /// A leader with less of its line's mass than this leads nothing: all there is is a film of less
-    /// than 0.6 cells on the plane, and the velocity of a node that hardly weighs would be that of
-    /// the film, times three or more.
+    /// A leader with less of its line's mass than this leads nothing: all there is is a film of
+    /// less than 0.6 cells on the plane, and the velocity of a node that hardly weighs would be
+    /// that of the film, times three or more.
     static constexpr double least_leader = 1.0 / 16;
     struct Wall {
         const SurfaceLaw& law;
@@ -113,9 +114,9 @@ struct FollowLines {
             out.led += t * s.mass;
             out.inert += t * t * s.mass;
             out.push += t * s.mass * (s.velocity[axis] - moving[axis]);
-            if (at <= 0) {
-                out.beside += s.mass;
-                out.toward += s.mass * (s.velocity[axis] - moving[axis]);
+            if (at <= 0 && s.mass > T(0)) {
+                ++out.beside;
+                out.toward += s.velocity[axis] - moving[axis];
             }
             for (int a = 0; a < D; ++a) out.momentum[a] += s.mass * (s.velocity[a] - moving[a]);
         }
@@ -198,14 +199,15 @@ struct FollowLines {
             }
         }
     }
-    /// No wall pulls where material may leave it. But drops that fall onto the plane while others
-    /// on the line rise would pass it if its nodes were free: the two beside it may not approach
-    /// it together. What they do against each other, as pressure has them do, is left to them.
+    /// No wall pulls where material may leave it. But drops beside the plane that fall while others
+    /// on the line rise would pass it if its nodes were free: what these give a drop in the plane
+    /// may not lead into the wall. A field that is zero there, as of a line that is pressed, is
+    /// left as it is, or a force that rounding makes negative would take its momentum.
     template <class Seen>
     MPM_INLINE void let_go(const WallLine& line, int axis, const Sums& s, const Wall& by,
                            const Vec<T, D>& before, Vec<T, D>& v, const Seen& seen) const {
-        if (line.place > 0 || !(T(line.sign) * s.toward < T(0))) return;
-        const T onto = s.toward / s.beside;
+        if (line.place > 0 || s.beside < 2 || !(T(line.sign) * s.toward < T(0))) return;
+        const T onto = s.toward / T(2);
         v[axis] -= onto;
         T speed = 0;
         for (int c = 0; c < D; ++c)
@@ -240,7 +242,9 @@ struct FollowLines {
         };
         if (line.state == SurfaceLine<D>::held) return hold();
         if (line.state != SurfaceLine<D>::on) return;
-        T mass = 0, led = 0, push = 0, inert = 0, leader = 0, toward = 0;
+        T mass = 0, led = 0, push = 0, inert = 0, leader = 0;
+        T last = 0, last_share = 0, in_plane = 0;  // velocities along the normal
+        bool across = false;
         Vec<T, D> momentum{}, here{};
         std::int64_t at[D];
         moved_along<D>(cell, line.axis, line.leader, at);
@@ -269,10 +273,13 @@ struct FollowLines {
                 along += T(line.normal[a]) * (seat_here.velocity[a] - w);
                 momentum[a] += seat_here.mass * (seat_here.velocity[a] - w);
             }
-            if (step == 0)
-                leader = seat_here.mass;
-            else
-                toward += seat_here.mass * along;
+            if (step == 0) leader = seat_here.mass;
+            if (t <= T(0) && last_share > T(0) && seat_here.mass > T(0)) {
+                in_plane = (along * last_share - last * t) / (last_share - t);
+                across = true;
+            }
+            last = along;
+            last_share = seat_here.mass > T(0) ? t : T(0);
             mass += seat_here.mass;
             led += t * seat_here.mass;
             inert += t * t * seat_here.mass;
@@ -291,9 +298,9 @@ struct FollowLines {
         const T impulse = lead * led - along;
         if (!(open > T(0.1))) return;
         if (law.response == Response::separable && !(impulse > T(0))) {
-            if (leads || !(toward < T(0))) return;
+            if (leads || !across || !(in_plane < T(0))) return;
             for (int a = 0; a < D; ++a)
-                if (!bound[a]) v[a] -= toward / (mass - leader) / open * T(line.normal[a]);
+                if (!bound[a]) v[a] -= in_plane / open * T(line.normal[a]);
             seen(b, 0, before, v);
             return;
         }
