@@ -32,38 +32,41 @@ def tank(size, water, cells, *, shifting, transfer="APIC", dimension=2, **more):
 
 @pytest.fixture(scope="module")
 def dams():
-    """Level and load of the bed of a dam that has come to rest, 8 cells deep, over the exact."""
+    """Level and load of the bed of a dam that has come to rest, 16 cells deep, over the exact."""
     found = {}
     for shifting in (False, True):
-        scene = tank((2.0, 2.0), (1.0, 1.0), 16, shifting=shifting)
+        scene = tank((2.0, 2.0), (1.0, 1.0), 32, shifting=shifting)
         sim = libmpm.Simulation(scene, device="cpu", precision="single", threads=1)
         level, bed = [], []
-        for time in np.linspace(5.0, 7.0, 21):
+        for time in np.linspace(7.0, 8.0, 11):
             sim.run(until=float(time), progress=False)
             water = sim.particles["water"]
             height = water["position"][:, 1]
             level.append(2 * height.mean() / 0.5)
-            bed.append(water["pressure"][height < 1 / 16].mean())
-        weight = WATER * GRAVITY * (0.5 - 0.5 / 16)
+            bed.append(water["pressure"][height < 1 / 32].mean())
+        weight = WATER * GRAVITY * (0.5 - 0.5 / 32)
         found[shifting] = np.mean(level), np.mean(bed) / weight
     return found
 
 
 def test_a_dam_comes_to_rest_at_its_level(dams):
     level, bed = dams[True]
-    assert abs(level - 1) <= 0.05
-    assert abs(bed - 1) <= 0.05
+    assert 0.97 <= level <= 1.05
+    assert abs(bed - 1) <= 0.15
 
 
 def test_without_it_water_packs(dams):
-    """What the option is for; where this fails, its page and its default are out of date."""
+    """What the option is for; where this fails, its page is out of date."""
     level, bed = dams[False]
-    assert level < 0.97
-    assert bed < 0.95
+    assert level < 0.92
+    assert bed < 0.75
 
 
-def test_water_at_rest_keeps_its_bits(device):
-    """A lattice at rest has no node above the band of disorder."""
+def test_water_at_rest_stays_as_it_is(device):
+    """A lattice at rest has no node above the band of disorder.
+
+    Sorts come at other steps, by which positions in single precision round otherwise.
+    """
     state = []
     for shifting in (False, True):
         scene = tank((0.5, 1.25), (0.5, 1.0), 16, shifting=shifting)
@@ -71,8 +74,8 @@ def test_water_at_rest_keeps_its_bits(device):
         sim.step(400)
         water = sim.particles["water"]
         state.append([water[n][np.argsort(water["id"])] for n in ("position", "velocity")])
-    assert (state[0][0] == state[1][0]).all()
-    assert (state[0][1] == state[1][1]).all()
+    assert np.abs(state[0][0] - state[1][0]).max() < 1e-6
+    assert np.abs(state[0][1] - state[1][1]).max() < 1e-5
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -126,8 +129,8 @@ def test_devices_agree(device):
 
 
 def test_what_it_is_not_built_for():
-    with pytest.raises(libmpm.SceneError, match="shifting is 1; expected True or False"):
-        methods.FBar(shifting=1)
+    with pytest.raises(libmpm.SceneError, match="shifting is 2; expected True or False"):
+        methods.FBar(shifting=2)
     scene = tank((1.0, 1.0), (0.5, 0.5), 16, shifting=True)
     scene.add_body(
         name="block", shape=shapes.Box(lower=(0.6, 0.2), upper=(0.8, 0.4)),

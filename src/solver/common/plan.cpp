@@ -34,19 +34,43 @@ BackendTraits cuda_traits(Precision precision) {
 
 namespace {
 
+/// Home blocks of all bodies and one layer around each, from the bodies' bounds; and of those the
+/// ones that boundaries touch which only some scenes have (kernels/wall_nodes.hpp).
+struct EstimatedSlots {
+    double all = 0, touched = 0;
+};
+
 template <int D>
-double estimated_slots(const Spec& spec) {
-    // Home blocks of all bodies and one layer around each, from the bodies' bounds.
-    double slots = 0;
+EstimatedSlots estimated_slots(const Spec& spec) {
+    const double block = spec.cell_size * Block<D>::edge;
+    const bool lists = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);
+    EstimatedSlots slots;
     for (const auto& b : spec.bodies) {
-        double n = 1;
+        double n = 1, first[D], last[D];  // with the layer; one past
         for (int a = 0; a < D; ++a) {
-            const double block = spec.cell_size * Block<D>::edge;
-            const double first = std::floor(b.bounds[a] / block + 1e-9);
-            const double last = std::ceil(b.bounds[D + a] / block - 1e-9);  // one past
-            n *= std::max(last - first, 1.0) + 2;
+            first[a] = std::floor(b.bounds[a] / block + 1e-9) - 1;
+            last[a] = std::max(std::ceil(b.bounds[D + a] / block - 1e-9), first[a] + 2) + 1;
+            n *= last[a] - first[a];
         }
-        slots += n;
+        slots.all += n;
+        double of_body = 0;
+        for (const BoundarySpec& wall : spec.boundaries) {
+            if (!lists) break;
+            const bool own = wall.is_box || !wall.surface.keys.empty();
+            double apart = 1, met = 1;  // blocks inside of faces; blocks of the box
+            for (int a = 0; a < D; ++a) {
+                const double from = own ? wall.lower[a] / double(Block<D>::edge) : 0,
+                             to = own ? wall.upper[a] / double(Block<D>::edge)
+                                      : double(spec.cells[std::size_t(a)]) / Block<D>::edge;
+                double inner = last[a] - first[a];
+                if (wall.present[2 * a] && first[a] < from + 1) inner -= from + 1 - first[a];
+                if (wall.present[2 * a + 1] && last[a] > to - 1) inner -= last[a] - (to - 1);
+                apart *= std::max(inner, 0.0);
+                met *= std::max(std::min(last[a], to + 1) - std::max(first[a], from - 1), 0.0);
+            }
+            of_body += own ? met : n - apart;
+        }
+        slots.touched += std::min(of_body, n);
     }
     return slots;
 }
@@ -407,7 +431,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         plan.limited_by = "given by the caller";
     }
 
-    const double slots = D == 2 ? estimated_slots<2>(spec) : estimated_slots<3>(spec);
+    const EstimatedSlots estimate = D == 2 ? estimated_slots<2>(spec) : estimated_slots<3>(spec);
+    const double slots = estimate.all;
     plan.memory_grid = slots * block_cells * plan.bytes_per_node;
     plan.memory_tables = slots * (8 + 4 * (D == 2 ? 9 : 27) + 12) +
                          double(spec.bodies.size()) * slots * block_cells * 4;
@@ -421,16 +446,27 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     if (backend.device && any_smooths) plan.memory_tables += slots * 8 * smoothing_sums;
 
     const bool some = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);
+    // Velocities, kinds, lines and places in two lists, of each node.
+    plan.memory_tables += estimate.touched * block_cells * (D * (backend.grid_real() + 4) + 6);
+    if (std::any_of(spec.bodies.begin(), spec.bodies.end(),
+                    [](const BodySpec& b) { return b.shifts; }))
+        plan.memory_grid += slots * block_cells * backend.grid_real();
     for (const auto& b : spec.boundaries)
         plan.memory_tables += double(4 * b.surface.values.size() + 8 * b.surface.keys.size() +
                                      4 * b.surface.place.size());
 
     if (spec.contact.any()) plan.memory_tables += 8 * slots;
-    plan.kernels = {some ? "update_grid (surfaces, regions, mirrors)" : "update_grid", "decide"};
+    const bool mirrored =
+        std::any_of(spec.boundaries.begin(), spec.boundaries.end(), [](const BoundarySpec& b) {
+            return std::any_of(b.law.begin(), b.law.end(),
+                               [](const SurfaceLaw& law) { return mirrors(law.response); });
+        });
+    plan.kernels = {mirrored ? "update_grid (mirrors)" : "update_grid", "decide"};
     if (spec.contact.any()) plan.kernels.insert(plan.kernels.begin() + 1, "contact");
     if (plan.sweeps > 0)
         plan.kernels.insert(plan.kernels.begin() + 1,
                             "sweep (" + std::to_string(plan.sweeps) + " times)");
+    if (some && !mirrored) plan.kernels.insert(plan.kernels.begin(), "move_wall_nodes");
     bool loads = false;
     for (const auto& s : spec.sensors) {
         loads = loads || s.kind == SensorKind::load_cell;
