@@ -1,6 +1,6 @@
 """The load on the box of the Large Wave Flume, wave only, by cell, transfer and walls.
 
-    python benchmarks/flume_load.py --cell 0.1 --transfer APIC --walls linear [--bed held]
+    python benchmarks/flume_load.py --cell 0.1 --transfer APIC [--walls linear] [--bed held]
                                     [--until 27] [--device cuda] [--budget SECONDS]
 
 Half width, bed of the drawing, water in columns, K 2e6 Pa, box 1.016 x 1.016 x 0.615 m with its
@@ -82,8 +82,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--cell", type=float, default=0.1, help="m")
     parser.add_argument("--transfer", default="APIC")
-    parser.add_argument("--walls", choices=("held", "linear"), default="held")
-    parser.add_argument("--bed", choices=("held", "linear"), help="as the walls")
+    parser.add_argument("--walls", choices=("auto", "held", "linear"), default="auto")
+    parser.add_argument("--bed", choices=("auto", "held", "linear"), help="as the walls")
     parser.add_argument("--until", type=float, default=27.0, help="run time, s")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--budget", type=float, default=math.inf, help="of the clock, s")

@@ -194,17 +194,29 @@ class LinesReference(Reference):
         m = np.array([self.m[line[k]] for k in shares])
         t = np.array(list(shares.values()))
         u = np.array([free[line[k]] - wall for k in shares])
-        if not m[0] > 0:  # nothing leads: those at the plane stop there one by one
+        if not m[0] > m.sum() / 64:  # nothing leads: those at the plane stop there one by one
             return alone() if place <= 0 else None
         lead = np.sum(t * m * u[:, axis]) / np.sum(t * t * m)
         impulse = sign * np.sum(m * (t * lead - u[:, axis]))
+        static, dynamic = law["static_friction"], law["dynamic_friction"]
         if law["kind"] == "separable" and not impulse > 0:
-            return alone() if place <= 0 else None
+            onto = np.sum((m * u[:, axis])[-2:]) / np.sum(m[-2:])
+            if place <= 0 and sign * onto < 0:  # the two beside the plane, together
+                before = v[node].copy()
+                v[node][axis] -= onto
+                along = v[node] - wall
+                along[axis] = 0.0
+                speed = np.linalg.norm(along)
+                if speed <= static * abs(onto):
+                    v[node] -= along
+                elif speed > 0:
+                    v[node] -= min(1.0, dynamic * abs(onto) / speed) * along
+                taken[b][face] += self.m[node] * (before - v[node])
+            return None
         before = v[node][axis]
         v[node][axis] = wall[axis] + shares[place] * lead
         bound[node][axis] = True
         taken[b][face][axis] += self.m[node] * (before - v[node][axis])
-        static, dynamic = law["static_friction"], law["dynamic_friction"]
         if static > 0 or dynamic > 0:
             mean = (m[:, None] * u).sum(axis=0) / m.sum()
             mean[axis] = 0.0

@@ -85,6 +85,12 @@ public:
         for (std::int64_t i = 0; i < n; ++i) f(i);
     }
 
+    /// A pass of a step; devices bring it while the one before still runs.
+    template <class F>
+    void for_each_next(std::int64_t n, const F& f) {
+        for_each(n, f);
+    }
+
     /// Host work on host copies.
     template <class F>
     void host_for(std::int64_t n, const F& f) {

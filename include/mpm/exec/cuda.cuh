@@ -65,6 +65,17 @@ __global__ void each_kernel(std::int64_t n, const __grid_constant__ F f) {
     if (i < n) f(i);
 }
 
+/// For functions that wait for one read after another: half of the registers that they would take,
+/// and twice as many at a time.
+inline constexpr int next_threads = 64;
+template <class F>
+__global__ void __launch_bounds__(next_threads, 8)
+    next_kernel(std::int64_t n, const __grid_constant__ F f) {
+    after_previous();
+    const std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
+    if (i < n) f(i);
+}
+
 inline constexpr int max_threads = 256;
 
 /// Runs f once, on the last of `all` blocks that come here. Every thread of every block must call
@@ -322,6 +333,10 @@ public:
     /// spread.
     template <class F>
     void for_each_large(std::int64_t n, const F& f);
+    /// A pass of a step, whose iterations take long: it comes to the device while the one before
+    /// still runs.
+    template <class F>
+    void for_each_next(std::int64_t n, const F& f);
     /// Host work on host copies.
     void host_for(std::int64_t n, const std::function<void(std::int64_t)>& f);
 
@@ -460,6 +475,11 @@ void Cuda::for_each(std::int64_t n, const F& f) {
 template <class F>
 void Cuda::for_each_large(std::int64_t n, const F& f) {
     launch(&cuda::each_kernel<F>, (n + 31) / 32, 1, 32, n, f);
+}
+template <class F>
+void Cuda::for_each_next(std::int64_t n, const F& f) {
+    constexpr int threads = cuda::next_threads;
+    launch_next(&cuda::next_kernel<F>, (n + threads - 1) / threads, 1, threads, n, f);
 }
 template <int M, class F, class G>
 void Cuda::max_each(std::int64_t n, const F& f, const G& then) {

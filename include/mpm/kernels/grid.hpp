@@ -73,7 +73,8 @@ struct NodeUpdate {
         }
         return v;
     }
-    /// Of a node that shares with no other. With `special`, what kernels/boundaries.hpp says of it.
+    /// Of a node whose velocity no other's changes. With `special`, what kernels/boundaries.hpp
+    /// says of it.
     template <bool special, class Seen>
     MPM_INLINE Vec<T, D> lone_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
                                        const Seen& seen) const {
@@ -81,12 +82,20 @@ struct NodeUpdate {
         if (touched[slot]) {
             std::int64_t c[D];
             cell(slot, node, c);
-            if constexpr (special) {
-                if (boundaries.lines)
-                    FollowLines<NodeUpdate, T, D>{*this}(slot, node, c, m, v, seen);
-            }
             apply_boundaries<special>(boundaries, c, v, seen, share(slot, node));
         }
+        return v;
+    }
+    /// Of a node in a block that boundaries touch, mirrors excepted; `known`: its lines, packed.
+    template <class Seen>
+    MPM_INLINE Vec<T, D> wall_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
+                                       const std::uint32_t* known, const Seen& seen) const {
+        Vec<T, D> v = free_velocity(m, p);
+        std::int64_t c[D];
+        cell(slot, node, c);
+        if (boundaries.lines)
+            FollowLines<NodeUpdate, T, D>{*this, known}(slot, node, c, m, v, seen);
+        apply_boundaries<true>(boundaries, c, v, seen, share(slot, node));
         return v;
     }
     /// Of any node, whatever boundaries a scene has.
@@ -99,7 +108,7 @@ struct NodeUpdate {
             const Images<D> images(boundaries, c);
             if (images.mirrored) return mirrored_velocity(images, free_velocity(m, p), seen);
         }
-        return lone_velocity<true>(slot, node, m, p, seen);
+        return touched[slot] ? wall_velocity(slot, node, m, p, nullptr, seen) : free_velocity(m, p);
     }
     /// Part of a node's mass that lies in some channels.
     MPM_INLINE double part_of(const Sum* s, std::uint64_t channels) const {
@@ -220,10 +229,42 @@ struct Changed {
     }
 };
 
+/// Velocities that `MoveWallNodes` has made, by (listed block, node): those of a block whose flag
+/// `touched` is k > 0 begin at node (k - 1) block_cells.
+template <class T>
+struct WallNodes {
+    T* velocity = nullptr;            // of D components; null where a scene has no such boundaries
+    std::uint8_t* changed = nullptr;  // by any boundary
+};
+
+/// Nodes of the blocks that boundaries touch, before `UpdateGrid`, in scenes with boundaries that
+/// only some have, but for mirrors: their long functions would slow down all other nodes.
+template <class T, class Sum, int D>
+struct MoveWallNodes {
+    NodeUpdate<T, Sum, D> node;
+    const std::int32_t* blocks;
+    const std::uint32_t* lines;  // (blocks, nodes, D), packed; null where they have to be found
+    WallNodes<T> to;
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        if (node.clock->halt != Halt::none) return;
+        const std::int32_t slot = blocks[i / block_cells];
+        const int n = int(i % block_cells);
+        const T m = node.mass(slot, n);
+        if (!(m > T(0))) return;
+        bool changed = false;
+        const Vec<T, D> v =
+            node.wall_velocity(slot, n, m, node.momentum(slot, n), lines ? lines + i * D : nullptr,
+                               Changed<T, D>{&changed});
+        for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
+        to.changed[i] = changed;
+    }
+};
+
 /// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will
 /// fill, and gathers the maxima that the clock decides by. `keeps`: also what `KeptChannels` names;
-/// `special`: boundaries that only some scenes have.
-template <class T, class Sum, int D, bool keeps = false, bool special = false>
+/// `mirrors`: mirrored planes, and what else kernels/boundaries.hpp calls special beside them.
+template <class T, class Sum, int D, bool keeps = false, bool mirrors = false>
 struct UpdateGrid {
     NodeUpdate<T, Sum, D> node;
     Sum* next;  // sums to clear
@@ -231,6 +272,7 @@ struct UpdateGrid {
     int group_count;
     GroupChannels only;  // the group if there is one alone
     KeptChannels kept = {};
+    WallNodes<T> walls = {};
 
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         const auto& g = node.grid;
@@ -251,8 +293,8 @@ struct UpdateGrid {
         Sum* clear = next + std::int64_t(slot) * g.sum_channels * block_cells + n;
         for (int c = 0; c < g.sum_channels; ++c) clear[c * block_cells] = 0;
         const T m = node.mass(mass);
-        if constexpr (special) {
-            if (node.boundaries.mirrors && node.touched[slot]) {
+        if constexpr (mirrors) {
+            if (node.touched[slot]) {
                 std::int64_t c[D];
                 node.cell(slot, n, c);
                 const Images<D> images(node.boundaries, c);
@@ -261,12 +303,19 @@ struct UpdateGrid {
         }
         Vec<T, D> v{};
         if (m > T(0)) {
-            if constexpr (keeps) {
+            const std::uint32_t listed = walls.velocity ? node.touched[slot] : 0;
+            if (listed > 0) {
+                const std::int64_t at = std::int64_t(listed - 1) * block_cells + n;
+                for (int a = 0; a < D; ++a) v[a] = walls.velocity[at * D + a];
+                if constexpr (keeps) {
+                    if (kept.guard >= 0) out[kept.guard] = T(walls.changed[at]);
+                }
+            } else if constexpr (keeps) {
                 bool changed = false;
-                v = node.template lone_velocity<special>(slot, n, m, p, Changed<T, D>{&changed});
+                v = node.template lone_velocity<mirrors>(slot, n, m, p, Changed<T, D>{&changed});
                 if (kept.guard >= 0) out[kept.guard] = T(changed ? 1 : 0);
             } else {
-                v = node.template lone_velocity<special>(slot, n, m, p, NothingSeen{});
+                v = node.template lone_velocity<mirrors>(slot, n, m, p, NothingSeen{});
             }
             for (int a = 0; a < D; ++a) {
                 if constexpr (keeps)

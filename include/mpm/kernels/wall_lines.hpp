@@ -17,206 +17,9 @@
 // held.
 #pragma once
 
-#include "mpm/kernels/surface_lines.hpp"
+#include "mpm/kernels/wall_places.hpp"
 
 namespace mpm {
-
-/// Integral over the line of the quadratic spline about 0, up to x cells.
-MPM_INLINE double spline_up_to(double x) {
-    if (x <= -1.5) return 0;
-    if (x >= 1.5) return 1;
-    if (x < -0.5) return (x + 1.5) * (x + 1.5) * (x + 1.5) / 6;
-    if (x > 0.5) return 1 - (1.5 - x) * (1.5 - x) * (1.5 - x) / 6;
-    return 0.5 + x * (0.75 - x * x / 3);
-}
-
-/// The line towards a wall across one axis on which a node is.
-struct WallLine {
-    enum Form { none, held, pair, linear };
-    Form form = none;
-    int boundary = 0, face = 0;
-    int sign = 1;   // of the normal, which points into the material
-    int place = 0;  // of the node
-
-    MPM_INLINE int first() const { return form == linear ? 1 : 0; }
-    template <class T>
-    MPM_INLINE T share(int at) const {
-        if (at == first()) return 1;
-        return T(at == 0 ? 1 : -1) / T(form == linear ? 3 : 1);
-    }
-};
-
-/// A face across an axis: its plane is the lower side of cell `plane`.
-template <int D>
-struct WallPlane {
-    std::int64_t plane;
-    int sign;
-    MPM_INLINE WallPlane(const BoundaryRecord<D>& r, int face)
-        : plane(face % 2 == 0 ? r.lower[face / 2] : r.upper[face / 2]),
-          sign((face % 2 == 0) != bool(r.is_box) ? 1 : -1) {}
-    /// Of a node, as `WallLine::place`.
-    MPM_INLINE std::int64_t place(std::int64_t cell) const {
-        return sign > 0 ? cell - plane : plane - 1 - cell;
-    }
-};
-
-/// Is a node on the rows of a face: those that end in it?
-template <int D>
-MPM_INLINE bool on_rows(const BoundaryRecord<D>& r, int axis, const std::int64_t (&cell)[D]) {
-    for (int t = 0; t < D && r.is_box; ++t)
-        if (t != axis && (cell[t] < r.rows_lower[t] || cell[t] >= r.rows_upper[t])) return false;
-    return true;
-}
-
-/// Is a node too far from a box for its faces and edges?
-template <int D>
-MPM_INLINE bool far_from(const BoundaryRecord<D>& r, const std::int64_t (&cell)[D]) {
-    bool far = false;
-    for (int a = 0; a < D; ++a) far = far || cell[a] < r.lower[a] - 2 || cell[a] > r.upper[a] + 1;
-    return r.is_box && far;
-}
-
-/// Cells of room before a plane on the row of a node, up to 4.
-template <int D>
-MPM_INLINE int room_before(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
-                           const std::int64_t (&cell)[D]) {
-    std::int64_t least = 4;
-    for (int b = 0; b < all.count; ++b) {
-        const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || r.surface > 0) continue;
-        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
-            if (!r.present[f] || !r.law[f].linear) continue;
-            const WallPlane<D> other(r, f);
-            if (other.sign == wall.sign || !on_rows(r, axis, cell)) continue;
-            const std::int64_t room =
-                wall.sign > 0 ? other.plane - wall.plane : wall.plane - other.plane;
-            if (room > 0 && room < least) least = room;
-        }
-    }
-    return int(least);
-}
-
-/// Does a node stand right before a face across an axis whose normal has this sign?
-template <int D>
-MPM_CALL bool before_face(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int axis,
-                          int sign) {
-    for (int b = 0; b < all.count; ++b) {
-        const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
-        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
-            if (!r.present[f] || !r.law[f].linear) continue;
-            const WallPlane<D> wall(r, f);
-            if (wall.sign == sign && wall.place(cell[axis]) == 0 && on_rows(r, axis, cell))
-                return true;
-        }
-    }
-    return false;
-}
-
-/// Distance of the nearest linear surface that faces a wall, from the node right before the wall,
-/// in cells up to 4. `cell` is on the wall's line, at `place`.
-template <int D>
-MPM_INLINE double surface_before(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
-                                 const std::int64_t (&cell)[D], std::int64_t place) {
-    double least = 4;
-    for (int b = 0; b < all.count && all.surface_lines; ++b) {
-        const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || r.surface == 0 || !r.law[0].linear) continue;
-        std::int64_t there[D];
-        moved_along<D>(cell, axis, -place * wall.sign, there);
-        const SurfaceView<D> seen(all, all.surfaces[r.surface - 1], there);
-        if (seen.known && seen.axis == axis && seen.away == -wall.sign && seen.distance > 0 &&
-            seen.distance < least)
-            least = seen.distance;
-    }
-    return least;
-}
-
-/// Does a wall across an axis lie inside a body whose surface faces the same way? Then nothing is
-/// before it on this row; its lines would take the nodes of those towards the surface. Of `cell`, a
-/// node at `place`.
-template <int D>
-MPM_INLINE bool inside_surface(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
-                               const std::int64_t (&cell)[D], std::int64_t place) {
-    for (int b = 0; b < all.count; ++b) {
-        const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || r.surface == 0 || r.share != 0 || r.limited ||
-            r.law[0].response == Response::prescribed)
-            continue;
-        std::int64_t there[D];
-        moved_along<D>(cell, axis, -place * wall.sign, there);
-        const SurfaceView<D> seen(all, all.surfaces[r.surface - 1], there);
-        // The node right before the wall stands half a cell off it; what lies on it changes
-        // nothing.
-        if (seen.known && (seen.axis < 0 || (seen.axis == axis && seen.away == wall.sign)) &&
-            seen.distance < 0.45)
-            return true;
-    }
-    return false;
-}
-
-/// The line on which a node is across an axis. Where two claim it, the first that is defined does.
-template <int D>
-MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
-    WallLine line;
-    for (int b = 0; b < all.count; ++b) {
-        const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
-        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
-            if (!r.present[f] || !r.law[f].linear) continue;
-            const WallPlane<D> wall(r, f);
-            const std::int64_t place = wall.place(cell[axis]);
-            if (place < -1 || place > 1 || !on_rows(r, axis, cell)) continue;
-            if (inside_surface(all, wall, axis, cell, place)) continue;
-            int room = room_before(all, wall, axis, cell);
-            const double surface = surface_before(all, wall, axis, cell, place);
-            if (surface < 3.5 && room > 3) room = 3;
-            if (surface < 1.5) room = 1;
-            line.boundary = b;
-            line.face = f;
-            line.sign = wall.sign;
-            line.place = int(place);
-            const bool thin = r.is_box && r.upper[axis] - r.lower[axis] < 2;
-            line.form = room < 2 || thin ? WallLine::held
-                        : room < 4       ? WallLine::pair
-                                         : WallLine::linear;
-            if (place <= (line.form == WallLine::linear ? 1 : 0)) return line;
-            line.form = WallLine::none;
-        }
-    }
-    return line;
-}
-
-/// Rows beside the edge of a box do not vanish on the last half cell of its faces, and no node is
-/// held there. What even pressure does to such a node is what the face gives back: the integral of
-/// the node's spline over the face. f(boundary, face, axis, area with the sign of the normal), the
-/// area in faces of a cell.
-template <int D, class F>
-MPM_INLINE void each_edge(const BoundaryView<D>& all, const std::int64_t (&cell)[D], const F& f) {
-    for (int b = 0; b < all.count; ++b) {
-        const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || !r.is_box || r.surface > 0 || far_from(r, cell)) continue;
-        for (int face = 0; face < 2 * D; ++face) {
-            const int axis = face / 2;
-            if (!r.present[face] || !r.law[face].linear || on_rows(r, axis, cell)) continue;
-            if (r.upper[axis] - r.lower[axis] < 2) continue;
-            const WallPlane<D> wall(r, face);
-            const std::int64_t place = wall.place(cell[axis]);
-            if (place != 0 && place != -1) continue;
-            double area = 0.5;
-            for (int t = 0; t < D; ++t) {
-                if (t == axis) continue;
-                const double at = double(cell[t]) + 0.5;
-                area *= spline_up_to(double(r.face_upper[t]) - at) -
-                        spline_up_to(double(r.face_lower[t]) - at);
-            }
-            if (!(area > 0)) continue;
-            // Another box that goes on where this one ends holds the row, or fills it.
-            if (find_line<D>(all, axis, cell).form != WallLine::none) continue;
-            f(b, face, axis, area * wall.sign);
-        }
-    }
-}
 
 /// Pressure that the grid knows of a group of bodies: of their averaged volume loss.
 struct GroupPressure {
@@ -231,6 +34,7 @@ struct GroupPressure {
 template <class Node, class T, int D>
 struct FollowLines {
     const Node& node;
+    const std::uint32_t* known = nullptr;  // the node's lines by axis, packed; else they are found
 
     struct Seat {
         T mass = 0;
@@ -238,12 +42,17 @@ struct FollowLines {
     };
     /// Sums over the nodes of a line, velocities relative to the wall.
     struct Sums {
-        T leader = 0;           // mass
-        T mass = 0, led = 0;    // sum of m, of T m
-        T push = 0, inert = 0;  // sum of T m v, of T^2 m
+        T leader = 0;              // mass
+        T mass = 0, led = 0;       // sum of m, of T m
+        T push = 0, inert = 0;     // sum of T m v, of T^2 m
+        T beside = 0, toward = 0;  // of the two nodes beside the plane: sum of m, of m v
         Vec<T, D> momentum{};
         MPM_INLINE T lead() const { return push / inert; }
     };
+    /// A leader with less of its line's mass than this leads nothing: all there is lies within a
+    /// sixth of a cell of the plane, and the velocity of a node that hardly weighs would be what
+    /// that material's is, times three or more.
+    static constexpr double least_leader = 1.0 / 64;
     struct Wall {
         const SurfaceLaw& law;
         Vec<T, D> velocity;
@@ -277,18 +86,20 @@ struct FollowLines {
         });
     }
     /// In the same order from wherever on the line, so that all its nodes find the same numbers.
-    MPM_CALL Sums sum(const WallLine& line, int axis, const std::int64_t (&cell)[D],
-                      const Seat& own, const Vec<T, D>& moving) const {
+    MPM_CALL Sums sum(const WallLine& line, int axis, std::int32_t slot,
+                      const std::int64_t (&cell)[D], const Seat& own,
+                      const Vec<T, D>& moving) const {
         Sums out;
         for (int at = line.first(); at >= -1; --at) {
             Seat s = own;
             if (at != line.place) {
+                const std::int64_t by = (at - line.place) * line.sign;
                 std::int64_t there[D];
-                for (int a = 0; a < D; ++a)
-                    there[a] = cell[a] + (a == axis ? (at - line.place) * line.sign : 0);
+                moved_along<D>(cell, axis, by, there);
                 int number = 0;
-                const std::int32_t slot = find_node<D>(node.grid.table, there, number);
-                s = slot < 0 ? Seat{} : seat(slot, number, there);
+                const std::int32_t of =
+                    node_beside<D>(node.grid.table, slot, cell, axis, by, number);
+                s = of < 0 ? Seat{} : seat(of, number, there);
             }
             if (at == line.first()) out.leader = s.mass;
             const T t = line.template share<T>(at);
@@ -296,6 +107,10 @@ struct FollowLines {
             out.led += t * s.mass;
             out.inert += t * t * s.mass;
             out.push += t * s.mass * (s.velocity[axis] - moving[axis]);
+            if (at <= 0) {
+                out.beside += s.mass;
+                out.toward += s.mass * (s.velocity[axis] - moving[axis]);
+            }
             for (int a = 0; a < D; ++a) out.momentum[a] += s.mass * (s.velocity[a] - moving[a]);
         }
         return out;
@@ -310,23 +125,26 @@ struct FollowLines {
         Vec<T, D> slid[D];  // of the line's mass along the wall
         T pressed[D];       // speed that the wall takes from the line's mass by pressing
         for (int a = 0; a < D; ++a) {
-            WallLine& line = lines[a] = find_line<D>(node.boundaries, a, cell);
+            WallLine& line = lines[a] =
+                known ? WallLine::unpacked(known[a]) : find_line<D>(node.boundaries, a, cell);
             pressed[a] = 0;
             if (line.form == WallLine::none) continue;
             const Wall by = wall(line);
             const Vec<T, D> before = v;
             Sums s;
-            if (line.form != WallLine::held) s = sum(line, a, cell, own, by.velocity);
-            const bool alone = line.form == WallLine::held || !(s.leader > T(0));
-            const T impulse = alone ? T(0) : T(line.sign) * (s.lead() * s.led - s.momentum[a]);
-            // Without a leader there is no field, and no wall pulls where material may leave it.
-            // But drops that stand next to the plane, or fall where others rise, would pass it if
-            // the nodes at the plane were free: these are held one by one.
-            if (alone || (by.law.response == Response::separable && !(impulse > T(0)))) {
+            if (line.form != WallLine::held) s = sum(line, a, slot, cell, own, by.velocity);
+            if (line.form == WallLine::held || !(s.leader > T(least_leader) * s.mass)) {
+                // Without a leader there is no field: nodes at the plane are held one by one.
                 if (line.form == WallLine::held || line.place <= 0) {
                     v = respond(by.law, a, T(line.sign), before, by.velocity);
                     seen(line.boundary, line.face, before, v);
                 }
+                line.form = WallLine::none;
+                continue;
+            }
+            const T impulse = T(line.sign) * (s.lead() * s.led - s.momentum[a]);
+            if (by.law.response == Response::separable && !(impulse > T(0))) {
+                let_go(line, a, s, by, before, v, seen);
                 line.form = WallLine::none;
                 continue;
             }
@@ -343,13 +161,33 @@ struct FollowLines {
         for (int b = 0; b < node.boundaries.count; ++b) {
             const BoundaryRecord<D>& r = node.boundaries.records[b];
             if (r.active && r.surface > 0 && r.law[0].linear)
-                follow_surface(b, cell, own, bound, v, seen);
+                follow_surface(b, slot, cell, own, bound, v, seen);
         }
+    }
+    /// No wall pulls where material may leave it. But drops that fall onto the plane while others
+    /// on the line rise would pass it if its nodes were free: the two beside it may not approach
+    /// it together. What they do against each other, as pressure has them do, is left to them.
+    template <class Seen>
+    MPM_INLINE void let_go(const WallLine& line, int axis, const Sums& s, const Wall& by,
+                           const Vec<T, D>& before, Vec<T, D>& v, const Seen& seen) const {
+        if (line.place > 0 || !(T(line.sign) * s.toward < T(0))) return;
+        const T onto = s.toward / s.beside;
+        v[axis] -= onto;
+        T speed = 0;
+        for (int c = 0; c < D; ++c)
+            if (c != axis) speed += (v[c] - by.velocity[c]) * (v[c] - by.velocity[c]);
+        if (by.law.static_friction > 0 || by.law.dynamic_friction > 0) {
+            const T kept = kept_of_sliding<T>(by.law, square_root(speed), absolute(onto));
+            for (int c = 0; c < D; ++c)
+                if (c != axis) v[c] = by.velocity[c] + kept * (v[c] - by.velocity[c]);
+        }
+        seen(line.boundary, line.face, before, v);
     }
     /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.
     template <class Seen>
-    MPM_INLINE void follow_surface(int b, const std::int64_t (&cell)[D], const Seat& own,
-                                   const bool (&bound)[D], Vec<T, D>& v, const Seen& seen) const {
+    MPM_INLINE void follow_surface(int b, std::int32_t slot, const std::int64_t (&cell)[D],
+                                   const Seat& own, const bool (&bound)[D], Vec<T, D>& v,
+                                   const Seen& seen) const {
         const BoundaryView<D>& all = node.boundaries;
         const BoundaryRecord<D>& r = all.records[b];
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
@@ -359,30 +197,32 @@ struct FollowLines {
                                       return before_face<D>(all, at, axis, sign);
                                   });
         const Vec<T, D> before = v;
-        if (line.state == SurfaceLine<D>::held) {
+        const auto hold = [&] {
             double x[D];
             node_position<D>(cell, all.cell_size, x);
             Vec<T, D> wall;
             for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
             if (respond_to_surface<T, D>(s, law, x, wall, v)) seen(b, 0, before, v);
-            return;
-        }
+        };
+        if (line.state == SurfaceLine<D>::held) return hold();
         if (line.state != SurfaceLine<D>::on) return;
-        T mass = 0, led = 0, push = 0, inert = 0, leader = 0;
+        T mass = 0, led = 0, push = 0, inert = 0, leader = 0, toward = 0;
         Vec<T, D> momentum{}, here{};
         std::int64_t at[D];
         moved_along<D>(cell, line.axis, line.leader, at);
         const SurfaceView<D> first(all, s, at);
         for (int step = 0; step < 8; ++step) {
-            moved_along<D>(cell, line.axis, line.leader - step * line.sign, at);
+            const std::int64_t by = line.leader - step * line.sign;
+            moved_along<D>(cell, line.axis, by, at);
             const SurfaceView<D> view(all, s, at);
             if (!view.along(first) || view.deep()) break;
-            const bool self = line.leader == step * line.sign;
+            const bool self = by == 0;
             Seat seat_here = own;
             if (!self) {
                 int number = 0;
-                const std::int32_t slot = find_node<D>(node.grid.table, at, number);
-                seat_here = slot < 0 ? Seat{} : seat(slot, number, at);
+                const std::int32_t of =
+                    node_beside<D>(node.grid.table, slot, cell, line.axis, by, number);
+                seat_here = of < 0 ? Seat{} : seat(of, number, at);
             }
             double x[D], moving[D];
             node_position<D>(at, all.cell_size, x);
@@ -395,13 +235,18 @@ struct FollowLines {
                 along += T(line.normal[a]) * (seat_here.velocity[a] - w);
                 momentum[a] += seat_here.mass * (seat_here.velocity[a] - w);
             }
-            if (step == 0) leader = seat_here.mass;
+            if (step == 0)
+                leader = seat_here.mass;
+            else
+                toward += seat_here.mass * along;
             mass += seat_here.mass;
             led += t * seat_here.mass;
             inert += t * t * seat_here.mass;
             push += t * seat_here.mass * along;
         }
-        if (!(leader > T(0))) return;
+        // As at walls on cell faces: `operator()`, `let_go`.
+        const bool leads = line.leader == 0;
+        if (!(leader > T(least_leader) * mass)) return leads ? void() : hold();
         const T lead = push / inert;
         T along = 0, is = 0, open = 0;
         for (int a = 0; a < D; ++a) {
@@ -410,8 +255,14 @@ struct FollowLines {
             if (!bound[a]) open += T(line.normal[a] * line.normal[a]);
         }
         const T impulse = lead * led - along;
-        if (law.response == Response::separable && !(impulse > T(0))) return;
         if (!(open > T(0.1))) return;
+        if (law.response == Response::separable && !(impulse > T(0))) {
+            if (leads || !(toward < T(0))) return;
+            for (int a = 0; a < D; ++a)
+                if (!bound[a]) v[a] -= toward / (mass - leader) / open * T(line.normal[a]);
+            seen(b, 0, before, v);
+            return;
+        }
         const T change = (T(line.share) * lead - is) / open;
         for (int a = 0; a < D; ++a)
             if (!bound[a]) v[a] += change * T(line.normal[a]);

@@ -35,15 +35,21 @@ public:
     BeginStep<D> begin_step(Clock* clock) const {
         return {clock, gravity_, records_.data(), int(records_.size()), surfaces_.data()};
     }
-    /// Whether there is any that only some scenes have (kernels/boundaries.hpp).
-    bool special() const { return special_; }
     /// Of each averaged group of bodies, how it presses; where boxes have linear faces.
     const Buffer<X, GroupPressure>& pressures() const { return pressures_; }
 
     /// Of a new table: which blocks any boundary may hold nodes of.
     void touch(const BlockTableView<D>& table);
-    /// (slots,) of the last table.
+    /// (slots,) of the last table; where `lists`, 1 + the place of those that are in `blocks`.
     const Buffer<X, std::uint32_t>& touched() const { return touched_; }
+
+    /// Whether nodes beside boundaries are moved apart from the others (`MoveWallNodes`).
+    bool lists() const { return special_ && !mirrored_walls_; }
+    bool has_mirrors() const { return mirrored_walls_; }
+    const Buffer<X, std::int32_t>& blocks() const { return blocks_; }
+    /// Of their nodes, packed; without any where lines come and go with time.
+    const Buffer<X, std::uint32_t>& lines() const { return lines_; }
+    double bytes() const { return double(touched_.bytes() + blocks_.bytes() + lines_.bytes()); }
     /// The same of what load cell number `cell` measures, into `flag`.
     void touch_measured(int cell, const BlockTableView<D>& table, std::uint32_t* flag);
     std::vector<MirrorPlane> mirror_planes() const;
@@ -53,6 +59,7 @@ private:
     int reach() const { return wide_ ? 2 : 1; }
     SurfaceRecord<D> surface(const SurfaceSpec& spec);
     void set_pressures(const Spec& spec, const Plan& plan);
+    void list_touched(const BlockTableView<D>& table);
 
     X& exec_;
     double cell_size_;
@@ -61,6 +68,7 @@ private:
     bool linear_walls_ = false;  // kernels/wall_lines.hpp
     bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
+    bool lines_rest_ = false;  // there are some, the same at all times
     TimeTables<X> tables_{exec_};
     TimeTableView gravity_{};
     std::vector<Buffer<X, std::uint64_t>> surface_keys_;
@@ -71,6 +79,8 @@ private:
     Buffer<X, BoundaryRecord<D>> measured_{exec_};  // of each load cell, its faces alone
     Buffer<X, GroupPressure> pressures_{exec_};
     Buffer<X, std::uint32_t> touched_{exec_};
+    Buffer<X, std::int32_t> blocks_{exec_};
+    Buffer<X, std::uint32_t> lines_{exec_};
 };
 
 template <class X, int D>
@@ -136,9 +146,20 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
         if (s.moves) r.motion = tables_.upload(s.motion, D);
         records.push_back(r);
     }
+    set_pressures(spec, plan);
+    if (linear_walls_ && mirrored_walls_)
+        throw SceneError(
+            "walls that mirror beside walls with linear cells are not built; choose "
+            "cell=\"held\" for these or another response for those");
+    lines_rest_ = linear_walls_ && records.size() < most_packed_boundaries;
+    for (BoundaryRecord<D>& r : records) {
+        const SurfaceRecord<D>* s = r.surface > 0 ? &surfaces[std::size_t(r.surface - 1)] : nullptr;
+        // Lines are found before the first step says what is active.
+        r.active = r.start <= 0 && std::isinf(r.end);
+        lines_rest_ = lines_rest_ && r.active && !(s && (s->path.given() || s->turn.given()));
+    }
     records_.assign(records);
     surfaces_.assign(surfaces);
-    set_pressures(spec, plan);
     for (const auto& s : spec.sensors) {
         if (s.kind != SensorKind::load_cell) continue;
         BoundaryRecord<D>& r = measured.emplace_back(records.at(std::size_t(s.boundary)));
@@ -232,6 +253,26 @@ void Boundaries<X, D>::touch(const BlockTableView<D>& table) {
     touched_.reserve_discard(std::size_t(table.slots));
     exec_.for_each(table.slots, TouchBoundaries<D>{table, records_.data(), int(records_.size()),
                                                    surfaces_.data(), cell_size_, touched_.data()});
+    if (lists()) list_touched(table);
+}
+
+template <class X, int D>
+void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
+    const std::int64_t slots = table.slots;
+    Buffer<X, std::uint32_t> position(exec_), number(exec_);
+    position.reserve_discard(std::size_t(slots) + 1);
+    number.reserve_discard(1);
+    exec_.exclusive_scan(touched_.data(), position.data(), slots);
+    exec_.copy(number.data(), position.data() + slots, sizeof(std::uint32_t));
+    blocks_.reserve_discard(number.host()[0]);
+    exec_.for_each(slots, ListTouched{position.data(), touched_.data(), blocks_.data()});
+    if (lines_rest_) {
+        const std::size_t nodes = blocks_.size() * block_cells;
+        lines_.reserve_discard(nodes * D);
+        exec_.for_each(std::int64_t(nodes),
+                       FindLines<D>{table, view(), blocks_.data(), lines_.data()});
+    }
+    exec_.wait();  // for what this leaves behind
 }
 
 template <class X, int D>

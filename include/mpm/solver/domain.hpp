@@ -149,7 +149,7 @@ private:
     using NothingAfter = std::conditional_t<X::is_device, AfterGrid<D>, NothingDecided>;
     template <class Decided>
     void make_velocities(const Decided& decided);
-    template <bool special, class Decided>
+    template <bool mirrors, class Decided>
     void make_velocities_with(const Decided& decided);
     Fault describe_fault();
     std::int64_t steps_to_sort() const;
@@ -348,14 +348,19 @@ private:
                 boundaries_.pressures().data(),
                 int(boundaries_.pressures().size())};
     }
-    template <bool keeps, bool special>
-    UpdateGrid<Grid, Sum, D, keeps, special> grid_update(int parity) {
+    WallNodes<Grid> wall_nodes() {
+        return boundaries_.lists() ? WallNodes<Grid>{wall_velocity_.data(), wall_changed_.data()}
+                                   : WallNodes<Grid>{};
+    }
+    template <bool keeps, bool mirrors>
+    UpdateGrid<Grid, Sum, D, keeps, mirrors> grid_update(int parity) {
         return {node_update(parity),
                 sums_[1 - parity].data(),
                 groups_.data(),
                 int(plan_.groups.size()),
                 plan_.groups.size() == 1 ? plan_.groups[0] : GroupChannels{},
-                plan_.kept};
+                plan_.kept,
+                wall_nodes()};
     }
     BeginStep<D> begin_step() { return boundaries_.begin_step(clock_buffer_.data()); }
     TurnStep<D> turn_step() { return {{clock_buffer_.data(), spec_.cell_size}, begin_step()}; }
@@ -383,6 +388,8 @@ private:
 
     int sorts_of_table_ = 0;
     Buffer<X, Grid> velocity_{exec_};
+    Buffer<X, Grid> wall_velocity_{exec_};  // `WallNodes`
+    Buffer<X, std::uint8_t> wall_changed_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();

@@ -24,14 +24,21 @@ void Domain<X, T, D>::reserve_scratch(Body& body) {
 template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::make_velocities(const Decided& decided) {
-    if (boundaries_.special())
+    if (boundaries_.lists()) {
+        const std::int64_t nodes = std::int64_t(boundaries_.blocks().size()) * block_cells;
+        const auto& lines = boundaries_.lines();
+        exec_.for_each_next(nodes, MoveWallNodes<Grid, Sum, D>{
+                                       node_update(parity()), boundaries_.blocks().data(),
+                                       lines.size() > 0 ? lines.data() : nullptr, wall_nodes()});
+    }
+    if (boundaries_.has_mirrors())
         make_velocities_with<true>(decided);
     else
         make_velocities_with<false>(decided);
 }
 
 template <class X, class T, int D>
-template <bool special, class Decided>
+template <bool mirrors, class Decided>
 void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
     const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
     const bool sweeps = plan_.sweep.residual > 0;
@@ -39,21 +46,21 @@ void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
         if (contact_blocks_ > 0) {
             const auto then = [&](const double* maxima) { resolve_contacts(maxima, decided); };
             if (plan_.kept.any())
-                exec_.template max_each<maxima_count>(nodes, grid_update<true, special>(parity()),
+                exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()),
                                                       then);
             else
-                exec_.template max_each<maxima_count>(nodes, grid_update<false, special>(parity()),
+                exec_.template max_each<maxima_count>(nodes, grid_update<false, mirrors>(parity()),
                                                       then);
             return;
         }
     }
     if (!sweeps && !plan_.kept.any()) {
-        exec_.template max_each<maxima_count>(nodes, grid_update<false, special>(parity()),
+        exec_.template max_each<maxima_count>(nodes, grid_update<false, mirrors>(parity()),
                                               decided);
     } else if (!sweeps) {
-        exec_.template max_each<maxima_count>(nodes, grid_update<true, special>(parity()), decided);
+        exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()), decided);
     } else {
-        exec_.template max_each<maxima_count>(nodes, grid_update<true, special>(parity()),
+        exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()),
                                               NothingAfter{});
         sweep_grid();
         exec_.template max_each<maxima_count>(

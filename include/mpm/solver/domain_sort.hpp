@@ -13,6 +13,11 @@ void Domain<X, T, D>::link_table() {
     const std::int64_t slots = table_.slots;
     blocks_.link();
     boundaries_.touch(table_);
+    if (boundaries_.lists()) {
+        const std::size_t nodes = boundaries_.blocks().size() * block_cells;
+        wall_velocity_.reserve_discard(nodes * D);
+        wall_changed_.reserve_discard(nodes);
+    }
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
     if (!share_) list_measured();

@@ -4,15 +4,17 @@
 #include "mpm/exec/cpu.hpp"
 #include "mpm/kernels/grid.hpp"
 
-#define MPM_GRID_PASSES_WITH(prefix, T, D, keeps, special)                                   \
-    prefix template void Cpu::largest_of<maxima_count, UpdateGrid<T, T, D, keeps, special>>( \
-        std::int64_t, const UpdateGrid<T, T, D, keeps, special>&, double(&)[maxima_count]);
+#define MPM_GRID_PASSES_WITH(prefix, T, D, keeps, mirrors)                                   \
+    prefix template void Cpu::largest_of<maxima_count, UpdateGrid<T, T, D, keeps, mirrors>>( \
+        std::int64_t, const UpdateGrid<T, T, D, keeps, mirrors>&, double(&)[maxima_count]);
 
-#define MPM_GRID_PASSES_IN(prefix, T, D)             \
-    MPM_GRID_PASSES_WITH(prefix, T, D, false, false) \
-    MPM_GRID_PASSES_WITH(prefix, T, D, true, false)  \
-    MPM_GRID_PASSES_WITH(prefix, T, D, false, true)  \
-    MPM_GRID_PASSES_WITH(prefix, T, D, true, true)
+#define MPM_GRID_PASSES_IN(prefix, T, D)                                     \
+    MPM_GRID_PASSES_WITH(prefix, T, D, false, false)                         \
+    MPM_GRID_PASSES_WITH(prefix, T, D, true, false)                          \
+    MPM_GRID_PASSES_WITH(prefix, T, D, false, true)                          \
+    MPM_GRID_PASSES_WITH(prefix, T, D, true, true)                           \
+    prefix template void Cpu::for_each<MoveWallNodes<T, T, D>>(std::int64_t, \
+                                                               const MoveWallNodes<T, T, D>&);
 
 #define MPM_GRID_PASSES(prefix)           \
     MPM_GRID_PASSES_IN(prefix, float, 2)  \

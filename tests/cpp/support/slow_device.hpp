@@ -123,6 +123,10 @@ public:
     void for_each_large(std::int64_t n, const F& f) {
         for_each(n, f);
     }
+    template <class F>
+    void for_each_next(std::int64_t n, const F& f) {
+        for_each(n, f);
+    }
     void host_for(std::int64_t n, const std::function<void(std::int64_t)>& f) { for_each(n, f); }
     template <int M, class F, class G>
     void max_each(std::int64_t n, const F& f, const G& then) {

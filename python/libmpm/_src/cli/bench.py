@@ -302,11 +302,12 @@ def run_command(arguments: argparse.Namespace) -> int:
         threads=arguments.threads,
         walls=arguments.walls,
     )
-    print(describe(result))
-    print(result.line())
     if arguments.json is not None:
         from libmpm._src.output.atomic_files import writing
 
+        # Before it is printed: who reads that may have gone (`| head`).
         with writing(arguments.json), arguments.json.open("a", encoding="utf-8") as file:
             file.write(result.line() + "\n")
+    print(describe(result))
+    print(result.line())
     return 0

@@ -1,0 +1,270 @@
+// Which nodes lie on lines towards walls on cell faces, and at which places of these
+// (wall_lines.hpp); nodes beside the edges of boxes.
+#pragma once
+
+#include "mpm/kernels/surface_lines.hpp"
+
+namespace mpm {
+
+/// Integral over the line of the quadratic spline about 0, up to x cells.
+MPM_INLINE double spline_up_to(double x) {
+    if (x <= -1.5) return 0;
+    if (x >= 1.5) return 1;
+    if (x < -0.5) return (x + 1.5) * (x + 1.5) * (x + 1.5) / 6;
+    if (x > 0.5) return 1 - (1.5 - x) * (1.5 - x) * (1.5 - x) / 6;
+    return 0.5 + x * (0.75 - x * x / 3);
+}
+
+/// The line towards a wall across one axis on which a node is.
+struct WallLine {
+    enum Form { none, held, pair, linear };
+    Form form = none;
+    int boundary = 0, face = 0;
+    int sign = 1;   // of the normal, which points into the material
+    int place = 0;  // of the node
+
+    MPM_INLINE int first() const { return form == linear ? 1 : 0; }
+    template <class T>
+    MPM_INLINE T share(int at) const {
+        if (at == first()) return 1;
+        return T(at == 0 ? 1 : -1) / T(form == linear ? 3 : 1);
+    }
+
+    /// In one number, 0 for none, as tables of lines keep it.
+    MPM_INLINE std::uint32_t packed() const {
+        if (form == none) return 0;
+        return std::uint32_t(form) | std::uint32_t(place + 1) << 2 | std::uint32_t(sign > 0) << 4 |
+               std::uint32_t(face) << 5 | std::uint32_t(boundary) << 8;
+    }
+    MPM_INLINE static WallLine unpacked(std::uint32_t from) {
+        WallLine line;
+        line.form = Form(from & 3);
+        line.place = int(from >> 2 & 3) - 1;
+        line.sign = from >> 4 & 1 ? 1 : -1;
+        line.face = int(from >> 5 & 7);
+        line.boundary = int(from >> 8);
+        return line;
+    }
+};
+/// Boundaries that a packed line can tell apart.
+inline constexpr std::size_t most_packed_boundaries = std::size_t(1) << 24;
+
+/// A face across an axis: its plane is the lower side of cell `plane`.
+template <int D>
+struct WallPlane {
+    std::int64_t plane;
+    int sign;
+    MPM_INLINE WallPlane(const BoundaryRecord<D>& r, int face)
+        : plane(face % 2 == 0 ? r.lower[face / 2] : r.upper[face / 2]),
+          sign((face % 2 == 0) != bool(r.is_box) ? 1 : -1) {}
+    /// Of a node, as `WallLine::place`.
+    MPM_INLINE std::int64_t place(std::int64_t cell) const {
+        return sign > 0 ? cell - plane : plane - 1 - cell;
+    }
+};
+
+/// Is a node on the rows of a face: those that end in it?
+template <int D>
+MPM_INLINE bool on_rows(const BoundaryRecord<D>& r, int axis, const std::int64_t (&cell)[D]) {
+    for (int t = 0; t < D && r.is_box; ++t)
+        if (t != axis && (cell[t] < r.rows_lower[t] || cell[t] >= r.rows_upper[t])) return false;
+    return true;
+}
+
+/// Is a node too far from a box for its faces and edges?
+template <int D>
+MPM_INLINE bool far_from(const BoundaryRecord<D>& r, const std::int64_t (&cell)[D]) {
+    bool far = false;
+    for (int a = 0; a < D; ++a) far = far || cell[a] < r.lower[a] - 2 || cell[a] > r.upper[a] + 1;
+    return r.is_box && far;
+}
+
+/// Cells of room before a plane on the row of a node, up to 4.
+template <int D>
+MPM_INLINE int room_before(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
+                           const std::int64_t (&cell)[D]) {
+    std::int64_t least = 4;
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface > 0) continue;
+        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
+            if (!r.present[f] || !r.law[f].linear) continue;
+            const WallPlane<D> other(r, f);
+            if (other.sign == wall.sign || !on_rows(r, axis, cell)) continue;
+            const std::int64_t room =
+                wall.sign > 0 ? other.plane - wall.plane : wall.plane - other.plane;
+            if (room > 0 && room < least) least = room;
+        }
+    }
+    return int(least);
+}
+
+/// Does a node stand right before a face across an axis whose normal has this sign?
+template <int D>
+MPM_CALL bool before_face(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int axis,
+                          int sign) {
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
+        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
+            if (!r.present[f] || !r.law[f].linear) continue;
+            const WallPlane<D> wall(r, f);
+            if (wall.sign == sign && wall.place(cell[axis]) == 0 && on_rows(r, axis, cell))
+                return true;
+        }
+    }
+    return false;
+}
+
+/// Distance of the nearest linear surface that faces a wall, from the node right before the wall,
+/// in cells up to 4. `cell` is on the wall's line, at `place`.
+template <int D>
+MPM_INLINE double surface_before(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
+                                 const std::int64_t (&cell)[D], std::int64_t place) {
+    double least = 4;
+    for (int b = 0; b < all.count && all.surface_lines; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface == 0 || !r.law[0].linear) continue;
+        std::int64_t there[D];
+        moved_along<D>(cell, axis, -place * wall.sign, there);
+        const SurfaceView<D> seen(all, all.surfaces[r.surface - 1], there);
+        if (seen.known && seen.axis == axis && seen.away == -wall.sign && seen.distance > 0 &&
+            seen.distance < least)
+            least = seen.distance;
+    }
+    return least;
+}
+
+/// Does a wall across an axis lie inside a body whose surface faces the same way? Then nothing is
+/// before it on this row; its lines would take the nodes of those towards the surface. Of `cell`, a
+/// node at `place`.
+template <int D>
+MPM_INLINE bool inside_surface(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
+                               const std::int64_t (&cell)[D], std::int64_t place) {
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface == 0 || r.share != 0 || r.limited ||
+            r.law[0].response == Response::prescribed)
+            continue;
+        std::int64_t there[D];
+        moved_along<D>(cell, axis, -place * wall.sign, there);
+        const SurfaceView<D> seen(all, all.surfaces[r.surface - 1], there);
+        // The node right before the wall stands half a cell off it; what lies on it changes
+        // nothing.
+        if (seen.known && (seen.axis < 0 || (seen.axis == axis && seen.away == wall.sign)) &&
+            seen.distance < 0.45)
+            return true;
+    }
+    return false;
+}
+
+/// The line on which a node is across an axis. Where two claim it, the first that is defined does.
+template <int D>
+MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
+    WallLine line;
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
+        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
+            if (!r.present[f] || !r.law[f].linear) continue;
+            const WallPlane<D> wall(r, f);
+            const std::int64_t place = wall.place(cell[axis]);
+            if (place < -1 || place > 1 || !on_rows(r, axis, cell)) continue;
+            if (inside_surface(all, wall, axis, cell, place)) continue;
+            int room = room_before(all, wall, axis, cell);
+            const double surface = surface_before(all, wall, axis, cell, place);
+            if (surface < 3.5 && room > 3) room = 3;
+            if (surface < 1.5) room = 1;
+            line.boundary = b;
+            line.face = f;
+            line.sign = wall.sign;
+            line.place = int(place);
+            const bool thin = r.is_box && r.upper[axis] - r.lower[axis] < 2;
+            line.form = room < 2 || thin ? WallLine::held
+                        : room < 4       ? WallLine::pair
+                                         : WallLine::linear;
+            if (place <= (line.form == WallLine::linear ? 1 : 0)) return line;
+            line.form = WallLine::none;
+        }
+    }
+    return line;
+}
+
+/// Lines of all nodes of some blocks, packed: they are the same from step to step.
+template <int D>
+struct FindLines {
+    BlockTableView<D> table;
+    BoundaryView<D> boundaries;
+    const std::int32_t* blocks;
+    std::uint32_t* lines;  // (blocks, nodes, D)
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::int32_t slot = blocks[i / block_cells];
+        int at[D];
+        Block<D>::coordinates(int(i % block_cells), at);
+        std::int64_t cell[D];
+        for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
+        for (int a = 0; a < D; ++a) lines[i * D + a] = find_line<D>(boundaries, a, cell).packed();
+    }
+};
+
+/// The node some cells along an axis from one of a slot, and its slot, -1 where it is not active.
+template <int D>
+MPM_INLINE std::int32_t node_beside(const BlockTableView<D>& table, std::int32_t slot,
+                                    const std::int64_t (&cell)[D], int axis, std::int64_t by,
+                                    int& number) {
+    constexpr int edge = Block<D>::edge;
+    std::int64_t there[D];
+    moved_along<D>(cell, axis, by, there);
+    if (table.keys_of.fields == 1) {
+        // Blocks beside this one are listed; to search for one costs a read for each bit of the
+        // table's size, one after another.
+        int at[D], neighbour = 0;
+        bool near = true;
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            const std::int64_t from = there[a] - table.corners[std::int64_t(slot) * D + a] + edge;
+            near = near && from >= 0 && from < 3 * edge;
+            at[a] = int(from % edge);
+            neighbour = neighbour * 3 + int(from / edge);
+        }
+        if (near) {
+            number = Block<D>::cell(at);
+            return neighbour == Block<D>::neighbours / 2
+                       ? slot
+                       : table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
+        }
+    }
+    return find_node<D>(table, there, number);
+}
+
+/// Rows beside the edge of a box do not vanish on the last half cell of its faces, and no node is
+/// held there. What even pressure does to such a node is what the face gives back: the integral of
+/// the node's spline over the face. f(boundary, face, axis, area with the sign of the normal), the
+/// area in faces of a cell.
+template <int D, class F>
+MPM_INLINE void each_edge(const BoundaryView<D>& all, const std::int64_t (&cell)[D], const F& f) {
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || !r.is_box || r.surface > 0 || far_from(r, cell)) continue;
+        for (int face = 0; face < 2 * D; ++face) {
+            const int axis = face / 2;
+            if (!r.present[face] || !r.law[face].linear || on_rows(r, axis, cell)) continue;
+            if (r.upper[axis] - r.lower[axis] < 2) continue;
+            const WallPlane<D> wall(r, face);
+            const std::int64_t place = wall.place(cell[axis]);
+            if (place != 0 && place != -1) continue;
+            double area = 0.5;
+            for (int t = 0; t < D; ++t) {
+                if (t == axis) continue;
+                const double at = double(cell[t]) + 0.5;
+                area *= spline_up_to(double(r.face_upper[t]) - at) -
+                        spline_up_to(double(r.face_lower[t]) - at);
+            }
+            if (!(area > 0)) continue;
+            // Another box that goes on where this one ends holds the row, or fills it.
+            if (find_line<D>(all, axis, cell).form != WallLine::none) continue;
+            f(b, face, axis, area * wall.sign);
+        }
+    }
+}
+
+}  // namespace mpm
