@@ -3,20 +3,21 @@
     python benchmarks/claims.py                            all on the GPU and the CPU's cores
     python benchmarks/claims.py V13 bridges --list         some; what there is
     python benchmarks/claims.py --device cuda --workers 8 --budget 330 --output FILE
+    python benchmarks/claims.py --merge FILE ...           lines of other files into --output
 
 V13 (some seconds each) and the bridges, whose modified functions devices do not have, run in
 `--processes` processes on the CPU, the rest on the device, `--workers` at once in threads that
 share it, the most wanted first. One JSON line a run goes to --output as soon as it ends: what was
 measured, what the source says. A run that has not ended within its limit or the budget leaves a
 line with "complete": false and what it had until then; given the same command again, such runs are
-begun anew, or go on from a checkpoint in --keep where all that is measured is in it (dominoes,
-bridges). Complete runs in --output are left out. The scenes, and what is not the source's in them:
-`claims_scenes`.
+begun anew, or go on from a checkpoint in --keep (all but V13). Complete runs in --output are left
+out. The scenes, and what is not the source's in them: `claims_scenes`.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import multiprocessing
 import time
@@ -29,7 +30,7 @@ from typing import Any
 
 import claims_scenes
 from bridges_scenes import TABLE
-from result_pages import append, load
+from result_pages import append, load, markdown
 
 import libmpm
 from libmpm._src.cli import bench
@@ -88,7 +89,7 @@ def _blocks() -> list[Job]:
 
 
 def _bridges() -> list[Job]:
-    """Return V9 with its peaks, V7 and V8; softer water than the source's 0.22 GPa, but for two."""
+    """Return V9 with its peaks, V7, V8 at a hundredth, a tenth and all of the source's 0.22 GPa."""
     found = []
     for (model, block), (peak, *_) in TABLE.items():
         one = {"model": model, "block": block, "method": "FLIP F0AL1", "until": 3.0}
@@ -99,12 +100,11 @@ def _bridges() -> list[Job]:
         found.append((f"V7 {model}", one, "Yang (2016) 5.2: curves alone", {}))
     one = {"model": "II", "method": "FLIP F0AL1", "until": 3.0}
     found.append(("V8 II", one, "Yang (2016) 6.1.2: curves alone", {}))
-    stiff = [x for x in found if x[0] in ("V9 II B2", "V9 II B5")]
     return [
         Job("bridges", f"{name} linear K={modulus:g}", one | {"bulk_modulus": modulus}, said, band,
             on_device=False, goes_on=True)
-        for modulus, some in ((2.2e6, found), (2.2e7, stiff))
-        for name, one, said, band in some
+        for modulus in (2.2e6, 2.2e7, 2.2e8)
+        for name, one, said, band in found
     ]  # fmt: skip
 
 
@@ -117,7 +117,11 @@ def jobs() -> list[Job]:
     }  # fmt: skip
     fall = {"fallen": (24.0, 24.0), "speed": (0.42, 0.60)}
     coarse = {"cells": 4, "slab": 16, "youngs_modulus": 2e7, "particles_per_cell": 27}
-    slosh = {"cell_size": 0.025, "thickness": 0.0, "bulk_modulus": 2.2e9, "mirror": False}
+    real = {"youngs_modulus": 2e9}
+    slosh = {
+        "cell_size": 0.025, "thickness": 0.0, "bulk_modulus": 2.2e9, "mirror": False, "gap": 0.0,
+        "until": 5.6,
+    }  # fmt: skip
     period = {"period": (0.98 * 2.0031, 1.02 * 2.0031)}
     said = "Bonus (2023) 6.5: period 2.003 s; no number of the amplitude"
     tip = "Bonus (2023) 6.7: curves alone (Walhorn et al. 2005 and others)"
@@ -125,32 +129,53 @@ def jobs() -> list[Job]:
     follow = "Bonus (2023) 6.8: follow the model reasonably; the band is that of added mass"
     cube = {"bulk_modulus": 2.2e9, "flip": 0.3, "until": 2.0}
     column = {"bulk_modulus": 2.2e9, "flip": 0.8, "until": 0.3}
+
+    def swings(name: str, more: Mapping[str, Any], on_device: bool = True) -> Job:
+        return Job("sloshing", f"sloshing {name}", slosh | more, said, period, on_device=on_device,
+                   goes_on=True)  # fmt: skip
+
+    def bends(name: str, more: Mapping[str, Any]) -> Job:
+        return Job("elastic-column", f"elastic column {name}", column | more, tip, goes_on=True)
+
+    def sinks(name: str, more: Mapping[str, Any]) -> Job:
+        return Job("buoyancy", f"buoyancy {name}", cube | more, follow, sink, goes_on=True)
+
+    def falls(name: str, more: Mapping[str, Any]) -> Job:
+        return Job("dominoes", f"dominoes {name}", row | more, wave, fall, goes_on=True)
+
+    # The source's thicknesses: 0.4 m of water, 12 mm of the column's tank (from its particles).
     first = [
-        Job("dominoes", "dominoes plane ASFLIP", row, wave, fall, goes_on=True),
+        falls("plane ASFLIP", {}),
         *(
-            Job("sloshing", f"sloshing plane slip {1000 * cell:g} mm, {gap:g} cells off",
-                slosh | {"gap": gap, "cell_size": cell}, said, period, on_device=False)
+            swings(f"plane slip {1000 * cell:g} mm, {gap:g} cells off",
+                   {"gap": gap, "cell_size": cell}, False)
             for cell in (0.2, 0.1)
             for gap in (0.0, 0.5)
         ),
         *(
-            Job("sloshing", f"sloshing plane slip {1000 * cell:g} mm K=2.2e+07",
-                slosh | {"gap": 0.0, "cell_size": cell, "bulk_modulus": 2.2e7}, said, period,
-                on_device=False)
+            swings(f"plane slip {1000 * cell:g} mm K=2.2e+07",
+                   {"cell_size": cell, "bulk_modulus": 2.2e7}, False)
             for cell in (0.2, 0.1, 0.05)
         ),
-        Job("sloshing", "sloshing plane slip", slosh | {"gap": 0.0}, said, period),
-        Job("elastic-column", "elastic column 2 mm", column | {"cell_size": 0.002}, tip),
-        Job("elastic-column", "elastic column 4 mm", column | {"cell_size": 0.004}, tip),
-        Job("buoyancy", "buoyancy plane 25 mm", cube | {"cell_size": 0.025}, follow, sink),
-        Job("elastic-column", "elastic column 1 mm", column | {"cell_size": 0.001}, tip),
-        Job("dominoes", "dominoes plane ASFLIP 6 cells", row | {"cells": 6}, wave, fall,
-            goes_on=True),
-        Job("sloshing", "sloshing 0.4 m wide", slosh | {"cell_size": 0.05, "thickness": 0.4,
-            "gap": 0.0}, said, period),
-        Job("dominoes", "dominoes ASFLIP 4 cells 24 mm wide", row | coarse, wave, fall,
-            goes_on=True),
-        Job("buoyancy", "buoyancy plane 12.5 mm", cube | {"cell_size": 0.0125}, follow, sink),
+        swings("plane slip", {}),
+        swings("plane slip 50 mm", {"cell_size": 0.05}),
+        bends("2 mm", {"cell_size": 0.002}),
+        bends("4 mm", {"cell_size": 0.004}),
+        sinks("plane 25 mm", {"cell_size": 0.025}),
+        bends("1 mm", {"cell_size": 0.001}),
+        falls("plane ASFLIP 6 cells", {"cells": 6}),
+        falls("plane ASFLIP 6 cells E=2e+09", real | {"cells": 6}),
+        swings("0.4 m wide", {"cell_size": 0.05, "thickness": 0.4}),
+        swings("0.4 m wide 25 mm", {"thickness": 0.4, "until": 3.0}),
+        bends("in space 4 mm", {"cell_size": 0.004, "thickness": 0.012}),
+        bends("in space 2 mm", {"cell_size": 0.002, "thickness": 0.012}),
+        sinks("plane 50 mm", {"cell_size": 0.05}),
+        sinks("in space 50 mm", {"cell_size": 0.05, "thickness": 0.4}),
+        falls("ASFLIP 4 cells 24 mm wide", coarse),
+        sinks("plane 12.5 mm", {"cell_size": 0.0125}),
+        falls("plane ASFLIP E=2e+09", real),
+        sinks("in space 25 mm", {"cell_size": 0.025, "thickness": 0.4}),
+        bends("in space 1 mm", {"cell_size": 0.001, "thickness": 0.012, "until": 0.26}),
     ]  # fmt: skip
     return [*_blocks(), *_bridges(), *first]
 
@@ -160,9 +185,9 @@ SMALL: Mapping[str, Mapping[str, Any]] = {
     "V13": {},
     "bridges": {"bulk_modulus": 1e5, "until": 0.4},
     "dominoes": {"count": 3, "cells": 4, "slab": 0, "youngs_modulus": 1e6, "duration": 0.05},
-    "sloshing": {"cell_size": 0.2, "thickness": 0.0, "bulk_modulus": 2.2e5},
-    "elastic-column": {"cell_size": 0.004, "bulk_modulus": 1e5, "until": 0.2},
-    "buoyancy": {"cell_size": 0.1, "bulk_modulus": 2.2e5, "until": 0.5},
+    "sloshing": {"cell_size": 0.2, "thickness": 0.0, "bulk_modulus": 2.2e5, "until": 2.0},
+    "elastic-column": {"cell_size": 0.004, "bulk_modulus": 1e5, "until": 0.2, "thickness": 0.0},
+    "buoyancy": {"cell_size": 0.1, "bulk_modulus": 2.2e5, "until": 0.5, "thickness": 0.0},
 }
 
 
@@ -237,12 +262,38 @@ def measure(job: Job, device: str, until: float, keep: Path | None) -> dict[str,
     }  # fmt: skip
 
 
+def merged(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one line a run, in the order in which they came: the one that got furthest."""
+    found: dict[str, dict[str, Any]] = {}
+    for line in lines:
+        have = found.get(line["name"])
+        rank = line["complete"], line.get("reached", 0.0)
+        if have is None or rank >= (have["complete"], have.get("reached", 0.0)):
+            found[line["name"]] = line
+    return list(found.values())
+
+
+def table(lines: list[dict[str, Any]]) -> str:
+    """Return what was measured, a row a run, as a table of a page."""
+    rows = [["run", "particles, steps", "until", "measured", "the source"]]
+    for line in lines:
+        values = {k: f"{v:.4g}" for k, v in line.get("values", {}).items() if v is not None}
+        said = ", ".join(f"{k} {v}" for k, v in values.items()) or line.get("error", "-")
+        rows.append([
+            line["name"], f"{line.get('particles', '-')}, {line.get('steps', '-')}",
+            f"{line.get('reached', 0.0):.3g} s{'' if line['complete'] else ' (partial)'}", said,
+            line.get("source", "-"),
+        ])  # fmt: skip
+    return "\n".join(markdown(rows))
+
+
 def main() -> int:
     """Run what is wanted and not there yet; 1 if a run failed or did not end."""
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("claims", nargs="*", help=", ".join(claims_scenes.RUNS))
     parser.add_argument("--only", default="", help="part of the names of runs")
+    parser.add_argument("--named", nargs="*", default=[], help="whole names of runs")
     parser.add_argument("--device", default="cuda", help="cpu, cuda or cuda:N")
     parser.add_argument("--workers", type=int, default=8, help="runs at once on the device")
     parser.add_argument("--processes", type=int, default=12, help="at once on the CPU")
@@ -252,9 +303,21 @@ def main() -> int:
     parser.add_argument("--small", action="store_true", help="sizes of seconds, to try it")
     parser.add_argument("--again", action="store_true", help="also what the file has")
     parser.add_argument("--list", action="store_true", help="run nothing")
+    parser.add_argument("--table", action="store_true", help="run nothing, print what there is")
+    parser.add_argument(
+        "--merge", type=Path, nargs="+", help="run nothing, take over lines of other files"
+    )
     a = parser.parse_args()
     if unknown := sorted(set(a.claims) - set(claims_scenes.RUNS)):
         parser.error(f"no claim {', '.join(unknown)}; there are {', '.join(claims_scenes.RUNS)}")
+    if a.merge:
+        lines = merged([x for path in (a.output, *a.merge) for x in load(path)])
+        a.output.write_text("".join(json.dumps(x) + "\n" for x in lines), encoding="utf-8")
+        return 0
+    if a.table:
+        some = [x for x in load(a.output) if a.only in x["name"]]
+        print(table([x for x in some if not a.claims or x["claim"] in a.claims]))
+        return 0
     have = set() if a.again else {x["name"] for x in load(a.output) if x.get("complete")}
     chosen = [
         Job(**(vars(job) | {"parameters": dict(job.parameters) | dict(SMALL[job.scene])}))
@@ -263,8 +326,11 @@ def main() -> int:
         for job in jobs()
         if job.scene in (a.claims or claims_scenes.RUNS)
         and a.only in job.name
+        and (not a.named or job.name in a.named)
         and job.name not in have
     ]
+    if missing := sorted(set(a.named) - {job.name for job in jobs()}):
+        parser.error(f"no run {', '.join(missing)}; --list names them")
     if a.list:
         print("\n".join(job.name for job in chosen))
         return 0

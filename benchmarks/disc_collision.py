@@ -1,7 +1,7 @@
 """Two elastic discs that collide: what each transfer loses of the energy, and whether they tear.
 
     python benchmarks/disc_collision.py            all rows, a minute on one thread
-    python benchmarks/disc_collision.py --write    and the table of docs/choosing-a-method.md
+    python benchmarks/disc_collision.py --write    and the table of docs/method-tables.md
 
 The collision of Sulsky, Chen and Schreyer (1994): radius 0.2 m, 1000 kg/m³, E 1000 Pa, ν 0.3, each
 at (0.1, 0.1) m/s towards the other. One JSON line a row goes to
@@ -22,7 +22,7 @@ from libmpm._src.cli import bench
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/disc_collision.jsonl"
-PAGE = ROOT / "docs/choosing-a-method.md"
+PAGE = ROOT / "docs/method-tables.md"
 MARKS = "<!-- table: benchmarks/disc_collision.py --write -->", "<!-- end of disc collision -->"
 
 #: Cells a radius.

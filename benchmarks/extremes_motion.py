@@ -14,7 +14,7 @@ from libmpm import sensors
 from libmpm._src.base.formulas import Field
 
 #: What ends a large strain.
-EDGE = "J outside 0.05 to 20 is named as crushed, inverted or torn"
+EDGE = "J outside 0.05 to 20 is detected as compression or tension"
 #: What ends it where flow takes up volume: nothing, and the body comes apart unsaid.
 TORN = "; beyond J = 40 its particles share no node, and J is that of each alone"
 EDGES = {

@@ -20,6 +20,18 @@ TITLES = {
     "pairs of solids": "Pairs, solids",
 }
 
+#: What the page calls the outcomes of the lines.
+WORDS = {
+    "holds": "passed", "refused": "rejected", "named": "detected", "warned": "warning",
+    "wrong": "silent error",
+}  # fmt: skip
+
+#: Words of lines that say an axis' meaning in another way than the page.
+_SAID = {
+    "J outside 0.05 to 20 is named as crushed, inverted or torn":
+        "J outside 0.05 to 20 is detected as compression or tension",
+}  # fmt: skip
+
 #: What differs from probe to probe in one and the same message.
 _NUMBERS = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 
@@ -30,6 +42,11 @@ _SHOWN = 330
 def number(value: float | None) -> str:
     """Return a number in few digits."""
     return "–" if value is None else f"{value:.3g}"
+
+
+def word(outcome: str) -> str:
+    """Return what the page calls an outcome."""
+    return WORDS.get(outcome, outcome)
 
 
 def beyond(line: Line) -> str:
@@ -48,11 +65,11 @@ def span(line: Line | None) -> str:
         return "–"
     if line["breaks_at"] is None:
         held = number(line["holds_to"]) + beyond(line)
-        worse = "" if line["worst"] == "holds" else f"; {line['worst']} at {line['worst_at']:.3g}"
-        return f"{held}{worse}"
-    text = f"{number(line['holds_to'])}, then {line['outcome']}"
+        worst = f"; {word(line['worst'])} at {line['worst_at']:.3g}"
+        return held if line["worst"] == "holds" else held + worst
+    text = f"{number(line['holds_to'])}, then {word(line['outcome'])}"
     if line["worst"] not in ("holds", line["outcome"], "refused", "named"):
-        text += f"; {line['worst']} at {line['worst_at']:.3g}"
+        text += f"; {word(line['worst'])} at {line['worst_at']:.3g}"
     return text
 
 
@@ -67,7 +84,7 @@ def both(lines: dict[str, Line]) -> str:
 def table(lines: Sequence[Line]) -> list[str]:
     """Return the rows of one group."""
     rows = [
-        "| axis | base | promised | holds down to | holds up to |",
+        "| axis | base | promised | passes down to | passes up to |",
         "| --- | --- | --- | --- | --- |",
     ]
     for name in dict.fromkeys(line["axis"] for line in lines):
@@ -80,7 +97,7 @@ def table(lines: Sequence[Line]) -> list[str]:
         promised = "–"
         if one["envelope"] is not None:
             promised = " to ".join(number(v) for v in one["envelope"])
-        says = f"; {one['says']}" if one["says"] else ""
+        says = f"; {_SAID.get(one['says'], one['says'])}" if one["says"] else ""
         unit = "" if one["unit"] == "1" else f" [{one['unit']}]"
         rows.append(
             f"| **{name}**{unit}: {one['meaning']}{says} | {number(one['base'])} | {promised} | "
@@ -108,7 +125,8 @@ def messages(lines: Sequence[Line]) -> list[str]:
     for outcome, text, where in found.values():
         shown = text if len(text) <= _SHOWN else text[:_SHOWN].rsplit(" ", 1)[0] + " ..."
         more = f" and {len(where) - 4} more axes" if len(where) > 4 else ""
-        rows.append(f"- {outcome} ({', '.join(where[:4])}{more}): `{shown.replace('`', chr(39))}`")
+        shown = shown.replace("`", "'")
+        rows.append(f"- {word(outcome)} ({', '.join(where[:4])}{more}): `{shown}`")
     return rows
 
 

@@ -3,7 +3,7 @@
     python benchmarks/tradeoff.py run --output benchmarks/results/tradeoff.jsonl [--device cuda]
     python benchmarks/tradeoff.py table       prints the table of the lines in --output
     python benchmarks/tradeoff.py write       writes what is made of them: the tables of
-                                              docs/choosing-a-method.md, docs/atlas.md and
+                                              docs/method-tables.md, docs/atlas.md and
                                               docs/anti-locking.md, and
                                               python/libmpm/data/atlas.json
     python benchmarks/tradeoff.py check       exit 1 if one of the four is out of date

@@ -12,7 +12,7 @@ from tradeoff_options import BASELINE, OPTIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/tradeoff.jsonl"
-PAGE = ROOT / "docs/choosing-a-method.md"
+PAGE = ROOT / "docs/method-tables.md"
 BEGIN, END = "<!-- table: benchmarks/tradeoff.py write -->", "<!-- end of table -->"
 
 

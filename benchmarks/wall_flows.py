@@ -4,7 +4,8 @@
     python benchmarks/wall_flows.py --write              and the table of docs/boundaries.md
 
 dam     a square of water breaks in a tank of twice its width: height of its middle after 10 s, of
-        that of the same volume at rest
+        that of the same volume at rest, and pressure of the lowest cells over the weight above them
+shifted the same with FBar(shifting=True)
 tube    water swings in a U-tube of square corners: period over 2π √(L / 2g), where a corner counts
         0.559 of its width (conformal mapping), and level after three periods, parts of its first
 wave    a solitary wave of H/h 0.2 from Goring's piston: speed over √(g (h + H)), H as measured on
@@ -49,21 +50,32 @@ def stiff(depth: float) -> materials.TaitFluid:
     return water(200 * WATER * GRAVITY * depth)
 
 
-def dam(cell: str, transfer: str, across: int) -> Values:
-    """Return twice the height of the middle of what was 1 m x 1 m, over 0.5 m."""
+def dam(cell: str, transfer: str, across: int, *, shifting: bool = False) -> Values:
+    """Return twice the height of the middle of 1 m x 1 m, over 0.5 m, and the load of the bed."""
     dx = 0.5 / across
     scene = scene_of((2.0, 2.0), dx, TRANSFERS[transfer])
     square = shapes.Box(lower=(0.0, 0.0), upper=(1.0, 1.0))
-    scene.add_body(name="water", shape=square, material=stiff(1.0), hydrostatic=1.0)
+    scene.add_body(
+        name="water", shape=square, material=stiff(1.0), hydrostatic=1.0,
+        fbar=methods.FBar(shifting=shifting),
+    )  # fmt: skip
     response = boundaries.Slip(cell=cell)  # type: ignore[arg-type]
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=response)
     sim = run(scene)
     sim.run(until=9.0, progress=False)
-    middle = []
+    middle, bed = [], []
     for time in np.linspace(9.0, 10.0, 21):
         sim.run(until=float(time), progress=False)
-        middle.append(sim.particles["water"]["position"][:, 1].mean())
-    return {"level": float(2 * np.mean(middle) / 0.5)}
+        height = sim.particles["water"]["position"][:, 1]
+        middle.append(height.mean())
+        bed.append(sim.particles["water"]["pressure"][height < dx].mean())
+    weight = WATER * GRAVITY * (0.5 - 0.5 * dx)  # half of the lowest cell lies below its middle
+    return {"level": float(2 * np.mean(middle) / 0.5), "bed": float(np.mean(bed) / weight)}
+
+
+def shifted(cell: str, transfer: str, across: int) -> Values:
+    """Return the same of water whose particles are shifted."""
+    return dam(cell, transfer, across, shifting=True)
 
 
 def tube(cell: str, transfer: str, across: int) -> Values:
@@ -230,6 +242,7 @@ def disc(cell: str, transfer: str, across: int) -> Values:
 #: What is varied beside wall and transfer, by case.
 CASES: Mapping[str, tuple[Callable[..., Values], list[int]]] = {
     "dam": (dam, [8, 16, 32]),
+    "shifted": (shifted, [8, 16, 32]),
     "tube": (tube, [8, 16]),
     "wave": (wave, [10, 20]),
     "run-up": (run_up, [10, 20]),
@@ -238,6 +251,8 @@ CASES: Mapping[str, tuple[Callable[..., Values], list[int]]] = {
 #: What is shown of a case, and in what its cells are counted.
 SHOWN = {
     "dam": (("level", "level of a dam at rest"), "depth at rest"),
+    "shifted": (("level", "the same, shifting"), "depth at rest"),
+    "shifted ": (("bed", "pressure of its lowest cells, shifting"), "depth at rest"),
     "tube": (("period", "period of a U-tube"), "width"),
     "tube ": (("level", "its level after three periods"), "width"),
     "wave": (("speed", "speed of a solitary wave"), "depth"),

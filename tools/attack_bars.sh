@@ -8,7 +8,7 @@
 # same seed and build/attack, it goes on. Results go to $LIBMPM_RESULTS (default: results):
 #   attacks.json    counts, for: python -m tests.attack --write --collect attacks.json
 #   kept.tar.gz     cases that showed a defect
-#   long_run.json   the long run;   *.log   what was said
+#   long_run.json   the long run, for --collect too;   *.log   what was said
 #   long_run.tar    its state, for the next call: LIBMPM_LONG_RUN names it
 set -uo pipefail
 cd "$(dirname "$0")/.."

@@ -5,6 +5,7 @@ and return a float or an array. Impossible values raise `SceneError`; values out
 a source speaks of issue a `ModelWarning`. `formulas` lists all of them.
 """
 
+from libmpm._src.moved import renamed
 from libmpm._src.studies.design.blocks import (
     block_force,
     block_force_partial,
@@ -46,19 +47,22 @@ from libmpm._src.studies.design.similitude import (
 from libmpm._src.studies.design.spreading import (
     DEBRIS_FRICTION,
     NAITO_ANGLE,
-    Friction,
+    DebrisFriction,
     naito_half_width,
     nistor_displacement,
     nistor_spreading,
     spreading_angle,
 )
 
+#: Names of version 0.1; `contacts.Friction` is a law of contact.
+__getattr__ = renamed(__name__, {"Friction": "DebrisFriction"})
+
 __all__ = [
     "DEBRIS_FRICTION",
     "NAITO_ANGLE",
+    "DebrisFriction",
     "Example",
     "Formula",
-    "Friction",
     "Froude",
     "Impact",
     "Symbol",

@@ -33,7 +33,7 @@ from libmpm._src.flumes.comparison import Comparison, Row, blank, median_of
 from libmpm._src.flumes.criteria import Criterion, Signals
 from libmpm._src.flumes.debris_flow_flume import DebrisFlowFlume
 from libmpm._src.flumes.directional_wave_basin import DirectionalWaveBasin
-from libmpm._src.flumes.facility import Difference, Facility, Instrument
+from libmpm._src.flumes.facility import Deviation, Facility, Instrument
 from libmpm._src.flumes.large_wave_flume import LargeWaveFlume
 from libmpm._src.flumes.structures import FRICTION, add_bed_friction, bevelled, friction
 from libmpm._src.flumes.virtual_paddle import piston_of_flow, stroke_of_gauge
@@ -47,7 +47,7 @@ __all__ = [
     "Comparison",
     "Criterion",
     "DebrisFlowFlume",
-    "Difference",
+    "Deviation",
     "DirectionalWaveBasin",
     "Facility",
     "Instrument",

@@ -46,7 +46,7 @@ def _parser() -> argparse.ArgumentParser:
                         "every few seconds")  # fmt: skip
     parser.add_argument("--write", action="store_true", help="write docs/reliability.md")
     parser.add_argument("--collect", type=Path, nargs="+", default=[], metavar="FILE",
-                        help="with --write: attacks.json of other machines too")  # fmt: skip
+                        help="with --write: attacks.json, long_run.json of others")  # fmt: skip
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     return parser
 

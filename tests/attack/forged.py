@@ -137,7 +137,8 @@ def _look(sim: libmpm.Simulation) -> None:
     for name, view in sim.particles.items():
         for key in ("id", "position", "velocity", "pressure"):
             values = np.asarray(view[key])
-            assert np.isfinite(values).all(), f"{key} of '{name}' is not finite"
+            crushed = key == "pressure" and _crushed(sim, name)
+            assert crushed or np.isfinite(values).all(), f"{key} of '{name}' is not finite"
         position = np.asarray(view["position"])
         slack = (OUTSIDE + 1e-3) * sim.scene.cell_size
         ends = (sim.scene.lower, sim.scene.upper)
@@ -150,6 +151,17 @@ def _look(sim: libmpm.Simulation) -> None:
     for series in sim.sensors.values():
         assert len(series.time) == len(series.values)
     np.asarray(sim.grid["mass"])
+
+
+def _crushed(sim: libmpm.Simulation, name: str) -> bool:
+    """Tell whether an element of a body has turned inside out, where a law has no stress.
+
+    A run may save such a state: elements are judged as the next step begins, which ends by name.
+    """
+    shape = next(b.shape for b in sim.scene.bodies if b.name == name)
+    if not isinstance(shape, libmpm.shapes.Tetrahedra | libmpm.shapes.Triangles):
+        return False
+    return not (np.asarray(sim.particles[name]["element_volume_ratio"]) > 0).all()
 
 
 # Changing values ------------------------------------------------------------------------------

@@ -15,6 +15,8 @@ __all__ = ["counted", "defects", "table", "write"]
 
 #: Lines of results: attack, seed, commit -> counts.
 LINES = Path(__file__).parents[2] / "benchmarks" / "results" / "attacks.jsonl"
+#: Those of long runs (`attack.long_run`).
+LONG = LINES.with_name("long_run.jsonl")
 PAGE = Path(__file__).parents[2] / "docs" / "reliability.md"
 _BEGIN, _END = "<!-- written by python -m tests.attack --write -->", "<!-- end -->"
 
@@ -55,10 +57,14 @@ def table(found: Counts) -> str:
 def write(folder: Path, collected: Sequence[Path] = ()) -> None:
     """Add what was counted to the lines of results, and write the tables of the page.
 
-    `collected` are files of records (`attacks.json`) that came from other machines.
+    `collected` are files of records (`attacks.json`, `long_run.json`) of other machines.
     """
-    lines = [json.loads(x) for x in LINES.read_text().splitlines()] if LINES.exists() else []
-    others = [one for path in collected for one in json.loads(path.read_text())]
+    lines = _lines(LINES)
+    found = [json.loads(path.read_text()) for path in collected]
+    others = [one for records in found if isinstance(records, list) for one in records]
+    long = _lines(LONG)
+    long += [one for one in found if isinstance(one, dict) and one not in long]
+    _store(LONG, long)
     for one in [*counted(folder), *others]:
         key = {k: one[k] for k in ("attack", "seed", "commit")}
         same = [line for line in lines if key.items() <= line.items()]
@@ -74,12 +80,21 @@ def write(folder: Path, collected: Sequence[Path] = ()) -> None:
             line["files"].append(one["file"])
             if not same:
                 lines.append(line)
-    LINES.parent.mkdir(parents=True, exist_ok=True)
-    LINES.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+    _store(LINES, lines)
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(_BEGIN)
     _, _, after = rest.partition(_END)
     text = f"{_aims(lines)}\n\n{_tables(lines)}"
     PAGE.write_text(f"{before}{_BEGIN}\n\n{text}\n\n{_END}{after}", encoding="utf-8")
+
+
+def _lines(path: Path) -> Counts:
+    return [json.loads(x) for x in path.read_text().splitlines()] if path.exists() else []
+
+
+def _store(path: Path, lines: Counts) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if lines:
+        path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
 
 
 def _aims(lines: Counts) -> str:

@@ -362,6 +362,27 @@ def test_loads_on_what_is_a_few_cells_thick(asked):
     assert not said(5)
 
 
+def test_doubts_about_loads_say_what_the_proposal_makes_of_them(asked):
+    def doubt(*lines):
+        scene = pool()
+        low = (0.8 * scene.upper[0], 0.2 * scene.upper[1])
+        high = (low[0] + 4 * scene.cell_size, 0.9 * scene.upper[1])
+        deck = libmpm.shapes.Box(lower=low, upper=high)
+        scene.add_boundary(name="deck", shape=deck, response=libmpm.boundaries.Separable())
+        cell = libmpm.sensors.LoadCell(boundary="deck", interval=0.01)
+        scene.add_sensor(name="load", sensor=cell)
+        advice = asked(scene, *lines)
+        (text,) = [w for w in advice.warnings if "is 4 cells thick: APIC" in w]
+        return advice, text
+
+    advice, text = doubt(BASE)
+    assert advice.refine == 1 and text.endswith("since no case of the atlas has it")
+    fine = line("double the cells", 0.01, 8.0, group="cells", cells_across=40,
+                changes={"cells": 40, "cells_ratio": 2.0})  # fmt: skip
+    advice, text = doubt(BASE, fine)
+    assert advice.refine == 2 and text.endswith("with the settings and the cell size proposed")
+
+
 def test_inside_the_range_nothing_is_said(asked):
     missing = "case 'ritter' fits"
     warned = asked(pool(modulus=1.96e6), BASE, error=0.1).warnings

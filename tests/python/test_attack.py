@@ -178,10 +178,14 @@ def test_counts_of_another_machine_join_the_page_once(tmp_path, monkeypatch):
     lines, page = tmp_path / "lines.jsonl", tmp_path / "page.md"
     page.write_text(f"before {report._BEGIN} old {report._END} after")
     monkeypatch.setattr(report, "LINES", lines)
+    monkeypatch.setattr(report, "LONG", tmp_path / "long.jsonl")
     monkeypatch.setattr(report, "PAGE", page)
     bars.save([_record("kills", 2000, 9.0), _record("inputs", 50_000, 9.0)], tmp_path / "there")
+    there = [tmp_path / "there" / "attacks.json", tmp_path / "there" / "long_run.json"]
+    there[1].write_text('{"kills": 5}')
     for _ in range(2):
-        report.write(tmp_path / "nothing", [tmp_path / "there" / "attacks.json"])
+        report.write(tmp_path / "nothing", there)
+    assert (tmp_path / "long.jsonl").read_text() == '{"kills": 5}\n'
     found = [json.loads(line) for line in lines.read_text().splitlines()]
     assert [(f["attack"], f["cases"]) for f in found] == [("kills", 2000), ("inputs", 50_000)]
     assert "| 2,000 kills | 2,000 | 0 | 2,000 (c) | 0 |" in page.read_text()

@@ -8,6 +8,7 @@ import time
 import h5py
 import numpy as np
 import pytest
+from attack import forged
 
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
@@ -261,6 +262,47 @@ def test_arrays_where_a_word_is_asked_for(tmp_path):
         kind = libmpm.debris.Prototype(name="b", length=1, width=1, height=1, material=law)
         piece = libmpm.debris.Piece(x=0.0, y=0.0, angle=0.0)
         libmpm.debris.DebrisField(prototypes=[kind], pieces=[piece] * 6000, footprint=(1, 1))
+
+
+def test_a_document_with_nothing_left_is_broken_no_further():
+    """The attack itself: it chose from places of which an earlier change had left none."""
+    for documents in ({"a": {}}, {"a": {"x": 1}}, {"a": []}):
+        for case in range(500):
+            fuzzing.Breaker(documents, "0", case, True).broken()
+
+
+def test_a_checkpoint_with_another_name_of_a_body_goes_on(tmp_path):
+    """The attack itself: it read the body by the name that it had changed."""
+    fuzz_readers.save_small_tank(tmp_path / "state.npz")
+    found = load_checkpoint(tmp_path / "state.npz")
+    found.header["scene"]["bodies"][0]["name"] = "all"
+    save_checkpoint(tmp_path / "state.npz", found)
+    broken = fuzzing.Broken(None, [], path=tmp_path / "state.npz")
+    assert fuzz_readers.judge_state(broken) == "went on"
+
+
+def test_a_state_with_an_element_inside_out_is_read_and_ends_as_its_run_does(tmp_path):
+    """A run may save it: elements are judged as a step begins. The attack took it for a defect."""
+    law = materials.NeoHookean(density=800.0, youngs_modulus=1e5)
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))
+    bar = shapes.Triangles.box(lower=(0.2, 0.3), upper=(0.6, 0.5), edge=0.05)
+    scene.add_body(name="bar", shape=bar, material=law, velocity=(0.1, 0.0))
+    sim = libmpm.Simulation(scene, device="cpu", threads=1, precision="double")
+    sim.step(3)
+    sim.save_checkpoint(tmp_path / "saved.npz")
+    found = load_checkpoint(tmp_path / "saved.npz")
+    ids = np.array(found.state["body0_id"])
+    ids[:2] = ids[1::-1]
+    found.state["body0_id"] = ids
+    save_checkpoint(tmp_path / "saved.npz", found)
+    assert forged._judge(tmp_path / "saved.npz") == "stopped: NumericalError"
+    again = libmpm.Simulation.resume(tmp_path / "saved.npz", device="cpu")
+    view = again.particles["bar"]
+    assert np.isfinite(view["position"]).all()
+    assert (np.asarray(view["element_volume_ratio"]) <= 0).any()
+    assert not np.isfinite(view["element_pressure"]).all()
+    with pytest.raises(libmpm.NumericalError, match="turned inside out"):
+        again.step(1)
 
 
 def test_a_number_that_was_taken_out_again_is_no_reason_to_refuse():

@@ -132,6 +132,41 @@ def test_cubes_sink_in_water_of_its_own_modulus_without_pressure_at_the_start() 
     assert scene.method.transfer_choice.flip == 0.3
 
 
+@pytest.mark.parametrize(
+    ("name", "particles"),
+    [
+        ("sloshing 0.4 m wide 25 mm", 2_097_152),
+        ("elastic column in space 1 mm", 4_184_832),
+        # The source's cubes in cells of half the size have 33,554,432 with the basin of each.
+        ("buoyancy in space 25 mm", 3 * 33_554_432 // 8),
+        ("dominoes plane ASFLIP E=2e+09", 24 * 36 * 288),
+    ],
+)
+def test_runs_have_the_particles_of_the_sources_table(name: str, particles: int) -> None:
+    """Bonus (2023), table 6.3; what a tracker follows is where it should be."""
+    scene = scene_of(name)
+    assert scene.plan(device="cpu").particles == pytest.approx(particles, rel=0.003)
+    if name.startswith("elastic"):
+        (tracker,) = [s.sensor for s in scene.sensors if s.name == "tip"]
+        assert tracker.body == "column"
+        first = body(scene, "column").shape
+        assert first.size == pytest.approx((0.012, 0.08, 0.012))
+        # One below the other, both in the uppermost cell of the first layer: 24 a layer of depth.
+        assert tracker.ids[1] - tracker.ids[0] == 24
+
+
+def test_the_tip_of_the_column_is_followed() -> None:
+    """Tracked particles lie on the left face, the upper half a distance below the top."""
+    scene = scene_of("elastic column in space 4 mm")
+    (tracker,) = [s.sensor for s in scene.sensors if s.name == "tip"]
+    sim = libmpm.Simulation(scene, device="cpu")
+    ids = sim.particles["column"]["id"]
+    places = sim.particles["column"]["position"][[int((ids == i).argmax()) for i in tracker.ids]]
+    assert places[:, 0] == pytest.approx(0.287)
+    assert places[:, 1] == pytest.approx([0.077, 0.079])
+    assert places[0, 2] == places[1, 2] == pytest.approx(0.006, abs=0.0011)
+
+
 def test_what_did_not_end_is_marked() -> None:
     """Every line says whether it ended; one that did not says how far it came."""
     lines = [json.loads(line) for line in claims.RESULTS.read_text().splitlines()]
@@ -141,3 +176,17 @@ def test_what_did_not_end_is_marked() -> None:
         if until is not None:
             assert line["complete"] == (line["reached"] >= until), line["name"]
         assert line["complete"] or "reached" in line
+
+
+def test_of_several_lines_of_a_run_the_furthest_counts() -> None:
+    """Runs that go on from checkpoints leave a line for each piece."""
+    pieces = [
+        {"name": "a", "complete": False, "reached": 0.5},
+        {"name": "b", "complete": True, "reached": 1.0},
+        {"name": "a", "complete": False, "reached": 0.2, "error": "the clock"},
+        {"name": "b", "complete": False, "reached": 0.1},
+        {"name": "a", "complete": True, "reached": 1.0, "values": {"x": 1.0, "y": None}},
+    ]
+    found = claims.merged(pieces)
+    assert [(x["name"], x["reached"]) for x in found] == [("a", 1.0), ("b", 1.0)]
+    assert "x 1" in claims.table(found) and "partial" not in claims.table(found)

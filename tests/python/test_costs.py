@@ -193,6 +193,53 @@ def test_a_box_that_stands_in_water_is_refused_at_any_angle(angle):
     scene(pool - box).validate()
 
 
+BALL = shapes.Sphere(centre=(0.6, 0.25), radius=0.15)
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        BALL,
+        shapes.Sphere(centre=(0, 0), radius=0.15).moved((0.6, 0.25)),
+        shapes.Box(lower=(0.5, 0), upper=(0.7, 0.5)) | BALL,
+        shapes.HalfSpace(point=(0.8, 0), normal=(-1, 0)),
+        shapes.HeightField(x=(0, 0.5, 1), z=(0, 0.2, 0.3)),
+    ],
+    ids=lambda s: type(s).__name__,
+)
+def test_water_inside_any_other_surface_is_warned_of_and_does_stay_there(solid):
+    """Turned boxes were not the only ones that were accepted with the water in them."""
+
+    def scene(water, material=None, response=None, **how):
+        made = libmpm.Scene(
+            dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1), gravity=(0, -9.81)
+        )
+        law = material or materials.TaitFluid(bulk_modulus=1e5)
+        made.add_body(name="water", shape=water, material=law)
+        walls = boundaries.Slip(cell="held")
+        made.add_boundary(name="walls", shape=shapes.DomainWalls(), response=walls)
+        made.add_boundary(name="post", shape=solid, response=response or walls, **how)
+        return made
+
+    def said(scene):
+        return [w for w in scene.plan(**CPU).warnings if "into boundary 'post'" in w]
+
+    pool = shapes.Box(lower=(0, 0), upper=(1, 0.5))
+    (words,) = said(scene(pool))
+    assert "what is inside stays there" in words
+    assert not said(scene(pool - solid))
+    assert not said(scene(pool, time=(1.0, None)))
+    # A solid in what holds it is clamped.
+    assert not said(scene(pool, materials.FixedCorotated(**SOLID), boundaries.Sticky()))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        sim = libmpm.Simulation(scene(pool), threads=1, **CPU)
+        before = int((solid.distance(sim.particles["water"]["position"]) < -0.05).sum())
+        sim.run(until=0.3, progress=False)
+    after = int((solid.distance(sim.particles["water"]["position"]) < -0.05).sum())
+    assert after >= 0.75 * before > 0
+
+
 def test_damping_with_a_transfer_that_carries_gradients_is_refused_in_its_own_words():
     scene = tank()
     box = shapes.Box(lower=(1.3, 0.1), upper=(1.6, 0.4))

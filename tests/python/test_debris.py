@@ -436,7 +436,7 @@ def test_two_of_count_size_and_porosity() -> None:
         ({"count": (5, 3)}, "count is (5, 3); expected low ≤ high; swap them"),
         ({"count": 2.5}, "count is 2.5; expected a whole number ≥ 1"),
         ({"porosity": 1.0}, "porosity is 1; expected ≥ 0 and < 1"),
-        ({"porosity": 0.99}, "10000 combinations drawn from count (5, 5)"),
+        ({"porosity": 0.99}, "last of 10000 combinations of count (5, 5)"),
         ({"clearance": -0.1}, "clearance is -0.1; expected ≥ 0 m"),
         ({"angles": (0, 90)}, "expected debris.UniformAngles or debris.SpreadAngles"),
         ({"seed": -1}, "seed is -1; expected a whole number ≥ 0"),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm import Method, materials, shapes
+from libmpm import Method, contacts, materials, shapes
 from libmpm.methods import Transfer
 
 DX = 0.1
@@ -99,6 +99,38 @@ def test_every_affine_transfer_and_kernel(transfer, kernel, dimension):
     nodes, velocity, mass = (sim.grid[n] for n in ("position", "velocity", "mass"))
     heavy = mass > 1e-9 * mass.max()
     np.testing.assert_allclose(velocity[heavy], spin(dimension).at(nodes)[heavy], atol=1e-8 * RATE)
+
+
+def other_bodies(transfer, contact):
+    """A bar of elements that spins, and beside it a disc that does, apart by more than their reach.
+
+    With a contact each has nodes of its own.
+    """
+    scene = disc(radius=8, transfer=transfer)
+    told = scene.to_dict() | {"upper": [4.8, 2.4]}
+    scene = libmpm.Scene.from_dict(told)
+    turns = libmpm.Field(components=(f"-{RATE} * (y - 1.2)", f"{RATE} * (x - 3.6)"))
+    mesh = shapes.Triangles.box(lower=(2.9, 0.9), upper=(4.3, 1.5), edge=DX)
+    law = materials.NeoHookean(density=1000.0, youngs_modulus=1e7, poissons_ratio=0.2)
+    bar = mesh if contact is None else shapes.Box(lower=(2.9, 0.9), upper=(4.3, 1.5))
+    scene.add_body(name="bar", shape=bar, material=law, velocity=turns)
+    if contact is not None:
+        scene.add_contact(name="touch", between=("disc", "bar"), law=contact)
+    return scene
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [None, contacts.Friction(static=0.3, dynamic=0.3), contacts.Stick()],
+    ids=["elements", "friction", "stick"],
+)
+@pytest.mark.parametrize("transfer", AFFINE)
+def test_bodies_of_elements_and_fields_of_contact_start_at_their_rate(transfer, contact):
+    """Their deposits are other functions of the engine; PIC, which has no slope, keeps 0.97."""
+    sim = simulate(other_bodies(AFFINE[transfer], contact))
+    sim.step(1)
+    for name in ("disc", "bar"):
+        assert rate(sim, name) == pytest.approx(RATE, rel=1e-4), name
 
 
 def test_a_spin_stays():

@@ -97,7 +97,7 @@ def test_every_level_is_a_valid_scene_with_its_instruments(kind, level):
     assert scene.dimension == (2 if level == "laptop" else 3)
     assert from_plain(json.loads(json.dumps(flume.to_dict()))) == flume
     assert libmpm.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
-    assert flume.differences() and all(all(d) for d in flume.differences())
+    assert flume.deviations() and all(all(d) for d in flume.deviations())
     assert kind.title in str(flume)
     assert {c.id for c in flume.criteria()} and blank(flume).rows
     assert flume.until > 0

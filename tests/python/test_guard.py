@@ -16,7 +16,7 @@ from libmpm._src.run.guard_watch import Watch
 from support.devices import device  # noqa: F401
 
 SOFT = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
-#: Order 4 in every step makes energy in solids and at free surfaces (docs/choosing-a-method.md).
+#: Order 4 in every step makes energy in solids and at free surfaces (docs/method-tables.md).
 GAINING = libmpm.Method(transfer=libmpm.methods.Transfer(scheme="FMPM", order=4))
 
 

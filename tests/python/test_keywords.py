@@ -54,6 +54,15 @@ def test_an_unknown_keyword_of_a_scenes_methods(scene, method):
         getattr(scene, method)(nonsense=1)
 
 
+def test_an_unknown_keyword_of_a_scenes_changes(scene):
+    with pytest.raises(ArgumentError, match=r"Scene\.copy: unknown argument 'cell_sise'; did you"):
+        scene.copy(cell_sise=0.1)
+    with pytest.raises(ArgumentError, match=r"Scene\.replace: unknown argument 'materia'; did you"):
+        scene.replace("water", materia=1)
+    with pytest.raises(ArgumentError, match=r"Scene\.remove: unknown argument 'nonsense'"):
+        scene.remove("water", nonsense=1)
+
+
 @pytest.mark.parametrize("method", ["run", "plot", "view"])
 def test_an_unknown_keyword_of_a_simulations_methods(scene, method):
     simulation = libmpm.Simulation(scene, device="cpu")
@@ -106,7 +115,8 @@ def _callables():
             label, kind = f"{module.__name__}.{name}", inspect.isclass(thing)
             if not kind or (issubclass(thing, Value) and not inspect.isabstract(thing)):
                 yield label, thing
-            for key, inner in vars(thing).items() if kind else ():
+            bases = reversed(thing.__mro__) if kind else ()
+            for key, inner in {k: x for base in bases for k, x in vars(base).items()}.items():
                 if isinstance(inner, classmethod) and key[0] != "_" and key != "from_dict":
                     yield f"{label}.{key}", getattr(thing, key)
 

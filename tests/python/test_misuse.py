@@ -73,7 +73,7 @@ def test_the_state_of_a_run_that_failed_is_not_saved(tmp_path, made, what):
 
 @pytest.mark.parametrize("until", ["1", b"1", True, None, [1.0]])
 def test_until_is_a_number(until):
-    with pytest.raises(libmpm.Error, match=r"until is .*expected a time as a number"):
+    with pytest.raises(libmpm.Error, match=r"until is .*expected a number in s"):
         libmpm.Simulation(still(), device="cpu").run(until=until)
 
 

@@ -152,6 +152,7 @@ def test_smoothing_is_part_of_methods():
     [
         ("shapes", "Mesh", "SurfaceMesh"), ("debris", "Field", "DebrisField"),
         ("studies", "Case", "StudyCase"), ("studies", "grid", "full_factorial"),
+        ("debris", "Tetrahedra", "DebrisMesh"), ("design", "Friction", "DebrisFriction"),
     ],
 )  # fmt: skip
 def test_names_that_meant_two_things_warn(module, old, new):
@@ -161,6 +162,20 @@ def test_names_that_meant_two_things_warn(module, old, new):
     assert old not in place.__all__ and new in place.__all__
     with pytest.raises(AttributeError, match="no_such"):
         _ = place.no_such
+
+
+def test_no_name_has_two_meanings():
+    """Whatever module a class or function of a user's is found in, it is the same one."""
+    meant: dict[str, object] = {}
+    for module in ["", *(f".{name}" for name in libmpm.__all__ if name.islower())]:
+        place = importlib.import_module("libmpm")
+        for part in module.split(".")[1:]:
+            place = getattr(place, part)
+        for name in getattr(place, "__all__", ()):
+            if inspect.ismodule(place) and name != "names":  # what the module has, of each
+                thing = getattr(place, name)
+                assert meant.setdefault(name, thing) is thing, f"{module}.{name}"
+    assert len(meant) > 200
 
 
 def _parameters(thing):

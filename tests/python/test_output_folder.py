@@ -56,6 +56,27 @@ def folders(runs, tmp_path):
     return shutil.copytree(runs, tmp_path / "runs")
 
 
+def test_folders_that_nothing_is_written_to_are_not_made(tmp_path):
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 1), gravity=(0, -9.81))
+    box = libmpm.shapes.Box(lower=(0, 0), upper=(0.5, 0.5))
+    scene.add_body(name="water", shape=box, material=libmpm.materials.TaitFluid(bulk_modulus=1e6))
+
+    def run(name, **settings):
+        made = libmpm.Output(tmp_path / name, **settings)
+        sim = libmpm.Simulation(scene, device="cpu", output=made)
+        sim.run(until=0.002, progress=False)
+        sim.close()
+        return {p.name for p in (tmp_path / name).iterdir() if p.is_dir()}
+
+    assert run("bare") == set()
+    assert run("frames", frame_interval=0.001) == {"frames"}
+    assert run("checkpoints", checkpoint_interval=0.001) == {"checkpoints"}
+    scene.add_sensor(name="energy", sensor=libmpm.sensors.Energy(interval=0.001))
+    assert run("sensors") == {"csv"}
+    found = libmpm.load(tmp_path / "bare")
+    assert found.checkpoints == [] and list(found.frames) == []
+
+
 def bytes_of(folder):
     files = sorted(p for p in folder.rglob("*") if p.is_file())
     return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).digest() for p in files}

@@ -427,6 +427,8 @@ def test_tables_escape_and_compute_nothing(tank, monkeypatch):
     assert simulation._assembly.made is None, "a table must not make an engine"
     assert "<script" not in text and "0 s, step 0" in cells_of(text)
     assert {"water", "TaitFluid"} <= set(cells_of(simulation.particles._repr_html_()))
+    assert "water" in cells_of(simulation.particles["water"]._repr_html_())
+    assert "velocity" in simulation.grid._repr_html_()
     assert "water" in repr(simulation.particles) and "velocity" in repr(simulation.grid)
     assert repr(simulation.sensors).startswith("<series of ")
     assert simulation._assembly.made is None, "nor may a text"

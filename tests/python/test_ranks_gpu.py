@@ -91,7 +91,7 @@ def carried(fbar=None, **options):
 def plane(**options):
     """A dam break in two dimensions."""
     scene = tank((160, 64), **options)
-    scene.add_body(name="water", shape=box((0, 0), (48, 48)), material=water())
+    scene.add_body(name="water", shape=box((0, 0), (72, 28)), material=water())
     return scene
 
 

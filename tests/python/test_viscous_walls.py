@@ -68,3 +68,42 @@ def test_where_it_is_said(scene, warned):
 def test_a_film_on_a_plate_is_half_a_channel():
     (told,) = warnings_of(channel(OIL, STICKY, faces=("y-",), height=0.5))
     assert "16 cells between the plates" in told
+
+
+FLOORS = {
+    "box": shapes.Box(lower=(0.0, -0.25), upper=(4.0, 0.0)),
+    "turned box": shapes.OrientedBox(centre=(2.0, -0.125), size=(4.0, 0.25), angle=0),
+    "half space": shapes.HalfSpace(point=(0.0, 0.0), normal=(0.0, 1.0)),
+    "height field": shapes.HeightField(x=(0.0, 4.0), z=(0.0, 0.0)),
+    "polygon": shapes.Extrusion(profile=((0, -0.25), (4, -0.25), (4, 0), (0, 0))),
+}
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+@pytest.mark.parametrize("lid", [True, False])
+def test_solids_are_plates_too(lid, floor):
+    """Faces of the domain and solids hold nodes alike: a box under mud was not looked at."""
+    scene = channel(MUD, STICKY, faces=("x-",))
+    told = scene.to_dict() | {"lower": [0.0, -0.25], "upper": [4.0, 1.25]}
+    scene = libmpm.Scene.from_dict(told)
+    scene.add_boundary(name="floor", shape=FLOORS[floor], response=STICKY)
+    if lid:
+        above = shapes.Box(lower=(0.0, 1.0), upper=(4.0, 1.25))
+        scene.add_boundary(name="lid", shape=above, response=STICKY)
+    (said,) = [w for w in scene.plan(device="cpu").warnings if "a flow of it along" in w]
+    assert "along boundary 'floor' would have" in said
+    assert f"{16 if lid else 32} cells between the plates" in said
+
+
+def test_solids_beside_away_or_aslope_are_no_plates():
+    scene = channel(MUD, STICKY, faces=("x-",))
+    scene = libmpm.Scene.from_dict(scene.to_dict() | {"lower": [0.0, -0.25]})
+    for name, lower, upper in (
+        ("beside", (0.0, -0.25), (0.25, 0.0)),
+        ("below", (0.5, -0.25), (3.5, -0.125)),
+    ):
+        box = shapes.Box(lower=lower, upper=upper)
+        scene.add_boundary(name=name, shape=box, response=STICKY)
+    slope = shapes.HalfSpace(point=(0.5, 0.0), normal=(-0.2, 1.0))
+    scene.add_boundary(name="slope", shape=slope, response=STICKY)
+    assert not [w for w in scene.plan(device="cpu").warnings if "a flow of it along" in w]

@@ -189,8 +189,9 @@ class Breaker:
 
     def _change(self, broken: Broken) -> None:
         rng, document = self.rng, broken.document
-        anywhere = rng.random() < 0.4
-        way = rng.choice(list(places(document))) if anywhere else _descend(document, rng)
+        # An earlier change may have left nothing to choose from.
+        anywhere = list(places(document)) if rng.random() < 0.4 else []
+        way = rng.choice(anywhere) if anywhere else _descend(document, rng)
         if not way:
             return
         owner, key, old = at(document, way[:-1]), way[-1], at(document, way)
@@ -295,7 +296,7 @@ class Breaker:
     def _graft(self, owner: Any, key: Any, old: Any, broken: Broken) -> str:
         """What stands elsewhere, in this file or another."""
         other = self.documents[self.rng.choice(sorted(self.documents))]
-        way = self.rng.choice(list(places(other)))
+        way = self.rng.choice(list(places(other)) or [()])
         owner[key] = copied(at(other, way))
         return f"{brief(old)} became what is at {'.'.join(map(str, way))}"
 

@@ -194,7 +194,7 @@ class LinesReference(Reference):
         m = np.array([self.m[line[k]] for k in shares])
         t = np.array(list(shares.values()))
         u = np.array([free[line[k]] - wall for k in shares])
-        if not m[0] > m.sum() / 64:  # nothing leads: those at the plane stop there one by one
+        if not m[0] > m.sum() / 16:  # nothing leads: those at the plane stop there one by one
             return alone() if place <= 0 else None
         lead = np.sum(t * m * u[:, axis]) / np.sum(t * t * m)
         impulse = sign * np.sum(m * (t * lead - u[:, axis]))

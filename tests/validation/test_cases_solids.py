@@ -62,6 +62,16 @@ def test_columns_in_20_cells_spread_as_measured_with_aflip(aspect, device):
     passed("column-collapse", device, aspect=aspect, cells=20, options=options)
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("aspect", [0.7, 1.0, 2.0, 4.0, 7.0])
+def test_columns_in_40_cells_spread_as_measured_with_aflip(aspect, device):
+    """The same on a finer grid: half a minute to three minutes each."""
+    method = libmpm.Method(transfer=Transfer(scheme="AFLIP", flip=0.95), cfl=0.4)
+    options = libmpm.cases.Options(method=method)
+    passed("column-collapse", device, aspect=aspect, cells=40, options=options)
+
+
 def test_runout_falls_with_friction(device):
     """Stronger sand goes less far and stands higher."""
     found = [

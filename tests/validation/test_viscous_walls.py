@@ -32,9 +32,11 @@ GOOD = 0.06
 
 def slug(cells, transfer, wall, material, pull):
     dx = GAP / cells
+    far = (LENGTH * cells + cells + 2 * AIR) * dx
+    room = 2 * dx if wall in ("boxes", "surfaces") else 0.0
     scene = libmpm.Scene(
-        dimension=2, cell_size=dx, lower=(0.0, 0.0), gravity=(pull, 0.0),
-        upper=((LENGTH * cells + cells + 2 * AIR) * dx, GAP),
+        dimension=2, cell_size=dx, lower=(0.0, -room), gravity=(pull, 0.0),
+        upper=(far, GAP + room),
         method=Method(transfer=TRANSFERS[transfer]),
     )  # fmt: skip
     scene.add_body(
@@ -42,9 +44,18 @@ def slug(cells, transfer, wall, material, pull):
         shape=shapes.Box(lower=(AIR * dx, 0.0), upper=(AIR * dx + LENGTH * GAP, GAP)),
         material=material,
     )
-    scene.add_boundary(
-        name="plates", shape=shapes.DomainWalls(faces=("y-", "y+")), response=WALLS[wall]
-    )
+    if wall == "boxes":
+        for name, low in (("floor", -room), ("lid", GAP)):
+            box = shapes.Box(lower=(0.0, low), upper=(far, low + room))
+            scene.add_boundary(name=name, shape=box, response=WALLS["sticky"])
+    elif wall == "surfaces":
+        floor = shapes.HeightField(x=(0.0, far), z=(0.0, 0.0))
+        scene.add_boundary(name="floor", shape=floor, response=WALLS["sticky"])
+        lid = shapes.HalfSpace(point=(0.0, GAP), normal=(0.0, -1.0))
+        scene.add_boundary(name="lid", shape=lid, response=WALLS["sticky"])
+    else:
+        faces = shapes.DomainWalls(faces=("y-", "y+"))
+        scene.add_boundary(name="plates", shape=faces, response=WALLS[wall])
     return scene
 
 
@@ -100,7 +111,7 @@ def check(scene, until, mud=None):
 
 
 @pytest.mark.parametrize("cells", [8, 16])
-@pytest.mark.parametrize("wall", WALLS)
+@pytest.mark.parametrize("wall", [*WALLS, "boxes", "surfaces"])
 @pytest.mark.parametrize("transfer", TRANSFERS)
 def test_newtonian(transfer, wall, cells):
     scene, until = newtonian(cells, transfer, wall)

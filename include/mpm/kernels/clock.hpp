@@ -172,6 +172,16 @@ struct BeginStep {
     }
 };
 
+/// Particles are shifted (kernels/shifting.hpp) at every tenth step, by a part of the excess above
+/// the band of disorder (divided by the dimension: what flows from a node along all axes must not
+/// be more than it has too much), and at most so many cells: measured in design/fbar.md, 4.
+inline constexpr std::int64_t shift_every = 10;
+inline constexpr double shift_rate = 0.2, shift_band = 0.05, shift_most = 0.05;
+
+MPM_INLINE bool shifts_now(const Clock& clock) {
+    return clock.halt == Halt::none && clock.step % shift_every == 0;
+}
+
 /// Second half, after the grid update has left its maxima: may this step go on, and how long is the
 /// next one?
 template <int D>
@@ -190,6 +200,7 @@ struct Decide {
     SupplyRecord* supplies = nullptr;
     int supply_count = 0;
     double supplied_mass = 0;  // that layers of one step may add to a node, kg
+    double shift = 0;          // that particles may be shifted by in a step that shifts, cells
 
     /// What is read comes first and together: on a device one thread does this, and each read that
     /// had to wait for a write before it would cost more than all the rest.
@@ -218,7 +229,7 @@ struct Decide {
             if (!(deposited[q] <= limit[q])) return stop(FaultKind::fixed_point, deposited[q]);
         if (sum_bits > 0 && deposited[momentum_sum] * dt > coarsest_deposit(sum_bits) * cell_size)
             return stop(FaultKind::fixed_point, deposited[momentum_sum]);
-        const double moved = speed * dt / cell_size;
+        const double moved = speed * dt / cell_size + (step % shift_every == 0 ? shift : 0.0);
         if (!(moved <= 1.0)) return stop(FaultKind::outran, speed);
         for (int s = 0; s < supply_count; ++s) {
             if (supplies[s].moved >= supplies[s].due) return sort_for(Halt::supply, moved);
@@ -343,6 +354,7 @@ struct Decide {
 struct EndStep {
     Clock* clock;
     double cell_size;
+    double shift = 0;  // as `Decide::shift`
     MPM_HD void operator()() const {
         if (clock->halt != Halt::none) return;
         const double dt = clock->dt, dt_next = clock->dt_next, drift = clock->drift,
@@ -350,7 +362,7 @@ struct EndStep {
         const std::int64_t step = clock->step, steps_left = clock->steps_left;
         double scale[quantities];
         for (int q = 0; q < quantities; ++q) scale[q] = clock->scale_write[q];
-        clock->drift = drift + speed * dt / cell_size;
+        clock->drift = drift + speed * dt / cell_size + (step % shift_every == 0 ? shift : 0.0);
         clock->time = time + dt;
         clock->dt = dt_next;
         clock->step = step + 1;

@@ -87,15 +87,20 @@ struct NodeUpdate {
         return v;
     }
     /// Of a node in a block that boundaries touch, mirrors excepted; `known`: its lines, packed.
-    template <class Seen>
+    /// `plain`: it is on lines, and nothing else holds it.
+    template <bool plain, class Seen>
     MPM_INLINE Vec<T, D> wall_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
                                        const std::uint32_t* known, const Seen& seen) const {
         Vec<T, D> v = free_velocity(m, p);
         std::int64_t c[D];
         cell(slot, node, c);
-        if (boundaries.lines)
-            FollowLines<NodeUpdate, T, D>{*this, known}(slot, node, c, m, v, seen);
-        apply_boundaries<true>(boundaries, c, v, seen, share(slot, node));
+        if constexpr (plain) {
+            FollowLines<NodeUpdate, T, D, true>{*this, known}(slot, node, c, m, v, seen);
+        } else {
+            if (boundaries.lines)
+                FollowLines<NodeUpdate, T, D>{*this, known}.called(slot, node, c, m, v, seen);
+            apply_boundaries<true>(boundaries, c, v, seen, share(slot, node));
+        }
         return v;
     }
     /// Of any node, whatever boundaries a scene has.
@@ -108,7 +113,8 @@ struct NodeUpdate {
             const Images<D> images(boundaries, c);
             if (images.mirrored) return mirrored_velocity(images, free_velocity(m, p), seen);
         }
-        return touched[slot] ? wall_velocity(slot, node, m, p, nullptr, seen) : free_velocity(m, p);
+        return touched[slot] ? wall_velocity<false>(slot, node, m, p, nullptr, seen)
+                             : free_velocity(m, p);
     }
     /// Part of a node's mass that lies in some channels.
     MPM_INLINE double part_of(const Sum* s, std::uint64_t channels) const {
@@ -229,36 +235,16 @@ struct Changed {
     }
 };
 
+/// What a node of a block that boundaries touch asks for (kernels/wall_nodes.hpp).
+enum class WallNode : std::uint8_t { free, on_lines, any };
+
 /// Velocities that `MoveWallNodes` has made, by (listed block, node): those of a block whose flag
 /// `touched` is k > 0 begin at node (k - 1) block_cells.
 template <class T>
 struct WallNodes {
     T* velocity = nullptr;            // of D components; null where a scene has no such boundaries
     std::uint8_t* changed = nullptr;  // by any boundary
-};
-
-/// Nodes of the blocks that boundaries touch, before `UpdateGrid`, in scenes with boundaries that
-/// only some have, but for mirrors: their long functions would slow down all other nodes.
-template <class T, class Sum, int D>
-struct MoveWallNodes {
-    NodeUpdate<T, Sum, D> node;
-    const std::int32_t* blocks;
-    const std::uint32_t* lines;  // (blocks, nodes, D), packed; null where they have to be found
-    WallNodes<T> to;
-
-    MPM_INLINE void operator()(std::int64_t i) const {
-        if (node.clock->halt != Halt::none) return;
-        const std::int32_t slot = blocks[i / block_cells];
-        const int n = int(i % block_cells);
-        const T m = node.mass(slot, n);
-        if (!(m > T(0))) return;
-        bool changed = false;
-        const Vec<T, D> v =
-            node.wall_velocity(slot, n, m, node.momentum(slot, n), lines ? lines + i * D : nullptr,
-                               Changed<T, D>{&changed});
-        for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
-        to.changed[i] = changed;
-    }
+    const WallNode* kind = nullptr;   // null: any
 };
 
 /// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will
@@ -303,12 +289,18 @@ struct UpdateGrid {
         }
         Vec<T, D> v{};
         if (m > T(0)) {
+            double lent = 1;
             const std::uint32_t listed = walls.velocity ? node.touched[slot] : 0;
             if (listed > 0) {
                 const std::int64_t at = std::int64_t(listed - 1) * block_cells + n;
-                for (int a = 0; a < D; ++a) v[a] = walls.velocity[at * D + a];
+                const bool free = walls.kind && walls.kind[at] == WallNode::free;
+                if (free)
+                    v = node.free_velocity(m, p);
+                else
+                    for (int a = 0; a < D; ++a) v[a] = walls.velocity[at * D + a];
+                lent = free ? 1 : lent_by(m);
                 if constexpr (keeps) {
-                    if (kept.guard >= 0) out[kept.guard] = T(walls.changed[at]);
+                    if (kept.guard >= 0) out[kept.guard] = T(free ? 0 : walls.changed[at]);
                 }
             } else if constexpr (keeps) {
                 bool changed = false;
@@ -319,9 +311,9 @@ struct UpdateGrid {
             }
             for (int a = 0; a < D; ++a) {
                 if constexpr (keeps)
-                    larger_of(maxima[max_speed], kept.counts(v[a], m, node.least_mass));
+                    larger_of(maxima[max_speed], kept.counts(v[a], m, node.least_mass) * lent);
                 else
-                    larger_of(maxima[max_speed], absolute(double(v[a])));
+                    larger_of(maxima[max_speed], absolute(double(v[a])) * lent);
             }
             if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
         }
@@ -352,6 +344,13 @@ struct UpdateGrid {
                                                 s[(c.weight < 0 ? 0 : c.weight) * block_cells])
                                       : T(0);
         }
+    }
+    /// Part of a wall node's speed that counts. The leader of a line goes three times as fast as
+    /// what is beside the plane: where it hardly weighs, its weight in a particle's velocity is at
+    /// most its mass over the particle's, and 2 3^(D-1) nodes of a stencil may be such.
+    MPM_INLINE double lent_by(T m) const {
+        const double share = (D == 2 ? 6.0 : 18.0) * double(m) / node.least_mass;
+        return share < 1 ? share : 1.0;
     }
     /// The same for a node that shares with others by mirrored planes.
     MPM_INLINE void update_mirrored(Images<D> images, const std::int64_t (&cell)[D], T own_mass,

@@ -30,8 +30,9 @@ struct GroupPressure {
     MPM_INLINE double at(double j) const { return stiffness * (exp(-exponent * log1p(-j)) - 1); }
 };
 
-/// What the lines leave of one node's velocity. `Node` is a `NodeUpdate`.
-template <class Node, class T, int D>
+/// What the lines leave of one node's velocity. `Node` is a `NodeUpdate`. `plain`: of a node that
+/// `ClassifyWallNodes` has found to be on lines alone; all functions are then one.
+template <class Node, class T, int D, bool plain = false>
 struct FollowLines {
     const Node& node;
     const std::uint32_t* known = nullptr;  // the node's lines by axis, packed; else they are found
@@ -49,10 +50,10 @@ struct FollowLines {
         Vec<T, D> momentum{};
         MPM_INLINE T lead() const { return push / inert; }
     };
-    /// A leader with less of its line's mass than this leads nothing: all there is lies within a
-    /// sixth of a cell of the plane, and the velocity of a node that hardly weighs would be what
-    /// that material's is, times three or more.
-    static constexpr double least_leader = 1.0 / 64;
+    /// A leader with less of its line's mass than this leads nothing: all there is is a film of less
+    /// than 0.6 cells on the plane, and the velocity of a node that hardly weighs would be that of
+    /// the film, times three or more.
+    static constexpr double least_leader = 1.0 / 16;
     struct Wall {
         const SurfaceLaw& law;
         Vec<T, D> velocity;
@@ -65,13 +66,17 @@ struct FollowLines {
         return out;
     }
     /// What a node would do by itself, edges of boxes included.
-    MPM_CALL Seat seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
+    MPM_INLINE Seat seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
         Seat out;
         out.mass = node.mass(slot, number);
         if (!(out.mass > T(0))) return out;
         out.velocity = node.free_velocity(out.mass, node.momentum(slot, number));
-        push_at_edges(slot, number, cell, out.mass, out.velocity, NothingSeen{});
+        if constexpr (!plain)
+            push_at_edges(slot, number, cell, out.mass, out.velocity, NothingSeen{});
         return out;
+    }
+    MPM_CALL Seat called_seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
+        return seat(slot, number, cell);
     }
     template <class Seen>
     MPM_INLINE void push_at_edges(std::int32_t slot, int number, const std::int64_t (&cell)[D],
@@ -86,11 +91,12 @@ struct FollowLines {
         });
     }
     /// In the same order from wherever on the line, so that all its nodes find the same numbers.
-    MPM_CALL Sums sum(const WallLine& line, int axis, std::int32_t slot,
-                      const std::int64_t (&cell)[D], const Seat& own,
-                      const Vec<T, D>& moving) const {
+    MPM_INLINE Sums sum(const WallLine& line, int axis, std::int32_t slot,
+                        const std::int64_t (&cell)[D], const Seat& own,
+                        const Vec<T, D>& moving) const {
         Sums out;
-        for (int at = line.first(); at >= -1; --at) {
+        MPM_UNROLL for (int at = 1; at >= -1; --at) {
+            if (at > line.first()) continue;
             Seat s = own;
             if (at != line.place) {
                 const std::int64_t by = (at - line.place) * line.sign;
@@ -99,7 +105,7 @@ struct FollowLines {
                 int number = 0;
                 const std::int32_t of =
                     node_beside<D>(node.grid.table, slot, cell, axis, by, number);
-                s = of < 0 ? Seat{} : seat(of, number, there);
+                s = of < 0 ? Seat{} : other_seat(of, number, there);
             }
             if (at == line.first()) out.leader = s.mass;
             const T t = line.template share<T>(at);
@@ -115,24 +121,50 @@ struct FollowLines {
         }
         return out;
     }
+    MPM_CALL Sums called_sum(const WallLine& line, int axis, std::int32_t slot,
+                             const std::int64_t (&cell)[D], const Seat& own,
+                             const Vec<T, D>& moving) const {
+        return sum(line, axis, slot, cell, own, moving);
+    }
+    MPM_INLINE Seat other_seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
+        if constexpr (plain)
+            return seat(slot, number, cell);
+        else
+            return called_seat(slot, number, cell);
+    }
+    MPM_INLINE WallLine line_of(int axis, const std::int64_t (&cell)[D]) const {
+        if constexpr (!plain) {
+            if (known == nullptr) return find_line<D>(node.boundaries, axis, cell);
+        }
+        return WallLine::unpacked(known[axis]);
+    }
+    template <class Seen>
+    MPM_CALL void called(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
+                         Vec<T, D>& v, const Seen& seen) const {
+        (*this)(slot, number, cell, mass, v, seen);
+    }
     /// `v` is the node's velocity by itself.
     template <class Seen>
-    MPM_CALL void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
-                             Vec<T, D>& v, const Seen& seen) const {
-        push_at_edges(slot, number, cell, mass, v, seen);
+    MPM_INLINE void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
+                               Vec<T, D>& v, const Seen& seen) const {
+        if constexpr (!plain) push_at_edges(slot, number, cell, mass, v, seen);
         const Seat own{mass, v};
         WallLine lines[D];
-        Vec<T, D> slid[D];  // of the line's mass along the wall
-        T pressed[D];       // speed that the wall takes from the line's mass by pressing
-        for (int a = 0; a < D; ++a) {
-            WallLine& line = lines[a] =
-                known ? WallLine::unpacked(known[a]) : find_line<D>(node.boundaries, a, cell);
+        Vec<T, D> slid[D] = {};  // of the line's mass along the wall
+        T pressed[D] = {};       // speed that the wall takes from the line's mass by pressing
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            WallLine& line = lines[a] = line_of(a, cell);
             pressed[a] = 0;
             if (line.form == WallLine::none) continue;
             const Wall by = wall(line);
             const Vec<T, D> before = v;
             Sums s;
-            if (line.form != WallLine::held) s = sum(line, a, slot, cell, own, by.velocity);
+            if (line.form != WallLine::held) {
+                if constexpr (plain)
+                    s = sum(line, a, slot, cell, own, by.velocity);
+                else
+                    s = called_sum(line, a, slot, cell, own, by.velocity);
+            }
             if (line.form == WallLine::held || !(s.leader > T(least_leader) * s.mass)) {
                 // Without a leader there is no field: nodes at the plane are held one by one.
                 if (line.form == WallLine::held || line.place <= 0) {
@@ -153,15 +185,17 @@ struct FollowLines {
             if (impulse > T(0)) pressed[a] = impulse / s.mass;
             for (int c = 0; c < D; ++c) slid[a][c] = c == a ? T(0) : s.momentum[c] / s.mass;
         }
-        for (int a = 0; a < D; ++a)
-            if (lines[a].form != WallLine::none) rub(lines, a, slid[a], pressed[a], v, seen);
-        if (!node.boundaries.surface_lines) return;
-        bool bound[D];
-        for (int a = 0; a < D; ++a) bound[a] = lines[a].form != WallLine::none;
-        for (int b = 0; b < node.boundaries.count; ++b) {
-            const BoundaryRecord<D>& r = node.boundaries.records[b];
-            if (r.active && r.surface > 0 && r.law[0].linear)
-                follow_surface(b, slot, cell, own, bound, v, seen);
+        MPM_UNROLL for (int a = 0; a < D; ++a) if (lines[a].form != WallLine::none)
+            rub(lines, a, slid[a], pressed[a], v, seen);
+        if constexpr (!plain) {
+            if (!node.boundaries.surface_lines) return;
+            bool bound[D];
+            for (int a = 0; a < D; ++a) bound[a] = lines[a].form != WallLine::none;
+            for (int b = 0; b < node.boundaries.count; ++b) {
+                const BoundaryRecord<D>& r = node.boundaries.records[b];
+                if (r.active && r.surface > 0 && r.law[0].linear)
+                    follow_surface(b, slot, cell, own, bound, v, seen);
+            }
         }
     }
     /// No wall pulls where material may leave it. But drops that fall onto the plane while others
@@ -222,7 +256,7 @@ struct FollowLines {
                 int number = 0;
                 const std::int32_t of =
                     node_beside<D>(node.grid.table, slot, cell, line.axis, by, number);
-                seat_here = of < 0 ? Seat{} : seat(of, number, at);
+                seat_here = of < 0 ? Seat{} : called_seat(of, number, at);
             }
             double x[D], moving[D];
             node_position<D>(at, all.cell_size, x);

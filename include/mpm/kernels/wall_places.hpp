@@ -190,23 +190,6 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
     return line;
 }
 
-/// Lines of all nodes of some blocks, packed: they are the same from step to step.
-template <int D>
-struct FindLines {
-    BlockTableView<D> table;
-    BoundaryView<D> boundaries;
-    const std::int32_t* blocks;
-    std::uint32_t* lines;  // (blocks, nodes, D)
-    MPM_INLINE void operator()(std::int64_t i) const {
-        const std::int32_t slot = blocks[i / block_cells];
-        int at[D];
-        Block<D>::coordinates(int(i % block_cells), at);
-        std::int64_t cell[D];
-        for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
-        for (int a = 0; a < D; ++a) lines[i * D + a] = find_line<D>(boundaries, a, cell).packed();
-    }
-};
-
 /// The node some cells along an axis from one of a slot, and its slot, -1 where it is not active.
 template <int D>
 MPM_INLINE std::int32_t node_beside(const BlockTableView<D>& table, std::int32_t slot,

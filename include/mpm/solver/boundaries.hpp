@@ -11,8 +11,8 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/exec/buffer.hpp"
-#include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/sorting.hpp"
+#include "mpm/kernels/wall_nodes.hpp"
 #include "mpm/solver/mirror_planes.hpp"
 #include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
@@ -47,9 +47,17 @@ public:
     bool lists() const { return special_ && !mirrored_walls_; }
     bool has_mirrors() const { return mirrored_walls_; }
     const Buffer<X, std::int32_t>& blocks() const { return blocks_; }
-    /// Of their nodes, packed; without any where lines come and go with time.
-    const Buffer<X, std::uint32_t>& lines() const { return lines_; }
-    double bytes() const { return double(touched_.bytes() + blocks_.bytes() + lines_.bytes()); }
+    /// Whether what their nodes ask for is the same at all times; else it is anything.
+    bool at_rest() const { return at_rest_; }
+    const Buffer<X, WallNode>& kinds() const { return kinds_; }
+    const Buffer<X, std::uint32_t>& lines() const { return lines_; }  // of their nodes, packed
+    /// By (listed block, node), the nodes that are on lines, and that ask for anything.
+    const Buffer<X, std::int32_t>& on_lines() const { return on_lines_; }
+    const Buffer<X, std::int32_t>& any() const { return any_; }
+    double bytes() const {
+        return double(touched_.bytes() + blocks_.bytes() + kinds_.bytes() + lines_.bytes() +
+                      on_lines_.bytes() + any_.bytes());
+    }
     /// The same of what load cell number `cell` measures, into `flag`.
     void touch_measured(int cell, const BlockTableView<D>& table, std::uint32_t* flag);
     std::vector<MirrorPlane> mirror_planes() const;
@@ -68,7 +76,7 @@ private:
     bool linear_walls_ = false;  // kernels/wall_lines.hpp
     bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
-    bool lines_rest_ = false;  // there are some, the same at all times
+    bool at_rest_ = false;
     TimeTables<X> tables_{exec_};
     TimeTableView gravity_{};
     std::vector<Buffer<X, std::uint64_t>> surface_keys_;
@@ -80,7 +88,9 @@ private:
     Buffer<X, GroupPressure> pressures_{exec_};
     Buffer<X, std::uint32_t> touched_{exec_};
     Buffer<X, std::int32_t> blocks_{exec_};
+    Buffer<X, WallNode> kinds_{exec_};
     Buffer<X, std::uint32_t> lines_{exec_};
+    Buffer<X, std::int32_t> on_lines_{exec_}, any_{exec_};
 };
 
 template <class X, int D>
@@ -151,12 +161,12 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
         throw SceneError(
             "walls that mirror beside walls with linear cells are not built; choose "
             "cell=\"held\" for these or another response for those");
-    lines_rest_ = linear_walls_ && records.size() < most_packed_boundaries;
+    at_rest_ = records.size() < most_packed_boundaries;
     for (BoundaryRecord<D>& r : records) {
         const SurfaceRecord<D>* s = r.surface > 0 ? &surfaces[std::size_t(r.surface - 1)] : nullptr;
         // Lines are found before the first step says what is active.
         r.active = r.start <= 0 && std::isinf(r.end);
-        lines_rest_ = lines_rest_ && r.active && !(s && (s->path.given() || s->turn.given()));
+        at_rest_ = at_rest_ && r.active && !(s && (s->path.given() || s->turn.given()));
     }
     records_.assign(records);
     surfaces_.assign(surfaces);
@@ -259,20 +269,42 @@ void Boundaries<X, D>::touch(const BlockTableView<D>& table) {
 template <class X, int D>
 void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
     const std::int64_t slots = table.slots;
-    Buffer<X, std::uint32_t> position(exec_), number(exec_);
+    Buffer<X, std::uint32_t> position(exec_), numbers(exec_);
     position.reserve_discard(std::size_t(slots) + 1);
-    number.reserve_discard(1);
+    numbers.reserve_discard(1);
     exec_.exclusive_scan(touched_.data(), position.data(), slots);
-    exec_.copy(number.data(), position.data() + slots, sizeof(std::uint32_t));
-    blocks_.reserve_discard(number.host()[0]);
+    exec_.copy(numbers.data(), position.data() + slots, sizeof(std::uint32_t));
+    blocks_.reserve_discard(numbers.host()[0]);
     exec_.for_each(slots, ListTouched{position.data(), touched_.data(), blocks_.data()});
-    if (lines_rest_) {
-        const std::size_t nodes = blocks_.size() * block_cells;
-        lines_.reserve_discard(nodes * D);
-        exec_.for_each(std::int64_t(nodes),
-                       FindLines<D>{table, view(), blocks_.data(), lines_.data()});
+    if (!at_rest_) return exec_.wait();  // for what this leaves behind
+    const std::size_t nodes = blocks_.size() * block_cells;
+    Buffer<X, std::uint32_t> flags[2]{Buffer<X, std::uint32_t>(exec_),
+                                      Buffer<X, std::uint32_t>(exec_)};
+    Buffer<X, std::uint32_t> positions[2]{Buffer<X, std::uint32_t>(exec_),
+                                          Buffer<X, std::uint32_t>(exec_)};
+    kinds_.reserve_discard(nodes);
+    lines_.reserve_discard(nodes * D);
+    numbers.reserve_discard(2);
+    for (int k = 0; k < 2; ++k) {
+        flags[k].reserve_discard(nodes);
+        positions[k].reserve_discard(nodes + 1);
     }
-    exec_.wait();  // for what this leaves behind
+    exec_.for_each(
+        std::int64_t(nodes),
+        ClassifyWallNodes<D>{table, view(), blocks_.data(), pressures_.size() > 0, kinds_.data(),
+                             lines_.data(), flags[0].data(), flags[1].data()});
+    for (int k = 0; k < 2; ++k) {
+        exec_.exclusive_scan(flags[k].data(), positions[k].data(), std::int64_t(nodes));
+        exec_.copy(numbers.data() + k, positions[k].data() + nodes, sizeof(std::uint32_t));
+    }
+    const std::vector<std::uint32_t> counts = numbers.host();
+    Buffer<X, std::int32_t>* lists[2] = {&on_lines_, &any_};
+    for (int k = 0; k < 2; ++k) {
+        lists[k]->reserve_discard(counts[std::size_t(k)]);
+        exec_.for_each(std::int64_t(nodes),
+                       ListHomes{flags[k].data(), positions[k].data(), lists[k]->data()});
+    }
+    exec_.wait();
 }
 
 template <class X, int D>

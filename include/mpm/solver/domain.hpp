@@ -132,6 +132,14 @@ private:
     void sample_energy(Sensor<Base>& sensor, SensorRecord* record);
     void reserve_deposits(Body& body);
     std::uint64_t workers_of(const Body& body) const;
+    void shift_particles();
+    /// Cells that particles may be shifted by in a step that shifts.
+    double most_shift() const {
+        return std::any_of(spec_.bodies.begin(), spec_.bodies.end(),
+                           [](const BodySpec& b) { return b.shifts; })
+                   ? shift_most
+                   : 0;
+    }
     void run_bodies();
     void advance_body(Body& body, int number, std::uint32_t workers);
     // domain_phases.hpp
@@ -151,6 +159,7 @@ private:
     void make_velocities(const Decided& decided);
     template <bool mirrors, class Decided>
     void make_velocities_with(const Decided& decided);
+    void move_wall_nodes();
     Fault describe_fault();
     std::int64_t steps_to_sort() const;
     void fetch_clock();
@@ -349,8 +358,9 @@ private:
                 int(boundaries_.pressures().size())};
     }
     WallNodes<Grid> wall_nodes() {
-        return boundaries_.lists() ? WallNodes<Grid>{wall_velocity_.data(), wall_changed_.data()}
-                                   : WallNodes<Grid>{};
+        if (!boundaries_.lists()) return {};
+        return {wall_velocity_.data(), wall_changed_.data(),
+                boundaries_.at_rest() ? boundaries_.kinds().data() : nullptr};
     }
     template <bool keeps, bool mirrors>
     UpdateGrid<Grid, Sum, D, keeps, mirrors> grid_update(int parity) {
@@ -363,7 +373,9 @@ private:
                 wall_nodes()};
     }
     BeginStep<D> begin_step() { return boundaries_.begin_step(clock_buffer_.data()); }
-    TurnStep<D> turn_step() { return {{clock_buffer_.data(), spec_.cell_size}, begin_step()}; }
+    TurnStep<D> turn_step() {
+        return {{clock_buffer_.data(), spec_.cell_size, most_shift()}, begin_step()};
+    }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
     double now() const {
         return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
@@ -390,6 +402,7 @@ private:
     Buffer<X, Grid> velocity_{exec_};
     Buffer<X, Grid> wall_velocity_{exec_};  // `WallNodes`
     Buffer<X, std::uint8_t> wall_changed_{exec_};
+    Buffer<X, Grid> overfull_{exec_};  // (slots, nodes), where particles are shifted
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();

@@ -24,17 +24,30 @@ void Domain<X, T, D>::reserve_scratch(Body& body) {
 template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::make_velocities(const Decided& decided) {
-    if (boundaries_.lists()) {
-        const std::int64_t nodes = std::int64_t(boundaries_.blocks().size()) * block_cells;
-        const auto& lines = boundaries_.lines();
-        exec_.for_each_next(nodes, MoveWallNodes<Grid, Sum, D>{
-                                       node_update(parity()), boundaries_.blocks().data(),
-                                       lines.size() > 0 ? lines.data() : nullptr, wall_nodes()});
-    }
+    if (boundaries_.lists()) move_wall_nodes();
     if (boundaries_.has_mirrors())
         make_velocities_with<true>(decided);
     else
         make_velocities_with<false>(decided);
+}
+
+template <class X, class T, int D>
+void Domain<X, T, D>::move_wall_nodes() {
+    const auto node = node_update(parity());
+    const auto& b = boundaries_;
+    const WallNodes<Grid> to = wall_nodes();
+    if (!b.at_rest()) {
+        exec_.for_each_next(
+            std::int64_t(b.blocks().size()) * block_cells,
+            MoveWallNodes<Grid, Sum, D, false>{node, b.blocks().data(), nullptr, nullptr, to});
+        return;
+    }
+    exec_.for_each_next(std::int64_t(b.on_lines().size()),
+                        MoveWallNodes<Grid, Sum, D, true>{
+                            node, b.blocks().data(), b.on_lines().data(), b.lines().data(), to});
+    exec_.for_each_next(std::int64_t(b.any().size()),
+                        MoveWallNodes<Grid, Sum, D, false>{node, b.blocks().data(), b.any().data(),
+                                                           b.lines().data(), to});
 }
 
 template <class X, class T, int D>

@@ -1,6 +1,7 @@
 // Domain: the life of a step, and what happens when the clock halts.
 #pragma once
 
+#include "mpm/kernels/shifting.hpp"
 #include "mpm/kernels/transfers.hpp"
 #include "mpm/solver/domain.hpp"
 
@@ -45,7 +46,7 @@ void Domain<X, T, D>::update_grid() {
         clock_buffer_.data(), spec_.cell_size,    constants_.data(), numbers_.data(),
         int(bodies_.size()),  sensors_.records(), sensors_.count(),  bits,
         least_mass_,          plan_.wave_speed,   plan_.beyond,      inflow_.records(),
-        inflow_.count(),      inflow_.mass()};
+        inflow_.count(),      inflow_.mass(),     most_shift()};
     if constexpr (X::is_device) {
         if (share_) {
             make_velocities(AfterGrid<D>::telling(
@@ -185,8 +186,30 @@ std::uint64_t Domain<X, T, D>::workers_of(const Body& body) const {
 }
 
 /// The particles' half of a step, each body by its own pipeline.
+/// Before particles move, while the sums say how full the nodes are that they are about to leave.
+template <class X, class T, int D>
+void Domain<X, T, D>::shift_particles() {
+    if (clock_.step % shift_every != 0) return;
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        Body& body = bodies_[b];
+        const BodySpec& s = spec_.bodies[b];
+        if (!s.shifts || body.homes == 0) continue;
+        const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
+        overfull_.reserve_discard(std::size_t(nodes));
+        const BodyView<T, D> view = body.view();
+        const double full =
+            view.particle_mass / view.particle_volume * std::pow(spec_.cell_size, D);
+        exec_.for_each(nodes, FindOverfull<Grid, Sum, D>{node_update(parity()), body.plan.group,
+                                                         full, overfull_.data()});
+        exec_.for_each(
+            std::int64_t(body.homes) * block_cells,
+            ShiftParticles<Grid, T, D>{table_, clock_buffer_.data(), view, overfull_.data()});
+    }
+}
+
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
+    if (most_shift() > 0) shift_particles();
     std::vector<std::size_t> moving;
     std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -277,7 +300,7 @@ void Domain<X, T, D>::one_step() {
             }
             if (share_) end_of_sums(1 - parity(), Added::in_step);
         }
-        exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size});
+        exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size, most_shift()});
         const double t3 = now();
         timings_["grid"] += t1 - t0;
         timings_["sensors"] += t2 - t1;

@@ -41,7 +41,7 @@ Fault describe_fault(const Spec& spec, const Plan& plan, const Clock& clock,
                         ? "what particles deposit grew more than 16-fold beyond that of the last "
                           "two steps and no longer fits its fixed-point scale"
                         : "the stress of a particle is so large for the time step that all "
-                          "motion would round away beside it";
+                          "motion beside it would be lost to rounding";
         return f;
     }
     if (clock.fault == FaultKind::crowded) {

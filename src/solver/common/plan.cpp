@@ -1,4 +1,5 @@
 #include "mpm/solver/plan.hpp"
+#include "mpm/solver/plan_checks.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -137,47 +138,6 @@ void check_pipeline(const Spec& spec, const BackendTraits& backend) {
                          (stores_in_one_pass(spec) ? "\"phased\"" : "\"two-pass\""));
 }
 
-/// Refuses what contact between bodies is not built for.
-void check_contact(const Spec& spec, const BackendTraits& backend) {
-    if (!spec.contact.any()) return;
-    const auto refuse = [](const std::string& what, const std::string& remedy) {
-        throw SceneError("contact between bodies is not built for " + what + "; " + remedy +
-                         ", or remove the contacts");
-    };
-    if (backend.device) refuse(backend.name, "use device=\"cpu\"");
-    if (spec.ranks.count > 1) refuse(std::to_string(spec.ranks.count) + " ranks", "use one");
-    if (!spec.functions.kind.empty()) refuse("grids of functions", "use square cells");
-    if (spec.kernel.kernel != Kernel::quadratic || spec.kernel.clamped)
-        refuse("other kernels than plain quadratic splines, by which it measures gaps",
-               "use kernel=\"quadratic\"");
-    if (spec.transfer.scheme == "XPIC" || spec.transfer.scheme == "FMPM")
-        refuse("the sweeps of transfer '" + spec.transfer.scheme + "'",
-               "use APIC or another transfer");
-    if (spec.start.given) refuse("runs that continue from another", "start the scene afresh");
-    for (const BoundarySpec& b : spec.boundaries) {
-        for (const SurfaceLaw& law : b.law) {
-            if (mirrors(law.response))
-                refuse("boundary '" + b.name + "', which mirrors", "use Slip or Sticky");
-            if (law.linear)
-                refuse("boundary '" + b.name + "', whose cells strain linearly",
-                       "use linear=False");
-        }
-    }
-    for (const BodySpec& b : spec.bodies) {
-        if (b.smoothing == SmoothingForm::split)
-            refuse("body '" + b.name + "' with F-bar in its split form", "use another form");
-        if (b.cell_smoothing.form != CellForm::none || b.assumed_part != TensorPart::none)
-            refuse("body '" + b.name + "', which is smoothed or assumed over cells",
-                   "leave smoothing and assumed out");
-    }
-    for (const InletSpec& inlet : spec.inlets) {
-        const auto& fields = spec.bodies.at(std::size_t(inlet.body)).fields;
-        if (!fields.empty() && fields[0].field != 0)
-            refuse("inlet '" + inlet.name + "' into a body that a contact names",
-                   "feed another body");
-    }
-}
-
 /// The pipeline of a body: that which was asked for, or the one with the fewest passes that it has.
 void choose_pipeline(const Spec& spec, const BackendTraits& backend, const BodySpec& body,
                      BodyPlan& p) {
@@ -297,6 +257,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                              std::to_string(m.parameter_count) + " parameters, " +
                              std::to_string(body.parameters.size()) + " were given");
         }
+        if (body.shifts) check_shifting(spec, body);
         if (body.smoothing == SmoothingForm::none) continue;
         if (!m.smoothable) {
             throw SceneError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 
 __all__ = ["advise"]
 
+#: What differs between two messages of one kind.
+_NUMBERS = re.compile(r"\d[\d.]*(?:e[-+]?\d+)?")
 #: Part by which a bulk modulus has to be off before another one is proposed.
 _WORTH_IT = 1.25
 
@@ -76,11 +79,11 @@ def advise(
         )
     warnings += leaves(facts, [r for m in known for r in rows[m.case].values()])
     warnings += of_loads(facts, [m.case for m in known])
-    warnings += doubtful_loads(scene)
+    doubts = doubtful_loads(scene)
     if not made:
         return Advice(
             scene, error, kind, tuple(found), None, (), None, False, None, None, None, (),
-            tuple(warnings), source,
+            tuple(warnings + doubts), source,
         )  # fmt: skip
     now = present(made, facts)
     chosen = choose(made, error, now)
@@ -92,7 +95,7 @@ def advise(
                 f"'{best.option}' with {best.worst or 0.0:.1%}"
             )
     settings, reasons = _settings(facts, rows, known, chosen, now, error)
-    return Advice(
+    advice = Advice(
         scene=scene,
         error=error,
         device=kind,
@@ -109,6 +112,22 @@ def advise(
         source=source,
         refine=chosen.refine,
     )
+    said = _of_proposal(doubts, doubtful_loads(advice.apply(cell_size=True)))
+    return dataclasses.replace(advice, warnings=(*warnings, *said))
+
+
+def _of_proposal(doubts: Sequence[str], left: Sequence[str]) -> list[str]:
+    """Return doubts about the loads of a scene, each with what the proposal makes of it.
+
+    They are told apart by their words; numbers, such as those of cells, change.
+    """
+    there = {_NUMBERS.sub("#", text) for text in left}
+    return [
+        f"{text}; the settings proposed do not change that, since no case of the atlas has it"
+        if _NUMBERS.sub("#", text) in there
+        else f"{text}; no longer so with the settings and the cell size proposed"
+        for text in doubts
+    ]
 
 
 def _checked(
@@ -125,7 +144,7 @@ def _checked(
     names = None if cases is None else sequence((cases,) if isinstance(cases, str) else cases)
     for name in names or ():
         if name not in [r.case for r in RULES]:
-            check.fail(f"cases has {shown(name)}; {nearest(str(name), [r.case for r in RULES])}")
+            check.fail(f"cases has {shown(name)}; {nearest(name, [r.case for r in RULES])}")
     check.finish()
     problems, _ = check_scene(scene)
     if problems:

@@ -246,7 +246,7 @@ def per_case(table: Table, case: str, facts: Facts) -> Row | None:
 
 @dataclass(frozen=True)
 class Softest:
-    """How soft water may be: the largest ρ g H/K and v/c that keep the error, and where from."""
+    """Least bulk modulus: the largest ρ g H/K and v/c that keep the error, and where from."""
 
     compression: float
     mach: float

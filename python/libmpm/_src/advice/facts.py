@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, largest
@@ -395,7 +396,7 @@ def _ends(body: Body) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(map(float, low)), tuple(map(float, high))
 
 
-def _points_in(body: Body) -> Any:
+def _points_in(body: Body) -> npt.NDArray[np.float64]:
     """Return points all over the box around a body, (n, d) m."""
     low, high = _ends(body)
     axes = [np.linspace(a, b, _LOOKED_AT) for a, b in zip(low, high, strict=True)]

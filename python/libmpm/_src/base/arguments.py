@@ -8,13 +8,17 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from libmpm._src.errors import ArgumentError
+from libmpm._src.errors import ArgumentError, SceneError
 
-__all__ = ["hint", "keywords_only", "nearest", "shown", "wrong_arguments"]
+__all__ = [
+    "file_path", "hint", "keywords_only", "known", "nearest", "quoted", "shown", "wrong_arguments",
+]  # fmt: skip
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -48,6 +52,26 @@ def shown(item: Any, most: int = 200) -> str:
     except (RecursionError, ValueError):
         return f"a {type(item).__name__} without a text of its own"
     return text if len(text) <= most else f"{text[:most]}…"
+
+
+def known(name: object, names: Iterable[str]) -> bool:
+    """Tell whether something is one of the names; an array, a list or a number never is."""
+    return isinstance(name, str) and name in names
+
+
+def quoted(name: object) -> str:
+    """Return a name for a message: a text in quotes, anything else as it is shown."""
+    return f"'{name}'" if isinstance(name, str) and len(name) <= 200 else shown(name, 80)
+
+
+def file_path(path: object, what: str) -> Path:
+    """Return the path of a file or folder; raises `SceneError` for what is none."""
+    try:
+        if isinstance(path, str | os.PathLike) and str(path) and b"\0" not in os.fsencode(path):
+            return Path(path)
+    except (TypeError, UnicodeError):  # a path of bytes; a text that no system has
+        pass
+    raise SceneError(f"{what}: path is {shown(path, 80)}; expected the name of a file or folder")
 
 
 class hint(str):
@@ -105,8 +129,9 @@ def keywords_only(
 
     Python's own TypeError names one of them only, and no remedy. The first `positional` arguments
     after self may come without a name. `instead` names an argument that makes others unnecessary.
-    A function that is no `method` has no self. `renamed` has arguments by their names of version
-    0.1, which warn until 0.3.
+    A function that is no `method` has no self. In the label of a method that several classes have,
+    {} stands for the label of the class. `renamed` has arguments by their names of version 0.1,
+    which warn until 0.3.
     """
     own = int(method)
 
@@ -122,10 +147,11 @@ def keywords_only(
 
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+            said = label.format(getattr(args[0], "label", "")) if method and args else label
             for old in [key for key in renamed or {} if key in kwargs]:
                 new = (renamed or {})[old]
                 warnings.warn(
-                    f"{label}: '{old}' is '{new}' since libmpm 0.2; the old name goes in 0.3",
+                    f"{said}: '{old}' is '{new}' since libmpm 0.2; the old name goes in 0.3",
                     DeprecationWarning,
                     stacklevel=2,
                 )
@@ -136,7 +162,7 @@ def keywords_only(
                 known = {k: v for k, v in kwargs.items() if k in names}  # type: ignore[assignment]
             if inspect.Parameter.VAR_POSITIONAL in kinds:
                 unnamed = min(unnamed, positional)
-            problems = wrong_arguments(label, names, required, unnamed, positional, known, instead)
+            problems = wrong_arguments(said, names, required, unnamed, positional, known, instead)
             if problems:
                 raise ArgumentError(problems)
             return function(*args, **kwargs)

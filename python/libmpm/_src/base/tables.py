@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
-__all__ = ["escaped", "html_table", "html_warnings", "pair_table", "text_table"]
+__all__ = ["Tabled", "escaped", "html_table", "html_warnings", "pair_table", "text_table"]
 
 #: Characters of an HTML cell.
 _LONGEST = 160
@@ -60,3 +60,19 @@ def html_table(rows: Sequence[Sequence[Any]], head: Sequence[Any] = ()) -> str:
 def html_warnings(texts: Sequence[str]) -> str:
     """Return a paragraph for each warning."""
     return "".join(f"<p><b>warning:</b> {escaped(text)}</p>" for text in texts)
+
+
+class Tabled:
+    """What terminals and notebooks show as a table, the rows of `_rows`, the first the head."""
+
+    def _rows(self) -> Sequence[tuple[str, ...]]:
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """Return the table as text for a terminal."""
+        return text_table(self._rows())
+
+    def _repr_html_(self) -> str:
+        """Return the table for Jupyter."""
+        head, *rows = self._rows()
+        return html_table(rows, head)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.arrays import real_array
 from libmpm._src.base.declarations import OWNER, given
-from libmpm._src.base.values import Checker, Value, shown, value
+from libmpm._src.base.values import MOST, Checker, Value, shown, value
 from libmpm._src.errors import SceneError
 
 __all__ = ["TimeTable", "check_vector_table", "constant", "engine_table", "largest"]
@@ -168,6 +168,10 @@ def _array(check: Checker, name: str, item: Any) -> npt.NDArray[np.float64] | No
         return None
     if not np.all(np.isfinite(array)):
         check.fail(f"{name} has an entry that is not finite; remove it or interpolate over it")
+        return None
+    most = np.abs(array).max(initial=0.0)
+    if not most < MOST:
+        check.fail(f"{name} has an entry of {most:g}; expected numbers below {MOST:g}")
         return None
     return array
 

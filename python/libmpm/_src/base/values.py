@@ -26,7 +26,7 @@ from libmpm._src.base.arguments import keywords_only as keywords_only
 from libmpm._src.base.arguments import nearest as nearest
 from libmpm._src.base.arguments import shown as shown
 from libmpm._src.base.declarations import declared, filled, given
-from libmpm._src.errors import ArgumentError, ModelWarning, SceneError
+from libmpm._src.errors import ArgumentError, Error, ModelWarning, SceneError
 
 T = TypeVar("T")
 
@@ -45,6 +45,10 @@ _LATE = {
     "WasedaBasin": "libmpm._src.flumes.waseda_basin",
     "Froude": "libmpm._src.studies.design.similitude",
 }
+
+#: Below it are all numbers of a description, and what is above 0 is no less than its inverse:
+#: squares, cubes and quotients of them are numbers then. Nothing that is measured comes near.
+MOST = 1e100
 
 #: Bytes of a name; file systems take 255, with ending and number.
 _LONGEST = 200
@@ -88,7 +92,7 @@ class Checker:
         try:
             number = float(value)
         except OverflowError:
-            self.fail(f"{name} is {shown(value, 40)}; expected a number below 1.8e308{tail}")
+            self.fail(f"{name} is {shown(value, 40)}; expected a number below {MOST:g}{tail}")
             return math.nan
         rules = []
         if lower > -math.inf:
@@ -99,7 +103,11 @@ class Checker:
         above = number >= upper if upper_open else number > upper
         # The infinite default bounds are no rule; only a stated bound may refuse a value here.
         out = (lower > -math.inf and below) or (upper < math.inf and above)
-        if math.isnan(number) or out or (math.isinf(number) and not infinite):
+        endless = math.isinf(number) and infinite
+        tiny = lower == 0 and lower_open and 0 < number < 1 / MOST
+        if math.isnan(number) or out or tiny or not (abs(number) < MOST or endless):
+            if tiny or (not out and abs(number) >= MOST):
+                rules = [f"≥ {1 / MOST:g}" if tiny else f"a number below {MOST:g}"]
             rule = f"expected {' and '.join(rules) or 'a finite number'}{tail}"
             self.fail(f"{name} is {number:g}; {rule}" + (f"; {remedy}" if remedy else ""))
             return math.nan
@@ -132,6 +140,27 @@ class Checker:
         before = len(self.problems)
         result = tuple(self.number(f"{name}[{i}]", x, unit=unit) for i, x in enumerate(items))
         return result if len(self.problems) == before else ()
+
+    def called(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what a user's function gives; what it raises is a `SceneError` with its name."""
+        try:
+            return function(*arguments)
+        except Error:
+            raise
+        except Exception as error:
+            self.fail(
+                f"{name}({', '.join(shown(x, 40) for x in arguments)}) gives "
+                f"{type(error).__name__}: {error}; expected numbers; correct the function"
+            )
+            raise SceneError(self.problems) from error
+
+    def items(self, name: str, given: Any, what: str) -> list[Any]:
+        """Return what can be walked through as a list; reports what cannot, and returns none."""
+        try:
+            return list(given)
+        except TypeError:  # an array without a length says so only when it is walked
+            self.fail(f"{name} is {shown(given, 80)}; expected {what}")
+            return []
 
     def given(self, name: str, owner: Any, item: Any = ..., *, remedy: str = "") -> Any:
         """Return a field of a value as its declaration says: a vector, whole or other number.
@@ -272,8 +301,17 @@ class Value:
 
     def __repr__(self) -> str:
         """Return the call that makes this value."""
-        inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in self._fields)
+        inside = ", ".join(f"{name}={_text(getattr(self, name))}" for name in self._fields)
         return f"{self.label or type(self).__name__}({inside})"
+
+
+def _text(item: Any) -> str:
+    """Return what is read as the same item again; 2.2e+09 and not 2200000000.0."""
+    if isinstance(item, float) and 1e6 <= abs(item) < math.inf:
+        for digits in range(1, 6):
+            if float(text := f"{item:.{digits}g}") == item:
+                return text
+    return repr(item)
 
 
 def _constructor(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+from libmpm._src.base.arguments import quoted
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 
@@ -143,7 +144,7 @@ class Contact(Value):
     law: ContactLaw = given("`contacts.Friction`, `contacts.Fluid` or `contacts.Stick`")
 
     def _label(self) -> str:
-        return f"contact '{self.name}'"
+        return f"contact {quoted(self.name)}"
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("law", self.law, (ContactLaw,), "contacts.Friction(static=0.3)")

@@ -151,7 +151,7 @@ def _rule(part: _Part) -> str:
     return f"{part.response!r}, {'moving' if moving else 'at rest'},"
 
 
-def _rubs(response: Response) -> Any:
+def _rubs(response: Response) -> object:
     return response.friction if isinstance(response, Separable) else None
 
 

@@ -32,7 +32,7 @@ __all__ = ["Covers", "covers_of", "motion_of", "moves", "uncovered_by_motion"]
 #: Part of a cell by which a face may lie before the wall that covers it.
 CLOSE = 0.01
 
-#: Rows of a motion that are looked at beside its extremes.
+#: Rows of a motion that are looked at besides its extremes.
 _ROWS = 16
 
 #: Part of the lattice's spacing over which a slope is taken, and what a unit slope may miss: where

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, NamedTuple
 
-from libmpm._src.base.arguments import keywords_only
+from libmpm._src.base.arguments import keywords_only, quoted
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, value
@@ -157,7 +157,7 @@ class PlacedFlow(Value):
     flow: Flow = given("`Inflow` or `Outflow`")
 
     def _label(self) -> str:
-        return f"flow '{self.name}'"
+        return f"flow {quoted(self.name)}"
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("flow", self.flow, (Flow,), "boundaries.Inflow(...) or Outflow(...)")

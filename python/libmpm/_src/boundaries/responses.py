@@ -332,9 +332,9 @@ class Rotation(Value):
         tables = {"degrees": self.degrees, "angle": self.angle}
         if sum(x is not None for x in (self.rate, *tables.values())) != 1:
             check.fail(
-                f"rate is {shown(self.rate)} with degrees {self.degrees!r} and angle "
-                f"{self.angle!r}; expected one of them; give a rate in rad/s, or a TimeTable of "
-                "angles in degrees"
+                f"rate is {shown(self.rate)} with degrees {shown(self.degrees)} and "
+                f"angle {shown(self.angle)}; expected one of them; give a rate in "
+                "rad/s, or a TimeTable of angles in degrees"
             )
         for name, table in (("rate", self.rate), *tables.items()):
             if isinstance(table, TimeTable) and table.components:

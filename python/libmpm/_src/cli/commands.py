@@ -14,7 +14,7 @@ import time as clock
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from libmpm._src.cli.options import parser
 from libmpm._src.errors import (
@@ -27,6 +27,10 @@ from libmpm._src.errors import (
     OutputError,
     SceneError,
 )
+
+if TYPE_CHECKING:
+    from libmpm._src.run.partition import Partition
+    from libmpm._src.scene.scaling import Scaling
 
 __all__ = ["EXIT_CODES", "ExitCode", "main"]
 
@@ -78,7 +82,7 @@ def _device(text: str) -> str | list[str]:
     return text.split(",") if "," in text else text
 
 
-def _partition(arguments: argparse.Namespace, path: Path | None = None) -> Any:
+def _partition(arguments: argparse.Namespace, path: Path | None = None) -> Partition | None:
     """Return the partition that was asked for, the rest from a checkpoint; None for neither."""
     names = ("cuts", "at", "by", "weights", "rebalance_above")
     given = {name: getattr(arguments, name) for name in names}
@@ -100,7 +104,7 @@ def _partition(arguments: argparse.Namespace, path: Path | None = None) -> Any:
     return Partition(**(kept | given))
 
 
-def _scaling(arguments: argparse.Namespace) -> Any:
+def _scaling(arguments: argparse.Namespace) -> Scaling | None:
     """Return the scaling that was asked for, or None."""
     ratio = getattr(arguments, "scale", None)
     if ratio is None:
@@ -342,7 +346,7 @@ def _import(arguments: argparse.Namespace) -> int:
     )  # fmt: skip
     text = json.dumps(found.run_file().to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
     with replacing(arguments.output) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+        part.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
     print(found.report())
     return ExitCode.DONE
 
@@ -406,13 +410,36 @@ def _plain_warnings() -> Iterator[None]:
         warnings.formatwarning = usual
 
 
+@contextlib.contextmanager
+def _all_characters() -> Iterator[None]:
+    """Show what standard output has no character for by its number, as standard error does.
+
+    A terminal may be of few characters, and names of files and texts of logs hold any.
+    """
+    stream = sys.stdout
+    before = getattr(stream, "errors", None)
+    if before not in ("strict", "surrogateescape") or not hasattr(stream, "reconfigure"):
+        yield
+        return
+    stream.reconfigure(errors="backslashreplace")
+    try:
+        yield
+    finally:
+        try:
+            stream.reconfigure(errors=before)
+        except BrokenPipeError:
+            raise  # what was printed is written here, and nobody reads it any more
+        except (OSError, ValueError):
+            pass  # left for the end of the process, or closed
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code of the process, an `ExitCode`."""
     began = clock.monotonic()
     parsed = parser().parse_args(arguments)
     parsed.began = began
     try:
-        with _signals(parsed.command), _plain_warnings():
+        with _all_characters(), _signals(parsed.command), _plain_warnings():
             return _COMMANDS[parsed.command](parsed)
     except Error as error:
         print(f"libmpm: {type(error).__name__}: {error}", file=sys.stderr)

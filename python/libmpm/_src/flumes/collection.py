@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import from_plain, shown
@@ -16,6 +16,7 @@ from libmpm._src.output.atomic_files import write_json, writing
 if TYPE_CHECKING:
     from libmpm._src.flumes.facility import Facility
     from libmpm._src.flumes.records import Curve
+    from libmpm._src.output.results import Results
     from libmpm._src.pictures.figures import Picture
 
 __all__ = ["RECORD", "Collection", "collect", "recall", "remember", "runs_in"]
@@ -96,7 +97,7 @@ class Collection(Table):
         return ratios(self)
 
 
-def _load(folder: Path) -> Any:
+def _load(folder: Path) -> Results:
     from libmpm._src.output.results import load
 
     return load(folder)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.errors import SceneError
-from libmpm._src.flumes.facility import Difference
+from libmpm._src.flumes.facility import Deviation
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.python_sensors import BodyTracker
 from libmpm._src.shapes.boxes import OrientedBox
@@ -100,11 +100,11 @@ def add_field(
     return tuple(names)
 
 
-def lengthened(what: str, facility: float, scene: float) -> list[Difference]:
+def lengthened(what: str, facility: float, scene: float) -> list[Deviation]:
     """Return the difference of a length that was moved to faces of cells, if there is one."""
     if abs(facility - scene) < 1e-9:
         return []
-    return [Difference(what, f"{facility:g} m", f"{scene:g} m", "on faces of cells")]
+    return [Deviation(what, f"{facility:g} m", f"{scene:g} m", "on faces of cells")]
 
 
 def track(scene: Scene, names: Sequence[str], interval: float = 0.05) -> None:

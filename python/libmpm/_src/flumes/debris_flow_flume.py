@@ -26,7 +26,7 @@ from libmpm._src.flumes.debris_flow_flume_shape import (
 )
 from libmpm._src.flumes.facility import (
     GRAVITY,
-    Difference,
+    Deviation,
     Facility,
     Instrument,
     Pairs,
@@ -423,29 +423,29 @@ class DebrisFlowFlume(Facility):
 
     # What it is compared with ----------------------------------------------------------------
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return where the scene is not the flume."""
         found = [
-            Difference("E", "grains and water", f"{self.youngs_modulus:g} Pa", "longer steps"),
-            Difference("mixture", "saturated, with pore pressure",
+            Deviation("E", "grains and water", f"{self.youngs_modulus:g} Pa", "longer steps"),
+            Deviation("mixture", "saturated, with pore pressure",
                        "one solid, Drucker and Prager", "no material has pore pressure"),
-            Difference("bed", "bumps of 16 mm" if self.bed == "rough" else "concrete",
+            Deviation("bed", "bumps of 16 mm" if self.bed == "rough" else "concrete",
                        "one friction for the channel, one for the pad", "bumps need 1.25 cm"),
         ]  # fmt: skip
         if self.axes.flat:
-            found.append(Difference("gate", "two doors that swing", "drawn up in its plane",
+            found.append(Deviation("gate", "two doors that swing", "drawn up in its plane",
                                     "a slice has no width"))  # fmt: skip
-            found.append(Difference("pad", "8.2 m wide", "as wide as the channel", "a slice"))
+            found.append(Deviation("pad", "8.2 m wide", "as wide as the channel", "a slice"))
         else:
             found += lengthened("channel's width", 2.0, 2 * self._cells(1.0))
             found.append(
-                Difference("pad", "8.2 m wide, 6.1 m from s 97 m, to s 107.7 m",
+                Deviation("pad", "8.2 m wide, 6.1 m from s 97 m, to s 107.7 m",
                            "8.2 m wide to s 118 m", "what leaves it is of no row")
             )  # fmt: skip
         if self.obstacle is not None and self.axes.flat:
-            found.append(Difference("wall", "5.2 m wide", "across all of the flow", "a slice"))
+            found.append(Deviation("wall", "5.2 m wide", "across all of the flow", "a slice"))
         if self.end is not None:
-            found.append(Difference("end", "deposit on the pad", f"cut at {self.end:g} m", "cost"))
+            found.append(Deviation("end", "deposit on the pad", f"cut at {self.end:g} m", "cost"))
         return tuple(found)
 
     def criteria(self) -> tuple[Criterion, ...]:

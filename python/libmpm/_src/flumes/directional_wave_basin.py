@@ -26,7 +26,7 @@ from libmpm._src.flumes.debris import (
     width_across,
 )
 from libmpm._src.flumes.facility import (
-    Difference,
+    Deviation,
     Facility,
     Instrument,
     Pairs,
@@ -332,32 +332,32 @@ class DirectionalWaveBasin(Facility):
             found.append(("blocks", ((low, 1.0), (high, 1.0), (high, 1.05), (low, 1.05))))
         return tuple(found)
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return where the scene is not the basin."""
         found = [
-            Difference("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
+            Deviation("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
                        "longer steps"),
-            Difference("side channels", "open", "none", "their waves come 10 s after the crest"),
-            Difference("pit behind the platform", "level not stated", "dry at the start",
+            Deviation("side channels", "open", "none", "their waves come 10 s after the crest"),
+            Deviation("pit behind the platform", "level not stated", "dry at the start",
                        "what falls into it does not come back in time"),
         ]  # fmt: skip
         if self.structure is not None:
             for what, edge in (("front", 35.29), ("rear", 35.69), ("side", 0.2), ("side", 0.6)):
                 found += lengthened(f"obstacles' {what}", edge, round(self._cells(edge), 9))
         if self.width == "slice":
-            found.append(Difference("gauges across", "y -3.6 to 2.5 m", "on one line", "a slice"))
+            found.append(Deviation("gauges across", "y -3.6 to 2.5 m", "on one line", "a slice"))
         else:
             there = {name: y for name, _, y in _GAUGES}
             moved = [i.name for i in self.instruments() if abs(i.y - there.get(i.name, i.y)) > 1e-9]
             if moved:
-                found.append(Difference("across, " + ", ".join(moved), "of the table",
+                found.append(Deviation("across, " + ", ".join(moved), "of the table",
                                         "within the strip", "the wave is plane"))  # fmt: skip
         if self.width != "slice":
             found += lengthened("width", 10.0, 2 * self._across(self.channel)[1])
         if self.debris is not None:
             kind = self.field()
             modulus = kind.prototypes[0].material.parameters()["youngs_modulus"]
-            found.append(Difference("E of the blocks", "about 1 GPa", f"{modulus:.3g} Pa",
+            found.append(Deviation("E of the blocks", "about 1 GPa", f"{modulus:.3g} Pa",
                                     "longer steps; single blows are softer"))  # fmt: skip
             found += lengthened("gap between blocks", 0.051, round(kind.clearance, 9))
         return tuple(found)

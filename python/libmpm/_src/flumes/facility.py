@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
 
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.time_tables import TimeTable
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from libmpm._src.pictures.figures import Picture
     from libmpm._src.scene.run_file import RunFile
 
-__all__ = ["WIDTHS", "Axes", "Difference", "Facility", "Instrument", "Width"]
+__all__ = ["WIDTHS", "Axes", "Deviation", "Facility", "Instrument", "Width"]
 
 Width = Literal["slice", "half", "full"]
 WIDTHS = ("slice", "half", "full")
@@ -45,7 +45,12 @@ _UNCOMPARED = 30.0
 Pairs = tuple[tuple[float, float], ...]
 
 
-class Difference(NamedTuple):
+def rectangle(x: float, u: float, z: float, w: float) -> Pairs:
+    """Return the corners of a rectangle from x to u and z to w, for drawings."""
+    return ((x, z), (u, z), (u, w), (x, w))
+
+
+class Deviation(NamedTuple):
     """A number in which a scene is not the facility: what, there, in the scene, and why."""
 
     what: str
@@ -150,7 +155,7 @@ class Facility(Value):
         """Return what a run of it is compared in."""
         raise NotImplementedError
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return every number in which the scene is not the facility, with the reason."""
         raise NotImplementedError
 
@@ -180,7 +185,7 @@ class Facility(Value):
     # What all of them do ---------------------------------------------------------------------
 
     @classmethod
-    def at_level(cls, level: str, **changes: Any) -> Any:
+    def at_level(cls, level: str, **changes: Any) -> Self:
         """Return the facility at a level, "laptop" or "full", with some arguments changed.
 
         Laptop: a slice, two cores, at most 10 minutes. Full: in space, one H200, at most 8
@@ -191,7 +196,7 @@ class Facility(Value):
         return cls(**{**cls.levels[level], **changes})
 
     @classmethod
-    def of_case(cls, case: str, level: str | None = None, **changes: Any) -> Any:
+    def of_case(cls, case: str, level: str | None = None, **changes: Any) -> Self:
         """Return the facility in a set-up that was measured, with some arguments changed.
 
         `level` None is the set-up's own: "laptop" or "full". Raises `SceneError`.
@@ -260,7 +265,7 @@ class Facility(Value):
                  for i in self.instruments()]  # fmt: skip
         rows += ["differences from the facility:"]
         rows += [f"  {d.what}: {d.facility} there, {d.scene} here; {d.why}"
-                 for d in self.differences()]  # fmt: skip
+                 for d in self.deviations()]  # fmt: skip
         return "\n".join(rows)
 
     def bed_response(self) -> Slip:

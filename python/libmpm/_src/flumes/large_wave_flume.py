@@ -16,13 +16,14 @@ from libmpm._src.flumes import large_wave_flume_rows, records
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import add_field, lengthened, scattered
 from libmpm._src.flumes.facility import (
-    Difference,
+    Deviation,
     Facility,
     Instrument,
     Pairs,
     Width,
     check_debris,
     modulus_at_speed,
+    rectangle,
     wall,
 )
 from libmpm._src.flumes.structures import EDGE_TEXT, EDGES, Edges, add_structure
@@ -311,16 +312,16 @@ class LargeWaveFlume(Facility):
 
     def outlines(self) -> tuple[tuple[str, Pairs], ...]:
         """Return box and debris from the side."""
-        found: list[tuple[str, Pairs]] = [("piston", _rectangle(-0.6, 0.0, 0.0, 2.6))]
+        found: list[tuple[str, Pairs]] = [("piston", rectangle(-0.6, 0.0, 0.0, 2.6))]
         if self.structure is not None:
             (x, _, z), (u, _, w) = _BOX
-            found.append(("box", _rectangle(x, u, z, w)))
+            found.append(("box", rectangle(x, u, z, w)))
         if self.debris is not None:
             field = self.field()
             low = min(p.x for p in field.pieces) - 0.25
             high = max(p.x for p in field.pieces) + 0.25
             z = self.still_water
-            found.append(("debris", _rectangle(low, high, z - 0.05, z + 0.01)))
+            found.append(("debris", rectangle(low, high, z - 0.05, z + 0.01)))
         return tuple(found)
 
     # Debris ----------------------------------------------------------------------------------
@@ -368,19 +369,19 @@ class LargeWaveFlume(Facility):
 
     # What it is compared with ----------------------------------------------------------------
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return where the scene is not the flume."""
         found = [
-            Difference("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
+            Deviation("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
                        "longer steps; waves run at a tenth of its sound or less"),
-            Difference("step of the bed", "upright at x 14.275 m", "over 5 mm",
+            Deviation("step of the bed", "upright at x 14.275 m", "over 5 mm",
                        "a profile has one height at a place"),
         ]  # fmt: skip
         if self.width != "slice":
             wide = 2 * self._across(3.66)[1]
             found += lengthened("width", 3.66, wide)
         if self.end is not None:
-            found.append(Difference("end", "beach at 87.46 m", f"wall at {self.end:g} m", "cost"))
+            found.append(Deviation("end", "beach at 87.46 m", f"wall at {self.end:g} m", "cost"))
         if self.structure is not None:
             low, high = self.box().bounds()
             share = 2.0 if self.width == "half" else 1.0
@@ -388,10 +389,10 @@ class LargeWaveFlume(Facility):
             found += lengthened("box across", 1.016, share * (high[1] - low[1]))
             found += lengthened("box up", 0.615, high[2] - low[2])
         if self.debris is not None:
-            found.append(Difference("E of the bars", "0.8 GPa", f"{self.modulus():.3g} Pa",
+            found.append(Deviation("E of the bars", "0.8 GPa", f"{self.modulus():.3g} Pa",
                                     "longer steps; single blows are softer"))  # fmt: skip
             gap = 2 * self.cell_size if self.gap is None else self.gap
-            found.append(Difference("gap between bars", "none", f"{gap:g} m",
+            found.append(Deviation("gap between bars", "none", f"{gap:g} m",
                                     "bodies share velocities at nodes: no contact"))  # fmt: skip
         return tuple(found)
 
@@ -403,7 +404,3 @@ class LargeWaveFlume(Facility):
     def joint_rows(cls, comparisons: Sequence[Comparison]) -> list[Row]:
         """Return row L10, the line through first peaks of all layouts with a box plot."""
         return large_wave_flume_rows.parity(comparisons)
-
-
-def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
-    return ((x, z), (u, z), (u, w), (x, w))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -156,7 +156,7 @@ def _fastest(signals: measures.Signals) -> float:
     return float(np.nanmax(measures.smooth(time, np.nan_to_num(speed), 1.0)))
 
 
-def _load_arrival(share: float, window: tuple[float, float]) -> Any:
+def _load_arrival(share: float, window: tuple[float, float]) -> Callable[[measures.Signals], float]:
     """Return what measures when a share of the peak of the load is first reached, s."""
 
     def measure(signals: measures.Signals) -> float:

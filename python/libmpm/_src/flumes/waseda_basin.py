@@ -14,13 +14,14 @@ from libmpm._src.flumes import records, waseda_basin_rows
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import add_field, lengthened, scattered, track
 from libmpm._src.flumes.facility import (
-    Difference,
+    Deviation,
     Facility,
     Instrument,
     Pairs,
     Width,
     check_debris,
     modulus_at_speed,
+    rectangle,
     wall,
 )
 from libmpm._src.flumes.structures import (
@@ -330,18 +331,18 @@ class WasedaBasin(Facility):
             )
         if self.debris is not None:
             x, z = self.field().pieces[0].x, _APRON
-            found.append(("debris", _rectangle(x - 0.03, x + 0.03, z, z + 0.06)))
+            found.append(("debris", rectangle(x - 0.03, x + 0.03, z, z + 0.06)))
         return tuple(found)
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return where the scene is not the basin."""
         found = [
-            Difference("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
+            Deviation("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
                        "longer steps"),
-            Difference("drive", "air let in by valves",
+            Deviation("drive", "air let in by valves",
                        "piston that sends WG1" if self.drive == "paddle" else "free column",
                        "no pressure of air on a surface"),
-            Difference("friction of water on the apron", "rough plywood", "none",
+            Deviation("friction of water on the apron", "rough plywood", "none",
                        "no bed drag: the film at WG4 runs too deep and too far"),
         ]  # fmt: skip
         if self.width != "slice":
@@ -355,17 +356,13 @@ class WasedaBasin(Facility):
             found += lengthened("columns across", 0.10, round(high[1] - low[1], 9))
         if self.debris is not None:
             modulus = self.field().prototypes[0].material.parameters()["youngs_modulus"]
-            found.append(Difference("E of the debris", "about 1 GPa", f"{modulus:.3g} Pa",
+            found.append(Deviation("E of the debris", "about 1 GPa", f"{modulus:.3g} Pa",
                                     "longer steps"))  # fmt: skip
             gap = 2 * self.cell_size if self.gap is None else self.gap
-            found.append(Difference("gap between pieces", "not stated", f"{gap:g} m",
+            found.append(Deviation("gap between pieces", "not stated", f"{gap:g} m",
                                     "bodies share velocities at nodes: no contact"))  # fmt: skip
         return tuple(found)
 
     def criteria(self) -> tuple[Criterion, ...]:
         """Return rows T1 to T3, with debris T4 to T7, with columns T8."""
         return waseda_basin_rows.criteria(self)
-
-
-def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
-    return ((x, z), (u, z), (u, w), (x, w))

@@ -20,13 +20,14 @@ from libmpm._src.flumes.comparison import Comparison, Row
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import add_field, lengthened, scattered, track
 from libmpm._src.flumes.facility import (
-    Difference,
+    Deviation,
     Facility,
     Instrument,
     Pairs,
     Width,
     check_debris,
     modulus_at_speed,
+    rectangle,
     wall,
 )
 from libmpm._src.flumes.structures import (
@@ -283,25 +284,25 @@ class WASIRF(Facility):
         found: list[tuple[str, Pairs]] = []
         if self.structure is not None:
             z = self.underside
-            found.append(("box", _rectangle(_FRONT, _FRONT + _BOX[0], z, z + _BOX[2])))
+            found.append(("box", rectangle(_FRONT, _FRONT + _BOX[0], z, z + _BOX[2])))
         if self.debris is not None:
             pieces = [p.x for p in self.field().pieces]
             z = self.still_water
-            found.append(("debris", _rectangle(min(pieces) - 0.1, max(pieces) + 0.1, z, z + 0.03)))
+            found.append(("debris", rectangle(min(pieces) - 0.1, max(pieces) + 0.1, z, z + 0.03)))
         before, behind = self.pump()
-        found.append(("pump", _rectangle(self.start, before, 0.0, 0.02)))
+        found.append(("pump", rectangle(self.start, before, 0.0, 0.02)))
         if behind < _LENGTH:
-            found.append(("drain", _rectangle(behind, _LENGTH, 0.0, 0.02)))
+            found.append(("drain", rectangle(behind, _LENGTH, 0.0, 0.02)))
         return tuple(found)
 
     # What it is compared with ----------------------------------------------------------------
 
-    def differences(self) -> tuple[Difference, ...]:
+    def deviations(self) -> tuple[Deviation, ...]:
         """Return where the scene is not the flume."""
         found = [
-            Difference("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
+            Deviation("bulk modulus of water", "2.2e9 Pa", f"{self.bulk_modulus:g} Pa",
                        "longer steps"),
-            Difference("current", "boundary layers, turbulence", "the same at all heights",
+            Deviation("current", "boundary layers, turbulence", "the same at all heights",
                        "no drag of bed and walls"),
         ]  # fmt: skip
         found += lengthened("working part", _LENGTH, _LENGTH - self._cells(self.start))
@@ -315,7 +316,7 @@ class WASIRF(Facility):
                 found += lengthened(f"box {what}", edge, round(by * (high[k] - low[k]), 9))
         if self.debris is not None:
             modulus = self.field().prototypes[0].material.parameters()["youngs_modulus"]
-            found.append(Difference("E of the debris", "0.8 GPa", f"{modulus:.3g} Pa",
+            found.append(Deviation("E of the debris", "0.8 GPa", f"{modulus:.3g} Pa",
                                     "longer steps; single blows are softer"))  # fmt: skip
         return tuple(found)
 
@@ -419,7 +420,3 @@ class WASIRF(Facility):
         return (Criterion("W4", what, "N", ("box",), window, measure,
                           float(row["exp_mascarenas2022_median_N"]), low, high,
                           f"{low:g} to {high:g} N", gates=False),)  # fmt: skip
-
-
-def _rectangle(x: float, u: float, z: float, w: float) -> Pairs:
-    return ((x, z), (u, z), (u, w), (x, w))

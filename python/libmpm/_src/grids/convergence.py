@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from libmpm._src.base.arguments import keywords_only
-from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.base.tables import Tabled
 from libmpm._src.base.values import Checker
 from libmpm._src.grids.functions import Field, Functions
 from libmpm._src.grids.grid import SplineGrid, TriangularGrid
@@ -19,7 +19,7 @@ Grid = TriangularGrid | SplineGrid
 
 
 @dataclass(frozen=True, repr=False)
-class Convergence:
+class Convergence(Tabled):
     """Errors on finer and finer grids; prints as a table, in Jupyter too.
 
     Made by `convergence`. Entry k of each tuple belongs to the k-th grid.
@@ -38,7 +38,7 @@ class Convergence:
 
     @property
     def order(self) -> tuple[float, ...]:
-        """log(E' / E) / log(h' / h) with E', h' of the grid before; not a number at the first."""
+        """log(E' / E) / log(h' / h) with E', h' of the grid before; NaN at the first."""
         found = [math.nan]
         for k in range(1, len(self.n)):
             errors, spacings = self.error[k - 1 : k + 1], self.spacing[k - 1 : k + 1]
@@ -49,7 +49,7 @@ class Convergence:
         return tuple(found)
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """Return the columns as lists; an order that is not a number becomes None."""
+        """Return the columns as lists; a NaN order becomes None."""
         return {
             "n": list(self.n),
             "functions": list(self.functions),
@@ -68,15 +68,6 @@ class Convergence:
                 for n, f, h, e, p in columns
             ),
         ]
-
-    def __repr__(self) -> str:
-        """Return the table as text for a terminal."""
-        return text_table(self._rows())
-
-    def _repr_html_(self) -> str:
-        """Return the table for Jupyter."""
-        head, *rows = self._rows()
-        return html_table(rows, head)
 
 
 @keywords_only("grids.convergence", 3, method=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, Literal
 
+from libmpm._src.base.arguments import shown
 from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, value
 from libmpm._src.methods.transfer import Kernel, Transfer, as_kernel, as_transfer
@@ -127,6 +128,11 @@ class FBar(Value):
         unit="m",
         above=0,
     )
+    shifting: bool = given(
+        "move a fluid's particles away from nodes that hold more of it than its volumes say, every "
+        "ten steps",
+        default=False,
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         two = ("two-volume", "split", "literal")
@@ -154,4 +160,6 @@ class FBar(Value):
                 f"length is {found['length']:g} with form '{form}'; a length belongs to "
                 f"{', '.join(two)}; give time in s instead, or leave it out"
             )
-        return found
+        if not isinstance(self.shifting, bool):
+            check.fail(f"shifting is {shown(self.shifting)}; expected True or False")
+        return found | {"shifting": bool(self.shifting)}

@@ -33,7 +33,10 @@ def _remedy(path: Path, error: BaseException) -> str:
         # HDF5 reports the system's error number inside its message only.
         digits = text.split("errno = ", 1)[1].split(",", 1)[0]
         code = int(digits) if digits.isdigit() else None
-    folder = path if path.is_dir() else path.parent
+    try:
+        folder = path if path.is_dir() else path.parent
+    except OSError:  # a name that is too long
+        folder = path.parent
     if code in (errno.ENOSPC, errno.EDQUOT):
         free = ""
         with contextlib.suppress(OSError):

@@ -53,7 +53,7 @@ class Checkpoint:
     `header` is JSON: format, version, scene, device, precision, pipeline, threads, time_step,
     time (s), step, until (s), output settings. `state` is the engine's own, and `sensors` holds
     per sensor (time (n,), values (n, components), components, units). `memory` is what sensors that
-    are evaluated in Python need beside their series, by number of the sensor.
+    are evaluated in Python need besides their series, by number of the sensor.
     """
 
     header: dict[str, Any]
@@ -319,7 +319,11 @@ def find_newest(path: Path, read: Callable[[Path], T]) -> tuple[Path, T]:
 
     A file that is not complete is skipped with a warning; the last one's error is raised.
     """
-    if not path.is_dir():
+    try:
+        folder = path.is_dir()
+    except OSError as error:  # a name that is too long
+        raise CheckpointError(f"{path}: cannot be read: {error.strerror}") from error
+    if not folder:
         return path, read(path)
     *newer, oldest = _files_of(path)
     for candidate in newer:

@@ -74,7 +74,7 @@ def export(
     to          -     see below   "vtkhdf", "csv" or "npz"
     output      -     a folder    None = "export" in the run's folder or beside the checkpoint
     bodies      -     names       None = all
-    attributes  -     names       beside the position; None = all that frames hold, of a
+    attributes  -     names       besides the position; None = all that frames hold, of a
                                   checkpoint velocity and pressure
     first       s     any         frames and samples from this time on
     last        s     any         up to this time

@@ -86,7 +86,8 @@ class Hold:
         if self._lock is None or not self._lock.holds():
             raise OutputError(
                 f"{self.folder} is no longer this run's: {_why(self._path)}; nothing more is "
-                "written. Go on from its newest checkpoint when no other run does (libmpm resume)"
+                "written; continue from its newest checkpoint when no other run does "
+                "(libmpm resume)"
             )
 
     def rest(self) -> None:

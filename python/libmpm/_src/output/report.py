@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: Share of the largest force at which the load is said to have arrived.
 ARRIVAL = 0.05
+#: Sensors whose series are levels.
+_GAUGES = ("wave-gauge", "elevation-gauge")
 #: A first peak ends where the force has fallen to this share of it.
 FALLEN = 0.5
 
@@ -147,12 +151,17 @@ def draw(folder: Path, *, length: float = 0.0) -> Path | None:
     if run is not None:
         vertical = vertical_of(run.scene)
         planes = planes_of(run.scene.dimension, None, vertical)
-        heights += [max(height_of(run.scene, p, 12.0 / len(planes)) for p in planes)] * len(picks)
+        # Two panels a row: the planes of a moment in space, or two moments in the plane.
+        rows = math.ceil(len(picks) * len(planes) / 2)
+        heights += [max(height_of(run.scene, p, 6.0) for p in planes)] * rows
     figure = Figure(figsize=(13, sum(heights)), layout="constrained")
-    grid = figure.add_gridspec(1 + len(picks), 2, height_ratios=heights)
+    grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     shown = [run.time(i) for i in picks] if run is not None else []
-    _draw_forces(figure.add_subplot(grid[0, 0]), sensors, loads, length, shown)
-    _draw_levels(figure.add_subplot(grid[0, 1]), sensors, shown)
+    gauges = [s for s in sensors.values() if s.attributes.get("kind") in _GAUGES and len(s)]
+    curves = figure.add_subplot(grid[0, 0] if gauges else grid[0, :])
+    _draw_forces(curves, sensors, loads, length, shown)
+    if gauges:
+        _draw_levels(figure.add_subplot(grid[0, 1], sharex=curves), gauges, shown)
     if run is not None and picks:
         moments = {i: run.dots(i, "speed") for i in picks}
         found = [d.colour for dots, _ in moments.values() for d in dots.values()]
@@ -160,24 +169,23 @@ def draw(folder: Path, *, length: float = 0.0) -> Path | None:
         image = None
         snapshots = []
         middle = middle_of(run.scene)
-        for row, index in enumerate(picks, 1):
+        for number, (index, plane) in enumerate(itertools.product(picks, planes)):
             dots, count = moments[index]
-            for column, plane in enumerate(planes):
-                cell = grid[row, column] if len(planes) > 1 else grid[row, :]
-                panel = Panel(
-                    figure.add_subplot(cell), run.scene, plane, vertical, bodies=run.bodies,
-                    norm=norm, later=run.time(index) > 0, sensors=row == 1,
-                    cut=middle if column == 0 and len(planes) > 1 else None,
-                )  # fmt: skip
-                image = panel.show(dots) or image
-                snapshots.append(panel.axes)
-                if column == 0:
-                    drawn = note(sum(map(len, dots.values())), count)
-                    said = (f"{run.time(index):.2f} s", drawn, panel.place if row == 1 else "")
-                    title = ", ".join(x for x in said if x)
-                    panel.axes.set_title(title, fontsize=9, loc="left")
-                if row == 1 and column == 0 and (plain := panel.plain(dots)):
-                    panel.axes.legend(*legend_of(plain), fontsize=7, framealpha=0.8)
+            first = plane == planes[0]
+            panel = Panel(
+                figure.add_subplot(grid[1 + number // 2, number % 2]), run.scene, plane, vertical,
+                bodies=run.bodies, norm=norm, later=run.time(index) > 0, sensors=index == picks[0],
+                cut=middle if first and len(planes) > 1 else None,
+            )  # fmt: skip
+            image = panel.show(dots) or image
+            snapshots.append(panel.axes)
+            if first:
+                drawn = note(sum(map(len, dots.values())), count)
+                said = (f"{run.time(index):.2f} s", drawn, panel.place if number == 0 else "")
+                title = ", ".join(x for x in said if x)
+                panel.axes.set_title(title, fontsize=9, loc="left")
+            if number == 0 and (plain := panel.plain(dots)):
+                panel.axes.legend(*legend_of(plain), fontsize=7, framealpha=0.8)
         if image is not None:
             figure.colorbar(image, ax=snapshots, label=label_of("speed"), aspect=40, pad=0.01,
                             extend="max")  # fmt: skip
@@ -205,12 +213,11 @@ def _draw_forces(
     _mark(axes, shown)
 
 
-def _draw_levels(axes: Any, sensors: Mapping[str, Series], shown: Sequence[float]) -> None:
-    """Draw the level at every wave gauge, over the same times as the forces."""
-    for series in sensors.values():
-        if series.attributes.get("kind") == "wave-gauge" and len(series):
-            series.plot(axes=axes, label=series.name)
-    axes.set(xlabel="time [s]", ylabel="surface [m]", title="Wave gauges")
+def _draw_levels(axes: Any, gauges: Sequence[Series], shown: Sequence[float]) -> None:
+    """Draw the level at every gauge, over the same times as the forces."""
+    for series in gauges:
+        series.plot(axes=axes, label=series.name)
+    axes.set(xlabel="time [s]", ylabel="surface [m]", title="Gauges")
     _mark(axes, shown)
 
 

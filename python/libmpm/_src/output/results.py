@@ -13,8 +13,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.arguments import keywords_only
-from libmpm._src.base.values import nearest
+from libmpm._src.base.arguments import file_path, keywords_only, known, nearest, quoted
+from libmpm._src.base.values import Checker
 from libmpm._src.errors import ModelWarning, SceneError
 from libmpm._src.output import frames, sensor_file
 from libmpm._src.output.checkpoint import find_checkpoints
@@ -57,7 +57,7 @@ class Frame(Mapping[str, NDArray[Any]]):
                 raise ValueError(f"its time is {time}")
         #: Simulated time, s.
         self.time = time
-        #: What the writer noted beside: version, precision, ...
+        #: What the writer noted besides: version, precision, ...
         self.metadata = about
 
     @property
@@ -97,10 +97,10 @@ class Frame(Mapping[str, NDArray[Any]]):
 
         Raises `SceneError` where the file is damaged.
         """
-        if name not in self._names:
+        if not known(name, self._names):
             raise KeyError(
-                f"{self.path.name} has no '{name}'; {nearest(name, self._names)}; what a frame "
-                "lacks a checkpoint may have: libmpm export CHECKPOINT --attributes"
+                f"{self.path.name} has no {quoted(name)}; {nearest(name, self._names)}; what "
+                "a frame lacks a checkpoint may have: libmpm export CHECKPOINT --attributes"
             )
         with (
             reading(self.path, frames.WHAT, frames.REMEDY),
@@ -186,6 +186,9 @@ class BodyFrames(Sequence[Frame]):
         """Return the frame nearest to `time`, s."""
         if not self._paths:
             raise SceneError(f"body '{self.body}': the run has no frames; give a frame_interval")
+        check = Checker(f"body '{self.body}'")
+        time = check.number("time", time, unit="s")
+        check.finish()
         if np.isnan(self.times).all():
             return self[0]
         return self[int(np.nanargmin(np.abs(self.times - time)))]
@@ -252,8 +255,12 @@ class Results:
 
     def __init__(self, path: str | Path) -> None:
         """Take a folder; raises `SceneError` unless a run has written it."""
-        self.path = Path(path)
-        if not has_results(self.path):
+        self.path = file_path(path, "load")
+        try:
+            found = has_results(self.path)
+        except OSError as error:
+            raise SceneError(f"{self.path}: cannot be read: {error.strerror}") from error
+        if not found:
             raise SceneError(
                 f"{self.path}: holds no scene.json with results beside it; expected the folder "
                 "that a run has written, such as OUT of libmpm run scene.json -o OUT"

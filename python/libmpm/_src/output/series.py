@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -9,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.arguments import known, nearest, quoted, shown
 from libmpm._src.base.optional_packages import need
-from libmpm._src.base.values import nearest, shown
+from libmpm._src.base.values import MOST, Checker
 from libmpm._src.errors import Error
 
 if TYPE_CHECKING:
@@ -40,7 +42,8 @@ def moving_mean(time: Array, values: Array, length: float) -> Array:
     if length <= 0 or len(time) < 2:
         return values.copy()
     spacing = float(np.median(np.diff(time)))
-    width = max(1, round(length / spacing))
+    # Samples of one time, or of times that are no numbers, are all of them within.
+    width = max(1, round(min(length / spacing, len(time)))) if spacing > 0 else len(time)
     sums = np.concatenate([[0.0], np.cumsum(values)])
     last = np.arange(1, len(values) + 1)
     first = np.maximum(0, last - width)
@@ -99,13 +102,12 @@ class Series:
 
     def column(self, component: str) -> int:
         """Return the number of a column; raises `KeyError` that names those there are."""
-        try:
+        if known(component, self.components):
             return self.components.index(component)
-        except ValueError:
-            raise KeyError(
-                f"series '{self.name}' has no component {component!r}; "
-                f"{nearest(str(component), self.components)}"
-            ) from None
+        raise KeyError(
+            f"series '{self.name}' has no component {quoted(component)}; "
+            f"{nearest(component, self.components)}"
+        )
 
     def __getitem__(self, component: str) -> Array:
         """Return the samples (samples,) of one component, in its unit; a copy.
@@ -116,7 +118,7 @@ class Series:
 
     def __contains__(self, component: object) -> bool:
         """Tell whether there is a component of this name."""
-        return component in self.components
+        return known(component, self.components)
 
     def append(self, time: Array, values: Array) -> None:
         """Add samples; space doubles, so that many small additions stay cheap."""
@@ -132,7 +134,7 @@ class Series:
         self._count = required
 
     def since(self, first: int) -> tuple[Array, Array]:
-        """Return (time, values) of the samples from index `first` on."""
+        """Return (time, values) of the samples from index `first` on, a whole number."""
         return self._time[first : self._count], self._values[first : self._count]
 
     def peak(self, component: str | None = None, *, filter: float = 0.0) -> Peak:
@@ -151,8 +153,7 @@ class Series:
         no sample and `KeyError` for an unknown component.
         """
         column = self.column(self.main_component if component is None else component)
-        if not (isinstance(filter, int | float) and np.isfinite(filter) and filter >= 0):
-            raise Error(f"series '{self.name}': filter is {shown(filter)}; expected a length ≥ 0 s")
+        filter = self.filter_length(filter)
         time, rows = self.since(0)
         known = np.isfinite(rows[:, column])
         if not known.any():
@@ -164,6 +165,13 @@ class Series:
         values = moving_mean(time, values, float(filter))
         index = int(np.argmax(np.abs(values)))
         return Peak(float(values[index]), float(time[index]), self.components[column])
+
+    def filter_length(self, filter: Any) -> float:
+        """Return the length of a moving mean, s; raises `Error` for what is none."""
+        number = isinstance(filter, numbers.Real) and not isinstance(filter, bool)
+        if not (number and 0 <= filter < MOST):
+            raise Error(f"series '{self.name}': filter is {shown(filter)}; expected a length ≥ 0 s")
+        return float(filter)
 
     def impulse(
         self, component: str | None = None, *, start: float = 0.0, end: float | None = None
@@ -195,10 +203,15 @@ class Series:
                 f" expected a force or a moment ({', '.join(forces) or 'this sensor has none'})"
             )
         time, rows = self.since(0)
+        check = Checker(f"series '{self.name}'")
+        start = check.number("start", start, unit="s")
+        end = None if end is None else check.number("end", end, unit="s")
+        check.finish()
         last = float(time[-1]) if end is None and len(time) else end
-        if last is None or not float(start) < float(last):
+        if last is None or not start < last:
             raise Error(
-                f"series '{self.name}': impulse from {start!r} to {last!r} s; expected samples and "
+                f"series '{self.name}': impulse from {start:g} to "
+                f"{'no sample' if last is None else format(last, 'g')} s; expected samples and "
                 "start < end"
             )
         force = rows[:, column]

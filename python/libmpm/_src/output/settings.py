@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,37 @@ class _Settings:
     overwrite: bool
 
 
+def _seconds(value: object) -> float:
+    """Return a number as float; not a number for anything else."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _chosen(attributes: object) -> dict[str, list[str]] | list[str] | None:
+    """Return names, or those of each body, as they were given; None where they are no names."""
+    if isinstance(attributes, Mapping):
+        of_bodies = {body: _names(names) for body, names in attributes.items()}
+        found = {body: names for body, names in of_bodies.items() if names is not None}
+        whole = len(found) == len(of_bodies) and all(isinstance(body, str) for body in found)
+        return found if whole else None
+    return _names(attributes)
+
+
+def _names(given: object) -> list[str] | None:
+    """Return names as a list; None where they are something else, or one text."""
+    if isinstance(given, str | bytes | Mapping):
+        return None
+    try:
+        names = list(given)  # type: ignore[call-overload]
+    except TypeError:  # an array without a length says so only when it is walked
+        return None
+    return [str(name) for name in names] if all(isinstance(x, str) for x in names) else None
+
+
 class Output:
     """Where and how often a simulation writes.
 
@@ -44,7 +75,7 @@ class Output:
         Simulated seconds between frames; frame k is taken at the first step boundary with
         time >= k * frame_interval. None: no frames.
     attributes
-        Names to store in frames beside the position: one list for all bodies or
+        Names to store in frames besides the position: one list for all bodies or
         {body: list}. A body that the mapping leaves out has no frames. Default: velocity and
         pressure, of bodies of elements their elements' stress and volume ratio too.
     checkpoint_interval
@@ -66,18 +97,19 @@ class Output:
         """Check and keep the settings; nothing is written before the run starts."""
         problems = []
         intervals = {"frame_interval": frame_interval, "checkpoint_interval": checkpoint_interval}
+        seconds = {name: _seconds(value) for name, value in intervals.items()}
         for name, value in intervals.items():
-            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-            if value is not None and not (number and LEAST_INTERVAL <= value < math.inf):
+            if value is not None and not LEAST_INTERVAL <= seconds[name] < math.inf:
                 problems.append(
                     f"Output: {name} is {shown(value)}; expected seconds above 0 "
                     f"(≥ {LEAST_INTERVAL:g}), or None"
                 )
+        chosen: dict[str, list[str]] | list[str] | None = None
         if isinstance(attributes, str):
             problems.append(f"Output: attributes is the text '{attributes}'; expected a list")
         elif attributes is not None:
-            lists = attributes.values() if isinstance(attributes, Mapping) else [attributes]
-            if any(isinstance(x, str) or not isinstance(x, Iterable) for x in lists):
+            chosen = _chosen(attributes)
+            if chosen is None:
                 problems.append(
                     f"Output: attributes is {shown(attributes)}; expected a list of names, or one "
                     "for each body"
@@ -88,16 +120,13 @@ class Output:
             problems.append(f"Output: path is {shown(path)}; expected the name of a folder")
         if problems:
             raise SceneError(problems)
-        chosen: dict[str, list[str]] | list[str] | None = None
-        if isinstance(attributes, Mapping):
-            chosen = {body: list(names) for body, names in attributes.items()}
-        elif attributes is not None:
-            chosen = list(attributes)
         self._settings = _Settings(
             path=str(path),
-            frame_interval=frame_interval,
+            frame_interval=None if frame_interval is None else seconds["frame_interval"],
             attributes=chosen,
-            checkpoint_interval=checkpoint_interval,
+            checkpoint_interval=(
+                None if checkpoint_interval is None else seconds["checkpoint_interval"]
+            ),
             overwrite=overwrite,
         )
 

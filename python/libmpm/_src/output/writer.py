@@ -83,13 +83,14 @@ class Writer:
         continued = resumed and self._goes_on()
         if not continued:
             clear(self._folder, simulation.scene_document(), overwrite=output.overwrite)
-        with writing(self._folder):
-            for folder in (self._frames, self._checkpoints, self._csv):
-                folder.mkdir(exist_ok=True)
+        interval = output.checkpoint_interval
+        # Folders that nothing will be written to are not made.
+        self._make(self._frames, wanted=bool(output.frame_interval))
+        self._make(self._checkpoints, wanted=bool(interval))
+        self._make(self._csv, wanted=bool(simulation.sensors.all_series()))
         self._next_frame = self._cut() if continued else 0
         # A run that was killed between a checkpoint and this has left one more.
         checkpoints.keep_newest(self._checkpoints)
-        interval = output.checkpoint_interval
         self._next_checkpoint = due_index(simulation.time, interval) + 1 if interval else 0
         if not continued and resumed and output.frame_interval:
             self._next_frame = due_index(simulation.time, output.frame_interval) + 1
@@ -100,6 +101,11 @@ class Writer:
         # A log without a sensor file is begun again by who continues; the reverse is refused.
         self.log("running")
         self._sensors = SensorFile(self._folder / "sensors.h5", simulation.sensors.all_series())
+
+    def _make(self, folder: Path, *, wanted: bool = True) -> None:
+        if wanted:
+            with writing(folder):
+                folder.mkdir(exist_ok=True)
 
     def begin(self) -> None:
         """Take the folder, if it is not held; raises `OutputError` where another run writes it."""
@@ -257,6 +263,7 @@ class Writer:
     def checkpoint(self) -> Path:
         """Write a checkpoint of this moment and drop all but the newest two."""
         self.flush()
+        self._make(self._checkpoints)  # one is written where a run is stopped, asked for or not
         path = checkpoints.checkpoint_path(self._checkpoints, self._simulation.steps)
         self._simulation.save_checkpoint(path)
         LOG.info("checkpoint %s at %.6g s", path, self._simulation.time)

@@ -95,11 +95,32 @@ def planes_of(dimension: int, planes: Sequence[str] | str | None, vertical: int)
         # The elevation along the first horizontal axis, then the plan.
         flat = [a for a in range(3) if a != vertical]
         return [AXES[flat[0]] + AXES[vertical], AXES[flat[0]] + AXES[flat[1]]]
-    wanted = [planes] if isinstance(planes, str) else list(planes)
+    wanted = names_of("planes", planes)
     for plane in wanted:
         if plane not in known:
             raise Error(f"planes has {shown(plane)}; {nearest(str(plane), known)}")
     return wanted
+
+
+def names_of(what: str, given: Any) -> list[str]:
+    """Return one name or several as a list; raises `Error` for what is none, or for nothing."""
+    if isinstance(given, str):
+        return [given]
+    try:
+        names = list(given)
+    except TypeError:
+        names = []
+    if not names or not all(isinstance(name, str) for name in names):
+        raise Error(f"{what} is {shown(given)}; expected a name or several")
+    return names
+
+
+def check_axes(axes: Any) -> None:
+    """Refuse what is given to draw into and are no axes of matplotlib."""
+    from matplotlib.axes import Axes
+
+    if axes is not None and not isinstance(axes, Axes):
+        raise Error(f"axes is {shown(axes)}; expected axes of matplotlib, or None")
 
 
 def split_name(colour: str) -> tuple[str, tuple[int, ...] | None]:
@@ -158,7 +179,7 @@ def check_limits(limits: Any) -> tuple[float, float]:
     """Return the ends of a range of colours that a caller gave; raises `Error`."""
     try:
         low, high = (float(x) for x in limits)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         low, high = np.nan, np.nan
     if not low < high:
         raise Error(f"limits is {shown(limits)}; expected two finite numbers, the lower first")
@@ -169,7 +190,12 @@ def check_cut(dimension: int, cut: Sequence[float] | None) -> list[float] | None
     """Return the point at which a scene in space is cut; raises `Error` for what is none."""
     if cut is None:
         return None
-    found = [float(x) for x in np.asarray(cut, np.float64).ravel()]
+    try:
+        found = [float(x) for x in np.asarray(cut, np.float64).ravel()]
+    except (OverflowError, TypeError, ValueError):
+        found = []
     if dimension == 2 or len(found) != dimension:
-        raise Error(f"cut is {found}; expected a point (3,) of a scene in 3D, in m, or None")
+        raise Error(
+            f"cut is {shown(found or cut)}; expected a point (3,) of a scene in 3D, in m, or None"
+        )
     return found

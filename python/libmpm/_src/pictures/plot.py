@@ -37,7 +37,7 @@ def bodies_of(scene: SceneData, bodies: Sequence[str] | str | None) -> list[str]
     known = [b.name for b in scene.bodies]
     if bodies is None:
         return known
-    wanted = [bodies] if isinstance(bodies, str) else list(bodies)
+    wanted = common.names_of("bodies", bodies)
     for name in wanted:
         if name not in known:
             raise Error(f"bodies has '{name}', which is no body; {nearest(name, known)}")
@@ -48,6 +48,8 @@ def _source(view: Particles, colour: str | None) -> str | None:
     """Return the attribute of a body that holds a colour: that of the name, or of its component."""
     if colour is None:
         return None
+    if not isinstance(colour, str):
+        raise Error(f"colour is {shown(colour)}; expected the name of an attribute, or None")
     candidates = (colour, common.split_name(colour)[0])
     return next((name for name in candidates if view.refusal(name) is None), None)
 
@@ -120,6 +122,7 @@ def plot(
     vertical = vertical_of(scene)
     names = common.planes_of(scene.dimension, planes, vertical)
     cut = common.check_cut(scene.dimension, cut)
+    common.check_axes(axes)
     cuts = [cut] * len(names)
     if planes is None and cut is None and scene.dimension == 3:
         cuts[0] = middle_of(scene)  # from outside, the nearest water would hide what it meets

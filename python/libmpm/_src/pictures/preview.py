@@ -83,12 +83,17 @@ def preview(
     most: int = common.MOST,
 ) -> Figure | Plotter:
     """See `Scene.preview`."""
+    if not isinstance(backend, str):
+        raise Error(f"backend is {shown(backend)}; expected 'matplotlib' or 'pyvista'")
     if backend == "pyvista":
         from libmpm._src.pictures.view_3d import preview_in_space
 
         return preview_in_space(scene, most=most)
     if backend != "matplotlib":
         raise Error(f"backend is {shown(backend)}; expected 'matplotlib' or 'pyvista'")
+    for body in scene.bodies:
+        if (d := getattr(body.shape, "dimension", scene.dimension)) != scene.dimension:
+            raise SceneError(f"body '{body.name}': its shape is {d}D; expected {scene.dimension}D")
     vertical = vertical_of(scene)
     d = scene.dimension
     three = planes is None and d == 3

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from libmpm._src.base.arguments import shown
 from libmpm._src.base.palette import CYCLE
 from libmpm._src.errors import Error
 from libmpm._src.output.series import moving_mean
-from libmpm._src.pictures.figures import Picture
+from libmpm._src.pictures.figures import Picture, check_axes, names_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +35,7 @@ def plot_series(
         same = [i for i, unit in enumerate(series.units) if unit == series.units[0]]
         columns = same[:_MOST]
     else:
-        names = [components] if isinstance(components, str) else list(components)
+        names = names_of("components", components)
         columns = [series.column(name) for name in names]
     units = {series.units[i] for i in columns}
     if len(units) > 1:
@@ -42,6 +43,10 @@ def plot_series(
             f"series '{series.name}': {', '.join(series.components[i] for i in columns)} have the "
             f"units {', '.join(sorted(units))}; one plot has one unit, draw them one by one"
         )
+    filter = series.filter_length(filter)
+    if label is not None and not isinstance(label, str):
+        raise Error(f"label is {shown(label)}; expected a text, or None")
+    check_axes(axes)
     shared = axes is not None
     if axes is None:
         axes = Picture(figsize=(7.0, 3.0), layout="constrained").add_subplot()

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from libmpm._src.base.arguments import keywords_only, known, nearest, quoted, shown
 from libmpm._src.base.arrays import real_array
 from libmpm._src.base.schedule import due_index, due_time
-from libmpm._src.base.values import keywords_only, nearest, shown
 from libmpm._src.errors import CheckpointError, Error, SceneError
 from libmpm._src.run import backends
 from libmpm._src.run.device_arrays import DeviceArrays
@@ -134,9 +134,9 @@ class Actions:
     ) -> None:
         """See `Simulation.assign`."""
         run = self._run
-        label = f"particles of body '{body}'"
+        label = f"particles of body {quoted(body)}"
         names = [b.name for b in run.scene.bodies]
-        if body not in names:
+        if not known(body, names):
             raise SceneError(f"{label}: there is no such body; {nearest(body, names)}")
         if self._assembly.measurements.busy:
             raise SceneError(
@@ -298,7 +298,7 @@ class Acting:
         taken out and put in as it is with the new values, so that the coming step has them
         (`include/mpm/solver/domain_assign.hpp`). A checkpoint holds the result, and a resumed run
         has the same bits. Refused where it cannot be exact: bodies that are smoothed over cells, a
-        stored state beside F-bar's second volume, several ranks, grids of functions, and a change
+        stored state besides F-bar's second volume, several ranks, grids of functions, and a change
         that would take particles through half a cell in the coming step. Raises `SceneError`;
         nothing is changed then. The guard counts energies again afterwards.
         """
@@ -341,7 +341,9 @@ class Acting:
         in which the force changes. Other words as of `add_action`. Raises `Error`.
         """
         names = list(cast("Any", self).particles)
-        if body not in names:
-            raise SceneError(f"force '{name}': there is no body '{body}'; {nearest(body, names)}")
+        if not known(body, names):
+            raise SceneError(
+                f"force {quoted(name)}: there is no body {quoted(body)}; {nearest(body, names)}"
+            )
         actions = self._actions
         actions.add(name, interval, lambda elapsed: actions.push(body, function, elapsed))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from libmpm._src.base.arguments import known, shown
 from libmpm._src.errors import DeviceError, Error
 from libmpm._src.run.rank_messages import Link
 
@@ -125,19 +126,22 @@ def parse_device(device: str | Sequence[str]) -> tuple[str, int]:
     scene, are all of them "cpu" or all CUDA devices; the index is that of the first.
     """
     if not isinstance(device, str):
-        if len(device) > 0 and all(name == "cpu" for name in device):
+        names = list(device) if isinstance(device, list | tuple) else []
+        if names and all(known(name, ("cpu",)) for name in names):
             return ("cpu", 0)
-        if len(device) > 0 and all(re.fullmatch("cuda(:[0-9]+)?", str(name)) for name in device):
-            return parse_device(device[0])
+        if names and all(isinstance(x, str) and re.fullmatch("cuda(:[0-9]+)?", x) for x in names):
+            return parse_device(names[0])
         raise DeviceError(
-            f"device is {device!r}: several devices share a scene where all are 'cpu' "
+            f"device is {shown(device)}: several devices share a scene where all are 'cpu' "
             "(['cpu', 'cpu']) or all are CUDA devices (['cuda:0', 'cuda:1'])"
         )
     if device == "auto":
         return ("cuda" if cuda_status().devices else "cpu", 0)
     match = re.fullmatch(r"cpu|cuda(?::([0-9]+))?", device)
     if match is None:
-        raise DeviceError(f"device is {device!r}; expected 'auto', 'cpu', 'cuda' or 'cuda:<index>'")
+        raise DeviceError(
+            f"device is {shown(device)}; expected 'auto', 'cpu', 'cuda' or 'cuda:<index>'"
+        )
     return (device.partition(":")[0], int(match[1] or 0))
 
 

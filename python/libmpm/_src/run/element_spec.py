@@ -1,4 +1,4 @@
-"""What the engine is told of a body of elements beside what it is told of particles."""
+"""What the engine is told of a body of elements besides what it is told of particles."""
 
 from __future__ import annotations
 

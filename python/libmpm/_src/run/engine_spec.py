@@ -5,15 +5,17 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from libmpm._src.base.arguments import known, nearest, shown
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, constant, engine_table
-from libmpm._src.base.values import nearest, shown, warn
+from libmpm._src.base.values import MOST, warn
 from libmpm._src.boundaries.distance_field import lower_surface
 from libmpm._src.boundaries.flow_layers import flow_entries, keep_room, zones
 from libmpm._src.boundaries.responses import Prescribed, Response
@@ -70,11 +72,12 @@ def check_options(
 ) -> list[str]:
     """Return what is wrong with the options of a run."""
     problems = []
-    if precision not in PRECISIONS:
-        problems.append(f"precision is {shown(precision)}; {nearest(str(precision), PRECISIONS)}")
-    if pipeline not in PIPELINES:
-        problems.append(f"pipeline is {shown(pipeline)}; {nearest(str(pipeline), PIPELINES)}")
-    if time_step is not None and not (np.isfinite(time_step) and time_step > 0):
+    if not known(precision, PRECISIONS):
+        problems.append(f"precision is {shown(precision)}; {nearest(precision, PRECISIONS)}")
+    if not known(pipeline, PIPELINES):
+        problems.append(f"pipeline is {shown(pipeline)}; {nearest(pipeline, PIPELINES)}")
+    number = isinstance(time_step, numbers.Real) and not isinstance(time_step, bool)
+    if time_step is not None and not (number and 1 / MOST <= time_step < MOST):
         problems.append(
             f"time_step is {shown(time_step)}; expected > 0 s; use None for the stable one"
         )
@@ -89,8 +92,8 @@ def check_options(
 def choose_precision(scene: SceneData, precision: str) -> str:
     """Return the precision that "auto" stands for: double on grids of functions, else single."""
     if scene.grid is None:
-        return "single" if precision == "auto" else precision
-    if precision not in ("auto", "double"):
+        return "single" if known(precision, ("auto",)) else precision
+    if not known(precision, ("auto", "double")):
         raise SceneError(
             f"precision is {shown(precision)} on a grid of functions, which is built in "
             "double alone; use 'double' or 'auto'"
@@ -117,7 +120,7 @@ def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequen
 
 def check_backend(kind: str, precision: str) -> None:
     """Refuse a precision that a backend, "cpu" or "cuda", does not have."""
-    if kind == "cpu" and precision == "mixed":
+    if kind == "cpu" and known(precision, ("mixed",)):
         raise SceneError(
             "precision is 'mixed'; on the CPU it would compute what 'double' does and save little; "
             "use precision='double' there, or a CUDA device"
@@ -412,7 +415,8 @@ def _fbar(scene: SceneData, body: Body) -> dict[str, Any]:
         speed = wave_speed(body.material)
         assert speed is not None  # the scene's checks refuse it
         time = CROSSINGS * scene.cell_size / speed
-    return {"form": choice.form, "time": time, "ratio": ratio}
+    shifting = choice.shifting
+    return {"form": choice.form, "time": time, "ratio": ratio, "shifting": shifting}
 
 
 def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, Any]:

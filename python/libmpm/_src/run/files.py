@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from libmpm._src.errors import Error, NumericalError
+from libmpm._src.base.arguments import shown
+from libmpm._src.errors import Error, NumericalError, SceneError
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.output.rank_files import open_together
 from libmpm._src.output.settings import Output
@@ -105,7 +106,9 @@ class Files:
     def choose(self, output: Output) -> None:
         """Take the output of a simulation that has none and has not run yet."""
         if self.writer is not None or self.output is not None:
-            raise ValueError("the simulation writes already; give output= when making it")
+            raise SceneError("the simulation writes already; give output= when making it")
+        if not isinstance(output, Output):
+            raise SceneError(f"output is {shown(output, 80)}; expected an Output")
         self.output = output
 
     def close(self) -> None:

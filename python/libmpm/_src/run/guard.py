@@ -54,7 +54,7 @@ class Guard(Value):
     )
     level: float | None = given(
         "part of its height above the floor by which the middle of water may lie lower than "
-        "its volume can in the domain, beside a tenth of a cell; more is a `ModelWarning`, "
+        "its volume can in the domain, plus a tenth of a cell; more is a `ModelWarning`, "
         "once",
         default=0.05,
         unit="1",

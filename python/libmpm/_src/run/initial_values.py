@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.arguments import known, nearest, quoted
 from libmpm._src.base.arrays import real_array
-from libmpm._src.base.values import nearest
 from libmpm._src.errors import SceneError
 from libmpm._src.output.atomic_files import replacing
 
@@ -39,14 +39,14 @@ class Initial:
 
     def take(self, simulation: Running, body: str, name: str, array: Any) -> None:
         """Keep a copy of an array for one body; raises `SceneError`."""
-        label = f"particles of body '{body}'"
+        label = f"particles of body {quoted(body)}"
         names = [b.name for b in simulation.scene.bodies]
-        if body not in names:
+        if not known(body, names):
             raise SceneError(f"{label}: there is no such body; {nearest(body, names)}")
-        if name not in _TAKEN:
+        if not known(name, _TAKEN):
             why = "; positions and the material's state follow from shapes and materials"
-            why = why if name in simulation.particles[body].names else ""
-            raise SceneError(f"{label}: '{name}' cannot be set; {nearest(name, _TAKEN)}{why}")
+            why = why if known(name, simulation.particles[body].names) else ""
+            raise SceneError(f"{label}: {quoted(name)} cannot be set; {nearest(name, _TAKEN)}{why}")
         scene = simulation.scene
         index = [b.name for b in scene.bodies].index(body)
         if simulation.steps > 0 or scene.start is not None:

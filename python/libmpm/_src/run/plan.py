@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from libmpm._src.base.arguments import keywords_only
+from libmpm._src.base.arguments import keywords_only, known, quoted
 from libmpm._src.base.tables import html_table, html_warnings, pair_table, text_table
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.boundaries.flow_layers import flow_rows
@@ -189,9 +189,9 @@ class Plan:
         "two-pass" or "phased") and pipeline_reason; of a body of them elements.
         """
         for entry in self._result["bodies"]:
-            if entry["name"] == name:
+            if known(name, (entry["name"],)):
                 return dict(entry)
-        raise SceneError(f"plan: body '{name}' is unknown; {nearest(name, self.bodies)}")
+        raise SceneError(f"plan: body {quoted(name)} is unknown; {nearest(name, self.bodies)}")
 
     def columns(self, body: str) -> list[str]:
         """Return the names of the columns that the particles of a body store."""

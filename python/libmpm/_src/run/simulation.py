@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import math
+import contextlib
+import numbers
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.values import keywords_only, shown, warned_already
-from libmpm._src.errors import Error
+from libmpm._src.base.arguments import file_path, keywords_only, shown
+from libmpm._src.base.values import Checker, warned_already
+from libmpm._src.errors import Error, SceneError
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
 from libmpm._src.output.settings import Output
@@ -107,6 +109,8 @@ class Simulation(Shown, Acting):
     ) -> None:
         """Check the request; nothing is allocated yet."""
         self._turns = Turns()
+        if not isinstance(scene, Scene):
+            raise SceneError(f"Simulation: scene is {shown(scene, 80)}; expected a Scene")
         self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
         precision = choose_precision(self._scene, precision)
         requested: dict[str, Any] = {
@@ -218,7 +222,7 @@ class Simulation(Shown, Acting):
 
     @property
     def dt(self) -> float:
-        """The time step, s."""
+        """The time step that is being taken, s; it changes from step to step."""
         return float(self.engine.time_step)
 
     @property
@@ -310,7 +314,11 @@ class Simulation(Shown, Acting):
 
     def particle_count(self, body: int) -> int:
         """Return the number of particles of body number `body` now in the run."""
-        return int(self.engine.particle_count(body))
+        bodies = len(self._scene.bodies)
+        number = isinstance(body, int | np.integer) and not isinstance(body, bool)
+        if not (number and 0 <= body < bodies):
+            raise SceneError(f"body is {shown(body, 80)}; expected a number below {bodies}")
+        return int(self.engine.particle_count(int(body)))
 
     def set_initial(self, body: str, name: str, array: Any) -> None:
         """Give the particles of a body their own velocity or pressure at the start.
@@ -350,12 +358,12 @@ class Simulation(Shown, Acting):
         """The compiled engine; made when first asked for."""
         return self._assembly.engine
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> NoReturn:
         """Refuse to be copied or pickled: two would share one engine and one output folder."""
         raise Error(
             "a Simulation cannot be copied or pickled, because it owns an engine and its output "
-            "folder; continue from a checkpoint, Simulation.resume(sim.save_checkpoint(path)), or "
-            "make another one of the same scene"
+            "folder; continue from a checkpoint, by sim.save_checkpoint(path) and "
+            "Simulation.resume(path), or make another one of the same scene"
         )
 
     def flow_series(self) -> list[Series]:
@@ -380,8 +388,9 @@ class Simulation(Shown, Acting):
     @keywords_only("Simulation.step", 1)
     def step(self, n: int = 1) -> None:
         """Advance `n` steps. Raises `Error` while another thread runs or steps it."""
-        if n < 0:
-            raise ValueError(f"n is {n}; expected a number of steps, 0 or more")
+        check = Checker("Simulation.step")
+        n = check.integer("n", n, remedy="a number of steps")
+        check.finish()
         try:
             with self._turns.advancing(self._scene.name):
                 self._loop.step(n)
@@ -396,21 +405,27 @@ class Simulation(Shown, Acting):
         progress: bool | Callable[[State], object] = True,
         wall_limit: float | None = None,
     ) -> bool:
-        """Advance to the first step boundary with time >= `until`, s; return whether it got there.
+        """Advance to the first step boundary with time ≥ `until`, s; return whether it got there.
 
-        `progress` shows a bar, or is a callable that receives a `State` several times a second.
-        After `wall_limit` seconds of wall time, ≥ 0, the run stops at a step boundary, writes a
-        checkpoint into the output folder if it has one, and returns False; `stopped` says why.
-        Ctrl-C stops at a step boundary with everything valid and flushed. Either way `run` can be
-        called again, and no bit is changed. Raises `Error` while another thread runs or steps it.
+        Where the time is past `until` already nothing is done. `progress` shows a bar, or is a
+        callable that receives a `State` several times a second. After `wall_limit` seconds of wall
+        time, ≥ 0, the run stops at a step boundary, writes a checkpoint into the output folder if
+        it has one, and returns False; `stopped` says why. Ctrl-C stops at a step boundary with
+        everything valid and flushed. Either way `run` can be called again, and no bit is changed.
+        Raises `Error` while another thread runs or steps it.
         """
-        if isinstance(until, bool | str | bytes) or not hasattr(until, "__float__"):
-            raise Error(f"Simulation.run: until is {shown(until)}; expected a time as a number, s")
-        until = float(until)
-        if math.isnan(until):
-            raise ValueError("until is not a number; expected seconds")
-        if wall_limit is not None and not wall_limit >= 0:
-            raise ValueError(f"wall_limit is {shown(wall_limit)}; expected seconds, ≥ 0, or None")
+        check = Checker("Simulation.run")
+        if not isinstance(until, numbers.Real | str | bytes | np.bool_) and hasattr(
+            until, "__float__"
+        ):
+            with contextlib.suppress(OverflowError, TypeError, ValueError):
+                until = float(until)  # arrays and decimal fractions that are one number
+        until = check.number("until", until, unit="s", infinite=True)
+        if wall_limit is not None:
+            wall_limit = check.number("wall_limit", wall_limit, lower=0, unit="s", infinite=True)
+        if not isinstance(progress, bool | np.bool_) and not callable(progress):
+            check.fail(f"progress is {shown(progress)}; expected True, False or a callable")
+        check.finish()
         with self._turns.advancing(self._scene.name):
             return self._loop.run(until, progress, wall_limit)
 
@@ -431,7 +446,7 @@ class Simulation(Shown, Acting):
         simulation it waits for the boundary of a step.
         """
         with self._turns, self._shared.together():
-            self._files.save(Path(path), self._loop.until)
+            self._files.save(file_path(path, "Simulation.save_checkpoint"), self._loop.until)
 
     @classmethod
     @keywords_only("Simulation.resume", 1)
@@ -458,7 +473,9 @@ class Simulation(Shown, Acting):
         processes that a launcher has started. `partition` "same" cuts as the parent run did, where
         several ranks continue; at the start the cuts are made for the state of the checkpoint.
         """
-        source, arguments = recorded(Path(path), device, guard, ranks, partition)
+        source, arguments = recorded(
+            file_path(path, "Simulation.resume"), device, guard, ranks, partition
+        )
         with warned_already():  # the run that wrote it has said them
             simulation = cls(**arguments, output=output, functions=functions)
         simulation._assembly.restored = source

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.arguments import known, nearest, quoted
 from libmpm._src.base.tables import html_table
-from libmpm._src.base.values import nearest
+from libmpm._src.base.values import Checker
 from libmpm._src.output.series import Series
 from libmpm._src.sensors import attributes
 
@@ -25,7 +26,7 @@ _BODIES = ("body", "material")
 class BodyView(Mapping[str, NDArray[Any]]):
     """The particles of one body: ``view["position"]`` is a NumPy copy, rows sorted by id.
 
-    Beside `names` it takes the library names of attributes, such as ``view["VonMisesStress"]``.
+    Besides `names` it takes the library names of attributes, such as ``view["VonMisesStress"]``.
 
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), float64 in SI
     units; ``id`` is uint64 and ``position`` is in world coordinates, m. Of a body of elements rows
@@ -55,18 +56,21 @@ class BodyView(Mapping[str, NDArray[Any]]):
 
     def __contains__(self, name: object) -> bool:
         """Tell whether the attribute exists."""
-        return name in self.names
+        return known(name, self.names)
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Return several attributes, gathered in one pass over the particles."""
-        scene, known = self._simulation.scene, self.names
+        scene, stored = self._simulation.scene, self.names
         body = scene.bodies[self._index]
         wanted = ["id"]
+        check = Checker(f"body '{self.name}'")
+        names = check.items("names", None if isinstance(names, str) else names, "a list of names")
+        check.finish()
         for name in names:
             problem = self.refusal(name)
             if problem is not None:
-                raise KeyError(f"body '{self.name}' has no attribute '{name}'; {problem}")
-            wanted += [name] if name in known else attributes.reads(name, body, known)
+                raise KeyError(f"body '{self.name}' has no attribute {quoted(name)}; {problem}")
+            wanted += [name] if name in stored else attributes.reads(name, body, stored)
         arrays = self._simulation.engine.attributes(self._index, list(dict.fromkeys(wanted)))
         order = np.argsort(arrays["id"], kind="stable")
         # Elements keep the order of the mesh, vertices their numbers.
@@ -77,14 +81,14 @@ class BodyView(Mapping[str, NDArray[Any]]):
         if "position" in read:
             read["position"] = read["position"] + self._simulation.offset
         source = attributes.Source(read, body, attributes.upward(scene))
-        return {n: read[n] if n in known else attributes.compute(n, source) for n in names}
+        return {n: read[n] if n in stored else attributes.compute(n, source) for n in names}
 
     def refusal(self, name: str) -> str | None:
         """Return why an attribute cannot be read from this body, with the remedy; None if it can.
 
         Besides `names` all library names ("StressCauchy_XX", "VonMisesStress", ...) can.
         """
-        if name in self.names:
+        if known(name, self.names):
             return None
         scene = self._simulation.scene
         if attributes.find(name) is None:
@@ -112,6 +116,13 @@ class BodyView(Mapping[str, NDArray[Any]]):
         """Return body, count and time."""
         return f"<body '{self.name}': {len(self)} particles at {self._simulation.time:g} s>"
 
+    def _repr_html_(self) -> str:
+        """Return shape and material as a table for Jupyter, without asking the device."""
+        body = self._simulation.scene.bodies[self._index]
+        return html_table(
+            [("particles of", self.name), ("shape", body.shape), ("material", body.material)]
+        )
+
 
 class ParticlesView(Mapping[str, BodyView]):
     """Body name -> particles."""
@@ -124,8 +135,8 @@ class ParticlesView(Mapping[str, BodyView]):
 
     def __getitem__(self, body: str) -> BodyView:
         """Return the particles of one body."""
-        if body not in self._views:
-            raise KeyError(f"no body '{body}'; {nearest(body, self._views)}")
+        if not known(body, self._views):
+            raise KeyError(f"no body {quoted(body)}; {nearest(body, self._views)}")
         return self._views[body]
 
     def __iter__(self) -> Iterator[str]:
@@ -160,8 +171,8 @@ class GridView(Mapping[str, NDArray[np.float64]]):
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """Return one array over the active nodes."""
-        if name not in self.names:
-            raise KeyError(f"the grid has no '{name}'; {nearest(name, self.names)}")
+        if not known(name, self.names):
+            raise KeyError(f"the grid has no {quoted(name)}; {nearest(name, self.names)}")
         values = np.asarray(self._simulation.engine.grid(name))
         return values + self._simulation.offset if name == "position" else values
 
@@ -176,6 +187,10 @@ class GridView(Mapping[str, NDArray[np.float64]]):
     def __repr__(self) -> str:
         """Return the names of the arrays, without asking the device."""
         return f"<active nodes of the grid: {', '.join(self.names)}>"
+
+    def _repr_html_(self) -> str:
+        """Return the names of the arrays as a table for Jupyter, without asking the device."""
+        return html_table([("active nodes of the grid", ", ".join(self.names))])
 
 
 class SensorsView(Mapping[str, Series]):

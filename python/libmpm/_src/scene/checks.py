@@ -6,7 +6,7 @@ A problem makes the scene unusable; a doubt lets it run with an error that is st
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from libmpm._src.boundaries.checks import (
     doubts_of_linear,
 )
 from libmpm._src.boundaries.contradictions import contradictions
-from libmpm._src.boundaries.responses import Prescribed
+from libmpm._src.boundaries.responses import Prescribed, Sticky
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import checks as grid_checks
 from libmpm._src.grids.shapes import Outline
@@ -63,12 +63,17 @@ __all__ = ["check_scene", "validate"]
 
 #: Part of a cell by which a shift of a face matters.
 _SHIFT = 0.01
-#: Cells by which a body may reach into a turned box, and points along an axis that are looked at.
-_DEEP, _LOOKED_AT = 0.25, 16
+#: Cells by which a body may reach into a turned box and into any other surface, whose layers of
+#: cells a lattice of particles does not follow.
+_DEEP, _DEEPER = 0.25, 0.75
+#: Points at most along an axis, and in all, at which bodies are looked for in surfaces.
+_LOOKED_AT, _LOOKED_AT_IN_ALL = 16, 50_000
 
 
 def validate(scene: SceneData, *, strict: bool = False) -> None:
     """Check a scene; see `Scene.validate`. Raises `SceneError`, warns of doubts."""
+    if not isinstance(strict, bool | np.bool_):
+        raise SceneError(f"Scene.validate: strict is {shown(strict)}; expected True or False")
     problems, doubts = check_scene(scene)
     if strict:
         problems, doubts = problems + doubts, []
@@ -100,7 +105,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
     solid = [b for b in scene.boundaries if _check_boundary(scene, b, problems, doubts)]
     _check_walls(scene, solid, problems)
     _check_blocked(scene, fitting, solid, problems)
-    _check_overlapped(scene, fitting, solid, problems)
+    _check_overlapped(scene, fitting, solid, problems, doubts)
     if scene.grid is None and len(solid) == len(scene.boundaries) and not problems:
         doubts += contradictions(scene)
         doubts += doubts_of_linear(scene)
@@ -238,14 +243,22 @@ def _check_blocked(
 
 
 def _check_overlapped(
-    scene: SceneData, bodies: list[Body], boundaries: list[Boundary], problems: list[str]
+    scene: SceneData,
+    bodies: list[Body],
+    boundaries: list[Boundary],
+    problems: list[str],
+    doubts: list[str],
 ) -> None:
-    """Refuse bodies in a turned box that stays, as in a box: what is inside never gets out."""
+    """Refuse bodies in a turned box that stays, as in a box, and doubt those in other surfaces.
+
+    What is deep inside of any of them is held by no node of its layer, and never gets out.
+    """
     now = 0.0 if scene.start is None else scene.start.time
+    pairs: list[tuple[Body, Boundary, Solid, Solid]] = []
     for boundary in boundaries:
         first, last = boundary.window
         own = boundary.shape
-        if not isinstance(own, OrientedBox) or not first <= now < last:
+        if not boundary.is_surface or not isinstance(own, Solid) or not first <= now < last:
             continue
         if boundary.motion is not None or boundary.rotation or boundary.within is not None:
             continue
@@ -256,25 +269,58 @@ def _check_overlapped(
                 continue
             if boundary.bodies and body.name not in boundary.bodies:
                 continue
-            deep = _overlap(own, body.shape) / scene.cell_size
-            if deep > _DEEP:
+            # A solid in a surface that holds it is clamped, which may be meant.
+            clamped = (
+                isinstance(boundary.response, Sticky) and body.material.table.needs != "volume"
+            )
+            if clamped and not isinstance(own, OrientedBox):
+                continue
+            if _common(own, body.shape) is not None:
+                pairs.append((body, boundary, own, body.shape))
+    many = (_LOOKED_AT_IN_ALL / max(len(pairs), 1)) ** (1 / scene.dimension)
+    points = int(min(max(many, 3), _LOOKED_AT))
+    for body, boundary, own, shape in pairs:
+        turned = isinstance(own, OrientedBox)
+        deep = _overlap(own, shape, _LOOKED_AT if turned else points, turned) / scene.cell_size
+        if deep > (_DEEP if turned else _DEEPER):
+            kind = type(own).__name__
+            said = (
+                f"body '{body.name}': reaches {deep:.3g} cells deep into boundary "
+                f"'{boundary.name}', {'an' if kind[0] in 'AEIO' else 'a'} {kind} that blocks it"
+            )
+            if turned:
                 problems.append(
-                    f"body '{body.name}': reaches {deep:.3g} cells deep into boundary "
-                    f"'{boundary.name}', an OrientedBox that blocks it; expected to end at its "
-                    "faces; take it out of the body: shape - shapes.OrientedBox(...)"
+                    f"{said}; expected to end at its faces; take it out of the body: shape - "
+                    "shapes.OrientedBox(...)"
+                )
+            else:
+                doubts.append(
+                    f"{said}: what is inside stays there; expected to end at its surface; take it "
+                    "out of the body: shape - the shape of the boundary"
                 )
 
 
-def _overlap(one: Solid, two: Solid) -> float:
-    """Return how deep the deepest of a lattice of points lies in both of two solids, m."""
+def _common(one: Solid, two: Solid) -> tuple[Any, Any] | None:
+    """Return the corners of what the boxes around two solids have in common, m; None: nothing."""
     ends = [np.asarray(s.bounds(), dtype=np.float64) for s in (one, two)]
     low, high = np.maximum(ends[0][0], ends[1][0]), np.minimum(ends[0][1], ends[1][1])
-    if np.any(low >= high):
+    return None if np.any(low >= high) else (low, high)
+
+
+def _overlap(one: Solid, two: Solid, each: int, both: bool) -> float:
+    """Return how deep the deepest of a lattice of points in both solids lies in the first, m.
+
+    `each` is the number of points along an axis; with `both` the lesser of its depths counts.
+    """
+    common = _common(one, two)
+    if common is None:
         return 0.0
-    shares = (np.arange(_LOOKED_AT) + 0.5) / _LOOKED_AT
+    low, high = common
+    shares = (np.arange(each) + 0.5) / each
     axes = [a + shares * (b - a) for a, b in zip(low, high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))
-    return float(np.minimum(-one.distance(points), -two.distance(points)).max())
+    inside, within = -one.distance(points), -two.distance(points)
+    return float(np.minimum(inside, within if both else np.where(within > 0, inside, 0.0)).max())
 
 
 def _check_sensor(

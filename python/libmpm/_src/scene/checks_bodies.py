@@ -53,7 +53,7 @@ _MOST_POINTS = 2**33
 _PIECE = 1 << 18
 
 #: Share of their own velocity that particles keep, and with which they move where they are pressed,
-#: above which discs that collide tear (docs/choosing-a-method.md).
+#: above which discs that collide tear (docs/method-tables.md).
 _KEPT, _SHIFTED = 0.9, 0.05
 
 
@@ -209,6 +209,11 @@ def _check_material(check: Checker, scene: SceneData, body: Body) -> None:
             'None or "default"; remove fbar'
         )
         return
+    if isinstance(body.fbar, FBar) and body.fbar.shifting and not table.stores_volume:
+        check.fail(
+            f"FBar(shifting=True) for {table.name}, whose particles are no fluid's; expected a "
+            "fluid; leave shifting out"
+        )
     by_default = body.fbar == "default" and table.stores_volume and body.smoothing is None
     choice = FBar() if by_default else body.fbar
     if not isinstance(choice, FBar) or wave_speed(body.material) is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -144,13 +145,18 @@ def faster_than_flow(scene: SceneData) -> list[str]:
     if modulus is None or not 0 < flow < math.inf or speed < max(speeds.values()):
         return []
     times = speed / (_FLOWS * flow)
-    if times < _DEAR or _viscous_step(scene, max(map(_viscosity, scene.bodies))) < (
-        scene.method.cfl * scene.cell_size / speed
+    # Of what hardly moves at all, no modulus is soft enough.
+    softer = modulus / max(times, 1.0) / max(times, 1.0)
+    if (
+        times < _DEAR
+        or softer < sys.float_info.min
+        or _viscous_step(scene, max(map(_viscosity, scene.bodies)))
+        < (scene.method.cfl * scene.cell_size / speed)
     ):
         return []
     return [
         f"body '{stiffest.name}': bulk_modulus is {modulus:.3g} Pa, whose sound of {speed:.4g} m/s "
-        f"is {speed / flow:.3g} times the flow expected ({flow:.3g} m/s); {modulus / times**2:.2g} "
+        f"is {speed / flow:.3g} times the flow expected ({flow:.3g} m/s); {softer:.2g} "
         f"Pa, ten times the flow, takes {times:.2g} times fewer steps; keep it only where the "
         "water's own compression counts"
     ]

@@ -7,22 +7,24 @@ what is lost. It agrees with runs of the engine to 2 % (tests/validation/test_vi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.boundaries.responses import Mirror, Sticky
+from libmpm._src.boundaries.responses import Mirror, Response, Sticky
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.checks_time_steps import step_of
-from libmpm._src.shapes.boxes import DomainWalls
+from libmpm._src.shapes.boxes import DomainWalls, Solid
 from libmpm._src.shapes.filling import bounds_of
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
-    from libmpm._src.scene.parts import Body
+    from libmpm._src.scene.parts import Body, Boundary
 
 __all__ = ["peak_share", "smeared_flows"]
 
@@ -98,26 +100,71 @@ def _viscosities(body: Body) -> tuple[float, bool]:
     return float(told.get("viscosity", 0.0) / told["density"]), False
 
 
-def _held(scene: SceneData, body: str) -> dict[str, bool]:
-    """Return the faces of the domain that hold a body along them: whether they are mirrors."""
-    out: dict[str, bool] = {}
+@dataclass(frozen=True)
+class _Plate:
+    """A plane that holds a body along it, at the body's lower ("-") or upper side of an axis."""
+
+    side: str  # "y-"
+    label: str
+    mirrored: bool
+
+
+def _faces_of(scene: SceneData, boundary: Boundary) -> Iterator[tuple[str, Response]]:
+    """Give the faces of the domain at which a boundary responds."""
+    names = [side + sign for side in "xyz"[: scene.dimension] for sign in "-+"]
+    faces = getattr(boundary.shape, "faces", ())
+    for face in names if isinstance(faces, str) else faces:
+        response = boundary.response
+        if isinstance(response, Mapping):
+            if face not in response:
+                continue
+            response = response[face]
+        yield face, response
+
+
+def _held(scene: SceneData, body: Body, bounds: NDArray[np.float64]) -> dict[str, _Plate]:
+    """Return by side what holds a body along it, no further away than a cell.
+
+    `bounds` are those of the body, m, lower and upper. Faces of the domain count, and surfaces of
+    `Sticky` solids at rest that lie along the grid, between which flows are as between those faces.
+    """
+    out: dict[str, _Plate] = {}
+    domain = (np.asarray(scene.lower, dtype=float), np.asarray(scene.upper, dtype=float))
     for boundary in scene.boundaries:
-        if boundary.bodies and body not in boundary.bodies:
+        if boundary.bodies and body.name not in boundary.bodies:
             continue
-        if not isinstance(boundary.shape, DomainWalls):
-            continue
-        names = [side + sign for side in "xyz"[: scene.dimension] for sign in "-+"]
-        faces = boundary.shape.faces
-        for face in names if isinstance(faces, str) else faces:
-            response = boundary.response
-            if isinstance(response, Mapping):
-                if face not in response:
-                    continue
-                response = response[face]
-            mirrored = isinstance(response, Mirror) and not response.slip
-            if mirrored or isinstance(response, Sticky):
-                out[face] = mirrored
+        shape = boundary.shape
+        moves = any(x is not None for x in (boundary.motion, boundary.rotation, boundary.within))
+        if isinstance(shape, DomainWalls):
+            for face, response in _faces_of(scene, boundary):
+                axis, upper = "xyz".index(face[0]), face[1] == "+"
+                mirrored = isinstance(response, Mirror) and not response.slip
+                end = int(upper)
+                near = abs(bounds[end, axis] - domain[end][axis]) <= scene.cell_size
+                if near and (mirrored or isinstance(response, Sticky)):
+                    out[face] = _Plate(face, f"face '{face}'", mirrored)
+        elif isinstance(shape, Solid) and isinstance(boundary.response, Sticky) and not moves:
+            for side in _sides_at(shape, bounds, scene.cell_size):
+                out[side] = _Plate(side, f"boundary '{boundary.name}'", False)
     return out
+
+
+def _sides_at(solid: Solid, bounds: NDArray[np.float64], cell: float) -> Iterator[str]:
+    """Give the sides of a body's box, most of which lies along a solid's surface.
+
+    Along: at most a cell before it and a quarter of one within. A flow along a slope is not meant.
+    """
+    dimension = bounds.shape[1]
+    if solid.dimension != dimension:
+        return
+    shares = np.array([1, 3, 5]) / 6
+    for axis, end in product(range(dimension), (0, 1)):
+        axes = [low + shares * (high - low) for low, high in bounds.T]
+        axes[axis] = bounds[end, axis : axis + 1]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+        away = solid.distance(points) / cell
+        if np.mean((away >= -0.25) & (away <= 1)) > 0.5:
+            yield "xyz"[axis] + "-+"[end]
 
 
 def smeared_flows(scene: SceneData) -> list[str]:
@@ -137,41 +184,39 @@ def smeared_flows(scene: SceneData) -> list[str]:
         found = _worst(scene, body, transfer, 4 * nu * step / scene.cell_size**2)
         if found is None:
             continue
-        face, gap, mirrored, peak, better = found
-        wall = "Mirror(slip=False)" if mirrored else "Sticky()"
+        plate, gap, peak, better = found
+        wall = "Mirror(slip=False)" if plate.mirrored else "Sticky()"
+        at = "" if plate.label.startswith("face") else " on a face of the domain"
         doubts.append(
-            f"body '{body.name}': a flow of it along face '{face}' would have {peak:.0%} of its "
+            f"body '{body.name}': a flow of it along {plate.label} would have {peak:.0%} of its "
             f"speed, {gap} cells between the plates: transfer '{transfer.scheme}' and {wall} take "
             f"more than its viscosity of {nu:.3g} m²/s in steps of {step:.3g} s; expected within "
-            f"{_ERROR:.0%}; use 'FLIP' or 'AFLIP' with boundaries.Mirror(slip=False), {better:.0%} "
-            "here, or finer cells"
+            f"{_ERROR:.0%}; use 'FLIP' or 'AFLIP' with boundaries.Mirror(slip=False){at}, "
+            f"{better:.0%} here, or finer cells"
         )
     return doubts
 
 
 def _worst(
     scene: SceneData, body: Body, transfer: Transfer, share: float
-) -> tuple[str, int, bool, float, float] | None:
-    """Return the face at which most is lost, if too much: face, cells, mirror, peaks."""
+) -> tuple[_Plate, int, float, float] | None:
+    """Return the plate at which most is lost, if too much, cells between plates, and peaks."""
     worst = None
-    held = _held(scene, body.name)
     bounds = np.asarray(bounds_of(scene, body), dtype=float)  # from the lower corner
-    size = np.asarray(scene.upper, dtype=float) - np.asarray(scene.lower, dtype=float)
-    for face, mirrored in held.items():
-        axis, upper = "xyz".index(face[0]), face[1] == "+"
-        away = size[axis] - bounds[1, axis] if upper else bounds[0, axis]
-        if away > scene.cell_size:
-            continue
+    bounds = bounds + np.asarray(scene.lower, dtype=float)
+    held = _held(scene, body, bounds)
+    for side, plate in held.items():
+        axis = "xyz".index(side[0])
         # One plate alone is half of a channel.
-        both = face[0] + "-" in held and face[0] + "+" in held
+        both = side[0] + "-" in held and side[0] + "+" in held
         gap = (bounds[1, axis] - bounds[0, axis]) / scene.cell_size * (1 if both else 2)
         cells = round(gap)
         if cells < 3:
             continue
         fewer = min(cells, _CELLS)
-        lost = (1 - peak_share(fewer, share, transfer, mirrored)) * fewer / cells
-        if abs(lost) > _ERROR and (worst is None or abs(lost) > abs(1 - worst[3])):
+        lost = (1 - peak_share(fewer, share, transfer, plate.mirrored)) * fewer / cells
+        if abs(lost) > _ERROR and (worst is None or abs(lost) > abs(1 - worst[2])):
             flip = Transfer(scheme="FLIP")
             better = 1 - (1 - peak_share(fewer, share, flip, True)) * fewer / cells
-            worst = face, cells, mirrored, 1 - lost, better
+            worst = plate, cells, 1 - lost, better
     return worst

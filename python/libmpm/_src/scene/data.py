@@ -416,6 +416,13 @@ class SceneData:
             left_out.add("start")
         return tuple(key for key in HEAD if key not in left_out)
 
+    def _by_kind(self) -> dict[str, dict[str, Any]]:
+        """Return the parts by name, of each kind: what `changes` changes."""
+        return {
+            "body": self._bodies, "boundary": self._boundaries, "sensor": self._sensors,
+            "flow": self._flows, "contact": self._contacts,
+        }  # fmt: skip
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take a pickle, of a version before contacts too."""
         self.__dict__.update({"_contacts": {}} | state)

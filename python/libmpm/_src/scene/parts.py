@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+from libmpm._src.base.arguments import quoted
 from libmpm._src.base.declarations import given
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable
@@ -102,11 +103,11 @@ class Body(Value):
         low=0,
     )
     force: PlacedForce | None = given(
-        "`PlacedForce`: a force by mass that changes with the place, beside gravity", default=None
+        "`PlacedForce`: a force by mass that changes with the place, besides gravity", default=None
     )
 
     def _label(self) -> str:
-        return f"body '{self.name}'"
+        return f"body {quoted(self.name)}"
 
     def _check(self, check: Checker) -> dict[str, Any]:
         kinds = (Solid, PointFile, Tetrahedra, Triangles, Cells, Points)
@@ -213,7 +214,7 @@ class Boundary(Value):
     )
 
     def _label(self) -> str:
-        return f"boundary '{self.name}'"
+        return f"boundary {quoted(self.name)}"
 
     def _check(self, check: Checker) -> dict[str, Any]:
         kinds = (Solid, DomainWalls, Outline)
@@ -309,7 +310,7 @@ class PlacedSensor(Value):
     sensor: Sensor = given("a value of `libmpm.sensors`")
 
     def _label(self) -> str:
-        return f"sensor '{self.name}'"
+        return f"sensor {quoted(self.name)}"
 
     def _check(self, check: Checker) -> dict[str, Any]:
         check.instance("sensor", self.sensor, (Sensor,), "a value of libmpm.sensors")

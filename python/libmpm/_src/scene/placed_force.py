@@ -17,7 +17,7 @@ __all__ = ["PlacedForce"]
 
 @value
 class PlacedForce(Value):
-    """A force by mass beside gravity, linear between places along an axis.
+    """A force by mass besides gravity, linear between places along an axis.
 
     Before the first place and after the last one their values hold. Nodes take it from the
     particles, where they stand at the beginning of a step, and particles from the nodes:

@@ -42,7 +42,7 @@ class RunSettings:
         default=None, metadata=about(Given("between checkpoints; None = none", unit="s", low=0))
     )
     attributes: dict[str, list[str]] | list[str] | None = field(
-        default=None, metadata=about(Given("what frames have beside positions, as in `Output`"))
+        default=None, metadata=about(Given("what frames have besides positions, as in `Output`"))
     )
     filter: float = field(
         default=0.0,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
+from libmpm._src.base.arguments import file_path, keywords_only
 from libmpm._src.base.declarations import documents
-from libmpm._src.base.values import keywords_only
 from libmpm._src.scene.data import HEAD, SCHEMA, Body, Boundary, PlacedSensor, SceneData
 
 if TYPE_CHECKING:
@@ -31,6 +31,49 @@ class Scene(SceneData):
     Scenes compare equal when all their values do, can be pickled, and round-trip through
     `to_dict`, `from_dict`, `save` and `load`. Raises `SceneError` with all problems.
     """
+
+    @keywords_only("Scene.copy")
+    def copy(self, **changes: Any) -> Self:
+        """Return a scene of its own with the same parts and some arguments of `Scene` changed.
+
+        ``scene.copy(cell_size=0.01, name="fine")``: parts that are added to one of the two, or
+        changed, stay as they are in the other. How bodies are filled by default follows a change
+        of gravity. A scene that continues from a checkpoint can be copied as it is alone. Raises
+        `SceneError`.
+        """
+        from libmpm._src.scene.changes import copied
+
+        return copied(self, changes)
+
+    def __copy__(self) -> Self:
+        """Return a scene of its own: `copy`."""
+        return self.copy()
+
+    @keywords_only("Scene.replace", 1)
+    def replace(self, name: str, *, kind: str | None = None, **changes: Any) -> None:
+        """Change what was given of a body, boundary, sensor, flow or contact, by its name.
+
+        ``scene.replace("water", velocity=(1.0, 0.0))`` takes the arguments of `add_body`,
+        `add_boundary` and `add_contact`; of a sensor or flow those of the value that was added, as
+        in ``scene.replace("load", interval=1e-3)``. `kind`, "body", "boundary", "sensor", "flow" or
+        "contact", is needed where several have the name. The part keeps its name and its place
+        among the others; how a body is filled by default follows its shape and material. Raises
+        `SceneError`; `validate` checks what concerns several objects.
+        """
+        from libmpm._src.scene.changes import replace
+
+        replace(self, name, kind, changes)
+
+    @keywords_only("Scene.remove", 1)
+    def remove(self, name: str, *, kind: str | None = None) -> None:
+        """Take a body, boundary, sensor, flow or contact out of the scene, by its name.
+
+        `kind`, "body", "boundary", "sensor", "flow" or "contact", is needed where several have the
+        name. Raises `SceneError`; what still names the part is refused by `validate`.
+        """
+        from libmpm._src.scene.changes import remove
+
+        remove(self, name, kind)
 
     @keywords_only("Scene.validate")
     def validate(self, *, strict: bool = False) -> None:
@@ -200,7 +243,9 @@ class Scene(SceneData):
         """
         from libmpm._src.scene.from_checkpoint import scene_from_checkpoint
 
-        return scene_from_checkpoint(Path(path), tiles, axis, within, read=cls.from_dict)
+        return scene_from_checkpoint(
+            file_path(path, "Scene.from_checkpoint"), tiles, axis, within, read=cls.from_dict
+        )
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
@@ -215,11 +260,15 @@ class Scene(SceneData):
     @keywords_only("Scene.save", 1)
     def save(self, path: str | Path) -> None:
         """Write the scene to a JSON file; one with a `sensors.Custom` is refused."""
+        from libmpm._src.output.atomic_files import writing
         from libmpm._src.sensors.custom_functions import check_storable
 
         check_storable(self)
         text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
-        Path(path).write_text(text + "\n", encoding="utf-8")
+        path = file_path(path, "Scene.save")
+        # A file's name may hold bytes that are no text; JSON has a way to write them.
+        with writing(path):
+            path.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
 
     @classmethod
     @keywords_only("Scene.load", 1)
@@ -230,7 +279,7 @@ class Scene(SceneData):
         """
         from libmpm._src.scene.scene_file import read_json
 
-        return cls.from_dict(read_json(Path(path)))
+        return cls.from_dict(read_json(file_path(path, "Scene.load")))
 
     def _repr_html_(self) -> str:
         """Return the scene's parts as tables for Jupyter."""

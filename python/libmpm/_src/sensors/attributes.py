@@ -1,7 +1,7 @@
 """Every particle attribute by its library name: what it is, what it is made from, who has it.
 
 The names are those of ClaymoreUW's output (Bonus 2023, listing of attributes); they are accepted
-wherever attributes are named, beside the engine's own (`position`, `stress`, ...), and nothing is
+wherever attributes are named, besides the engine's own (`position`, `stress`, ...), and nothing is
 computed before it is asked for.
 """
 
@@ -211,7 +211,7 @@ def names() -> tuple[str, ...]:
 
 def find(name: str) -> Attribute | None:
     """Return what is known of a library name; None of any other."""
-    return _ATTRIBUTES.get(name)
+    return _ATTRIBUTES.get(name) if isinstance(name, str) else None
 
 
 def is_known(name: object) -> bool:

@@ -36,7 +36,7 @@ class Sampler:
         raise NotImplementedError
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what a resumed run needs beside the series."""
+        """Return what a resumed run needs besides the series."""
         return {}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:

@@ -194,6 +194,6 @@ class Measurements:
             raise SceneError([f"{name}{p}" for p in error.problems]) from error
 
     def memory(self) -> dict[int, dict[str, NDArray[Any]]]:
-        """Return what a resumed run needs beside the series, by number of the sensor."""
+        """Return what a resumed run needs besides the series, by number of the sensor."""
         numbers = {id(s): i for i, s in enumerate(self.series)}
         return {numbers[id(p.series)]: p.sampler.state() for p in self._python}

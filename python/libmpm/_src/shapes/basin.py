@@ -41,9 +41,10 @@ def basin(
     if not isinstance(within, Box):
         raise SceneError(f"shapes.basin: within is {shown(within, 80)}; expected a shapes.Box")
     names = AXES[: within.dimension]
-    if axis is not None and axis not in names:
+    known = isinstance(axis, str) and axis in names
+    if axis is not None and not known:
         problems.append(f"axis is {shown(axis)}; expected one of {', '.join(names)}")
-    up = within.dimension - 1 if axis not in names else names.index(str(axis))
+    up = names.index(str(axis)) if known else within.dimension - 1
     low, high = within.lower[up], within.upper[up]
     if isinstance(level, bool) or not (isinstance(level, numbers.Real) and abs(level) < 1e300):
         problems.append(f"level is {shown(level, 80)}; expected a number in m")

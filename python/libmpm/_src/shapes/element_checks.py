@@ -151,7 +151,7 @@ def _check_vertices(check: Checker, vertices: Array, elements: Numbers) -> None:
             "them out (`read` does)"
         )
     size = float(np.ptp(vertices, axis=0).max())
-    if size > 0:
+    if 0 < _SAME * size < math.inf:
         first = doubles(vertices, _SAME * size)
         double = np.flatnonzero(first != np.arange(len(first)))
         if len(double):

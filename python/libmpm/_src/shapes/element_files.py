@@ -26,9 +26,9 @@ _BESIDE = {
 
 def read_mesh(path: str | Path, dimension: int, label: str) -> tuple[Array, Numbers]:
     """Return vertices and elements in a file; raises `SceneError`."""
-    what = f"{label}: file '{path}'"
     if not isinstance(path, str | Path) or not str(path):
         raise SceneError(f"{label}: path is {shown(path)}; expected the path of a file")
+    what = f"{label}: file '{path}'"
     try:
         if not Path(path).is_file():
             raise SceneError(f"{what} is not there; expected a mesh; give a path from here")

@@ -30,7 +30,7 @@ _MESHERS = ("auto", "lattice", "gmsh")
 
 
 class ElementMesh(GivenPoints):
-    """Base of `Tetrahedra` and `Triangles`."""
+    """What `Tetrahedra` and `Triangles` have in common."""
 
     #: Number of axes.
     _d: ClassVar[int]
@@ -60,7 +60,22 @@ class ElementMesh(GivenPoints):
         return cls(vertices=mesh[0], elements=mesh[1], volumes=volumes)  # type: ignore[call-arg]
 
     @classmethod
-    def _box(cls, lower: Any, upper: Any, edge: Any, pattern: Any, volumes: Any) -> Self:
+    @keywords_only("{}.box")
+    def box(
+        cls,
+        *,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        edge: float,
+        pattern: Literal["alternating", "one-way"] = "alternating",
+        volumes: Literal["element", "vertex"] | None = None,
+    ) -> Self:
+        """Cut a box into cubes of at most `edge` m, each into six tetrahedra; 2D: two triangles.
+
+        `lower` and `upper` (d,) m are its corners, met exactly. Cubes are mirrored in turn along
+        every axis, so that diagonals alternate; "one-way" has all alike, which locks and bends
+        more to one side: for tests. `volumes` as of the class. Raises `SceneError`.
+        """
         from libmpm._src.shapes import element_lattices
 
         label = f"{cls.label}.box"
@@ -77,7 +92,22 @@ class ElementMesh(GivenPoints):
         )
 
     @classmethod
-    def _fill(cls, solid: Any, edge: Any, mesher: Any, volumes: Any) -> Self:
+    @keywords_only("{}.fill")
+    def fill(
+        cls,
+        *,
+        solid: Solid,
+        edge: float,
+        mesher: Literal["auto", "lattice", "gmsh"] = "auto",
+        volumes: Literal["element", "vertex"] | None = None,
+    ) -> Self:
+        """Mesh a solid with edges of at most √d `edge`, m, that is as dense as cubes of `edge`.
+
+        "auto": a Box or OrientedBox as `box` does, exactly; others by gmsh where it is installed
+        (`pip install libmpm[elements]`), else by a lattice cut at the surface, whose sharp edges
+        are cut off: its volume falls short by 1 to 7 % at 10 edges across (`docs/elements.md`
+        has numbers). A SurfaceMesh needs gmsh, unless "lattice" is asked for. Raises `SceneError`.
+        """
         label = f"{cls.label}.fill"
         check = Checker(label)
         check.instance("solid", solid, (Solid,), "a solid of libmpm.shapes")
@@ -90,7 +120,24 @@ class ElementMesh(GivenPoints):
         return cls._of(_filled(solid, size, mesher, label), volumes)
 
     @classmethod
-    def _read(cls, path: Any, scale: Any, offset: Any, weld: Any, part: Any, volumes: Any) -> Self:
+    @keywords_only("{}.read", 1)
+    def read(
+        cls,
+        path: str | Path,
+        *,
+        scale: float = 1.0,
+        offset: Sequence[float] | None = None,
+        weld: bool = False,
+        part: int | None = None,
+        volumes: Literal["element", "vertex"] | None = None,
+    ) -> Self:
+        """Read the tetrahedra (2D: triangles) of a file of Gmsh, VTK, Abaqus (.msh, .vtu, .inp).
+
+        By meshio. `scale` turns coordinates into m, `offset` (d,) m is added after that. Vertices
+        that no element uses are left out; `weld` makes those at one place one. `part` takes one
+        of several parts, 0 the largest. Of quadratic elements the corners count. The scene holds
+        the mesh itself and no longer needs the file. Raises `SceneError`.
+        """
         from libmpm._src.shapes import element_files
 
         label = f"{cls.label}.read"
@@ -190,12 +237,12 @@ class ElementMesh(GivenPoints):
         check.finish()
         return found
 
-    @keywords_only("shapes.ElementMesh.moved", 1)
+    @keywords_only("{}.moved", 1)
     def moved(self, by: Sequence[float]) -> Self:
         """Return the mesh moved by (d,) m."""
         return self._with(self.vertices + np.asarray(self._check_vector("by", by)))
 
-    @keywords_only("shapes.ElementMesh.turned", 3)
+    @keywords_only("{}.turned", 3)
     def turned(
         self, angle: float, axis: str | None = None, about: Sequence[float] | None = None
     ) -> Self:
@@ -286,65 +333,6 @@ class Tetrahedra(ElementMesh):
     )
 
     @classmethod
-    @keywords_only("shapes.Tetrahedra.box")
-    def box(
-        cls,
-        *,
-        lower: Sequence[float],
-        upper: Sequence[float],
-        edge: float,
-        pattern: Literal["alternating", "one-way"] = "alternating",
-        volumes: Literal["element", "vertex"] | None = None,
-    ) -> Tetrahedra:
-        """Cut a box into cubes of at most `edge` m, each into six tetrahedra.
-
-        `lower` and `upper` (3,) m are its corners, met exactly. Cubes are mirrored in turn along
-        every axis, so that diagonals alternate; "one-way" has all alike, which locks and bends
-        more to one side: for tests. `volumes` as of the class. Raises `SceneError`.
-        """
-        return cls._box(lower, upper, edge, pattern, volumes)
-
-    @classmethod
-    @keywords_only("shapes.Tetrahedra.fill")
-    def fill(
-        cls,
-        *,
-        solid: Solid,
-        edge: float,
-        mesher: Literal["auto", "lattice", "gmsh"] = "auto",
-        volumes: Literal["element", "vertex"] | None = None,
-    ) -> Tetrahedra:
-        """Mesh a solid with edges of at most √3 `edge`, m, that is as dense as cubes of `edge`.
-
-        "auto": a Box or OrientedBox as `box` does, exactly; others by gmsh where it is installed
-        (`pip install libmpm[elements]`), else by a lattice cut at the surface, whose sharp edges
-        are cut off: its volume falls short by 1 to 7 % at 10 edges across (`docs/elements.md`
-        has numbers). A SurfaceMesh needs gmsh, unless "lattice" is asked for. Raises `SceneError`.
-        """
-        return cls._fill(solid, edge, mesher, volumes)
-
-    @classmethod
-    @keywords_only("shapes.Tetrahedra.read", 1)
-    def read(
-        cls,
-        path: str | Path,
-        *,
-        scale: float = 1.0,
-        offset: Sequence[float] | None = None,
-        weld: bool = False,
-        part: int | None = None,
-        volumes: Literal["element", "vertex"] | None = None,
-    ) -> Tetrahedra:
-        """Read the tetrahedra of a file of Gmsh, VTK, Abaqus (.msh, .vtk, .vtu, .inp), ...
-
-        By meshio. `scale` turns coordinates into m, `offset` (3,) m is added after that. Vertices
-        that no tetrahedron uses are left out; `weld` makes those at one place one. `part` takes one
-        of several parts, 0 the largest. Of quadratic elements the corners count. The scene holds
-        the mesh itself and no longer needs the file. Raises `SceneError`.
-        """
-        return cls._read(path, scale, offset, weld, part, volumes)
-
-    @classmethod
     @keywords_only("shapes.Tetrahedra.read_tables")
     def read_tables(
         cls,
@@ -395,51 +383,6 @@ class Triangles(ElementMesh):
         "does not; None = vertex where Poisson's ratio is 0.4 or more",
         default=None,
     )
-
-    @classmethod
-    @keywords_only("shapes.Triangles.box")
-    def box(
-        cls,
-        *,
-        lower: Sequence[float],
-        upper: Sequence[float],
-        edge: float,
-        pattern: Literal["alternating", "one-way"] = "alternating",
-        volumes: Literal["element", "vertex"] | None = None,
-    ) -> Triangles:
-        """Cut a rectangle into squares of at most `edge` m, each into two triangles.
-
-        As `Tetrahedra.box`. Raises `SceneError`.
-        """
-        return cls._box(lower, upper, edge, pattern, volumes)
-
-    @classmethod
-    @keywords_only("shapes.Triangles.fill")
-    def fill(
-        cls,
-        *,
-        solid: Solid,
-        edge: float,
-        mesher: Literal["auto", "lattice", "gmsh"] = "auto",
-        volumes: Literal["element", "vertex"] | None = None,
-    ) -> Triangles:
-        """Mesh a plane solid with edges of at most √2 `edge`, m; as `Tetrahedra.fill`."""
-        return cls._fill(solid, edge, mesher, volumes)
-
-    @classmethod
-    @keywords_only("shapes.Triangles.read", 1)
-    def read(
-        cls,
-        path: str | Path,
-        *,
-        scale: float = 1.0,
-        offset: Sequence[float] | None = None,
-        weld: bool = False,
-        part: int | None = None,
-        volumes: Literal["element", "vertex"] | None = None,
-    ) -> Triangles:
-        """Read the triangles of a plane file; as `Tetrahedra.read`."""
-        return cls._read(path, scale, offset, weld, part, volumes)
 
 
 def _counts(label: str, size: Sequence[float], edge: float) -> list[int]:

@@ -30,7 +30,7 @@ _ACROSS = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
 class PatchTree:
     """Patches between places x (n,) and y (m,) with heights z (n, m), m, linear along x and y.
 
-    Level k has boxes around 2^k × 2^k patches; beside the heights it keeps two numbers a box.
+    Level k has boxes around 2^k × 2^k patches; besides the heights it keeps two numbers a box.
     """
 
     def __init__(self, x: Array, y: Array, z: Array) -> None:

@@ -181,6 +181,10 @@ def length(columns: Sequence[Array]) -> Array:
 def unit(vector: Sequence[float]) -> Corner:
     """Return a vector at length 1."""
     size = math.sqrt(math.fsum(x * x for x in vector))
+    if not size > 1e-150:  # squares that are no numbers any more
+        most = max(map(abs, vector))
+        vector = [x / most for x in vector]
+        size = math.hypot(*vector)
     return tuple(x / size for x in vector)
 
 

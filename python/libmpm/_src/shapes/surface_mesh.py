@@ -1,4 +1,4 @@
-"""`Mesh`: solids enclosed by a surface mesh (STL, OBJ, PLY, ...)."""
+"""`SurfaceMesh`: solids enclosed by a surface mesh (STL, OBJ, PLY, ...)."""
 
 from __future__ import annotations
 

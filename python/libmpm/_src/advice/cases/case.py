@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from libmpm._src.base.values import nearest, shown
 from libmpm._src.boundaries.responses import DecayLayer, Response
-from libmpm._src.errors import ModelWarning
+from libmpm._src.errors import ModelWarning, SceneError
 from libmpm._src.methods.method import FBar, Method
 from libmpm._src.run.simulation import Simulation
 from libmpm._src.scene.scene import Scene
@@ -27,7 +28,7 @@ class Bound:
     source: str
 
     def holds(self, value: float) -> bool:
-        """Return whether a value lies within; False for what is not a number."""
+        """Return whether a value lies within; False for NaN."""
         return self.lower <= value <= self.upper
 
 
@@ -68,14 +69,14 @@ class Case:
     def parameters(self, level: str, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters of a level with some of them changed."""
         if level not in self.levels:
-            raise ValueError(
-                f"case '{self.name}' has no level '{level}'; it has {', '.join(self.levels)}"
+            raise SceneError(
+                f"case '{self.name}': level is {shown(level)}; {nearest(level, self.levels)}"
             )
         own = dict(self.levels[level])
         unknown = [k for k in changes if k not in own]
         if unknown:
-            raise ValueError(
-                f"case '{self.name}' has no parameter '{unknown[0]}'; it has {', '.join(own)}"
+            raise SceneError(
+                f"case '{self.name}': unknown parameter '{unknown[0]}'; {nearest(unknown[0], own)}"
             )
         return own | dict(changes)
 

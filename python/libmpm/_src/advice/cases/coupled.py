@@ -174,7 +174,7 @@ def _elastic_column(p: Parameters, options: Options) -> Scene:
     are where the published geometry has them (see `_loaded_beam`).
     """
     dx = p["cell_size"]
-    slab = Slab(dx)
+    slab = Slab(dx, p["thickness"])
     bed, left, right = -0.5 * dx, -0.5 * dx, _TANK + 0.5 * dx
     base = bed - 2 * dx
     top = base + dx * math.ceil(0.4 / dx)
@@ -206,6 +206,9 @@ def _elastic_column(p: Parameters, options: Options) -> Scene:
         scene.add_boundary(name=name, shape=box, response=response)
     walls = DomainWalls(faces=("x-", "x+", "y+"))
     scene.add_boundary(name="walls", shape=walls, response=Separable(cell="held"))
+    if p["thickness"]:
+        sides = DomainWalls(faces=("z-", "z+"))
+        scene.add_boundary(name="sides", shape=sides, response=Slip(cell="held"))
     return scene
 
 
@@ -224,7 +227,11 @@ def _tip(sim: Simulation, until: float) -> tuple[float, float, float]:
         time.append(now)
         # The corner lies half a distance of particles beyond the last of them.
         moved.append(1.5 * away[1] - 0.5 * away[0])
-    u, t = np.array(moved), np.array(time)
+    return peak_of_tip(np.array(time), np.array(moved))
+
+
+def peak_of_tip(t: Floats, u: Floats) -> tuple[float, float, float]:
+    """Return the largest of the displacements u, m, its time, s, and when they passed 1 mm, s."""
     peak = int(np.argmax(u))
     near = slice(max(peak - 5, 0), peak + 6)
     fit = np.polyfit(t[near] - t[peak], u[near], 2)
@@ -284,12 +291,13 @@ def _column_case(name: str, density: float, ratio: float, tip: float, time: floa
         source="Walhorn et al. (2005); Bonus (2023), 6.7",
         levels={
             "reduced": {
-                "cell_size": 0.004, "coarser": (), "bulk_modulus": 1e6, "until": 0.26, **column,
+                "cell_size": 0.004, "thickness": 0.0, "coarser": (), "bulk_modulus": 1e6,
+                "until": 0.26, **column,
             },
             # 170,000 particles and 1.4e5 steps on the finest: 3e10 particle-steps with all three.
             "full": {
-                "cell_size": 0.001, "coarser": (0.002, 0.004), "bulk_modulus": 1e7, "until": 0.35,
-                **column,
+                "cell_size": 0.001, "thickness": 0.0, "coarser": (0.002, 0.004),
+                "bulk_modulus": 1e7, "until": 0.35, **column,
             },
         },
         bounds={
@@ -318,7 +326,7 @@ _CUBES = (750.0, 1500.0, 3000.0)  # kg/m³, one in each basin
 def _buoyancy(p: Parameters, options: Options) -> Scene:
     """Three basins side by side, in each a square block released at rest under water."""
     dx = p["cell_size"]
-    slab = Slab(dx)
+    slab = Slab(dx, p["thickness"])
     apart = _BASIN + 2 * dx
     top = dx * round(7.4 / dx)
     size = (3 * _BASIN + 4 * dx, top)
@@ -345,7 +353,7 @@ def _buoyancy(p: Parameters, options: Options) -> Scene:
         if n:
             between = slab.box((left - 2 * dx, 0.0), (left, top))
             scene.add_boundary(name=f"wall-{n}", shape=between, response=Separable(cell="held"))
-    walls = DomainWalls(faces=("x-", "x+", "y-"))
+    walls = DomainWalls(faces=slab.faces("x-", "x+", "y-"))
     scene.add_boundary(name="walls", shape=walls, response=Separable(cell="held"))
     return scene
 
@@ -382,18 +390,23 @@ def _read_buoyancy(sim: Simulation, p: Parameters) -> dict[str, float]:
         for density, found in place.items():
             centre = np.mean(sim.particles[f"cube-{density:g}"]["position"][:, 1])
             found.append(float(centre) - _EDGE / 2)
-    wide, t = _EDGE + 2 * 0.0125, np.array(reached)
+    return away_from_models(np.array(reached), {k: np.array(v) for k, v in place.items()})
+
+
+def away_from_models(t: Floats, place: Mapping[float, Floats]) -> dict[str, float]:
+    """Return last elevations and distances from both models, m, of bases that were at `place`."""
+    wide = _EDGE + 2 * 0.0125
     models = {
         "author": (wide**2, wide**2 * _EDGE, 0.0),
         "model": (_EDGE**2, _EDGE**3, 1.51 * math.pi * (_EDGE / 2) ** 2 * _EDGE * _WATER),
     }
     values = {}
     for density, found in place.items():
-        values[f"y_{density:g}"] = found[-1]
+        values[f"y_{density:g}"] = float(found[-1])
         for name, (area, volume, added) in models.items():
             expected = _falls(density, t, area, volume, added)
             free = (expected > _EDGE) & (expected < _LEVEL - 2 * _EDGE)
-            away = np.abs(np.array(found) - expected)[free]
+            away = np.abs(found - expected)[free]
             values[f"{name}_{density:g}"] = float(away.max())
     return values | {"sinks_faster": values["y_1500"] - values["y_3000"]}
 
@@ -412,8 +425,20 @@ _BUOYANCY = Case(
     title="Cubes of three densities released under water: rise and fall",
     source="Bonus (2023), 6.8",
     levels={
-        "reduced": {"cell_size": 0.1, "bulk_modulus": 2.2e7, "flip": 0.0, "until": 2.0},
-        "full": {"cell_size": 0.0125, "bulk_modulus": 2.2e8, "flip": 0.3, "until": 2.0},
+        "reduced": {
+            "cell_size": 0.1,
+            "thickness": 0.0,
+            "bulk_modulus": 2.2e7,
+            "flip": 0.0,
+            "until": 2.0,
+        },
+        "full": {
+            "cell_size": 0.0125,
+            "thickness": 0.0,
+            "bulk_modulus": 2.2e8,
+            "flip": 0.3,
+            "until": 2.0,
+        },
     },
     bounds={
         "reduced": {

@@ -210,13 +210,26 @@ def _read_sloshing(sim: Simulation, p: Parameters) -> dict[str, float]:
     for now in advance(sim, np.arange(1, 281) * 0.02):
         time.append(now)
         x.append(away())
-    t, moved = np.array(time), np.array(x)
+    return swing(np.array(time), np.array(x))
+
+
+def swing(t: npt.NDArray[np.float64], moved: npt.NDArray[np.float64]) -> dict[str, float]:
+    """Return period, s, and amplitude after five half cycles over that at the start.
+
+    NaN is what the history does not show: a period takes two passes through the middle.
+    """
     turn = np.flatnonzero(moved[:-1] * moved[1:] < 0)
+    if len(turn) < 2:
+        return {"period": math.nan, "amplitude": math.nan}
     crossing = t[turn] + (t[turn + 1] - t[turn]) * moved[turn] / (moved[turn] - moved[turn + 1])
     half = np.mean(np.diff(crossing))
     # The motion turns round half-way between its zeros: five half cycles after the start.
-    fifth = np.abs(moved[np.abs(t - 5 * half) < half / 2]).max()
-    return {"period": float(2 * half), "amplitude": float(fifth / abs(moved[0]))}
+    fifth = np.abs(moved[np.abs(t - 5 * half) < half / 2])
+    there = t[-1] >= 5 * half
+    return {
+        "period": float(2 * half),
+        "amplitude": float(fifth.max() / abs(moved[0])) if there else math.nan,
+    }
 
 
 def _sloshing_bounds(amplitude: float) -> dict[str, Bound]:

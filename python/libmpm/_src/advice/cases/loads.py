@@ -38,7 +38,7 @@ def _water(depth: float) -> TaitFluid:
 
 def _scene(
     p: Parameters, options: Options, name: str, upper: tuple[float, float], dx: float
-) -> Any:
+) -> Scene:
     method = method_of(options, 0.3, p["flip"])
     return Scene(
         name=name,

@@ -32,6 +32,8 @@ __all__ = ["Imported", "import_scene"]
 
 #: Particles above which ids are not worked out for trackers: the bodies would have to be filled.
 _COUNTED = 1e6
+#: Cells of the domain on one axis, and their edge, m; beyond these, places in cells are no numbers.
+_MOST_CELLS, _LEAST_CELL = 1e9, 1e-9
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,14 @@ class _Builder:
             context.finish()
         else:
             context.note("there are no walls: what leaves the domain is removed and listed")
+        wide = max(b - a for a, b in zip(lower, upper, strict=True))
+        if self.cell_size < _LEAST_CELL or not wide < _MOST_CELLS * self.cell_size:
+            context.fail(
+                "simulation" if walls is None else walls.path,
+                f"is {wide:g} m wide with cells of {self.cell_size:g} m; expected cells of "
+                f"{_LEAST_CELL:g} m at least, and fewer than {_MOST_CELLS:g} on an axis",
+            )
+            context.finish()
         self.fit = Fit.around(lower, upper, self.cell_size)
         for text in self.fit.moved_walls():
             context.note(text)
@@ -184,7 +194,7 @@ class _Builder:
     def _shapes(self, body: BodyRecord, made: Sequence[Made]) -> list[Any]:
         """Return what a body fills, less what boundaries block when the run begins."""
         if any(g.object == "file" for g in body.geometry):
-            size = self.record.cell_size**3 / body.ppc
+            size = math.prod([self.record.cell_size] * 3) / body.ppc
             return list(files_of(self.context, body, self.folder, size))
         beds = [bed for bed in map(bed_of, self.record.boundaries) if bed is not None]
         found = []
@@ -410,6 +420,6 @@ def _estimate(scene: Scene) -> float:
     for body in scene.bodies:
         if isinstance(body.shape, Solid):
             low, high = body.shape.bounds()
-            volume = math.prod(b - a for a, b in zip(low, high, strict=True))
-            total += volume / scene.cell_size**3 * body.particles_per_cell
+            cells = math.prod((b - a) / scene.cell_size for a, b in zip(low, high, strict=True))
+            total += cells * body.particles_per_cell
     return total

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +17,9 @@ _MISSING = object()
 
 #: Copies of a shape in an array, each of which becomes a body.
 _MOST_COPIES = 100_000
+
+#: What every number of a file is below: products of lengths are numbers then.
+_LARGEST = 1e30
 
 
 @dataclass
@@ -102,8 +104,8 @@ class Record:
         if given is _MISSING or given is None:
             return default
         rules = [f"{'>' if above else '≥'} {lower:g}"] if lower > -math.inf else []
-        rules += [f"≤ {upper:g}"] if upper < math.inf else []
-        rule = f"{' and '.join(rules) or 'a number'}{' ' + unit if unit not in ('', '1') else ''}"
+        rules += [f"≤ {upper:g}" if upper < math.inf else f"below {_LARGEST:g}"]
+        rule = " and ".join(rules) + (f" {unit}" if unit not in ("", "1") else "")
         if isinstance(given, bool) or not isinstance(given, int | float):
             self.context.fail(self.where(name), f"is {shown(given, 40)}; expected {rule}")
             return default
@@ -111,7 +113,7 @@ class Record:
             value = float(given)
         except OverflowError:
             value = math.inf
-        out = not math.isfinite(value) or value > upper
+        out = not abs(value) < _LARGEST or value > upper
         if out or (value <= lower if above else value < lower):
             self.context.fail(self.where(name), f"is {shown(given, 40)}; expected {rule}")
             return default
@@ -167,7 +169,8 @@ class Record:
         if numbers is None or len(numbers) not in lengths:
             count = " or ".join(map(str, lengths))
             self.context.fail(
-                self.where(name), f"is {shown(given, 60)}; expected {count} numbers, {unit}"
+                self.where(name),
+                f"is {shown(given, 60)}; expected {count} numbers below {_LARGEST:g}, {unit}",
             )
             return default
         return numbers
@@ -201,7 +204,8 @@ class Record:
         rows = [_numbers(row) for row in given] if isinstance(given, list) else [None]
         if any(row is None or len(row) != 2 for row in rows):
             self.context.fail(
-                self.where(name), f"is {shown(given, 60)}; expected pairs [x, y] of numbers, m"
+                self.where(name),
+                f"is {shown(given, 60)}; expected pairs [x, y] of numbers below {_LARGEST:g}, m",
             )
             return ()
         return tuple((row[0], row[1]) for row in rows if row is not None)
@@ -261,11 +265,11 @@ def pick(records: Sequence[Record | None], kind: str, name: str, default: Any, *
 
 
 def _numbers(given: Any) -> tuple[float, ...] | None:
-    """Return a list of finite numbers as a tuple; None for anything else."""
+    """Return a list of numbers below the largest as a tuple; None for anything else."""
     if not isinstance(given, list):
         return None
     fine = all(isinstance(x, int | float) and not isinstance(x, bool) for x in given)
     # The bound instead of isfinite, which fails for whole numbers of any length.
-    if not fine or not all(abs(x) <= sys.float_info.max for x in given):
+    if not fine or not all(abs(x) < _LARGEST for x in given):
         return None
     return tuple(float(x) for x in given)

@@ -8,5 +8,5 @@ __all__ = ["number"]
 
 
 def number(value: float, form: str = ".4g") -> str:
-    """Return a number as text, and nothing where it is not a number."""
+    """Return a number as text, and nothing where it is NaN."""
     return "" if math.isnan(value) else format(value, form)

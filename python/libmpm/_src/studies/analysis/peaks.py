@@ -23,7 +23,7 @@ class Peak(NamedTuple):
     """A local maximum."""
 
     time: float
-    """Its time, s; not a number where there is none."""
+    """Its time, s; NaN where there is none."""
     value: float
     """Its value, in the unit of the signal; 0 where there is none."""
 

@@ -62,6 +62,9 @@ class Record:
             )
         self._start = self._begins(check, start)
         check.finish()
+        check.instance("unit", unit, (str,), "a text")
+        check.instance("name", name, (str,), "a text")
+        check.finish()
         self._unit, self._name = str(unit), str(name)
         self._filter = self._filters(check, filtered_at, filter_order)
         check.finish()
@@ -170,7 +173,7 @@ class Record:
 
     @property
     def interval(self) -> float:
-        """Median of the times between samples, s; not a number for a single point."""
+        """Median of the times between samples, s; NaN for a single point."""
         return float(np.median(self._steps)) if len(self._steps) else math.nan
 
     @property

@@ -44,7 +44,7 @@ class Signal(Record):
                                    sample before, as those of load cells are
     start         s     < time[0]  beginning of the first mean; None = as long before the
                                    first sample as the second is after it
-    missing       any   a number   stands for samples that are not a number, for instance the
+    missing       any   a number   stands for samples that are NaN, for instance the
                                    level of the bed under a dry gauge; None refuses them
     name          -     text       for tables and pictures
     filtered_at   Hz    > 0        cut-off of a filter that the samples went through
@@ -322,7 +322,7 @@ class Signal(Record):
     def arrival(self, *, share: float = _ARRIVAL, level: float | None = None) -> float:
         """Return when the signal first reaches `level`, by default `share` of its largest peak.
 
-        In s, between samples on a straight line; not a number if it never does, or without
+        In s, between samples on a straight line; NaN if it never does, or without
         positive values. `share` is in (0, 1], `level` > 0 in the signal's unit. Raises
         `SceneError`.
         """
@@ -366,7 +366,7 @@ class Signal(Record):
     def significant_interval(self, *, low: float = 0.10, high: float = 0.90) -> tuple[float, float]:
         """Return the times, s, at which ∫ f² dt reaches two shares of its last value.
 
-        0 < low < high < 1; not a number where f is zero throughout. Raises `SceneError`.
+        0 < low < high < 1; NaN where f is zero throughout. Raises `SceneError`.
         """
         check = Checker(f"{self.label}.significant_duration")
         ends: dict[str, Any] = {"lower": 0, "upper": 1, "lower_open": True, "upper_open": True}
@@ -446,7 +446,7 @@ def responses(
     interval    s      median time between the samples that were given
     ==========  =====  ==================================================================
 
-    Times that do not exist, and the cut-off without a filter, are not a number. Impulse and
+    Times that do not exist, and the cut-off without a filter, are NaN. Impulse and
     duration are those of the filtered signal too. Raises `SceneError`.
     """
     label = "analysis.responses"

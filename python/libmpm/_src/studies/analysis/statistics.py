@@ -12,7 +12,7 @@ import numpy.typing as npt
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.palette import CYCLE
-from libmpm._src.base.tables import html_table, text_table
+from libmpm._src.base.tables import Tabled
 from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, sequence, shown
 from libmpm._src.studies.analysis import plots
@@ -27,7 +27,7 @@ __all__ = ["BoxPlot", "Correlation", "Parity", "box_plot", "correlation", "parit
 
 
 @dataclass(frozen=True, repr=False)
-class BoxPlot:
+class BoxPlot(Tabled):
     """Numbers of a box plot, in the unit of its values; made by `box_plot`."""
 
     label: ClassVar[str] = "analysis.BoxPlot"
@@ -68,15 +68,6 @@ class BoxPlot:
         found = [(name.replace("_", " "), number(getattr(self, name))) for name in names]
         outliers = ", ".join(number(x) for x in self.outliers) or "none"
         return [("of a box plot", "value"), *found, ("outliers", outliers)]
-
-    def __repr__(self) -> str:
-        """Return the numbers as text for a terminal."""
-        return text_table(self._rows())
-
-    def _repr_html_(self) -> str:
-        """Return the numbers for Jupyter."""
-        head, *rows = self._rows()
-        return html_table(rows, head)
 
     def plot(
         self, ax: Axes | None = None, *, position: float = 1.0, name: str = "", **style: Any
@@ -137,7 +128,7 @@ def box_plot(values: npt.ArrayLike, *, reach: float = 1.5) -> BoxPlot:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Correlation:
+class Correlation(Tabled):
     """Correlations of columns; prints as a table. Made by `correlation`."""
 
     label: ClassVar[str] = "analysis.Correlation"
@@ -159,15 +150,6 @@ class Correlation:
             for name, rows, ps in zip(self.names, self.matrix, self.p, strict=True)
         ]
         return [(f"{self.observations} rows", *self.names), *body]
-
-    def __repr__(self) -> str:
-        """Return the table as text for a terminal."""
-        return text_table(self._rows())
-
-    def _repr_html_(self) -> str:
-        """Return the table for Jupyter."""
-        head, *rows = self._rows()
-        return html_table(rows, head)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the matrix in colours, with its numbers, and return the axes."""
@@ -231,7 +213,7 @@ def correlation(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Parity:
+class Parity(Tabled):
     """Simulated = slope measured + intercept; made by `parity`."""
 
     label: ClassVar[str] = "analysis.Parity"
@@ -258,7 +240,7 @@ class Parity:
 
     @property
     def deviations(self) -> Floats:
-        """Simulated over measured minus 1, (n,); infinite or not a number where measured is 0."""
+        """Simulated over measured minus 1, (n,); infinite or NaN where measured is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.simulated / self.measured - 1)
 
@@ -269,15 +251,6 @@ class Parity:
             ("intercept", number(self.intercept), number(self.intercept_error)),
             ("R²", number(self.r_squared, ".5f"), ""),
         ]
-
-    def __repr__(self) -> str:
-        """Return the numbers as text for a terminal."""
-        return text_table(self._rows())
-
-    def _repr_html_(self) -> str:
-        """Return the numbers for Jupyter."""
-        head, *rows = self._rows()
-        return html_table(rows, head)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the pairs, the line of equality and the fitted line, and return the axes."""

@@ -95,7 +95,7 @@ def parse(check: Checker, text: Any, names: Iterable[str]) -> Term | None:
 
 
 def evaluate(check: Checker, found: Mapping[str, Any], term: Term) -> Floats:
-    """Return the values of a term, (n,); rows without a number are not a number."""
+    """Return the values of a term, (n,); NaN in rows without a number."""
     given = np.atleast_1d(np.asarray(found[term.column]))
     try:
         if given.ndim != 1 or given.dtype.kind in "SUmM":

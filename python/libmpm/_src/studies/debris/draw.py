@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,16 +23,16 @@ _ANGLE = "obliquity [degrees]"
 _ARROW, _ASIDE = 0.2, 0.06
 
 
-def _axes(ax: Axes | None, **style: Any) -> Any:
+def _axes(ax: Axes | None, **style: Any) -> Axes:
     """Return the given axes, or new ones."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        ax = plt.subplots(subplot_kw=style)[1]
+        return plt.subplots(subplot_kw=style)[1]
     return ax
 
 
-def draw(field: DebrisField, ax: Any = None) -> Axes:
+def draw(field: DebrisField, ax: Axes | None = None) -> Axes:
     """Draw the plan to scale: footprint, pieces by prototype, direction of the flow."""
     from matplotlib.patches import Polygon
 
@@ -61,10 +61,10 @@ def draw(field: DebrisField, ax: Any = None) -> Axes:
         names = {k: field.prototypes[k].name for k in sorted(first)}
         ax.legend([first[k] for k in names], list(names.values()), fontsize="small",
                   loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names))  # fmt: skip
-    return cast("Axes", ax)
+    return ax
 
 
-def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
+def rose(field: DebrisField, ax: Axes | None, *, bins: int, flow: float) -> Axes:
     """Draw shares of obliquities as a rose over [0, 90] degrees."""
     from matplotlib.ticker import MaxNLocator
 
@@ -81,22 +81,24 @@ def rose(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
     ax.set(thetamin=0, thetamax=90)
     ax.yaxis.set_major_locator(MaxNLocator(3))  # more would overlap along the small side
     ax.set_title("share by obliquity", fontsize="medium")
-    return cast("Axes", ax)
+    return ax
 
 
-def histogram(field: DebrisField, ax: Any, *, bins: int, flow: float) -> Axes:
+def histogram(field: DebrisField, ax: Axes | None, *, bins: int, flow: float) -> Axes:
     """Draw numbers of pieces against obliquity."""
+    from matplotlib.ticker import MaxNLocator
+
     data = angle_data(field, bins=bins, flow=flow)
     ax = _axes(ax)
     edges = np.array(data["edges"])
     ax.bar(edges[:-1], data["counts"], width=np.diff(edges), align="edge", edgecolor="k",
            linewidth=0.6, color=SOLIDS[0])  # fmt: skip
     ax.set(xlabel=_ANGLE, ylabel="pieces", xlim=(0, 90), xticks=edges)
-    ax.yaxis.get_major_locator().set_params(integer=True)
-    return cast("Axes", ax)
+    ax.yaxis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 2.5, 5, 10], integer=True))
+    return ax
 
 
-def cumulative(field: DebrisField, ax: Any, *, flow: float) -> Axes:
+def cumulative(field: DebrisField, ax: Axes | None, *, flow: float) -> Axes:
     """Draw the share of pieces up to an obliquity as steps, with D10, D30 and D60."""
     data = angle_data(field, bins=1, flow=flow)
     ax = _axes(ax)
@@ -109,7 +111,7 @@ def cumulative(field: DebrisField, ax: Any, *, flow: float) -> Axes:
                 linewidth=0.8, label=label)  # fmt: skip
     ax.set(xlabel=_ANGLE, ylabel="share of pieces", xlim=(0, 90), ylim=(0, 1.02))
     ax.legend(loc="lower right", fontsize="small")
-    return cast("Axes", ax)
+    return ax
 
 
 def figure(field: DebrisField, *, bins: int, flow: float) -> Figure:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from libmpm._src.base.formulas import Field
     from libmpm._src.methods.method import FBar
     from libmpm._src.scene.scene import Scene
-    from libmpm._src.studies.debris.mesh import Tetrahedra
+    from libmpm._src.studies.debris.mesh import DebrisMesh
 
 __all__ = ["DebrisField", "Placement"]
 
@@ -375,7 +375,7 @@ class DebrisField(Value):
         )
 
     @keywords_only("debris.DebrisField.mesh")
-    def mesh(self, *, edge: float | None = None, elevation: float = 0.0) -> Tetrahedra:
+    def mesh(self, *, edge: float | None = None, elevation: float = 0.0) -> DebrisMesh:
         """Return the pieces as tetrahedra, for finite elements.
 
         `edge` in m is the longest edge of the bricks that a piece is cut into; None = one brick.
@@ -464,28 +464,28 @@ class DebrisField(Value):
     # Pictures ------------------------------------------------------------------------------
 
     @keywords_only("debris.DebrisField.draw", 1)
-    def draw(self, ax: Any = None) -> Axes:
+    def draw(self, ax: Axes | None = None) -> Axes:
         """Draw the plan to scale, with footprint and flow, and return the axes."""
         from libmpm._src.studies.debris.draw import draw
 
         return draw(self, ax)
 
     @keywords_only("debris.DebrisField.rose", 1)
-    def rose(self, ax: Any = None, *, bins: int = 6, flow: float = 0.0) -> Axes:
+    def rose(self, ax: Axes | None = None, *, bins: int = 6, flow: float = 0.0) -> Axes:
         """Draw shares of obliquities as a rose on polar axes, and return them."""
         from libmpm._src.studies.debris.draw import rose
 
         return rose(self, ax, bins=bins, flow=flow)
 
     @keywords_only("debris.DebrisField.histogram", 1)
-    def histogram(self, ax: Any = None, *, bins: int = 6, flow: float = 0.0) -> Axes:
+    def histogram(self, ax: Axes | None = None, *, bins: int = 6, flow: float = 0.0) -> Axes:
         """Draw numbers of pieces against obliquity, and return the axes."""
         from libmpm._src.studies.debris.draw import histogram
 
         return histogram(self, ax, bins=bins, flow=flow)
 
     @keywords_only("debris.DebrisField.cumulative", 1)
-    def cumulative(self, ax: Any = None, *, flow: float = 0.0) -> Axes:
+    def cumulative(self, ax: Axes | None = None, *, flow: float = 0.0) -> Axes:
         """Draw the share of pieces up to an obliquity, with D10, D30, D60; return the axes."""
         from libmpm._src.studies.debris.draw import cumulative
 

@@ -13,16 +13,20 @@ import numpy.typing as npt
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import Checker, nearest
 from libmpm._src.errors import SceneError
+from libmpm._src.moved import renamed
 from libmpm._src.output.atomic_files import writing
 from libmpm._src.shapes.oriented_boxes import cosine_sine
 
 if TYPE_CHECKING:
     from libmpm._src.studies.debris.field import DebrisField
 
-__all__ = ["Tetrahedra", "mesh", "save_mesh"]
+#: Names of version 0.1.
+__getattr__ = renamed(__name__, {"Tetrahedra": "DebrisMesh"})
+
+__all__ = ["DebrisMesh", "mesh", "save_mesh"]
 
 
-class Tetrahedra(NamedTuple):
+class DebrisMesh(NamedTuple):
     """Tetrahedra of all pieces; each piece has points of its own."""
 
     points: npt.NDArray[np.float64]
@@ -53,7 +57,7 @@ def _bricks(counts: tuple[int, ...]) -> npt.NDArray[np.int64]:
     return np.concatenate(found)
 
 
-def mesh(field: DebrisField, *, edge: float | None, elevation: float) -> Tetrahedra:
+def mesh(field: DebrisField, *, edge: float | None, elevation: float) -> DebrisMesh:
     """Return the pieces as tetrahedra; see `DebrisField.mesh`."""
     check = Checker(f"{field.label}.mesh")
     if edge is not None:
@@ -81,7 +85,7 @@ def mesh(field: DebrisField, *, edge: float | None, elevation: float) -> Tetrahe
         cells.append(known + bricks)
         piece.append(np.full(len(bricks), i))
         known += len(points[-1])
-    return Tetrahedra(np.concatenate(points), np.concatenate(cells), np.concatenate(piece))
+    return DebrisMesh(np.concatenate(points), np.concatenate(cells), np.concatenate(piece))
 
 
 def save_mesh(field: DebrisField, path: Path, *, edge: float | None, elevation: float) -> None:

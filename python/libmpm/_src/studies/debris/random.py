@@ -234,10 +234,11 @@ class _Sizes:
                 return stream.shuffle(kinds), (lx, ly)
             tally.skipped += 1
         raise SceneError(
-            f"{_LABEL}: {_SKIPS} combinations drawn from count {self.count}, footprint "
-            f"{self.footprint or self.side} m and porosity {self.porosity} were rejected: their "
-            "pieces cover more than the footprint, or another part of it than the porosity leaves; "
-            "expected some that fit; give fewer pieces, a larger footprint or a wider porosity"
+            f"{_LABEL}: {count} pieces cover {area:.4g} m² of a footprint of {lx * ly:.4g} m², the "
+            f"last of {_SKIPS} combinations of count {self.count}, footprint "
+            f"{self.footprint or self.side} m and porosity {self.porosity}, which all cover more "
+            "than there is or another part of it; expected some that fit; give fewer pieces, a "
+            "larger footprint or a wider porosity"
         )
 
     def _allowed(self, free: float) -> bool:

@@ -250,10 +250,8 @@ def combine(
     Raises `SceneError`. Source: Bonus (2023) 11.1, p(EDP) = Σ p(EDP | IM) Δλ.
     """
     check = Checker("demand.combine")
-    if not isinstance(scenarios, Iterable):
-        check.fail(f"scenarios is {shown(scenarios, 80)}; expected pairs of a rate and a curve")
-        check.finish()
-    pairs = list(scenarios)
+    pairs = check.items("scenarios", scenarios, "pairs of a rate and a curve")
+    check.finish()
     confidence = level_of(check, confidence)
     if not pairs:
         check.fail("scenarios are empty; expected pairs of a rate and a curve")

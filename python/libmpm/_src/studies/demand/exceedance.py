@@ -39,6 +39,8 @@ __all__ = ["exceedance", "from_study"]
 
 #: Fields that are drawn where the caller does not say how many.
 _SAMPLES = 10_000
+#: Samples beyond which no memory holds them.
+_MOST_SAMPLES = 100_000_000
 #: Loads of a curve: evenly spaced ones, and as many at evenly spaced logarithms of probability.
 _LOADS = 200
 #: Loads beyond the largest, where only drawn parameters lead.
@@ -111,6 +113,9 @@ def exceedance(
     seed = check.integer("seed", seed)
     angle, angle_reduction = in_radians(check, degrees, angle, angle_reduction)
     request = _Request.checked(check, rate, hazard, load, confidence, interval)
+    check.instance("joint", joint, (bool, np.bool_), "True or False")
+    check.instance("scatter", scatter, (bool, np.bool_), "True or False")
+    check.finish()
     models: list[Any] = [
         ordered,
         reduction_of(check, "angle", angle_reduction, angle),
@@ -131,13 +136,14 @@ def exceedance(
     # Streams of their own: more draws or another scatter leave the fields as they are.
     streams = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(3))
     of_fields, of_parameters, of_scatter = streams
-    check.instance("joint", joint, (bool, np.bool_), "True or False")
     check.finish()
     if joint:
         fields = _rows(check, laws, angles, samples)
         check.finish()
     else:
         size = check.integer("samples", _SAMPLES if samples is None else samples, lower=2)
+        if size > _MOST_SAMPLES:
+            check.fail(f"samples is {size:g}; expected at most {_MOST_SAMPLES:g}, some GB")
         check.finish()
         fields = _Fields.drawn(of_fields, laws, size, angles == "debris")
     if isinstance(ordered, OrderedLoad):
@@ -256,9 +262,7 @@ class _Request:
             waves = [(check.number("rate", rate, **positive), 1.0)]
         elif hazard is not None:
             waves = []
-            if not isinstance(hazard, Iterable):
-                check.fail(f"hazard is {shown(hazard, 60)}; expected pairs (rate, factor)")
-            for k, pair in enumerate(hazard if isinstance(hazard, Iterable) else ()):
+            for k, pair in enumerate(check.items("hazard", hazard, "pairs (rate, factor)")):
                 if not isinstance(pair, tuple | list | np.ndarray) or len(pair) != 2:
                     check.fail(
                         f"hazard[{k}] is {shown(pair, 60)}; expected (rate per period, factor)"

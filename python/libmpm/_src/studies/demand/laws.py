@@ -162,7 +162,9 @@ class Density(Law):
         check.finish()
         self.function = function
         places = np.linspace(self.lower, self.upper, 8 * _PARTS + 1)[1:-1]
-        least = min((float(function(x)), x) for x in places.tolist())
+        least = min(
+            (check.called("function", lambda x: float(function(x)), x), x) for x in places.tolist()
+        )
         if not least[0] >= 0:
             check.fail(f"the density is {least[0]:g} at {least[1]:g}; expected ≥ 0")
         check.finish()

@@ -73,12 +73,17 @@ class Reduction:
         if self.upper <= self.lower:
             check.fail(f"upper is {self.upper:g} with lower {self.lower:g}; expected upper > lower")
         check.finish()
-        self.breaks = tuple(map(float, breaks))
+        self.breaks = tuple(numbers(check, "breaks", breaks).ravel().tolist())
+        check.finish()
         self._function = function
         self._make: Callable[[float], Reduction] | None = None
         self._end, self._deviation = math.nan, 0.0
         places = np.union1d(np.linspace(self.lower, self.upper, _PLACES), self.breaks)
-        found = np.broadcast_to(np.asarray(function(places), dtype=np.float64), places.shape)
+
+        def values(x: Floats) -> Floats:
+            return np.broadcast_to(np.asarray(function(x), dtype=np.float64), x.shape)
+
+        found = check.called("function", values, places)
         bad = ~((found >= -_ROUNDING) & (found <= 1 + _ROUNDING))
         if bad.any():
             at = int(np.argmax(bad))
@@ -375,7 +380,7 @@ def capacity(check: Checker, ordered: Any, count: Floats) -> Floats:
         return np.zeros_like(count)
     if isinstance(ordered, OrderedLoad):
         ordered = ordered.estimate
-    found = ordered(kinds) if callable(ordered) else ordered
+    found = check.called("ordered", ordered, kinds) if callable(ordered) else ordered
     load = numbers(check, "ordered", found, unit="N")
     if load.shape not in ((), kinds.shape):
         check.fail(f"ordered returns shape {load.shape} for {kinds.shape} counts; expected as many")

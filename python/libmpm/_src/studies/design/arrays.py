@@ -29,7 +29,7 @@ def numbers(
 ) -> Floats:
     """Return a number or a table of numbers as float64, shape () or its own; all within the range.
 
-    What is wrong with the first bad entry is reported to `check`; the result is then not a number.
+    What is wrong with the first bad entry is reported to `check`; the result is then NaN.
     """
     try:
         array = np.asarray(value)

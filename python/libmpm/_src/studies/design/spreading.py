@@ -8,12 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from libmpm._src.moved import renamed
 from libmpm._src.studies.design.formula import Example, Numbers, Symbol, formula
+
+#: Names of version 0.1.
+__getattr__ = renamed(__name__, {"Friction": "DebrisFriction"})
 
 __all__ = [
     "DEBRIS_FRICTION",
     "NAITO_ANGLE",
-    "Friction",
+    "DebrisFriction",
     "naito_half_width",
     "nistor_displacement",
     "nistor_spreading",
@@ -28,7 +32,7 @@ _WASEDA = "Waseda flume and its model containers, N = 3 to 6; not for a prototyp
 
 
 @dataclass(frozen=True)
-class Friction:
+class DebrisFriction:
     """Coulomb friction of debris on a floor, static and dynamic alike."""
 
     dry: float
@@ -41,8 +45,8 @@ class Friction:
 
 #: Friction of the two debris of Park et al. (2021), from table 9.1 of Bonus (2023).
 DEBRIS_FRICTION = {
-    "HDPE": Friction(dry=0.66, dry_deviation=0.07, wet=0.38),
-    "wood": Friction(dry=1.28, dry_deviation=0.13, wet=0.71),
+    "HDPE": DebrisFriction(dry=0.66, dry_deviation=0.07, wet=0.38),
+    "wood": DebrisFriction(dry=1.28, dry_deviation=0.13, wet=0.71),
 }
 
 

@@ -59,7 +59,7 @@ class Study:
     options              -      options of `Simulation` (device, precision, pipeline, threads,
                                 shared_device, time_step, partition) as a mapping, or a callable as
                                 for `until`
-    run_axes             -      names of such options that rows carry, beside the parameters of
+    run_axes             -      names of such options that rows carry, besides the parameters of
                                 the factory: ("device", "precision")
     frame_interval       s      as in `Output`, like the two below; None = no frames
     attributes           -      what frames store

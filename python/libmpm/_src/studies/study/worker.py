@@ -13,7 +13,7 @@ import traceback
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from libmpm._src.errors import Error, OutputError
 from libmpm._src.output import locks
@@ -31,6 +31,11 @@ from libmpm._src.studies.study.shared_files import (
     STATUS,
     TRACEBACK,
 )
+
+if TYPE_CHECKING:
+    from libmpm._src.output.settings import Output
+    from libmpm._src.run.simulation import Simulation
+    from libmpm._src.scene.run_file import RunSettings
 
 __all__ = ["LEAVING", "record_death", "run_case"]
 
@@ -177,7 +182,9 @@ class _Attempt:
             # A full disk must not hide what went wrong before it.
             with contextlib.suppress(OSError):
                 if not self._is_lost():
-                    (self._folder / TRACEBACK).write_text(traceback.format_exc(), encoding="utf-8")
+                    (self._folder / TRACEBACK).write_text(
+                        traceback.format_exc(), encoding="utf-8", errors="backslashreplace"
+                    )
         if self._is_lost():
             # What has taken over the case writes its record.
             return {"outcome": "busy"}
@@ -207,7 +214,7 @@ class _Attempt:
         found: dict[str, Any] = self._task["scene"] | {"run": self._settings().to_dict()}
         return found
 
-    def _settings(self) -> Any:
+    def _settings(self) -> RunSettings:
         from libmpm._src.scene.run_file import RunSettings
 
         return RunSettings(until=self._task["until"], **self._task["output"])
@@ -266,17 +273,17 @@ class _Attempt:
                 "continues from the checkpoint of this step"
             )
 
-    def _output(self) -> Any:
+    def _output(self) -> Output:
         return self._settings().output(self._folder, overwrite=True)
 
-    def _fresh(self) -> Any:
+    def _fresh(self) -> Simulation:
         from libmpm._src.run.simulation import Simulation
         from libmpm._src.scene.scene import Scene
 
         scene = Scene.from_dict(self._task["scene"])
         return Simulation(scene, output=self._output(), **self._task["options"])
 
-    def _resumed(self) -> Any:
+    def _resumed(self) -> Simulation | None:
         """Return the simulation at the newest checkpoint of an attempt that was cut off."""
         from libmpm._src.run.simulation import Simulation
 

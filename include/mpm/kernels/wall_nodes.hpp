@@ -1,0 +1,90 @@
+// Nodes of the blocks that boundaries touch, in scenes with boundaries that only some have: listed
+// by what they ask for when the table of blocks is made, moved in passes of their own before the
+// pass over all nodes. There their long functions would cost every node registers and a stack.
+#pragma once
+
+#include "mpm/kernels/grid.hpp"
+
+namespace mpm {
+
+/// Hears whether any boundary acts on a node, whatever it then leaves.
+struct Acted {
+    bool* acted;
+    template <class... A>
+    MPM_INLINE void operator()(const A&...) const {
+        *acted = true;
+    }
+};
+
+/// What the nodes of the listed blocks ask for, and their lines, where neither changes with time.
+template <int D>
+struct ClassifyWallNodes {
+    BlockTableView<D> table;
+    BoundaryView<D> boundaries;
+    const std::int32_t* blocks;
+    bool edges;               // those of boxes push (`FollowLines::push_at_edges`)
+    WallNode* kind;           // (blocks, nodes)
+    std::uint32_t* lines;     // (blocks, nodes, D), packed
+    std::uint32_t* on_lines;  // (blocks, nodes): 1 where the kind is this one
+    std::uint32_t* any;
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::int32_t slot = blocks[i / block_cells];
+        int at[D];
+        Block<D>::coordinates(int(i % block_cells), at);
+        std::int64_t cell[D];
+        for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
+        bool on = false, other = false;
+        for (int a = 0; a < D; ++a) {
+            WallLine line;
+            if (boundaries.lines) line = find_line<D>(boundaries, a, cell);
+            lines[i * D + a] = line.packed();
+            on = on || line.form != WallLine::none;
+            // Those that it shares its line with push there as well.
+            for (int by = -2; by < 3 && edges; ++by) {
+                std::int64_t there[D];
+                moved_along<D>(cell, a, by, there);
+                each_edge<D>(boundaries, there, [&](int, int, int, double) { other = true; });
+            }
+        }
+        Vec<double, D> v{};
+        apply_boundaries<true>(boundaries, cell, v, Acted{&other});
+        for (int b = 0; b < boundaries.count && boundaries.surface_lines; ++b) {
+            const BoundaryRecord<D>& r = boundaries.records[b];
+            if (r.surface > 0 && r.law[0].linear)
+                other = other ||
+                        SurfaceView<D>(boundaries, boundaries.surfaces[r.surface - 1], cell).known;
+        }
+        kind[i] = other ? WallNode::any : on ? WallNode::on_lines : WallNode::free;
+        on_lines[i] = kind[i] == WallNode::on_lines;
+        any[i] = kind[i] == WallNode::any;
+    }
+};
+
+/// Nodes of the listed blocks from their sums to their velocities. `plain`: those that lie on lines
+/// and nothing else holds.
+template <class T, class Sum, int D, bool plain>
+struct MoveWallNodes {
+    NodeUpdate<T, Sum, D> node;
+    const std::int32_t* blocks;
+    const std::int32_t* nodes;   // by (listed block, node); null: all of them
+    const std::uint32_t* lines;  // null where they have to be found
+    WallNodes<T> to;
+
+    MPM_INLINE void operator()(std::int64_t k) const {
+        if (node.clock->halt != Halt::none) return;
+        const std::int64_t i = nodes ? nodes[k] : k;
+        const std::int32_t slot = blocks[i / block_cells];
+        const int n = int(i % block_cells);
+        const T m = node.mass(slot, n);
+        if (!(m > T(0))) return;
+        bool changed = false;
+        const Vec<T, D> v = node.template wall_velocity<plain>(slot, n, m, node.momentum(slot, n),
+                                                               lines ? lines + i * D : nullptr,
+                                                               Changed<T, D>{&changed});
+        for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
+        to.changed[i] = changed;
+    }
+};
+
+}  // namespace mpm
