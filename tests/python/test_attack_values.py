@@ -8,6 +8,7 @@ import subprocess
 import sys
 from fractions import Fraction
 
+import h5py
 import numpy as np
 import pytest
 
@@ -147,6 +148,28 @@ def test_a_scene_with_a_file_whose_name_is_no_text_is_saved(tmp_path):
     with libmpm.Simulation(scene, device="cpu", threads=1, output=tmp_path / "run") as sim:
         sim.run(until=1e-3, progress=False)
     assert main(["info", str(tmp_path / "run")]) == 0
+
+
+def _labelled(label):
+    return fuzz_readers.small_tank()
+
+
+def test_texts_that_are_none_in_a_study_and_in_units_are_stored(tmp_path):
+    """The table of a study ended in a `UnicodeEncodeError` when all its cases had run."""
+    rows = [{"label": "a\ud800"}, {"label": "a\0b"}]
+    study = libmpm.studies.Study(tmp_path / "study", _labelled, rows, until=0.003)
+    found = study.run(workers=0, device="cpu", progress=False)
+    assert found["label"].tolist() == ["a\ud800", "a\0b"]
+    assert rb"a\ud800" in (tmp_path / "study" / "table.csv").read_bytes()
+    with h5py.File(tmp_path / "study" / "table.h5") as file:
+        assert file["label"].asstr()[:].tolist() == [r"a\ud800", r"a\x00b"]
+    scene = fuzz_readers.small_tank()
+    one = libmpm.sensors.Custom(function=lambda sim: [1.0], columns=("a",), units=("\ud800\0",))
+    scene.add_sensor(name="own", sensor=one)
+    output = libmpm.Output(tmp_path / "run")
+    with libmpm.Simulation(scene, device="cpu", threads=1, output=output) as sim:
+        sim.run(until=0.003, progress=False)
+    assert libmpm.load(tmp_path / "run").sensors["own"].units == (r"\ud800\x00",)
 
 
 # Odd arguments -----------------------------------------------------------------------------------

@@ -7,12 +7,15 @@ each argument of which takes each of the values below. Expected duration: 10 s.
 from __future__ import annotations
 
 import math
+import os
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import libmpm
+from libmpm._src.cli.commands import ExitCode, main
+from libmpm.studies import Study
 from support import fuzz_readers, fuzzing
 
 ODD = {
@@ -65,6 +68,11 @@ CALLS = {
     "save": lambda of, x: of["scene"].save(x),
     "Scene.load": lambda of, x: libmpm.Scene.load(x),
     "from_checkpoint": lambda of, x: libmpm.Scene.from_checkpoint(x),
+    "Output path": lambda of, x: libmpm.Output(x),
+    "Study folder": lambda of, x: Study(x, _tank, [{"a": 1}], until=1.0),
+    "Study.open": lambda of, x: Study.open(x),
+    "run_axes": lambda of, x: Study("s", _tank, [{"a": 1}], until=1.0, run_axes=x),
+    "options": lambda of, x: Study("s", _tank, [{"a": 1}], until=1.0, options=x),
     "add_body": lambda of, x: of["scene"].add_body(name=x, shape=None, material=None),
     "add_boundary": lambda of, x: of["scene"].add_boundary(name=x, shape=None, response=None),
     "add_sensor": lambda of, x: of["scene"].add_sensor(name=x, sensor=None),
@@ -87,8 +95,13 @@ TAKEN = {
     "its label": {"empty", "word", "long", "nul", "surrogate"},
     "save": {"word"}, "save_checkpoint": {"word"}, "validate": {"true"},
     "run wall_limit": {"infinite"}, "run until": {"minus"}, "impulse start": {"minus"},
+    "Output path": {"word"}, "Study folder": {"word"}, "run_axes": {"none", "list"},
     "frames at": {"minus"}, "read": {"none", "list"}, "plot limits": {"set"},
 }  # fmt: skip
+
+
+def _tank(a):
+    return fuzz_readers.small_tank()
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +129,45 @@ def test_ends_by_name(of, name, tmp_path, monkeypatch):
         plt.close("all")
         refused = isinstance(found, libmpm.Error | KeyError)
         assert refused or key in TAKEN.get(name, ()), f"{name} takes {key}"
+
+
+FILES = ("missing", "empty", "bytes", "loop", "dangling", "folder", "deep.json", "null.json", "",
+         ".", "a" * 300, "\ud800", os.fsdecode(b"\xff.json"), "/dev/null")  # fmt: skip
+COMMANDS = (
+    ["check"], ["info"], ["run", "--until", "0.002", "--quiet", "-o", "made"],
+    ["resume", "--until", "0.031", "--quiet", "-o", "made"],
+    ["export", "--to", "csv", "-o", "made"], ["import", "-o", "made", "claymore"],
+    ["study", "run", "-o", "made"], ["study", "status"], ["study", "collect"],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda c: " ".join(c[:2]))
+def test_commands_end_with_the_code_of_an_error(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    for name, raw in (("empty", b""), ("bytes", bytes(range(256))), ("deep.json", b"[" * 100_000),
+                      ("null.json", b"null")):  # fmt: skip
+        (tmp_path / name).write_bytes(raw)
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "dangling").symlink_to("gone")
+    for name in FILES:
+        ended = fuzzing.answer(lambda x=name: main([*command, x]), also=(SystemExit,))
+        code = getattr(ended, "code", ended)
+        assert code in (ExitCode.INPUT, ExitCode.OUTPUT), f"{command} {name!r}: {code}"
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_what_commands_write_ends_with_the_code_of_an_error(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "loop").symlink_to("loop")
+    fuzz_readers.small_tank().save("scene.json")
+    for command in (
+        ["run", "scene.json", "--until", "0.002", "--quiet"],
+        ["schema"],
+        ["bench", "--particles", "100", "--steps", "1", "--json"],
+    ):
+        to = [] if command[-1] == "--json" else ["-o"]
+        ended = fuzzing.answer(lambda c=[*command, *to, name]: main(c), also=(SystemExit,))
+        code = getattr(ended, "code", ended)
+        assert code in (ExitCode.DONE, ExitCode.INPUT, ExitCode.OUTPUT), f"{command}: {code}"

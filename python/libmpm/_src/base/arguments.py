@@ -17,7 +17,8 @@ from typing import Any, ParamSpec, TypeVar
 from libmpm._src.errors import ArgumentError, SceneError
 
 __all__ = [
-    "file_path", "hint", "keywords_only", "known", "nearest", "quoted", "shown", "wrong_arguments",
+    "file_path", "hint", "keywords_only", "known", "nearest", "path_option", "quoted", "resolved",
+    "shown", "wrong_arguments",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -64,14 +65,41 @@ def quoted(name: object) -> str:
     return f"'{name}'" if isinstance(name, str) and len(name) <= 200 else shown(name, 80)
 
 
+#: Bytes of a name in a folder that all systems take.
+_LONGEST_NAME = 255
+
+
 def file_path(path: object, what: str) -> Path:
-    """Return the path of a file or folder; raises `SceneError` for what is none."""
+    """Return the path of a file or folder; raises `SceneError` for what no system can have."""
     try:
-        if isinstance(path, str | os.PathLike) and str(path) and b"\0" not in os.fsencode(path):
-            return Path(path)
+        if isinstance(path, str | os.PathLike) and str(path):
+            names = os.fsencode(path).split(os.sep.encode())
+            if not any(b"\0" in name or len(name) > _LONGEST_NAME for name in names):
+                return Path(path)
     except (TypeError, UnicodeError):  # a path of bytes; a text that no system has
         pass
     raise SceneError(f"{what}: path is {shown(path, 80)}; expected the name of a file or folder")
+
+
+def path_option(text: str) -> Path:
+    """Return the path that an option of the command line names."""
+    try:
+        return file_path(text, "option")
+    except SceneError:
+        from argparse import ArgumentTypeError
+
+        raise ArgumentTypeError(
+            f"{shown(text, 80)}; expected the name of a file or folder"
+        ) from None
+
+
+def resolved(path: object, what: str) -> Path:
+    """Return the absolute path of a file or folder without links; raises `SceneError`."""
+    found = file_path(path, what)
+    try:
+        return found.resolve()
+    except (OSError, RuntimeError) as error:  # links that lead to each other
+        raise SceneError(f"{what}: {found} leads nowhere: {error}") from error
 
 
 class hint(str):

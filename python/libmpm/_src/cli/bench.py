@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from libmpm._src.base.arguments import path_option
 from libmpm._src.base.tables import pair_table
 from libmpm._src.boundaries import responses
 from libmpm._src.cli import info
@@ -287,7 +288,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pipeline", default="auto", help="auto, fused, two-pass or phased")
     parser.add_argument("--walls", default="auto", help="cells beside them: auto, held or linear")
     parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0 = default")
-    parser.add_argument("--json", type=Path, help="append the JSON line to this file")
+    parser.add_argument("--json", type=path_option, help="append the JSON line to this file")
 
 
 def run_command(arguments: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from libmpm._src.base.tables import pair_table
+from libmpm._src.errors import SceneError
 from libmpm._src.output.folder_lock import LOCK
 from libmpm._src.output.locks import held_by, is_held
 from libmpm._src.run import backends
@@ -121,7 +122,11 @@ def about(path: Path) -> dict[str, Any]:
 
     Raises `SceneError` and `CheckpointError`.
     """
-    if path.is_dir():
+    try:
+        folder = path.is_dir()
+    except OSError as error:  # a name that is too long
+        raise SceneError(f"{path}: cannot be read: {error.strerror}") from error
+    if folder:
         return _about_run(path)
     if path.suffix == ".npz":
         return _about_checkpoint(path)

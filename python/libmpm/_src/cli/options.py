@@ -6,6 +6,8 @@ import argparse
 import re
 from pathlib import Path
 
+from libmpm._src.base.arguments import path_option
+
 __all__ = ["parser", "seconds"]
 
 _LISTED = (
@@ -111,16 +113,24 @@ def parser() -> argparse.ArgumentParser:
 
     importer = commands.add_parser("import", help="a scene of another program as a scene file")
     importer.add_argument("format", choices=("claymore",))
-    importer.add_argument("file", type=Path)
-    importer.add_argument("-o", "--output", type=Path, required=True, help="scene file to write")
-    importer.add_argument("--cell-size", type=float, help="m; default: that of the file")
-    importer.add_argument("--motion-folder", type=Path, help="of motion files; default: the file's")
+    importer.add_argument("file", type=path_option)
     importer.add_argument(
-        "--checkpoint", type=Path, help="checkpoint to use instead of the one named in the file"
+        "-o", "--output", type=path_option, required=True, help="scene file to write"
+    )
+    importer.add_argument("--cell-size", type=float, help="m; default: that of the file")
+    importer.add_argument(
+        "--motion-folder", type=path_option, help="of motion files; default: the file's"
+    )
+    importer.add_argument(
+        "--checkpoint",
+        type=path_option,
+        help="checkpoint to use instead of the one named in the file",
     )
 
     demo = commands.add_parser("demo", help="a surge carries debris into a raised box")
-    demo.add_argument("-o", "--output", type=Path, default=Path("libmpm-demo"), help="folder")
+    demo.add_argument(
+        "-o", "--output", type=path_option, default=Path("libmpm-demo"), help="folder"
+    )
     demo.add_argument("--without-debris", action="store_true", help="water only")
     _add_execution(demo)
     _add_writing(demo)
@@ -135,8 +145,8 @@ def parser() -> argparse.ArgumentParser:
     _add_writing(flume)
 
     run = commands.add_parser("run", help="run a scene file", epilog=_LISTED)
-    run.add_argument("file", type=Path)
-    run.add_argument("-o", "--output", type=Path, required=True, help="folder")
+    run.add_argument("file", type=path_option)
+    run.add_argument("-o", "--output", type=path_option, required=True, help="folder")
     existing = run.add_mutually_exclusive_group()
     existing.add_argument("--overwrite", action="store_true", help="replace earlier results")
     existing.add_argument(
@@ -150,13 +160,13 @@ def parser() -> argparse.ArgumentParser:
     _add_scaling(run)
 
     plan = commands.add_parser("plan", help="what a scene would store, run and cost")
-    plan.add_argument("file", type=Path)
+    plan.add_argument("file", type=path_option)
     plan.add_argument("--until", type=float, help="end, s; overrides the file")
     _add_execution(plan)
     _add_scaling(plan)
 
     check = commands.add_parser("check", help="validate a scene file: all problems at once")
-    check.add_argument("file", type=Path)
+    check.add_argument("file", type=path_option)
     check.add_argument("--strict", action="store_true", help="warnings count as problems")
     check.add_argument(
         "--advise", type=float, nargs="?", const=0.05, metavar="ERROR",
@@ -165,8 +175,8 @@ def parser() -> argparse.ArgumentParser:
     _add_scaling(check)
 
     resume = commands.add_parser("resume", help="continue a run after a stop or kill")
-    resume.add_argument("path", type=Path, help="folder of the run, or a checkpoint file")
-    resume.add_argument("-o", "--output", type=Path, help="another folder for the rest")
+    resume.add_argument("path", type=path_option, help="folder of the run, or a checkpoint file")
+    resume.add_argument("-o", "--output", type=path_option, help="another folder for the rest")
     resume.add_argument(
         "--overwrite", action="store_true", help="replace the results of another run in the folder"
     )
@@ -178,9 +188,9 @@ def parser() -> argparse.ArgumentParser:
     from libmpm._src.studies.study.command import add_arguments as add_study_arguments
 
     export = commands.add_parser("export", help="frames and sensors in other formats")
-    export.add_argument("path", type=Path, help="folder of a run, or a checkpoint file")
+    export.add_argument("path", type=path_option, help="folder of a run, or a checkpoint file")
     export.add_argument("--to", required=True, choices=FORMATS)
-    export.add_argument("-o", "--output", type=Path, help="folder; default: RUN/export")
+    export.add_argument("-o", "--output", type=path_option, help="folder; default: RUN/export")
     export.add_argument("--body", nargs="+", help="names of bodies; default: all")
     export.add_argument(
         "--attributes",
@@ -199,9 +209,11 @@ def parser() -> argparse.ArgumentParser:
     info = commands.add_parser(
         "info", help="version, devices, packages; or what a run, scene or checkpoint holds"
     )
-    info.add_argument("path", type=Path, nargs="?", help="folder of a run, scene file, checkpoint")
+    info.add_argument(
+        "path", type=path_option, nargs="?", help="folder of a run, scene file, checkpoint"
+    )
     info.add_argument("--json", action="store_true", help="as JSON")
 
     schema = commands.add_parser("schema", help="JSON Schema of scene files, for editors")
-    schema.add_argument("-o", "--output", type=Path, help="file; default: print it")
+    schema.add_argument("-o", "--output", type=path_option, help="file; default: print it")
     return made

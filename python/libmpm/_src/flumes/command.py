@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from libmpm._src.base.arguments import path_option
 from libmpm._src.errors import SceneError
 
 if TYPE_CHECKING:
@@ -29,7 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seed", type=int, help="of small shifts of the debris: repeats of one set-up"
     )
     parser.add_argument(
-        "-o", "--output", type=Path, help="folder; a run that was interrupted there continues"
+        "-o",
+        "--output",
+        type=path_option,
+        help="folder; a run that was interrupted there continues",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace earlier results")
     parser.add_argument(

@@ -113,7 +113,7 @@ class Table:
         """Write all rows; the file appears whole or not at all. Raises `OutputError`."""
         with (
             replacing(Path(path)) as part,
-            part.open("w", encoding="utf-8", newline="") as file,
+            part.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file,
         ):
             writer = csv.writer(file)
             writer.writerow(self._head())

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from libmpm._src.base.arguments import file_path
 from libmpm._src.errors import OutputError
 
 __all__ = ["TEMPORARY", "file_name", "replacing", "sync_folder", "write_json", "writing"]
@@ -83,7 +84,10 @@ def replacing(path: Path, *, durable: bool = False) -> Iterator[Path]:
     `durable` also forces the data to the disk before the rename, so that a power failure leaves
     the old or the new file, never an empty one.
     """
-    part = path.with_name(path.name + TEMPORARY)
+    try:
+        part = file_path(path, "writing").with_name(path.name + TEMPORARY)
+    except ValueError as error:  # no name, or one that no file can have
+        raise OutputError(f"cannot write {path}: expected the name of a file") from error
     with writing(path):
         try:
             yield part

@@ -331,7 +331,10 @@ def _table(path: Path, picture: Picture, arrays: Mapping[str, NDArray[Any]]) -> 
         names = _columns(name, values, position.shape[1])
         titles += [f"{n} [{unit}]" if unit else n for n in names]
         columns += list(values.reshape(rows, math.prod(values.shape[1:])).T)
-    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+    with (
+        replacing(path) as part,
+        part.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file,
+    ):
         file.write(",".join(titles) + "\n")
         # Texts take many times the memory of numbers.
         for row in range(0, rows, _ROWS):

@@ -29,12 +29,20 @@ __all__ = ["LIBVER", "attributes_of", "new_file", "new_group", "set_attributes"]
 LIBVER = ("v108", "v110")
 
 
+def storable_text(text: str) -> str:
+    """Return a text as HDF5 holds it: what is no character, and the one that ends a text, escaped.
+
+    Names of files may have bytes that are no text.
+    """
+    return text.replace("\0", "\\x00").encode(errors="backslashreplace").decode()
+
+
 def set_attributes(item: Any, values: Mapping[str, Any]) -> None:
     """Set attributes of a group or dataset; texts and lists of texts in UTF-8, of fixed length."""
     for name, value in values.items():
         texts = [value] if isinstance(value, str) else value
         if isinstance(texts, list | tuple) and texts and all(isinstance(t, str) for t in texts):
-            raw = [t.encode() for t in texts]
+            raw = [storable_text(t).encode() for t in texts]
             width = max(1, *(len(r) for r in raw))
             kind = h5py.string_dtype("utf-8", width)
             data = np.array(raw if texts is value else raw[0], f"S{width}")

@@ -202,7 +202,12 @@ def append_csv(path: Path, series: Series, first: int) -> None:
     """
     first = first if path.exists() else 0
     time, values = series.since(first)
-    with writing(path), path.open("a" if first else "w", encoding="utf-8", newline="") as file:
+    with (
+        writing(path),
+        path.open(
+            "a" if first else "w", encoding="utf-8", errors="backslashreplace", newline=""
+        ) as file,
+    ):
         if not first:
             titles = [f"{c} [{u}]" for c, u in zip(series.components, series.units, strict=True)]
             file.write(",".join(["time [s]", *titles]) + "\n")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import numbers
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.base.values import keywords_only, shown
+from libmpm._src.base.arguments import file_path, keywords_only, shown
 from libmpm._src.errors import SceneError
 from libmpm._src.sensors.engine_sensors import LEAST_INTERVAL
 
@@ -116,8 +115,10 @@ class Output:
                 )
         if not isinstance(overwrite, bool):
             problems.append(f"Output: overwrite is {shown(overwrite)}; expected True or False")
-        if not isinstance(path, str | os.PathLike):
-            problems.append(f"Output: path is {shown(path)}; expected the name of a folder")
+        try:
+            path = file_path(path, "Output")
+        except SceneError as error:
+            problems += error.problems
         if problems:
             raise SceneError(problems)
         self._settings = _Settings(

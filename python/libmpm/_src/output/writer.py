@@ -97,7 +97,7 @@ class Writer:
         self._times = {body: frame_times(self._frames, body) for body in simulation.particles}
         write_json(self._folder / "scene.json", simulation.scene_document())
         with replacing(self._folder / "plan.txt") as part:
-            part.write_text(f"{simulation.plan}\n", encoding="utf-8")
+            part.write_text(f"{simulation.plan}\n", encoding="utf-8", errors="backslashreplace")
         # A log without a sensor file is begun again by who continues; the reverse is refused.
         self.log("running")
         self._sensors = SensorFile(self._folder / "sensors.h5", simulation.sensors.all_series())

@@ -23,7 +23,7 @@ def write_csv(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) ->
     writer.writerow(head)
     writer.writerows(rows)
     with replacing(path) as part:
-        part.write_text(text.getvalue(), encoding="utf-8")
+        part.write_text(text.getvalue(), encoding="utf-8", errors="backslashreplace")
 
 
 def report(

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from libmpm._src.base.arguments import path_option
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import SceneError
 
@@ -32,8 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True)
 
     run = actions.add_parser("run", help="run what has not finished yet")
-    run.add_argument("file", type=Path, help="a Python file with study(folder) -> libmpm.Study")
-    run.add_argument("-o", "--output", type=Path, required=True, help="folder of the study")
+    run.add_argument(
+        "file", type=path_option, help="a Python file with study(folder) -> libmpm.Study"
+    )
+    run.add_argument("-o", "--output", type=path_option, required=True, help="folder of the study")
     run.add_argument("--workers", type=int, help="processes; default: one a GPU, or by cores")
     run.add_argument("--threads", type=int, default=1, help="CPU threads of a case; default 1")
     run.add_argument(
@@ -46,11 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     run.add_argument("--quiet", action="store_true", help="no progress bar")
 
     status = actions.add_parser("status", help="how the cases of a folder stand")
-    status.add_argument("folder", type=Path)
+    status.add_argument("folder", type=path_option)
 
     collect = actions.add_parser("collect", help="the table of what has finished")
-    collect.add_argument("folder", type=Path)
-    collect.add_argument("-o", "--output", type=Path, help="write it to a .csv or .h5 file")
+    collect.add_argument("folder", type=path_option)
+    collect.add_argument("-o", "--output", type=path_option, help="write it to a .csv or .h5 file")
 
 
 def run_command(arguments: argparse.Namespace) -> int:

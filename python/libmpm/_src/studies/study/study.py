@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from libmpm._src.base.values import Checker, keywords_only, nearest, shown
+from libmpm._src.base.arguments import keywords_only, known, nearest, quoted, resolved, shown
+from libmpm._src.base.values import Checker
 from libmpm._src.errors import OutputError, SceneError
 from libmpm._src.output.atomic_files import writing
 from libmpm._src.output.locks import locked
@@ -104,21 +105,22 @@ class Study:
             check.fail(f"response is {shown(response, 60)}; expected a function of a case, or None")
         if trunk is not None:
             check.instance("trunk", trunk, (Trunk,), "libmpm.studies.Trunk(...)")
-        axes = [run_axes] if isinstance(run_axes, str) else list(run_axes)
+        axes = [run_axes] if isinstance(run_axes, str) else None
+        axes = check.items("run_axes", run_axes, "names") if axes is None else axes
         for axis in axes:
-            if axis not in OPTIONS:
-                check.fail(f"run_axes has '{axis}'; {nearest(axis, OPTIONS)}")
+            if not known(axis, OPTIONS):
+                check.fail(f"run_axes has {quoted(axis)}; {nearest(axis, OPTIONS)}")
         if isinstance(options, Mapping):
             for key in options:
-                if key not in OPTIONS:
-                    check.fail(f"options has '{key}'; {nearest(key, OPTIONS)}")
+                if not known(key, OPTIONS):
+                    check.fail(f"options has {quoted(key)}; {nearest(key, OPTIONS)}")
         elif options is not None and not callable(options):
             check.fail(
                 f"options is {shown(options, 60)}; expected a mapping or a function, or None"
             )
         name = check.text("name", name, empty=True)
         check.finish()
-        self._folder = Path(folder).resolve()
+        self._folder = resolved(folder, "Study")
         self._name = name
         self._response = response
         self._axes = axes
@@ -144,7 +146,7 @@ class Study:
         Raises `SceneError` if the folder holds none.
         """
         study = cls.__new__(cls)
-        study._folder = Path(folder).resolve()
+        study._folder = resolved(folder, "Study.open")
         study._name, study._axes, study._plans = read_ledger(study._folder)
         study._rows = [plan.row for plan in study._plans]
         study._response, study._planner, study._output = None, None, {}

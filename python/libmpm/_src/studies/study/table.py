@@ -19,7 +19,7 @@ from libmpm._src.base.optional_packages import need
 from libmpm._src.base.tables import html_table, text_table
 from libmpm._src.base.values import nearest
 from libmpm._src.output.atomic_files import file_name, replacing, writing
-from libmpm._src.output.hdf5_image import new_file
+from libmpm._src.output.hdf5_image import new_file, storable_text
 from libmpm._src.studies.study.rows import canonical
 
 __all__ = ["COLUMNS", "StudyResult", "TrunkCost"]
@@ -162,7 +162,10 @@ class StudyResult:
         target = Path(path)
         with writing(target):
             target.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(target) as part, part.open("w", encoding="utf-8", newline="") as file:
+        with (
+            replacing(target) as part,
+            part.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file,
+        ):
             table = csv.writer(file)
             table.writerow(self.columns)
             table.writerows([_text(row.get(c)) for c in self.columns] for row in self.rows)
@@ -180,20 +183,23 @@ class StudyResult:
             target.parent.mkdir(parents=True, exist_ok=True)
         with new_file(target) as file:
             file.attrs["generator"] = "libmpm"
-            file.attrs["name"] = self.name
+            file.attrs["name"] = storable_text(self.name)
             file.attrs["trunk_wall_time"] = self.trunk_wall_time
             file.attrs["time_saved"] = self.time_saved
             for key in ("versions", "columns", "parameters", "responses"):
-                file.attrs.create(key, list(getattr(self, key)), dtype=string_dtype())
+                names = [storable_text(name) for name in getattr(self, key)]
+                file.attrs.create(key, names, dtype=string_dtype())
             for name in self.columns:
                 column = self[name]
                 texts = column.dtype.kind == "U"
+                if texts:
+                    column = np.array([storable_text(x) for x in column.tolist()], dtype=object)
                 data = file.create_dataset(
                     file_name(name),
-                    data=column.astype(object) if texts else column,
+                    data=column,
                     dtype=string_dtype() if texts else None,
                 )
-                data.attrs["name"] = name
+                data.attrs["name"] = storable_text(name)
 
     # Printing ---------------------------------------------------------------------------------
 
