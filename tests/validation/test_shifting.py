@@ -144,4 +144,4 @@ def test_what_it_is_not_built_for():
         scene.to_dict() | {"method": libmpm.Method(kernel="cubic").to_dict()}
     )
     with pytest.raises(libmpm.SceneError, match=r"shifting=True.*quadratic.*leave shifting out"):
-        libmpm.Simulation(cubic, device="cpu")
+        cubic.plan(device="cpu")
