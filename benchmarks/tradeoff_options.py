@@ -18,7 +18,7 @@ from libmpm.methods import AssumedFields, Kernel, Smoothing, Transfer
 BASELINE = "baseline"
 WATER = 2.2e9  # Pa, bulk modulus of real water
 #: Fields of an option that lines name only where they are not the usual ones.
-CHANGES = ("size", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed")
+CHANGES = ("size", "shifting", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed")
 #: Forms of F-bar whose smoothing is set by a length.
 BY_LENGTH = ("two-volume", "split", "literal")
 LENGTH = 1.0  # cells, of those forms
@@ -54,6 +54,7 @@ class Option:
     walls: Response | None = None
     layer: DecayLayer | None = None
     size: float | None = None
+    shifting: bool = False
     cells: float = 1.0
     per_cell: int | None = None
     bulk: float | None = None
@@ -67,7 +68,7 @@ class Option:
         crossing = cell_size / wave_speed
         return Options(
             method=Method(cfl=cfl * self.step, transfer=self.transfer, kernel=self.kernel),
-            fbar=smoothing(self.fbar, self.size, cell_size, crossing),
+            fbar=smoothing(self.fbar, self.size, cell_size, crossing, self.shifting),
             solid_fbar=smoothing(self.solid_fbar, self.size, cell_size, crossing),
             walls=self.walls,
             layer=self.layer,
@@ -129,14 +130,19 @@ def _walls(response: Response) -> str:
 
 
 def smoothing(
-    form: str | None, size: float | None, cell_size: float, crossing: float
+    form: str | None,
+    size: float | None,
+    cell_size: float,
+    crossing: float,
+    shifting: bool = False,
 ) -> FBar | None:
     """Return a form with its length in cells or its time in crossings; None is the usual one."""
     if form is None:
         return None
     if form in BY_LENGTH:
         return FBar(form=form, length=(size or LENGTH) * cell_size)  # type: ignore[arg-type]
-    return FBar(form=form, time=None if size is None else size * crossing)  # type: ignore[arg-type]
+    time = None if size is None else size * crossing
+    return FBar(form=form, time=time, shifting=shifting)  # type: ignore[arg-type]
 
 
 def _transfers() -> list[Option]:
@@ -302,6 +308,7 @@ OPTIONS: tuple[Option, ...] = (
     *_transfers(),
     *_kernels(),
     *(Option(f"F-bar {form}", "F-bar", fbar=form) for form in FORMS),
+    Option("F-bar one-volume-gradient, shifting", "F-bar", fbar=FORMS[0], shifting=True),
     *(Option(f"solid F-bar {form}", "solid", solid_fbar=form) for form in FORMS),
     *(Option(law, "solid", material=law) for law in LAWS),
     Option("mirrored walls", "boundary", walls=Mirror()),
@@ -326,7 +333,7 @@ SHORT = (
     BASELINE, "PIC", "FLIP", "PIC-FLIP 0.95", "AFLIP 0.95", "ASFLIP 0.95", "XPIC 5 every 5",
     "quadratic, kernel gradient", "cubic", "uGIMP", "linear, PIC-FLIP 0.95", "mirrored walls",
     "F-bar one-volume-gradient", "F-bar one-volume-gradient, 3.5 crossings", "F-bar two-volume",
-    "F-bar two-volume, 5 cells", "solid F-bar two-volume", "double precision", "smoothing C0",
-    "smoothing F0AL1", "LinearElastic", "LinearElastic, smoothing C0",
-    "LinearElastic, smoothing F0AL1",
+    "F-bar one-volume-gradient, shifting", "F-bar two-volume, 5 cells", "solid F-bar two-volume",
+    "double precision", "smoothing C0", "smoothing F0AL1", "LinearElastic",
+    "LinearElastic, smoothing C0", "LinearElastic, smoothing F0AL1",
 )  # fmt: skip

@@ -83,12 +83,13 @@ MPM_CALL double room_of_node(const BoundaryView<D>& all, const std::int64_t (&ce
 
 /// By how much a fluid overfills each node: mass over that of a full one, less what its averaged
 /// volume says, less what disorder alone makes of it.
-template <class T, class Sum, int D>
+template <class X, class T, class Sum, int D>
 struct FindOverfull {
     NodeUpdate<T, Sum, D> node;
     GroupChannels group;
-    double full;  // mass of a full node, kg
-    T* overfull;  // (slots, nodes)
+    double full;          // mass of a full node, kg
+    T* overfull;          // (slots, nodes)
+    std::uint32_t* some;  // (slots,), zero before: 1 where any node of the block is
 
     MPM_INLINE void operator()(std::int64_t i) const {
         if (!shifts_now(*node.clock)) return;
@@ -112,7 +113,9 @@ struct FindOverfull {
         const double loss =
             from_sum<double>(s[group.sum * block_cells], node.clock->unit_read[group_sum]) / mass;
         const double by = mass / (full * room) - (loss > 0 ? 1 / (1 - loss) : 1.0) - shift_band;
-        if (by > 0) overfull[i] = T(by < 0.5 ? by : 0.5);
+        if (!(by > 0)) return;
+        overfull[i] = T(by < 0.5 ? by : 0.5);
+        X::raise(&some[i / block_cells]);
     }
 };
 
@@ -124,10 +127,15 @@ struct ShiftParticles {
     const Clock* clock;
     BodyView<T, D> body;
     const G* overfull;
+    const std::uint32_t* some;
 
     MPM_INLINE void operator()(std::int64_t i) const {
         if (!shifts_now(*clock)) return;
         const std::int32_t slot = body.home[i / block_cells];
+        const std::int32_t* around = table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
+        std::uint32_t any = 0;
+        for (int n = 0; n < Block<D>::neighbours; ++n) any |= around[n] < 0 ? 0 : some[around[n]];
+        if (!any) return;
         const int k = int(i % block_cells);
         const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
         const std::uint32_t end = start[body.cell ? block_cells : k + 1];

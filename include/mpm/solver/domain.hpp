@@ -403,6 +403,7 @@ private:
     Buffer<X, Grid> wall_velocity_{exec_};  // `WallNodes`
     Buffer<X, std::uint8_t> wall_changed_{exec_};
     Buffer<X, Grid> overfull_{exec_};  // (slots, nodes), where particles are shifted
+    Buffer<X, std::uint32_t> some_overfull_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();

@@ -196,11 +196,14 @@ void Domain<X, T, D>::shift_particles() {
         if (!s.shifts || body.homes == 0) continue;
         const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
         overfull_.reserve_discard(std::size_t(nodes));
+        some_overfull_.reserve_discard(std::size_t(table_.slots));
+        some_overfull_.zero();
         const BodyView<T, D> view = body.view();
         const double full =
             view.particle_mass / view.particle_volume * std::pow(spec_.cell_size, D);
-        exec_.for_each(nodes, FindOverfull<Grid, Sum, D>{node_update(parity()), body.plan.group,
-                                                         full, overfull_.data()});
+        exec_.for_each(nodes,
+                       FindOverfull<X, Grid, Sum, D>{node_update(parity()), body.plan.group, full,
+                                                     overfull_.data(), some_overfull_.data()});
         exec_.for_each(
             std::int64_t(body.homes) * block_cells,
             ShiftParticles<Grid, T, D>{table_, clock_buffer_.data(), view, overfull_.data()});
