@@ -185,7 +185,6 @@ std::uint64_t Domain<X, T, D>::workers_of(const Body& body) const {
     }
 }
 
-/// The particles' half of a step, each body by its own pipeline.
 /// Before particles move, while the sums say how full the nodes are that they are about to leave.
 template <class X, class T, int D>
 void Domain<X, T, D>::shift_particles() {
@@ -204,12 +203,13 @@ void Domain<X, T, D>::shift_particles() {
         exec_.for_each(nodes,
                        FindOverfull<X, Grid, Sum, D>{node_update(parity()), body.plan.group, full,
                                                      overfull_.data(), some_overfull_.data()});
-        exec_.for_each(
-            std::int64_t(body.homes) * block_cells,
-            ShiftParticles<Grid, T, D>{table_, clock_buffer_.data(), view, overfull_.data()});
+        exec_.for_each(std::int64_t(body.homes) * block_cells,
+                       ShiftParticles<Grid, T, D>{table_, clock_buffer_.data(), view,
+                                                  overfull_.data(), some_overfull_.data()});
     }
 }
 
+/// The particles' half of a step, each body by its own pipeline.
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
     if (most_shift() > 0) shift_particles();
