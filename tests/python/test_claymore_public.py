@@ -78,7 +78,7 @@ def test_at_their_own_resolution(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
+@pytest.mark.timeout(3600)
 def test_the_large_wave_flume_runs_to_its_wave() -> None:
     """The twin of the front end, 4.4 cells deep, until its wave has passed the first gauge.
 
