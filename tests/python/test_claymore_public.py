@@ -78,7 +78,7 @@ def test_at_their_own_resolution(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
+@pytest.mark.timeout(3600)
 def test_the_large_wave_flume_runs_to_its_wave() -> None:
     """The twin of the front end, 4.4 cells deep, until its wave has passed the first gauge.
 
@@ -104,7 +104,14 @@ def test_the_large_wave_flume_runs_to_its_wave() -> None:
     arrives = time[fastest] + (gauge - 1.91 - place[fastest]) / np.sqrt(9.81 * (depth + height))
 
     sim = libmpm.Simulation(scene, device="cpu", precision="single")
-    sim.run(until=float(arrives + 1.5), progress=False)
+    # Water 0.6 cells deep ahead of it creeps ashore, by 0.4 m/s in the end, with the boxes:
+    # none may be within two cells of the structure where that is to be dry.
+    until, dry, front = float(arrives + 1.5), 0.0, 45.8 - 2 * 0.4
+    for end in np.append(np.arange(0.5, until, 0.5), until):
+        sim.run(until=float(end), progress=False)
+        boxes = [sim.particles[f"debris-{n}"]["position"][:, 0].max() for n in range(1, 17)]
+        if max(boxes) + 0.05 < front:
+            dry = sim.time
     series = sim.sensors["WaveGauge1"]
     level = np.asarray(series.values)[:, 0]
     rise = level - level[np.asarray(series.time) < 1.0].mean()
@@ -114,8 +121,12 @@ def test_the_large_wave_flume_runs_to_its_wave() -> None:
     assert 0.5 * height < rise.max() < 1.1 * height
     assert series.time[crest[:-8].argmax()] == pytest.approx(arrives, abs=0.67)
     beside = 1000 * 9.81 * 0.4 / 8 * 0.4 * 1.2  # N: 0.4 m of height, 1.2 m of effective width
-    loads = [np.abs(np.asarray(sim.sensors[f"LoadCell{k}"].values)).max() for k in (1, 2)]
-    print(f"loads {loads[0]:.1f} and {loads[1]:.1f} N of {beside:.0f}")
+    loads = []
+    for k in (1, 2):
+        cell = sim.sensors[f"LoadCell{k}"]
+        loads.append(np.abs(np.asarray(cell.values)[np.asarray(cell.time) <= dry]).max())
+    print(f"loads {loads[0]:.1f} and {loads[1]:.1f} N of {beside:.0f} until {dry:.1f} s")
+    assert dry > 8.0
     assert loads[0] < beside
     assert loads[1] == 0
     for number in range(1, 17):
