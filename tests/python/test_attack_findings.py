@@ -20,6 +20,7 @@ from libmpm._src.output.hdf5_image import LIBVER, attributes_of, new_file, new_g
 from libmpm._src.output.results import Frame
 from libmpm._src.output.sensor_file import SensorFile, read_sensors
 from libmpm._src.output.series import Series
+from libmpm._src.shapes.lattices import lattice
 from libmpm.compat import claymore
 from support import fuzz_readers, fuzzing
 
@@ -326,12 +327,14 @@ def test_bodies_that_are_no_list_are_refused_by_a_checkpoint(saved, bodies):
 
 
 def test_a_box_of_more_cells_than_numbers_go_is_refused():
-    scene = libmpm.Scene(dimension=2, cell_size=1e-300, lower=(0, 0), upper=(1e-299, 1e-299))
+    with pytest.raises(libmpm.SceneError, match="more cells of 1e-300 m than can be counted"):
+        lattice((0.0, 0.0), (1e300, 1e300), 1e-300, 4)
+    scene = libmpm.Scene(dimension=2, cell_size=1e-99, lower=(0, 0), upper=(1e-98, 1e-98))
     scene.add_body(
-        name="w", shape=shapes.Box(lower=(0, 0), upper=(1e300, 1e300)),
+        name="w", shape=shapes.Box(lower=(0, 0), upper=(9e99, 9e99)),
         material=materials.TaitFluid(bulk_modulus=1e5),
     )  # fmt: skip
-    with pytest.raises(libmpm.SceneError, match="more cells of 1e-300 m than can be counted"):
+    with pytest.raises(libmpm.SceneError, match="particles; expected ≤"):
         scene.validate()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import numbers
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,8 +18,8 @@ from typing import Any, ParamSpec, TypeVar
 from libmpm._src.errors import ArgumentError, SceneError
 
 __all__ = [
-    "file_path", "hint", "keywords_only", "known", "nearest", "path_option", "quoted", "resolved",
-    "shown", "wrong_arguments",
+    "file_path", "hint", "is_number", "keywords_only", "known", "nearest", "path_option",
+    "quoted", "resolved", "shown", "wrong_arguments",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -58,6 +59,11 @@ def shown(item: Any, most: int = 200) -> str:
 def known(name: object, names: Iterable[str]) -> bool:
     """Tell whether something is one of the names; an array, a list or a number never is."""
     return isinstance(name, str) and name in names
+
+
+def is_number(item: object) -> bool:
+    """Tell whether something is a real number, and no truth value."""
+    return isinstance(item, numbers.Real) and not isinstance(item, bool)
 
 
 def quoted(name: object) -> str:

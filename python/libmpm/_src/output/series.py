@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.base.arguments import known, nearest, quoted, shown
+from libmpm._src.base.arguments import is_number, known, nearest, quoted, shown
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import MOST, Checker
 from libmpm._src.errors import Error
@@ -168,8 +167,7 @@ class Series:
 
     def filter_length(self, filter: Any) -> float:
         """Return the length of a moving mean, s; raises `Error` for what is none."""
-        number = isinstance(filter, numbers.Real) and not isinstance(filter, bool)
-        if not (number and 0 <= filter < MOST):
+        if not (is_number(filter) and 0 <= filter < MOST):
             raise Error(f"series '{self.name}': filter is {shown(filter)}; expected a length ≥ 0 s")
         return float(filter)
 

@@ -5,14 +5,13 @@
 
 from __future__ import annotations
 
-import numbers
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.arguments import known, nearest, shown
+from libmpm._src.base.arguments import is_number, known, nearest, shown
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, constant, engine_table
 from libmpm._src.base.values import MOST, warn
@@ -76,11 +75,8 @@ def check_options(
         problems.append(f"precision is {shown(precision)}; {nearest(precision, PRECISIONS)}")
     if not known(pipeline, PIPELINES):
         problems.append(f"pipeline is {shown(pipeline)}; {nearest(pipeline, PIPELINES)}")
-    number = isinstance(time_step, numbers.Real) and not isinstance(time_step, bool)
-    if time_step is not None and not (number and 1 / MOST <= time_step < MOST):
-        problems.append(
-            f"time_step is {shown(time_step)}; expected > 0 s; use None for the stable one"
-        )
+    if time_step is not None and not (is_number(time_step) and 1 / MOST <= time_step < MOST):
+        problems.append(f"time_step is {shown(time_step)}; expected > 0 s, or None: the stable one")
     # Beyond what a system can start, OpenMP ends the process.
     if not isinstance(threads, int) or not 0 <= threads <= _MOST_THREADS:
         problems.append(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import numbers
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,7 +22,7 @@ from libmpm._src.run.assembly import Assembly, select
 from libmpm._src.run.engine_spec import check_backend, choose_precision, lower, world_offset
 from libmpm._src.run.files import Files, recorded
 from libmpm._src.run.guard import Guard, as_guard
-from libmpm._src.run.loop import Loop
+from libmpm._src.run.loop import Loop, asked_for
 from libmpm._src.run.partition import Partition, as_partition
 from libmpm._src.run.plan import Plan
 from libmpm._src.run.plotting import Shown
@@ -414,18 +412,7 @@ class Simulation(Shown, Acting):
         everything valid and flushed. Either way `run` can be called again, and no bit is changed.
         Raises `Error` while another thread runs or steps it.
         """
-        check = Checker("Simulation.run")
-        if not isinstance(until, numbers.Real | str | bytes | np.bool_) and hasattr(
-            until, "__float__"
-        ):
-            with contextlib.suppress(OverflowError, TypeError, ValueError):
-                until = float(until)  # arrays and decimal fractions that are one number
-        until = check.number("until", until, unit="s", infinite=True)
-        if wall_limit is not None:
-            wall_limit = check.number("wall_limit", wall_limit, lower=0, unit="s", infinite=True)
-        if not isinstance(progress, bool | np.bool_) and not callable(progress):
-            check.fail(f"progress is {shown(progress)}; expected True, False or a callable")
-        check.finish()
+        until, wall_limit = asked_for(until, progress, wall_limit)
         with self._turns.advancing(self._scene.name):
             return self._loop.run(until, progress, wall_limit)
 
