@@ -265,8 +265,32 @@ def test_name_and_unit_of_a_record_are_texts(text):
             analysis.Signal([0.0, 1.0], [1.0, 2.0], **{key: text})
 
 
-@pytest.mark.parametrize("text", [10**5000, fuzzing.nested(5000)], ids=range(2))
+@pytest.mark.parametrize("text", [10**5000, *map(fuzzing.nested, (101, 5000))], ids=range(3))
 def test_a_rotation_by_what_has_no_text_is_refused(text):
     for key in ("degrees", "angle"):
         with pytest.raises(libmpm.SceneError, match="without a text of its own"):
             boundaries.Rotation(about=(0, 0), rate=1.0, **{key: text})
+
+
+@pytest.mark.parametrize("item", [np.zeros(0), np.ones(3), [], [True], {}, "on", None, 1, np.nan])
+def test_what_is_not_a_choice_is_refused_by_name(item):
+    """An array is neither true nor false, and asking it was a `ValueError` of NumPy."""
+    flags = {
+        "shifting": libmpm.FBar, "boundary": libmpm.Kernel, "modified": libmpm.Kernel,
+        "moved_nodes": libmpm.Kernel, "guard": libmpm.Transfer,
+    }  # fmt: skip
+    for name, kind in flags.items():
+        with pytest.raises(libmpm.SceneError, match=f"{name} is .*; expected True or False"):
+            kind(**{name: item})
+    with pytest.raises(libmpm.SceneError, match=r"boundary is .*; expected True or False"):
+        libmpm.Kernel(name="cubic", modified=True, boundary=item)
+    with pytest.raises(libmpm.SceneError, match=r"boundary is .*; expected True or False"):
+        libmpm.Kernel(name="linear", modified=True, boundary=item)
+    choices = {"form": libmpm.FBar, "name": libmpm.Kernel, "scheme": libmpm.Transfer}
+    for name, kind in choices.items():
+        with pytest.raises(libmpm.SceneError, match=rf"{name} is "):
+            kind(**{name: item})
+    if not isinstance(item, int | None):
+        for name in ("time", "ratio", "length"):
+            with pytest.raises(libmpm.SceneError, match=f"{name} is .*expected "):
+                libmpm.FBar(**{name: item})

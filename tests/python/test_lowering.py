@@ -202,15 +202,17 @@ def fbar_of(tank: Make, fbar: Any) -> dict[str, Any]:
 
 def test_fbar(tank: Make) -> None:
     crossings = pytest.approx(35 * 0.1 / 10.0)
-    default = {"form": "one-volume-gradient", "time": crossings, "ratio": 0.0}
+    still = {"shifting": False}
+    default = {"form": "one-volume-gradient", "time": crossings, "ratio": 0.0} | still
     assert fbar_of(tank, "default") == default
     assert fbar_of(tank, FBar()) == default
     assert fbar_of(tank, None) == {"form": "none", "time": 0.0, "ratio": 0.0}
     assert fbar_of(tank, FBar(form="one-volume", time=0.2))["time"] == 0.2
     ratio = fbar_of(tank, FBar(form="stress-only", ratio=0.9))
-    assert ratio == {"form": "stress-only", "time": 0.0, "ratio": 0.9}
+    assert ratio == {"form": "stress-only", "time": 0.0, "ratio": 0.9} | still
     two = fbar_of(tank, FBar(form="two-volume", length=0.05))
-    assert two == {"form": "two-volume", "time": 0.0, "ratio": pytest.approx(0.5)}
+    assert two == {"form": "two-volume", "time": 0.0, "ratio": pytest.approx(0.5)} | still
+    assert fbar_of(tank, FBar(shifting=True)) == default | {"shifting": True}
 
 
 def test_boundaries(scene: Scene) -> None:

@@ -103,7 +103,7 @@ def test_round_trips() -> None:
     [
         ({"size": (0.5, 0)}, "size[1] is 0; expected > 0 m"),
         ({"size": (0.5, 1, 1)}, "centre has 2 and size 3 numbers"),
-        ({"angle": math.inf}, "angle is inf; expected a finite number degrees"),
+        ({"angle": math.inf}, "angle is inf; expected a finite number in degrees"),
         ({"axis": "z"}, "axis is 'z' in 2D, where the angle is in the plane; leave it out"),
         ({"centre": (1, 2, 3), "size": (1, 1, 1), "axis": "w"}, "axis is 'w'; choose from x, y, z"),
     ],

@@ -184,7 +184,7 @@ def test_processes(tmp_path):
         ({"at": (), "cuts": "x"}, r"at is \(\); expected places in m"),
         ({"at": 1.5, "cuts": "x"}, r"at is 1.5; expected places in m"),
         ({"at": ("1",), "cuts": "x"}, r"at\[0\] is '1'; expected a number in m"),
-        ({"at": (float("inf"),), "cuts": "x"}, r"at\[0\] is inf; expected a finite number m"),
+        ({"at": (float("inf"),), "cuts": "x"}, r"at\[0\] is inf; expected a finite number in m"),
         ({"at": (1.5,), "cuts": "x", "by": "body"}, "at and by both .*leave the other out"),
         ({"by": "bodies"}, "by is 'bodies'; did you mean 'body'"),
         ({"by": ("water", "crate")}, "by is .*expected 'body', 'material', or the names"),

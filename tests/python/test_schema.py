@@ -6,8 +6,11 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, TypeVar
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 from python.conftest import make_scene
 from python.test_scaling import plane_scene, rich_scene
 
@@ -15,7 +18,7 @@ import libmpm
 from libmpm import boundaries, cases, grids, materials, sensors
 from libmpm._src.cli.demo import demo_file
 from libmpm._src.scene.run_file import RunFile, RunSettings, read_run_file
-from libmpm._src.scene.schema import scene_schema, schema_text
+from libmpm._src.scene.schema import _Types, scene_schema, schema_text
 from python import fake_engine
 
 jsonschema = pytest.importorskip("jsonschema")
@@ -177,6 +180,18 @@ def test_a_value_is_in_the_schema_by_being_one():
         assert kinds
         assert kinds <= names(place)
     assert {"Box", "OrientedBox"} <= names(defined["bodies"]["properties"]["shape"])
+
+
+def test_an_alias_is_what_it_stands_for():
+    """`NDArray` is an alias of a ``type`` statement since NumPy 2.5, and others may follow."""
+    aliases = pytest.importorskip("typing_extensions")
+    number = TypeVar("number")
+    of = _Types().of
+    rows = aliases.TypeAliasType("rows", list[number], type_params=(number,))
+    plain = aliases.TypeAliasType("plain", rows[float])
+    assert of(rows[int]) == of(list[int]) == {"type": "array", "items": {"type": "integer"}}
+    assert of(plain | None) == of(list[float] | None)
+    assert of(NDArray[np.float64]) == of(NDArray[Any]) == {"type": "array"}
 
 
 def test_the_text_is_json_that_ends_with_a_line():

@@ -496,7 +496,7 @@ def test_the_table_as_arrays_and_pictures(table, tmp_path):
     frame = table.to_pandas()
     assert isinstance(frame, pandas.DataFrame) and list(frame.columns) == list(table.columns)
     table.to_csv(tmp_path / "table.csv")
-    read = pandas.read_csv(tmp_path / "table.csv")
+    read = pandas.read_csv(tmp_path / "table.csv", float_precision="round_trip")
     np.testing.assert_array_equal(read["error"], table["error"])
     picture = table.plot(by="bulk_modulus")
     axes = picture.axes[0]

@@ -26,6 +26,9 @@ T = TypeVar("T")
 P = ParamSpec("P")
 
 
+#: Lists in lists that a message still shows; none that means something has as many.
+_DEEPEST = 100
+
 #: Arguments that another class has -> what to use.
 _ELSEWHERE = {
     ("shapes.Box", key): "use lower and upper, or shapes.OrientedBox(centre=, size=)"
@@ -50,10 +53,25 @@ def shown(item: Any, most: int = 200) -> str:
     Lists in lists without end, and whole numbers of thousands of digits, have no text of their own.
     """
     try:
-        text = repr(item)
+        # How deep `repr` goes differs between versions of Python.
+        text = "" if _deeper_than(item, _DEEPEST) else repr(item)
     except (RecursionError, ValueError):
+        text = ""
+    if not text:
         return f"a {type(item).__name__} without a text of its own"
     return text if len(text) <= most else f"{text[:most]}…"
+
+
+def _deeper_than(item: Any, levels: int) -> bool:
+    """Tell whether lists, tuples and dictionaries lie deeper in each other than so many levels."""
+    inside = [item]
+    for _ in range(levels):
+        within = [x.values() if isinstance(x, dict) else x for x in inside
+                  if isinstance(x, list | tuple | dict)]  # fmt: skip
+        inside = list({id(x): x for some in within for x in some}.values())
+        if not inside:
+            return False
+    return True
 
 
 def known(name: object, names: Iterable[str]) -> bool:

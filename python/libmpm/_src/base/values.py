@@ -106,10 +106,14 @@ class Checker:
         endless = math.isinf(number) and infinite
         tiny = lower == 0 and lower_open and 0 < number < 1 / MOST
         if math.isnan(number) or out or tiny or not (abs(number) < MOST or endless):
-            if tiny or (not out and abs(number) >= MOST):
-                rules = [f"≥ {1 / MOST:g}" if tiny else f"a number below {MOST:g}"]
-            rule = f"expected {' and '.join(rules) or 'a finite number'}{tail}"
-            self.fail(f"{name} is {number:g}; {rule}" + (f"; {remedy}" if remedy else ""))
+            rule = f"{' and '.join(rules)}{tail}"
+            if tiny:
+                rule = f"≥ {1 / MOST:g}{tail}"
+            elif MOST <= abs(number) < math.inf and not out:
+                rule = f"a number below {MOST:g}{tail}"
+            elif not rules or (math.isinf(number) and not out):
+                rule = f"a {'' if infinite else 'finite '}number{' in' + tail if tail else ''}"
+            self.fail(f"{name} is {number:g}; expected {rule}" + (f"; {remedy}" if remedy else ""))
             return math.nan
         return number
 

@@ -162,4 +162,4 @@ class FBar(Value):
             )
         if not isinstance(self.shifting, bool):
             check.fail(f"shifting is {shown(self.shifting)}; expected True or False")
-        return found | {"shifting": bool(self.shifting)}
+        return found | {"shifting": self.shifting}

@@ -239,7 +239,7 @@ class Kernel(Value):
         for flag in ("modified", "moved_nodes"):
             if not isinstance(getattr(self, flag), bool):
                 check.fail(f"{flag} is {shown(getattr(self, flag))}; expected True or False")
-        if self.modified is True and (name != "linear" or self.boundary):
+        if self.modified is True and (name != "linear" or self.boundary is True):
             check.fail(
                 f"modified is True for {self.text()}; it is defined for linear functions; leave "
                 "it out"
@@ -270,7 +270,8 @@ class Kernel(Value):
 
     def text(self) -> str:
         """Return its name in words."""
-        return f"{self.name} boundary splines" if self.boundary else f"kernel '{self.name}'"
+        splines = self.boundary is True  # anything else is refused, by a check that asks for this
+        return f"{self.name} boundary splines" if splines else f"kernel '{self.name}'"
 
     def specification(self) -> dict[str, Any]:
         """Return the engine's specification."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, largest
-from libmpm._src.base.values import Checker
+from libmpm._src.base.values import Checker, shown
 from libmpm._src.boundaries.distance_field import motion_of
 from libmpm._src.boundaries.responses import Mirror, Prescribed, Response
 from libmpm._src.shapes.boxes import DomainWalls, Solid
@@ -56,7 +56,8 @@ def check_range(scene: SceneData, problems: list[str], doubts: list[str]) -> boo
         count = body_lattice(scene, body).count
         if count > _MOST_PARTICLES:
             problems.append(
-                f"body '{body.name}': {count} particles; expected ≤ {_MOST_PARTICLES} in one body; "
+                f"body '{body.name}': {shown(count, 20)} particles; "
+                f"expected ≤ {_MOST_PARTICLES} in one body; "
                 "split it into several bodies"
             )
     _check_narrow(scene, doubts)

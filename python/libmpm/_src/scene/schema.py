@@ -58,6 +58,7 @@ class _Types:
 
     def of(self, hint: Any) -> dict[str, Any]:
         """Return the schema of an annotation."""
+        hint = _behind(hint)
         origin, arguments = typing.get_origin(hint), typing.get_args(hint)
         if hint is Any:
             return {}
@@ -101,6 +102,14 @@ class _Types:
                 self.definitions[name] = {}  # stands in while the value refers to itself
                 self.definitions[name] = _of_value(name, kind, self)
         return _any([{"$ref": f"#/$defs/{name}"} for name in kinds])
+
+
+def _behind(hint: Any) -> Any:
+    """Return what an alias of a ``type`` statement stands for: `NDArray` is one since NumPy 2.5."""
+    alias, arguments = typing.get_origin(hint) or hint, typing.get_args(hint)
+    if not hasattr(alias, "__value__"):
+        return hint
+    return _behind(alias.__value__[arguments] if arguments else alias.__value__)
 
 
 def _any(choices: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.errors import SceneError
 from libmpm._src.shapes.oriented_boxes import Extent, TurnedBox
 
 __all__ = ["Carved", "Lattice", "Points", "Rows", "Turned", "lattice", "points"]
@@ -94,12 +93,8 @@ def lattice(
     if counts is not None:
         return Lattice(tuple(lower), tuple(upper), tuple(counts))
     k = particles_per_cell ** (1.0 / len(lower))
+    # Finite, since all numbers of a scene lie between 1e-100 and 1e100.
     points = [(b - a) * k / cell_size for a, b in zip(lower, upper, strict=True)]
-    if not all(map(math.isfinite, points)):
-        raise SceneError(
-            f"a box from {tuple(lower)} to {tuple(upper)} m holds more cells of {cell_size:g} m "
-            "than can be counted; give larger cells or a smaller box"
-        )
     # The allowance decides ties alike however the box's edges were rounded.
     shape = tuple(max(1, math.floor(n + 0.5 + _TOLERANCE)) for n in points)
     return Lattice(tuple(lower), tuple(upper), shape)
