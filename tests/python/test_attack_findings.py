@@ -327,14 +327,16 @@ def test_bodies_that_are_no_list_are_refused_by_a_checkpoint(saved, bodies):
 
 
 def test_a_box_of_more_cells_than_numbers_go_is_refused():
-    with pytest.raises(libmpm.SceneError, match="more cells of 1e-300 m than can be counted"):
-        lattice((0.0, 0.0), (1e300, 1e300), 1e-300, 4)
-    scene = libmpm.Scene(dimension=2, cell_size=1e-99, lower=(0, 0), upper=(1e-98, 1e-98))
+    """The largest box in the smallest cells that a scene takes: 1e616 particles."""
+    with pytest.raises(libmpm.SceneError, match="cell_size is 1e-300; expected ≥ 1e-100 m"):
+        libmpm.Scene(dimension=2, cell_size=1e-300, lower=(0, 0), upper=(1e-299, 1e-299))
+    ends = {"lower": (0, 0, 0), "upper": (1e-99, 1e-99, 1e-99)}
+    scene = libmpm.Scene(dimension=3, cell_size=1e-100, **ends)
     scene.add_body(
-        name="w", shape=shapes.Box(lower=(0, 0), upper=(9e99, 9e99)),
-        material=materials.TaitFluid(bulk_modulus=1e5),
+        name="w", shape=shapes.Box(lower=(0, 0, 0), upper=(9e99, 9e99, 9e99)),
+        material=materials.TaitFluid(bulk_modulus=1e5), particles_per_cell=2**62,
     )  # fmt: skip
-    with pytest.raises(libmpm.SceneError, match="particles; expected ≤"):
+    with pytest.raises(libmpm.SceneError, match=r"'w': [0-9]{20}… particles; expected ≤ [0-9]+ in"):
         scene.validate()
 
 

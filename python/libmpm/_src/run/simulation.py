@@ -376,9 +376,8 @@ class Simulation(Shown, Acting):
     def paused(self) -> Iterator[None]:
         """Hold the simulation at the boundary of a step, in a ``with`` block.
 
-        For several reads of one moment while another thread runs it:
-        ``with sim.paused(): t, x = sim.time, sim.particles["water"]["position"]``. Each read alone
-        needs none. The run waits, so the block must not wait for the run; no bit is changed.
+        For several reads of one moment while another thread runs it; each read alone needs none.
+        The run waits, so the block must not wait for the run; no bit is changed.
         """
         with self._turns:
             yield
