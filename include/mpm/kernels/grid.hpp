@@ -289,7 +289,6 @@ struct UpdateGrid {
         }
         Vec<T, D> v{};
         if (m > T(0)) {
-            double lent = 1;
             const std::uint32_t listed = walls.velocity ? node.touched[slot] : 0;
             if (listed > 0) {
                 const std::int64_t at = std::int64_t(listed - 1) * block_cells + n;
@@ -298,7 +297,6 @@ struct UpdateGrid {
                     v = node.free_velocity(m, p);
                 else
                     for (int a = 0; a < D; ++a) v[a] = walls.velocity[at * D + a];
-                lent = free ? 1 : lent_by(m);
                 if constexpr (keeps) {
                     if (kept.guard >= 0) out[kept.guard] = T(free ? 0 : walls.changed[at]);
                 }
@@ -311,9 +309,9 @@ struct UpdateGrid {
             }
             for (int a = 0; a < D; ++a) {
                 if constexpr (keeps)
-                    larger_of(maxima[max_speed], kept.counts(v[a], m, node.least_mass) * lent);
+                    larger_of(maxima[max_speed], kept.counts(v[a], m, node.least_mass));
                 else
-                    larger_of(maxima[max_speed], absolute(double(v[a])) * lent);
+                    larger_of(maxima[max_speed], absolute(double(v[a])));
             }
             if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
         }
@@ -344,13 +342,6 @@ struct UpdateGrid {
                                                 s[(c.weight < 0 ? 0 : c.weight) * block_cells])
                                       : T(0);
         }
-    }
-    /// Part of a wall node's speed that counts. The leader of a line goes three times as fast as
-    /// what is beside the plane: where it hardly weighs, its weight in a particle's velocity is at
-    /// most its mass over the particle's, and 2 3^(D-1) nodes of a stencil may be such.
-    MPM_INLINE double lent_by(T m) const {
-        const double share = (D == 2 ? 6.0 : 18.0) * double(m) / node.least_mass;
-        return share < 1 ? share : 1.0;
     }
     /// The same for a node that shares with others by mirrored planes.
     MPM_INLINE void update_mirrored(Images<D> images, const std::int64_t (&cell)[D], T own_mass,
