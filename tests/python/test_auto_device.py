@@ -1,4 +1,4 @@
-"""What `device="auto"` is: a CUDA device if there is one that has all of the scene, else the CPU."""
+"""What `device="auto"` is: a CUDA device that has all of the scene, if there is one, or the CPU."""
 
 from __future__ import annotations
 
