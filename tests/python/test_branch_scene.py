@@ -274,9 +274,9 @@ def test_a_state_with_more_bodies_is_refused(tmp_path):
 def test_load_cells_do_not_depend_on_each_other(tmp_path):
     """A load cell on another boundary leaves the bits of the first one alone."""
     _, scene = trunk_and_scene(tmp_path)
-    alone = simulate(scene)
     pier = shapes.Box(lower=(1.5, 0.0), upper=(1.6, 0.1))
     scene.add_boundary(name="pier", shape=pier, response=boundaries.Slip(), time=(1e3, 2e3))
+    alone = simulate(scene)
     scene.add_sensor(name="second", sensor=sensors.LoadCell(boundary="pier", interval=0.0))
     both = simulate(scene)
     for sim in (alone, both):

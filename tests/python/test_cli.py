@@ -55,7 +55,7 @@ def test_run_writes_files_and_prints_the_table(scene_file, tmp_path, capsys):
 
 def test_a_run_without_frames_says_how_to_get_them(scene_file, tmp_path, capsys):
     content = json.loads(scene_file.read_text())
-    quiet = ["-o", str(tmp_path / "out"), "--quiet", "--no-picture"]
+    quiet = ["-o", str(tmp_path / "out"), "--quiet", "--no-picture", "--device", "cpu"]
     assert main(["run", str(scene_file), *quiet]) == 0
     assert "(12 files, VTKHDF for ParaView)" in capsys.readouterr().out
     del content["run"]["frame_interval"]
@@ -65,7 +65,8 @@ def test_a_run_without_frames_says_how_to_get_them(scene_file, tmp_path, capsys)
 
 
 def test_a_second_run_into_the_folder_needs_overwrite(scene_file, tmp_path, capsys):
-    command = ["run", str(scene_file), "-o", str(tmp_path / "out"), "--quiet", "--no-picture"]
+    out = str(tmp_path / "out")
+    command = ["run", str(scene_file), "-o", out, "--quiet", "--no-picture", "--device", "cpu"]
     assert main(command) == 0
     assert main(command) == 4
     assert "--overwrite" in capsys.readouterr().err
@@ -80,7 +81,7 @@ def test_without_debris_leaves_the_bodies_out(scene_file, tmp_path):
 
 def test_resume_goes_on_to_the_recorded_end(scene_file, tmp_path, capsys):
     out = tmp_path / "out"
-    quiet = ["--quiet", "--no-picture"]
+    quiet = ["--quiet", "--no-picture", "--device", "cpu"]
     assert main(["run", str(scene_file), "-o", str(out), "--until", "0.06", *quiet]) == 0
     assert main(["resume", str(out), "--until", "0.1", *quiet]) == 0
     assert json.loads((out / "log.json").read_text())["steps"] == 100
@@ -131,7 +132,7 @@ def test_unreadable_files_exit_with_2(tmp_path, capsys):
 
 
 def test_exit_codes_tell_failures_apart(scene_file, tmp_path, core, capsys, monkeypatch):
-    command = ["run", str(scene_file), "--quiet", "--no-picture", "-o"]
+    command = ["run", str(scene_file), "--quiet", "--no-picture", "--device", "cpu", "-o"]
     (tmp_path / "file").write_text("")
     assert main([*command, str(tmp_path / "file")]) == 4
     assert main([*command, str(tmp_path / "a"), "--device", "cuda:9"]) == 5

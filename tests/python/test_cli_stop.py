@@ -40,7 +40,8 @@ def scene_file(tmp_path):
 @pytest.fixture
 def quiet(scene_file, tmp_path):
     """The command that runs the file."""
-    return ["run", str(scene_file), "-o", str(tmp_path / "out"), "--quiet", "--no-picture"]
+    out = str(tmp_path / "out")
+    return ["run", str(scene_file), "-o", out, "--quiet", "--no-picture", "--device", "cpu"]
 
 
 def log_of(folder):

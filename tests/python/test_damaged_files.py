@@ -29,7 +29,7 @@ FILES = [
     "frames", "csv", "checkpoints",
 ]  # fmt: skip
 
-QUIET = ["--until", "0.12", "--quiet", "--no-picture"]
+QUIET = ["--until", "0.12", "--quiet", "--no-picture", "--device", "cpu"]
 COMMANDS = {
     "info": ["info", "OUT"],
     "info of a checkpoint": ["info", "OUT/checkpoints/step_0000000100.npz"],
@@ -44,7 +44,7 @@ COMMANDS = {
     "overwrite": ["run", "OUT/../scene.json", "-o", "OUT", "--overwrite", *QUIET],
     "run": ["run", "OUT/scene.json", "-o", "NEW", *QUIET],
     "check": ["check", "OUT/scene.json"],
-    "plan": ["plan", "OUT/scene.json"],
+    "plan": ["plan", "OUT/scene.json", "--device", "cpu"],
 }
 
 
@@ -69,7 +69,7 @@ def whole(tmp_path_factory):
         made.Engine.leave_at = 20
         patch.setitem(sys.modules, "libmpm._core", made)
         command = ["run", str(folder / "scene.json"), "-o", str(folder / "out")]
-        assert main([*command, "--quiet", "--no-picture"]) == 0
+        assert main([*command, *QUIET[2:]]) == 0
     lock = Lock.acquire(folder / "out" / "lock")
     content = json.loads(lock.path.read_text())
     lock.path.write_text(json.dumps(content | {"pid": 2**22 + 1}))

@@ -46,7 +46,8 @@ def write_command(folder):
     path = folder / "scene.json"
     path.write_text(json.dumps(RunFile(fake_engine.small_scene(), settings).to_dict()))
     out = folder / "out"
-    return ["run", str(path), "-o", str(out), "--quiet", "--no-picture", "--continue"]
+    command = ["run", str(path), "-o", str(out), "--quiet", "--no-picture", "--continue"]
+    return [*command, "--device", "cpu"]
 
 
 @pytest.fixture

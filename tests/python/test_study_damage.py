@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 from python.study_scenes import LONG, UNTIL, block, kinetic, long_block, status, wait_for
@@ -15,7 +16,8 @@ from python.study_scenes import LONG, UNTIL, block, kinetic, long_block, status,
 import libmpm
 from libmpm import studies
 from libmpm._src.output.locks import Lock, this_process
-from libmpm._src.studies.study import dispatch, pool, record
+from libmpm._src.run import loop
+from libmpm._src.studies.study import dispatch, pool, record, worker
 
 
 def make(folder, rows=({"gravity": 1.0}, {"gravity": 2.0}), factory=block, **arguments):
@@ -30,18 +32,38 @@ def run(study, **arguments):
 # Limits of time ---------------------------------------------------------------------------------
 
 
-def test_a_case_over_its_limit_of_time_fails_and_goes_on_with_a_larger_one(tmp_path):
+class Counted:
+    """Clocks of which one advances by a second each time it is read: no busy machine is slow."""
+
+    def __init__(self):
+        self.seconds = 0.0
+
+    def __getattr__(self, name):
+        return getattr(time, name)
+
+    def monotonic(self):
+        self.seconds += 1.0
+        return self.seconds
+
+
+def test_a_case_over_its_limit_of_time_fails_and_goes_on_with_a_larger_one(tmp_path, monkeypatch):
     study = make(tmp_path / "limited", [{}], long_block, until=LONG)
-    result = run(study, time_limit=0.3)
-    (failed,) = result.failed
-    assert "its time limit, 0.3 s, was reached at " in failed["error"]
-    assert "raise time_limit and run with retry_failed=True" in failed["error"]
-    reached = study.cases[0].record["time"]
-    assert 0 < reached < 10 * LONG
-    # What it has used counts, so the same limit is over at once.
-    again = run(make(tmp_path / "limited", [{}], long_block, until=LONG),
-                time_limit=0.3, retry_failed=True)  # fmt: skip
-    assert "was reached at" in again.failed[0]["error"]
+    with monkeypatch.context() as patch:
+        # A second is over after each slice, and so short are slices that the case needs hundreds.
+        counted = Counted()
+        patch.setattr(loop, "clock", counted)
+        patch.setattr(worker, "clock", counted)
+        patch.setattr(loop, "SLICE", 1e-3)
+        result = run(study, time_limit=20)
+        (failed,) = result.failed
+        assert "its time limit, 20 s, was reached at " in failed["error"]
+        assert "raise time_limit and run with retry_failed=True" in failed["error"]
+        reached = study.cases[0].record["time"]
+        assert 0 < reached < LONG
+        # What it has used counts, so the same limit is over at once.
+        again = run(make(tmp_path / "limited", [{}], long_block, until=LONG),
+                    time_limit=20, retry_failed=True)  # fmt: skip
+        assert f"was reached at {reached:g} of" in again.failed[0]["error"]
     study = make(tmp_path / "limited", [{}], long_block, until=LONG)
     result = run(study, time_limit=600, retry_failed=True)
     assert not result.failed

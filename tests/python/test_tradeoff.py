@@ -15,7 +15,7 @@ import pytest
 from libmpm import Error, FBar
 from libmpm._src.materials import generated
 from libmpm._src.methods.transfer import KERNELS, SCHEMES, SWEEPS
-from libmpm._src.run.engine_spec import PIPELINES, PRECISIONS
+from libmpm._src.run.choices import PIPELINES, PRECISIONS
 from libmpm.methods import Kernel, Transfer
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"

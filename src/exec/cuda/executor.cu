@@ -34,7 +34,16 @@ std::vector<CudaDevice> cuda_devices() {
         CudaDevice d;
         d.index = k;
         d.name = properties.name;
-        MPM_CUDA(cudaMemGetInfo(&d.free, &d.memory));
+        // Asking for what is free makes a context, which takes some hundred MiB itself. A device on
+        // which others hold all is there, and full: the run that wants it says so.
+        d.memory = properties.totalGlobalMem;
+        const cudaError_t asked = cudaMemGetInfo(&d.free, &d.memory);
+        if (asked == cudaErrorMemoryAllocation) {
+            cudaGetLastError();
+            d.free = 0;
+        } else {
+            MPM_CUDA(asked);
+        }
         d.compute_capability =
             std::to_string(properties.major) + "." + std::to_string(properties.minor);
         out.push_back(d);

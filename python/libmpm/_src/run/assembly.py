@@ -17,7 +17,8 @@ from libmpm._src.errors import CapacityError, CheckpointError, Error, ModelWarni
 from libmpm._src.output import checkpoint as checkpoints
 from libmpm._src.run import backends
 from libmpm._src.run import checkpoint_state as snapshots
-from libmpm._src.run.engine_spec import choose_device, lower
+from libmpm._src.run.choices import choose_device
+from libmpm._src.run.engine_spec import lower
 from libmpm._src.run.forked_processes import check_fork, forked
 from libmpm._src.run.guard import Guard
 from libmpm._src.run.guard_watch import Watch

@@ -5,16 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from libmpm._src.base.arguments import is_number, known, nearest, shown
+from libmpm._src.base.arguments import shown
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, constant, engine_table
-from libmpm._src.base.values import MOST, warn
+from libmpm._src.base.values import warn
 from libmpm._src.boundaries.distance_field import lower_surface
 from libmpm._src.boundaries.flow_layers import flow_entries, keep_room, zones
 from libmpm._src.boundaries.responses import Prescribed, Response
@@ -25,13 +25,14 @@ from libmpm._src.grids.shapes import Outline
 from libmpm._src.materials.initial_stress import stored_stress
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import CROSSINGS, FBar
+from libmpm._src.run.choices import check_options, choose_precision
 from libmpm._src.run.element_spec import mesh_part
 from libmpm._src.run.hydrostatic import at_hand, still_water
 from libmpm._src.scene.checks import validate
 from libmpm._src.scene.checks_elements import faint_strains
 from libmpm._src.scene.checks_sizes import check_numbers
 from libmpm._src.scene.checks_time_steps import check_intervals, check_step, too_slow
-from libmpm._src.scene.contact_fields import contact_entry, device_of_contacts
+from libmpm._src.scene.contact_fields import contact_entry
 from libmpm._src.scene.places import extent_of, faces_present, initial_gravity, snap, vertical_axis
 from libmpm._src.sensors.engine_sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
 from libmpm._src.sensors.python_sensors import Sampled
@@ -43,15 +44,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.parts import Body, Boundary, PlacedSensor
     from libmpm._src.scene.start import RestoredBody
 
-__all__ = ["PIPELINES", "PRECISIONS", "check_backend", "check_options", "choose_device"]
-__all__ += ["choose_precision", "lower", "world_offset"]
-
-PRECISIONS = ("single", "mixed", "double")
-#: "by-body" is what a plan says where bodies have several, and as an option the same as "auto".
-PIPELINES = ("auto", "fused", "two-pass", "phased", "by-body")
-
-#: Threads of a run; machines with more cores run several.
-_MOST_THREADS = 1024
+__all__ = ["lower", "world_offset"]
 
 #: From (first, last) to what is given for the particles first ≤ i < last of a body.
 Rows = Callable[[int, int], npt.NDArray[np.float64]]
@@ -64,63 +57,6 @@ def world_offset(scene: SceneData) -> npt.NDArray[np.float64]:
     """Return origin + lower, float64 (d,), m: add it to relative positions for world positions."""
     origin = np.asarray(scene.origin, dtype=np.float64)
     return origin + np.asarray(scene.lower, dtype=np.float64)
-
-
-def check_options(
-    precision: str, pipeline: str, *, time_step: float | None = None, threads: int = 0
-) -> list[str]:
-    """Return what is wrong with the options of a run."""
-    problems = []
-    if not known(precision, PRECISIONS):
-        problems.append(f"precision is {shown(precision)}; {nearest(precision, PRECISIONS)}")
-    if not known(pipeline, PIPELINES):
-        problems.append(f"pipeline is {shown(pipeline)}; {nearest(pipeline, PIPELINES)}")
-    if time_step is not None and not (is_number(time_step) and 1 / MOST <= time_step < MOST):
-        problems.append(f"time_step is {shown(time_step)}; expected > 0 s, or None: the stable one")
-    # Beyond what a system can start, OpenMP ends the process.
-    if not isinstance(threads, int) or not 0 <= threads <= _MOST_THREADS:
-        problems.append(
-            f"threads is {shown(threads, 40)}; expected ≥ 0 and ≤ {_MOST_THREADS}; 0 takes all"
-        )
-    return problems
-
-
-def choose_precision(scene: SceneData, precision: str) -> str:
-    """Return the precision that "auto" stands for: double on grids of functions, else single."""
-    if scene.grid is None:
-        return "single" if known(precision, ("auto",)) else precision
-    if not known(precision, ("auto", "double")):
-        raise SceneError(
-            f"precision is {shown(precision)} on a grid of functions, which is built in "
-            "double alone; use 'double' or 'auto'"
-        )
-    return "double"
-
-
-def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
-    """Return the device of a scene: the CPU for grids of functions, else as asked for."""
-    added = {body.name: body.material.label for body in scene.bodies if body.material.added}
-    if added:
-        from libmpm._src.materials.compiled import device_for
-
-        device = device_for(added, device)
-    if scene.grid is None or device == "cpu":
-        return device_of_contacts(scene, device)
-    if device != "auto":
-        raise SceneError(
-            f"device is {shown(device)} on a grid of functions, which is built for the CPU "
-            "alone; use 'cpu' or 'auto'"
-        )
-    return "cpu"
-
-
-def check_backend(kind: str, precision: str) -> None:
-    """Refuse a precision that a backend, "cpu" or "cuda", does not have."""
-    if kind == "cpu" and known(precision, ("mixed",)):
-        raise SceneError(
-            "precision is 'mixed'; on the CPU it would compute what 'double' does and save little; "
-            "use precision='double' there, or a CUDA device"
-        )
 
 
 def lower(

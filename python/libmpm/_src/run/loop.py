@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import math
-import numbers
 import time as clock
 import warnings
 from collections.abc import Callable
-from typing import Any
-
-import numpy as np
 
 from libmpm._src.base.interrupts import asked_to_stop, deferred_interrupt
 from libmpm._src.base.log import LOG, TIP
-from libmpm._src.base.values import Checker, shown, warn
+from libmpm._src.base.values import warn
 from libmpm._src.boundaries.flow_layers import OUTFLOW
 from libmpm._src.errors import Error, ModelWarning, NumericalError
 from libmpm._src.run.acting import Actions
@@ -35,22 +30,6 @@ _LEVELS = {"finished": logging.INFO, "interrupted": logging.WARNING, "failed": l
 
 #: Seconds of wall time after which the engine returns, so that a key press is answered.
 SLICE = 0.2
-
-
-def asked_for(until: Any, progress: object, wall_limit: float | None) -> tuple[float, float | None]:
-    """Return end and limit of `Simulation.run` as plain numbers; raises `SceneError`."""
-    check = Checker("Simulation.run")
-    number = isinstance(until, numbers.Real | str | bytes | np.bool_)
-    if not number and hasattr(until, "__float__"):
-        with contextlib.suppress(OverflowError, TypeError, ValueError):
-            until = float(until)  # arrays and decimal fractions that are one number
-    until = check.number("until", until, unit="s", infinite=True)
-    if wall_limit is not None:
-        wall_limit = check.number("wall_limit", wall_limit, lower=0, unit="s", infinite=True)
-    if not isinstance(progress, bool | np.bool_) and not callable(progress):
-        check.fail(f"progress is {shown(progress)}; expected True, False or a callable")
-    check.finish()
-    return until, wall_limit
 
 
 class Loop:

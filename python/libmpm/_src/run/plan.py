@@ -13,7 +13,8 @@ from libmpm._src.base.values import nearest, shown
 from libmpm._src.boundaries.flow_layers import flow_rows
 from libmpm._src.errors import SceneError
 from libmpm._src.run import backends
-from libmpm._src.run.engine_spec import check_backend, choose_device, choose_precision, lower
+from libmpm._src.run.choices import check_backend, choose_device, choose_precision
+from libmpm._src.run.engine_spec import lower
 from libmpm._src.scene import checks, places
 from libmpm._src.scene.checks_elements import faint_strains
 from libmpm._src.scene.checks_sizes import check_sweeps

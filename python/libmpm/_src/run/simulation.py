@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.arguments import file_path, keywords_only, shown
-from libmpm._src.base.values import Checker, warned_already
+from libmpm._src.base.values import warned_already
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
@@ -19,14 +19,16 @@ from libmpm._src.output.settings import Output
 from libmpm._src.run import backends
 from libmpm._src.run.acting import Acting, Actions
 from libmpm._src.run.assembly import Assembly, select
-from libmpm._src.run.engine_spec import check_backend, choose_precision, lower, world_offset
+from libmpm._src.run.choices import check_backend, choose_precision
+from libmpm._src.run.engine_spec import lower, world_offset
 from libmpm._src.run.files import Files, recorded
 from libmpm._src.run.guard import Guard, as_guard
-from libmpm._src.run.loop import Loop, asked_for
+from libmpm._src.run.loop import Loop
 from libmpm._src.run.partition import Partition, as_partition
 from libmpm._src.run.plan import Plan
 from libmpm._src.run.plotting import Shown
 from libmpm._src.run.progress import State
+from libmpm._src.run.requests import body_number, run_request, step_count
 from libmpm._src.run.shared_ranks import SharedRanks
 from libmpm._src.run.thread_turns import Turns
 from libmpm._src.run.views import GridView, ParticlesView, SensorsView
@@ -44,12 +46,12 @@ class Simulation(Shown, Acting):
     scene
         The description; a copy is kept.
     device
-        "auto" (CUDA if there is a device, else the CPU), "cpu", "cuda" or "cuda:<index>". Several,
-        such as ["cpu", "cpu"] or ["cuda:0", "cuda:1"], share the scene as ranks, each with its own
-        part of it: the results have the bits of one. CUDA devices must be alike and reach each
-        other's memory, as NVLink gives it; a device may be named twice. Of ranks as processes it is
-        that of this one: "cpu" (or "auto"), or "cuda", which is the device with the number of the
-        process on its host.
+        "auto" (CUDA if there is a device that has all of the scene, else the CPU), "cpu", "cuda" or
+        "cuda:<index>". Several, such as ["cpu", "cpu"] or ["cuda:0", "cuda:1"], share the scene as
+        ranks, each with its own part of it: the results have the bits of one. CUDA devices must be
+        alike and reach each other's memory, as NVLink gives it; a device may be named twice. Of
+        ranks as processes it is that of this one: "cpu" (or "auto"), or "cuda", which is the device
+        with the number of the process on its host.
     precision
         "single", "double", or on CUDA devices "mixed": particles double, grid single. "auto" is
         single, and double on grids of functions, which have no other.
@@ -312,11 +314,8 @@ class Simulation(Shown, Acting):
 
     def particle_count(self, body: int) -> int:
         """Return the number of particles of body number `body` now in the run."""
-        bodies = len(self._scene.bodies)
-        number = isinstance(body, int | np.integer) and not isinstance(body, bool)
-        if not (number and 0 <= body < bodies):
-            raise SceneError(f"body is {shown(body, 80)}; expected a number below {bodies}")
-        return int(self.engine.particle_count(int(body)))
+        number = body_number(body, len(self._scene.bodies))
+        return int(self.engine.particle_count(number))
 
     def set_initial(self, body: str, name: str, array: Any) -> None:
         """Give the particles of a body their own velocity or pressure at the start.
@@ -385,9 +384,7 @@ class Simulation(Shown, Acting):
     @keywords_only("Simulation.step", 1)
     def step(self, n: int = 1) -> None:
         """Advance `n` steps. Raises `Error` while another thread runs or steps it."""
-        check = Checker("Simulation.step")
-        n = check.integer("n", n, remedy="a number of steps")
-        check.finish()
+        n = step_count(n)
         try:
             with self._turns.advancing(self._scene.name):
                 self._loop.step(n)
@@ -411,7 +408,7 @@ class Simulation(Shown, Acting):
         everything valid and flushed. Either way `run` can be called again, and no bit is changed.
         Raises `Error` while another thread runs or steps it.
         """
-        until, wall_limit = asked_for(until, progress, wall_limit)
+        until, progress, wall_limit = run_request(until, progress, wall_limit)
         with self._turns.advancing(self._scene.name):
             return self._loop.run(until, progress, wall_limit)
 

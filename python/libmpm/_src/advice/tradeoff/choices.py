@@ -13,7 +13,7 @@ from libmpm._src.grids.shapes import Cells, Points
 from libmpm._src.methods.method import FBar
 from libmpm._src.methods.transfer import as_kernel, as_transfer
 from libmpm._src.run import backends
-from libmpm._src.run.engine_spec import PIPELINES, PRECISIONS
+from libmpm._src.run.choices import PIPELINES, PRECISIONS
 from libmpm._src.scene.parts import Body
 from libmpm._src.scene.scene import Scene
 from libmpm._src.shapes.solid import GivenPoints

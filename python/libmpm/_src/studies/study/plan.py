@@ -12,7 +12,7 @@ from typing import Any
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.values import Checker, nearest, plain, shown
 from libmpm._src.errors import CheckpointError, SceneError
-from libmpm._src.run.engine_spec import check_options, choose_precision
+from libmpm._src.run.choices import check_options, choose_precision
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.custom_functions import check_storable
 from libmpm._src.studies.study.record import glance_record

@@ -16,6 +16,7 @@ from libmpm._src.errors import OutputError, SceneError
 from libmpm._src.output.atomic_files import writing
 from libmpm._src.output.locks import locked
 from libmpm._src.output.settings import Output
+from libmpm._src.run.choices import choose_device
 from libmpm._src.scene.scene import Scene
 from libmpm._src.studies.study import pool
 from libmpm._src.studies.study.case import (
@@ -475,7 +476,7 @@ def _dealer(
 
     def deal(item: Item) -> str:
         nonlocal dealt
-        if device == "auto" and item.what.scene.grid is not None:
+        if device == "auto" and choose_device(item.what.scene, "auto") == "cpu":
             return "auto"
         dealt += 1
         number = executor.idle() if isinstance(executor, pool.SpawnPool) else dealt - 1
