@@ -20,7 +20,6 @@ from libmpm._src.output.hdf5_image import LIBVER, attributes_of, new_file, new_g
 from libmpm._src.output.results import Frame
 from libmpm._src.output.sensor_file import SensorFile, read_sensors
 from libmpm._src.output.series import Series
-from libmpm._src.shapes.lattices import lattice
 from libmpm.compat import claymore
 from support import fuzz_readers, fuzzing
 
