@@ -33,6 +33,7 @@ void add_box(Spec& s, std::vector<int> lower, std::vector<int> upper) {
 /// Every block of the domain, linked as far as boundaries ask.
 struct Whole {
     std::vector<std::uint64_t> keys;
+    std::vector<std::int32_t> corners;
     BlockTableView<2> table{};
 
     explicit Whole(const Spec& s) {
@@ -41,7 +42,13 @@ struct Whole {
         for (std::int64_t x = 0; x < s.cells[0] / Block<2>::edge; ++x)
             for (std::int64_t y = 0; y < s.cells[1] / Block<2>::edge; ++y)
                 keys.push_back(table.keys_of.key({x, y}));
+        for (const std::uint64_t key : keys) {
+            std::int64_t block[2];
+            table.keys_of.block(key, block);
+            for (int a = 0; a < 2; ++a) corners.push_back(std::int32_t(block[a] * Block<2>::edge));
+        }
         table.keys = keys.data();
+        table.corners = corners.data();
         table.slots = std::int32_t(keys.size());
     }
     std::size_t slot(std::int64_t x, std::int64_t y) const {
@@ -77,6 +84,7 @@ TEST(Boundaries, AreLeftAloneByAClockThatHalts) {
     Cpu exec(1);
     Spec s = basin();
     add_box(s, {16, 8}, {24, 16});
+    s.boundaries.back().start = 1;
     Boundaries<Cpu, 2> boundaries(exec, s, Plan{});
     Clock clock{};
     clock.halt = Halt::sort;
@@ -130,7 +138,8 @@ TEST(Boundaries, MirrorBetweenTheBlocksOnBothSidesOfAWall) {
     EXPECT_TRUE((Boundaries<Cpu, 2>(exec, s, Plan{}).mirror_planes().empty()));
     s.boundaries[0].law[0].response = Response::mirror;
     Boundaries<Cpu, 2> boundaries(exec, s, Plan{});
-    EXPECT_TRUE(boundaries.special());
+    EXPECT_TRUE(boundaries.has_mirrors());
+    EXPECT_FALSE(boundaries.lists());
     EXPECT_TRUE(boundaries.view().mirrors);
     const auto planes = boundaries.mirror_planes();
     ASSERT_EQ(planes.size(), 1u);
@@ -139,6 +148,73 @@ TEST(Boundaries, MirrorBetweenTheBlocksOnBothSidesOfAWall) {
     EXPECT_EQ(planes[0].high, 0);
     s.boundaries[0].within = {0, 0, 1, 1};
     EXPECT_THROW((Boundaries<Cpu, 2>(exec, s, Plan{})), SceneError);
+}
+
+TEST(Boundaries, ListNodesByWhatTheyAskForWhereThatStays) {
+    Cpu exec(1);
+    Spec s = basin();
+    test::add_walls(s, Response::slip);
+    for (SurfaceLaw& law : s.boundaries[0].law) law.linear = true;
+    add_box(s, {16, 8}, {24, 16});  // holds its nodes, and one layer before each face
+    const Whole all(s);
+    Boundaries<Cpu, 2> boundaries(exec, s, Plan{});
+    ASSERT_TRUE(boundaries.lists());
+    ASSERT_TRUE(boundaries.at_rest());
+    boundaries.touch(all.table);
+    const auto touched = boundaries.touched().host();
+    const auto blocks = boundaries.blocks().host();
+    const auto kinds = boundaries.kinds().host();
+    const auto lines = boundaries.lines().host();
+    ASSERT_EQ(kinds.size(), blocks.size() * block_cells);
+    std::size_t on_lines = 0, any = 0;
+    for (std::size_t k = 0; k < blocks.size(); ++k) {
+        const std::size_t slot = std::size_t(blocks[k]);
+        EXPECT_EQ(touched[slot], k + 1);
+        for (int n = 0; n < block_cells; ++n) {
+            int at[2];
+            Block<2>::coordinates(n, at);
+            bool line = false;
+            int off_box = 0, outside = 0;  // cells from it, and axes on which it is off
+            for (int a = 0; a < 2; ++a) {
+                const int cell = all.corners[2 * slot + std::size_t(a)] + at[a];
+                const int end = int(s.cells[std::size_t(a)]);
+                const bool here = cell < 2 || cell >= end - 2;
+                const std::size_t i = (k * block_cells + std::size_t(n)) * 2 + std::size_t(a);
+                EXPECT_EQ(lines[i] != 0, here) << cell;
+                if (here) {
+                    const WallLine found = WallLine::unpacked(lines[i]);
+                    EXPECT_EQ(found.form, WallLine::linear);
+                    EXPECT_EQ(found.sign, cell < 2 ? 1 : -1);
+                    EXPECT_EQ(found.place, cell < 2 ? cell : end - 1 - cell);
+                    EXPECT_EQ(found.packed(), lines[i]);
+                }
+                line = line || here;
+                const int lower = a == 0 ? 16 : 8, off = std::max(lower - cell, cell - lower - 7);
+                outside += off > 0;
+                off_box = std::max(off_box, off);
+            }
+            const bool held = off_box <= 0 || (off_box == 1 && outside == 1);
+            const WallNode wanted =
+                held ? WallNode::any : (line ? WallNode::on_lines : WallNode::free);
+            EXPECT_EQ(int(kinds[k * block_cells + std::size_t(n)]), int(wanted));
+            on_lines += wanted == WallNode::on_lines;
+            any += wanted == WallNode::any;
+        }
+    }
+    EXPECT_EQ(boundaries.on_lines().size(), on_lines);
+    EXPECT_EQ(boundaries.any().size(), any);
+    EXPECT_GT(any, 0u);
+
+    s.boundaries[1].end = 2;  // one that comes and goes
+    Boundaries<Cpu, 2> changing(exec, s, Plan{});
+    changing.touch(all.table);
+    EXPECT_TRUE(changing.lists());
+    EXPECT_FALSE(changing.at_rest());
+    EXPECT_EQ(changing.blocks().size(), blocks.size());
+    EXPECT_EQ(changing.kinds().size(), 0u);
+
+    s.boundaries[1].law[0].response = Response::mirror;
+    EXPECT_THROW((Boundaries<Cpu, 2>(exec, s, Plan{})), SceneError);  // beside linear cells
 }
 
 }  // namespace
