@@ -38,7 +38,8 @@ public:
     Attributes attributes(int body, const std::vector<std::string>& names) override;
     Array grid(const std::string& name) override;
     NodalSums sums() override {
-        throw SceneError("a run on a grid of functions has no nodal sums from which another can continue");
+        throw SceneError(
+            "a run on a grid of functions has no nodal sums from which another can continue");
     }
     Condition condition(int samples) override;
     State save() override;
