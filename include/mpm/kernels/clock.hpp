@@ -178,9 +178,7 @@ struct BeginStep {
 inline constexpr std::int64_t shift_every = 10;
 inline constexpr double shift_rate = 0.2, shift_band = 0.05, shift_most = 0.05;
 
-MPM_INLINE bool shifts_now(const Clock& clock) {
-    return clock.halt == Halt::none && clock.step % shift_every == 0;
-}
+MPM_INLINE bool shifts_in(std::int64_t step) { return step % shift_every == 0; }
 
 /// Second half, after the grid update has left its maxima: may this step go on, and how long is the
 /// next one?
@@ -229,7 +227,7 @@ struct Decide {
             if (!(deposited[q] <= limit[q])) return stop(FaultKind::fixed_point, deposited[q]);
         if (sum_bits > 0 && deposited[momentum_sum] * dt > coarsest_deposit(sum_bits) * cell_size)
             return stop(FaultKind::fixed_point, deposited[momentum_sum]);
-        const double moved = speed * dt / cell_size + (step % shift_every == 0 ? shift : 0.0);
+        const double moved = speed * dt / cell_size + (shifts_in(step) ? shift : 0.0);
         if (!(moved <= 1.0)) return stop(FaultKind::outran, speed);
         for (int s = 0; s < supply_count; ++s) {
             if (supplies[s].moved >= supplies[s].due) return sort_for(Halt::supply, moved);
@@ -362,7 +360,7 @@ struct EndStep {
         const std::int64_t step = clock->step, steps_left = clock->steps_left;
         double scale[quantities];
         for (int q = 0; q < quantities; ++q) scale[q] = clock->scale_write[q];
-        clock->drift = drift + speed * dt / cell_size + (step % shift_every == 0 ? shift : 0.0);
+        clock->drift = drift + speed * dt / cell_size + (shifts_in(step) ? shift : 0.0);
         clock->time = time + dt;
         clock->dt = dt_next;
         clock->step = step + 1;

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "mpm/kernels/grid.hpp"
-#include "mpm/kernels/transfers.hpp"
+#include "mpm/kernels/reading.hpp"
 
 namespace mpm {
 
@@ -92,7 +92,7 @@ struct FindOverfull {
     std::uint32_t* some;  // (slots,), zero before: 1 where any node of the block is
 
     MPM_INLINE void operator()(std::int64_t i) const {
-        if (!shifts_now(*node.clock)) return;
+        if (node.clock->halt != Halt::none) return;
         std::int32_t slot = std::int32_t(i / block_cells);
         int n = int(i % block_cells);
         overfull[i] = 0;
@@ -130,7 +130,7 @@ struct ShiftParticles {
     const std::uint32_t* some;
 
     MPM_INLINE void operator()(std::int64_t i) const {
-        if (!shifts_now(*clock)) return;
+        if (clock->halt != Halt::none) return;
         const std::int32_t slot = body.home[i / block_cells];
         const std::int32_t* around = table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
         std::uint32_t any = 0;
@@ -143,44 +143,22 @@ struct ShiftParticles {
              q += body.cell ? std::uint32_t(block_cells) : 1u)
             shift(slot, body.cell ? int(body.cell[q]) : k, q);
     }
-    MPM_INLINE void shift(std::int32_t slot, int home, std::uint32_t q) const {
-        const std::int32_t* around = table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
-        int at[D];
-        Block<D>::coordinates(home, at);
-        G weight[D][3], slope[D][3];
-        int first[D];
-        for (int a = 0; a < D; ++a) {
-            const G offset = G(body.offset[a][q]);
-            const int by = cell_shift(offset);
-            const G xi = offset - G(by), low = G(0.5) - xi, high = G(0.5) + xi;
-            first[a] = at[a] + Block<D>::margin + by - 1;
-            weight[a][0] = G(0.5) * low * low;
-            weight[a][1] = G(0.75) - xi * xi;
-            weight[a][2] = G(0.5) * high * high;
-            slope[a][0] = -low;
-            slope[a][1] = G(-2) * xi;
-            slope[a][2] = high;
-        }
-        constexpr int nodes = D == 2 ? 9 : 27;
+    MPM_INLINE void shift(std::int32_t slot, int cell, std::uint32_t q) const {
+        const NodesAround<G> around{overfull, 1,
+                                    table.neighbours + std::int64_t(slot) * Block<D>::neighbours};
+        int home[D];
+        Block<D>::coordinates(cell, home);
+        Vec<T, D> offset;
+        for (int a = 0; a < D; ++a) offset[a] = body.offset[a][q];
+        Standing<G, D> at;
+        at.find(table.corners + std::int64_t(slot) * D, home, offset);
+        const Stencil<G, D, 3> s = stencil_of<3>(KernelChoice{}, at.xi, Vec<G, D>{}, at.in_domain);
         G down[D] = {};
-        for (int n = 0; n < nodes; ++n) {
-            int place[D], which[D], rest = n, neighbour = 0, number = 0;
-            for (int a = D - 1; a >= 0; --a) {
-                which[a] = rest % 3;
-                rest /= 3;
-                place[a] = first[a] + which[a];
-            }
-            arena_node<D>(place, neighbour, number);
-            const std::int32_t of = around[neighbour];
-            if (of < 0) continue;
-            const G e = overfull[std::int64_t(of) * block_cells + number];
-            if (!(e > G(0))) continue;
-            for (int a = 0; a < D; ++a) {
-                G w = e;
-                for (int c = 0; c < D; ++c) w *= c == a ? slope[c][which[c]] : weight[c][which[c]];
-                down[a] -= w;
-            }
-        }
+        for_each_node(s, places_in_grid<3>(at.cell), [&](const auto& k, int place, G) {
+            const G* e = around(place);
+            if (e == nullptr || !(*e > G(0))) return;
+            for (int a = 0; a < D; ++a) down[a] -= *e * node_slope(s, k, a);
+        });
         for (int a = 0; a < D; ++a) {
             const G most = G(shift_most), by = G(shift_rate / D) * down[a];
             if (by != G(0)) body.offset[a][q] += T(by > most ? most : (by < -most ? -most : by));

@@ -207,16 +207,12 @@ struct FollowLines {
     MPM_INLINE void let_go(const WallLine& line, int axis, const Sums& s, const Wall& by,
                            const Vec<T, D>& before, Vec<T, D>& v, const Seen& seen) const {
         if (line.place > 0 || s.beside < 2 || !(T(line.sign) * s.toward < T(0))) return;
+        // As of what meets the wall with that velocity.
         const T onto = s.toward / T(2);
-        v[axis] -= onto;
-        T speed = 0;
-        for (int c = 0; c < D; ++c)
-            if (c != axis) speed += (v[c] - by.velocity[c]) * (v[c] - by.velocity[c]);
-        if (by.law.static_friction > 0 || by.law.dynamic_friction > 0) {
-            const T kept = kept_of_sliding<T>(by.law, square_root(speed), absolute(onto));
-            for (int c = 0; c < D; ++c)
-                if (c != axis) v[c] = by.velocity[c] + kept * (v[c] - by.velocity[c]);
-        }
+        Vec<T, D> met = v;
+        met[axis] = by.velocity[axis] + onto;
+        v = respond(by.law, axis, T(line.sign), met, by.velocity);
+        v[axis] = before[axis] - onto;
         seen(line.boundary, line.face, before, v);
     }
     /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.

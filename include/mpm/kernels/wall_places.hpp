@@ -99,21 +99,29 @@ MPM_INLINE int room_before(const BoundaryView<D>& all, const WallPlane<D>& wall,
     return int(least);
 }
 
+/// Whether f(boundary, face, plane) is true of any linear face across an axis on whose rows a node
+/// is and that is near to it; asks in the order in which they are defined, until it is.
+template <int D, class F>
+MPM_INLINE bool any_face(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D],
+                         const F& f) {
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
+        for (int face = 2 * axis; face < 2 * axis + 2; ++face) {
+            if (!r.present[face] || !r.law[face].linear || !on_rows(r, axis, cell)) continue;
+            if (f(b, face, WallPlane<D>(r, face))) return true;
+        }
+    }
+    return false;
+}
+
 /// Does a node stand right before a face across an axis whose normal has this sign?
 template <int D>
 MPM_CALL bool before_face(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int axis,
                           int sign) {
-    for (int b = 0; b < all.count; ++b) {
-        const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
-        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
-            if (!r.present[f] || !r.law[f].linear) continue;
-            const WallPlane<D> wall(r, f);
-            if (wall.sign == sign && wall.place(cell[axis]) == 0 && on_rows(r, axis, cell))
-                return true;
-        }
-    }
-    return false;
+    return any_face<D>(all, axis, cell, [&](int, int, const WallPlane<D>& wall) {
+        return wall.sign == sign && wall.place(cell[axis]) == 0;
+    });
 }
 
 /// Distance of the nearest linear surface that faces a wall, from the node right before the wall,
@@ -162,31 +170,27 @@ MPM_INLINE bool inside_surface(const BoundaryView<D>& all, const WallPlane<D>& w
 template <int D>
 MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
     WallLine line;
-    for (int b = 0; b < all.count; ++b) {
+    any_face<D>(all, axis, cell, [&](int b, int face, const WallPlane<D>& wall) {
         const BoundaryRecord<D>& r = all.records[b];
-        if (!r.active || r.surface > 0 || far_from(r, cell)) continue;
-        for (int f = 2 * axis; f < 2 * axis + 2; ++f) {
-            if (!r.present[f] || !r.law[f].linear) continue;
-            const WallPlane<D> wall(r, f);
-            const std::int64_t place = wall.place(cell[axis]);
-            if (place < -1 || place > 1 || !on_rows(r, axis, cell)) continue;
-            if (inside_surface(all, wall, axis, cell, place)) continue;
-            int room = room_before(all, wall, axis, cell);
-            const double surface = surface_before(all, wall, axis, cell, place);
-            if (surface < 3.5 && room > 3) room = 3;
-            if (surface < 1.5) room = 1;
-            line.boundary = b;
-            line.face = f;
-            line.sign = wall.sign;
-            line.place = int(place);
-            const bool thin = r.is_box && r.upper[axis] - r.lower[axis] < 2;
-            line.form = room < 2 || thin ? WallLine::held
-                        : room < 4       ? WallLine::pair
-                                         : WallLine::linear;
-            if (place <= (line.form == WallLine::linear ? 1 : 0)) return line;
-            line.form = WallLine::none;
-        }
-    }
+        const std::int64_t place = wall.place(cell[axis]);
+        if (place < -1 || place > 1) return false;
+        if (inside_surface(all, wall, axis, cell, place)) return false;
+        int room = room_before(all, wall, axis, cell);
+        const double surface = surface_before(all, wall, axis, cell, place);
+        if (surface < 3.5 && room > 3) room = 3;
+        if (surface < 1.5) room = 1;
+        line.boundary = b;
+        line.face = face;
+        line.sign = wall.sign;
+        line.place = int(place);
+        const bool thin = r.is_box && r.upper[axis] - r.lower[axis] < 2;
+        line.form = room < 2 || thin ? WallLine::held
+                    : room < 4       ? WallLine::pair
+                                     : WallLine::linear;
+        if (place <= (line.form == WallLine::linear ? 1 : 0)) return true;
+        line.form = WallLine::none;
+        return false;
+    });
     return line;
 }
 

@@ -44,7 +44,7 @@ public:
     const Buffer<X, std::uint32_t>& touched() const { return touched_; }
 
     /// Whether nodes beside boundaries are moved apart from the others (`MoveWallNodes`).
-    bool lists() const { return special_ && !mirrored_walls_; }
+    bool lists() const { return lists_; }
     bool has_mirrors() const { return mirrored_walls_; }
     const Buffer<X, std::int32_t>& blocks() const { return blocks_; }
     /// Whether what their nodes ask for is the same at all times; else it is anything.
@@ -72,7 +72,7 @@ private:
     X& exec_;
     double cell_size_;
     bool wide_;  // particles reach two nodes beyond a face
-    bool special_ = false;
+    bool lists_ = false;
     bool linear_walls_ = false;  // kernels/wall_lines.hpp
     bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
@@ -128,7 +128,6 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
             r.within_lower[a] = s.within[std::size_t(a)];
             r.within_upper[a] = s.within[std::size_t(D + a)];
         }
-        special_ = special_ || mpm::special(s);
         for (int f = 0; f < 2 * D; ++f) {
             if (!s.present[f] || !mirrors(s.law[f].response)) continue;
             if (r.limited || s.restricted >= 0)
@@ -156,6 +155,7 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
         if (s.moves) r.motion = tables_.upload(s.motion, D);
         records.push_back(r);
     }
+    lists_ = lists_wall_nodes(spec.boundaries);
     set_pressures(spec, plan);
     if (linear_walls_ && mirrored_walls_)
         throw SceneError(
@@ -231,13 +231,14 @@ SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s) {
 template <class X, int D>
 void Boundaries<X, D>::set_pressures(const Spec& spec, const Plan& plan) {
     bool boxes = false;
-    for (const BoundarySpec& s : spec.boundaries)
+    for (const BoundarySpec& s : spec.boundaries) {
+        mirrored_walls_ = mirrored_walls_ || mpm::mirrors(s);
         for (const SurfaceLaw& law : s.law) {
             linear_walls_ = linear_walls_ || law.linear;
-            mirrored_walls_ = mirrored_walls_ || mirrors(law.response);
             boxes = boxes || (law.linear && s.is_box);
             linear_surfaces_ = linear_surfaces_ || (law.linear && !s.surface.keys.empty());
         }
+    }
     std::vector<GroupPressure> found;
     for (std::size_t b = 0; b < spec.bodies.size() && boxes; ++b) {
         const GroupChannels& g = plan.bodies[b].group;

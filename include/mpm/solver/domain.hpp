@@ -133,13 +133,6 @@ private:
     void reserve_deposits(Body& body);
     std::uint64_t workers_of(const Body& body) const;
     void shift_particles();
-    /// Cells that particles may be shifted by in a step that shifts.
-    double most_shift() const {
-        return std::any_of(spec_.bodies.begin(), spec_.bodies.end(),
-                           [](const BodySpec& b) { return b.shifts; })
-                   ? shift_most
-                   : 0;
-    }
     void run_bodies();
     void advance_body(Body& body, int number, std::uint32_t workers);
     // domain_phases.hpp
@@ -374,7 +367,7 @@ private:
     }
     BeginStep<D> begin_step() { return boundaries_.begin_step(clock_buffer_.data()); }
     TurnStep<D> turn_step() {
-        return {{clock_buffer_.data(), spec_.cell_size, most_shift()}, begin_step()};
+        return {{clock_buffer_.data(), spec_.cell_size, plan_.shift}, begin_step()};
     }
     Pass<X, T, D> pass(Body& body, int number, int parity_to);
     double now() const {

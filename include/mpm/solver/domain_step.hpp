@@ -46,7 +46,7 @@ void Domain<X, T, D>::update_grid() {
         clock_buffer_.data(), spec_.cell_size,    constants_.data(), numbers_.data(),
         int(bodies_.size()),  sensors_.records(), sensors_.count(),  bits,
         least_mass_,          plan_.wave_speed,   plan_.beyond,      inflow_.records(),
-        inflow_.count(),      inflow_.mass(),     most_shift()};
+        inflow_.count(),      inflow_.mass(),     plan_.shift};
     if constexpr (X::is_device) {
         if (share_) {
             make_velocities(AfterGrid<D>::telling(
@@ -188,7 +188,7 @@ std::uint64_t Domain<X, T, D>::workers_of(const Body& body) const {
 /// Before particles move, while the sums say how full the nodes are that they are about to leave.
 template <class X, class T, int D>
 void Domain<X, T, D>::shift_particles() {
-    if (clock_.step % shift_every != 0) return;
+    if (plan_.shift == 0 || !shifts_in(clock_.step)) return;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         const BodySpec& s = spec_.bodies[b];
@@ -212,7 +212,7 @@ void Domain<X, T, D>::shift_particles() {
 /// The particles' half of a step, each body by its own pipeline.
 template <class X, class T, int D>
 void Domain<X, T, D>::run_bodies() {
-    if (most_shift() > 0) shift_particles();
+    shift_particles();
     std::vector<std::size_t> moving;
     std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -303,7 +303,7 @@ void Domain<X, T, D>::one_step() {
             }
             if (share_) end_of_sums(1 - parity(), Added::in_step);
         }
-        exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size, most_shift()});
+        exec_.single(EndStep{clock_buffer_.data(), spec_.cell_size, plan_.shift});
         const double t3 = now();
         timings_["grid"] += t1 - t0;
         timings_["sensors"] += t2 - t1;

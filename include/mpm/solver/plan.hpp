@@ -87,6 +87,7 @@ struct Plan {
     double beyond =
         0;  // the largest share of a deposit that a particle moves with, beside the grid's
     bool on_functions = false;  // functions over cells in place of the regular grid
+    double shift = 0;           // that particles may be shifted by in a step that shifts, cells
     std::vector<std::string> kernels;
     /// That of all bodies, or `by_body` where they differ.
     std::string pipeline() const;

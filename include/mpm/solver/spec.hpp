@@ -223,12 +223,21 @@ struct OutletSpec {
     int face = 0;
 };
 
-/// Whether any boundary is one that only some scenes have (kernels/boundaries.hpp).
+inline bool mirrors(const BoundarySpec& b) {
+    return std::any_of(b.law.begin(), b.law.end(),
+                       [](const SurfaceLaw& law) { return mirrors(law.response); });
+}
+/// Whether a boundary is one that only some scenes have (kernels/boundaries.hpp).
 inline bool special(const BoundarySpec& b) {
-    return !b.surface.keys.empty() || !b.within.empty() || b.restricted >= 0 ||
+    return mirrors(b) || !b.surface.keys.empty() || !b.within.empty() || b.restricted >= 0 ||
            std::any_of(b.law.begin(), b.law.end(), [](const SurfaceLaw& law) {
-               return mirrors(law.response) || law.response == Response::prescribed || law.linear;
+               return law.response == Response::prescribed || law.linear;
            });
+}
+/// Whether nodes beside boundaries are moved apart from all others (kernels/wall_nodes.hpp).
+inline bool lists_wall_nodes(const std::vector<BoundarySpec>& all) {
+    return std::any_of(all.begin(), all.end(), special) &&
+           std::none_of(all.begin(), all.end(), [](const BoundarySpec& b) { return mirrors(b); });
 }
 
 enum class SensorKind { load_cell, wave_gauge, velocity_probe, tracker, energy };

@@ -1,5 +1,4 @@
 #include "mpm/solver/plan.hpp"
-#include "mpm/solver/plan_checks.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include "mpm/kernels/cell_sums.hpp"
 #include "mpm/kernels/sorting.hpp"
 #include "mpm/solver/element_mesh.hpp"
+#include "mpm/solver/plan_checks.hpp"
 
 namespace mpm {
 
@@ -43,7 +43,7 @@ struct EstimatedSlots {
 template <int D>
 EstimatedSlots estimated_slots(const Spec& spec) {
     const double block = spec.cell_size * Block<D>::edge;
-    const bool lists = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);
+    const bool lists = lists_wall_nodes(spec.boundaries);
     EstimatedSlots slots;
     for (const auto& b : spec.bodies) {
         double n = 1, first[D], last[D];  // with the layer; one past
@@ -53,9 +53,9 @@ EstimatedSlots estimated_slots(const Spec& spec) {
             n *= last[a] - first[a];
         }
         slots.all += n;
+        if (!lists) continue;
         double of_body = 0;
         for (const BoundarySpec& wall : spec.boundaries) {
-            if (!lists) break;
             const bool own = wall.is_box || !wall.surface.keys.empty();
             double apart = 1, met = 1;  // blocks inside of faces; blocks of the box
             for (int a = 0; a < D; ++a) {
@@ -281,7 +281,10 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                              std::to_string(m.parameter_count) + " parameters, " +
                              std::to_string(body.parameters.size()) + " were given");
         }
-        if (body.shifts) check_shifting(spec, body);
+        if (body.shifts) {
+            check_shifting(spec, body);
+            plan.shift = shift_most;
+        }
         if (body.smoothing == SmoothingForm::none) continue;
         if (!m.smoothable) {
             throw SceneError(
@@ -445,28 +448,23 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                                          [](const BodyPlan& p) { return p.cells.smooths(); });
     if (backend.device && any_smooths) plan.memory_tables += slots * 8 * smoothing_sums;
 
-    const bool some = std::any_of(spec.boundaries.begin(), spec.boundaries.end(), special);
     // Velocities, kinds, lines and places in two lists, of each node.
     plan.memory_tables += estimate.touched * block_cells * (D * (backend.grid_real() + 4) + 6);
-    if (std::any_of(spec.bodies.begin(), spec.bodies.end(),
-                    [](const BodySpec& b) { return b.shifts; }))
-        plan.memory_grid += slots * block_cells * backend.grid_real();
+    if (plan.shift > 0) plan.memory_grid += slots * block_cells * backend.grid_real();
     for (const auto& b : spec.boundaries)
         plan.memory_tables += double(4 * b.surface.values.size() + 8 * b.surface.keys.size() +
                                      4 * b.surface.place.size());
 
     if (spec.contact.any()) plan.memory_tables += 8 * slots;
-    const bool mirrored =
-        std::any_of(spec.boundaries.begin(), spec.boundaries.end(), [](const BoundarySpec& b) {
-            return std::any_of(b.law.begin(), b.law.end(),
-                               [](const SurfaceLaw& law) { return mirrors(law.response); });
-        });
+    const bool mirrored = std::any_of(spec.boundaries.begin(), spec.boundaries.end(),
+                                      [](const BoundarySpec& b) { return mirrors(b); });
     plan.kernels = {mirrored ? "update_grid (mirrors)" : "update_grid", "decide"};
     if (spec.contact.any()) plan.kernels.insert(plan.kernels.begin() + 1, "contact");
     if (plan.sweeps > 0)
         plan.kernels.insert(plan.kernels.begin() + 1,
                             "sweep (" + std::to_string(plan.sweeps) + " times)");
-    if (some && !mirrored) plan.kernels.insert(plan.kernels.begin(), "move_wall_nodes");
+    if (lists_wall_nodes(spec.boundaries))
+        plan.kernels.insert(plan.kernels.begin(), "move_wall_nodes");
     bool loads = false;
     for (const auto& s : spec.sensors) {
         loads = loads || s.kind == SensorKind::load_cell;

@@ -15,16 +15,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.boundaries.responses import Mirror, Response, Sticky
+from libmpm._src.boundaries.responses import Mirror, Sticky
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.checks_time_steps import step_of
+from libmpm._src.scene.places import faces_present
 from libmpm._src.shapes.boxes import DomainWalls, Solid
 from libmpm._src.shapes.filling import bounds_of
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
-    from libmpm._src.scene.parts import Body, Boundary
+    from libmpm._src.scene.parts import Body
 
 __all__ = ["peak_share", "smeared_flows"]
 
@@ -109,19 +110,6 @@ class _Plate:
     mirrored: bool
 
 
-def _faces_of(scene: SceneData, boundary: Boundary) -> Iterator[tuple[str, Response]]:
-    """Give the faces of the domain at which a boundary responds."""
-    names = [side + sign for side in "xyz"[: scene.dimension] for sign in "-+"]
-    faces = getattr(boundary.shape, "faces", ())
-    for face in names if isinstance(faces, str) else faces:
-        response = boundary.response
-        if isinstance(response, Mapping):
-            if face not in response:
-                continue
-            response = response[face]
-        yield face, response
-
-
 def _held(scene: SceneData, body: Body, bounds: NDArray[np.float64]) -> dict[str, _Plate]:
     """Return by side what holds a body along it, no further away than a cell.
 
@@ -136,7 +124,9 @@ def _held(scene: SceneData, body: Body, bounds: NDArray[np.float64]) -> dict[str
         shape = boundary.shape
         moves = any(x is not None for x in (boundary.motion, boundary.rotation, boundary.within))
         if isinstance(shape, DomainWalls):
-            for face, response in _faces_of(scene, boundary):
+            given = boundary.response
+            for face in faces_present(scene, boundary):
+                response = given.get(face) if isinstance(given, Mapping) else given
                 axis, upper = "xyz".index(face[0]), face[1] == "+"
                 mirrored = isinstance(response, Mirror) and not response.slip
                 end = int(upper)
