@@ -35,7 +35,8 @@ std::string not_of_elements(const Spec& spec, const BodySpec& b) {
                "them out";
     if (b.pressure || b.state) return "a pressure or a stress to begin with; begin at rest";
     if (!b.tractions.empty()) return "tractions; leave them out";
-    if (b.restored || !b.ids.empty()) return "vertices that are continued from another run; start the scene afresh";
+    if (b.restored || !b.ids.empty())
+        return "vertices that are continued from another run; start the scene afresh";
     return {};
 }
 
