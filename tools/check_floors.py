@@ -1,4 +1,5 @@
-"""Fails when a file includes something from a floor that its own floor may not see.
+"""Fails when a file includes something from a floor that its own floor may not see, or when a
+function that is a call on a device does not begin with what keeps its warp together.
 
 usage: check_floors.py [TREE]
 """
@@ -28,6 +29,8 @@ BACKEND = re.compile(
 BINDING = re.compile(r"(?:pybind11/.*|Python\.h)$")
 PURE = {"core", "physics"}  # compile with a plain C++ compiler and know no backend
 INCLUDE = re.compile(r"^\s*#\s*include\s*[<\"]([^>\"]+)[>\"]")
+# An MPM_CALL function up to its body and its first line: core/config.hpp says why.
+CALLED = re.compile(r"^ *MPM_CALL\b[^;{]*\{\s*(?!const Reconverge at_return;)\S.*$", re.MULTILINE)
 SUFFIXES = {".hpp", ".h", ".cuh", ".cpp", ".cu", ".inc", ".in"}
 
 
@@ -77,7 +80,11 @@ def check(tree: Path) -> list[str]:
             if floor_of(path) not in SEES:
                 offences.append(f"{path}: lies in no floor ({', '.join(SEES)})")
                 continue
-            for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+            text = file.read_text(encoding="utf-8")
+            for call in CALLED.finditer(text):
+                number = text.count("\n", 0, call.start()) + 1
+                offences.append(f"{path}:{number}: begins without `const Reconverge at_return;`")
+            for number, line in enumerate(text.splitlines(), 1):
                 found = INCLUDE.match(line)
                 why = found and objection(found[1], path)
                 if why:

@@ -31,6 +31,25 @@
 #define MPM_HOST_CALL MPM_CALL
 #endif
 
+namespace mpm {
+
+/// The first line of every MPM_CALL function (tools/check_floors.py): lanes of a warp that enter it
+/// together leave it together. Where some return early and wait in the caller, while others go on
+/// to a call of their own (a division in double precision is one), that call uses the register of
+/// the barrier at which the first ones wait (ptxas 13.0): they run ahead, and overwrite uniform
+/// registers, pointers to the stack among them, of those that are still inside.
+struct [[maybe_unused]] Reconverge {
+#if defined(__CUDA_ARCH__)
+    unsigned lanes;
+    __device__ Reconverge() : lanes(__activemask()) {}
+    __device__ ~Reconverge() { __syncwarp(lanes); }
+    Reconverge(const Reconverge&) = delete;
+    Reconverge& operator=(const Reconverge&) = delete;
+#endif
+};
+
+}  // namespace mpm
+
 // For lambdas in functions that are compiled for several instruction sets (kernels/cpu/levels.hpp):
 // one that stays a call there is compiled for the lowest of them, and was called wrongly.
 #if defined(__CUDACC__)

@@ -29,6 +29,7 @@ MPM_INLINE void node_position(const std::int64_t (&cell)[D], double cell_size, d
 template <class T, int D, class Seen>
 MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
                             const Vec<T, D>& wall, Vec<T, D>& v, const Seen& seen) {
+    const Reconverge at_return;
     const BoundaryRecord<D>& r = all.records[b];
     double x[D];
     node_position<D>(cell, all.cell_size, x);
@@ -159,6 +160,7 @@ struct Images {
     int boundary[D], face[D];
 
     MPM_CALL Images(const BoundaryView<D>& all, const std::int64_t (&cell)[D]) : reach(all.reach) {
+        const Reconverge at_return;
         for (int a = 0; a < D; ++a) {
             inside[a] = cell[a];
             sign[a] = 1;

@@ -67,6 +67,7 @@ struct NodeContact {
     };
 
     MPM_CALL void find(std::int32_t first, std::int32_t count, int n, Fields& f) const {
+        const Reconverge at_return;
         for (std::int32_t k = 0; k < count; ++k) {
             const T m = node.mass(first + k, n);
             if (!(m > T(0))) continue;
@@ -166,6 +167,7 @@ struct NodeContact {
 
     /// The impulse that two fields exchange, on all that is stuck to them.
     MPM_CALL void meet(int n, Fields& f, int i, int j) const {
+        const Reconverge at_return;
         const int a = f.of[i], b = f.of[j];
         const ContactLaw& l = contact.laws[law(f, i, j)];
         const T of_a = T(1 / contact.full[f.kind[i]]), of_b = T(1 / contact.full[f.kind[j]]);

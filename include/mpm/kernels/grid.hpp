@@ -141,6 +141,7 @@ struct NodeUpdate {
     }
     /// Mass of all nodes that share, 0 where it is negligible.
     MPM_CALL T shared_mass(const Images<D>& images) const {
+        const Reconverge at_return;
         T all = 0;
         std::int64_t quanta = 0;
         each_image(images, [&](const Sum* s, const double(&)[D]) {
@@ -156,6 +157,7 @@ struct NodeUpdate {
     template <class Seen>
     MPM_CALL Vec<T, D> mirrored_velocity(const Images<D>& images, const Vec<T, D>& own,
                                          const Seen& seen) const {
+        const Reconverge at_return;
         T mass = 0;
         Vec<T, D> v{};
         each_image(images, [&](const Sum* s, const double(&sign)[D]) {

@@ -11,6 +11,7 @@ template <int W, int D>
 MPM_CALL Stencil<double, D, W> functions_at(const KernelChoice& kernel, const Vec<double, D>& xi,
                                             const Vec<double, D>& half,
                                             const std::int64_t (&cell)[D]) {
+    const Reconverge at_return;
     return stencil_of<W>(kernel, xi, half, cell);
 }
 

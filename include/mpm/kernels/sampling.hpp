@@ -189,6 +189,7 @@ struct SamplePoints {
         if (r.due) sample(points[k], open_row(r, node.clock->time));
     }
     MPM_CALL void sample(const PointRecord<D>& point, double* row) const {
+        const Reconverge at_return;
         if (point.axis >= 0) {
             SampleGauge<T, Sum, D>{node, point, cell_size, cells}(row);
             return;

@@ -12,6 +12,7 @@ namespace mpm {
 template <int D>
 MPM_CALL bool image_before_walls(const BoundaryView<D>& all, const std::int64_t (&cell)[D],
                                  std::int64_t (&image)[D]) {
+    const Reconverge at_return;
     bool behind = false;
     for (int a = 0; a < D; ++a) image[a] = cell[a];
     for (int b = 0; b < all.count; ++b) {
@@ -55,6 +56,7 @@ MPM_CALL bool image_before_walls(const BoundaryView<D>& all, const std::int64_t 
 /// Part of a node's spline that walls leave to what is before them.
 template <int D>
 MPM_CALL double room_of_node(const BoundaryView<D>& all, const std::int64_t (&cell)[D]) {
+    const Reconverge at_return;
     double room = 1;
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];

@@ -105,6 +105,7 @@ struct SurfaceRecord {
 template <class T, int D>
 MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
                                  const double (&x)[D], const Vec<T, D>& own, Vec<T, D>& v) {
+    const Reconverge at_return;
     double there[D], normal[D], distance, wall[D];
     s.to_body(x, there);
     if (!s.field.at(there, distance, normal)) return false;

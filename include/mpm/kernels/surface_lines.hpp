@@ -19,6 +19,7 @@ struct SurfaceView {
 
     MPM_CALL SurfaceView(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
                          const std::int64_t (&cell)[D]) {
+        const Reconverge at_return;
         double x[D], there[D], own[D];
         node_position<D>(cell, all.cell_size, x);
         s.to_body(x, there);
@@ -118,6 +119,7 @@ struct SurfaceLine {
     /// it, and what even pressure does to their nodes is not along its normal.
     MPM_CALL bool beside_edge(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
                               const std::int64_t (&cell)[D]) const {
+        const Reconverge at_return;
         std::int64_t foot[D], there[D];
         for (int step = 0; step < 5; ++step) {
             moved_along<D>(cell, axis, -step * sign, foot);

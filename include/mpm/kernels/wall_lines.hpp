@@ -77,6 +77,7 @@ struct FollowLines {
         return out;
     }
     MPM_CALL Seat called_seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
+        const Reconverge at_return;
         return seat(slot, number, cell);
     }
     template <class Seen>
@@ -125,6 +126,7 @@ struct FollowLines {
     MPM_CALL Sums called_sum(const WallLine& line, int axis, std::int32_t slot,
                              const std::int64_t (&cell)[D], const Seat& own,
                              const Vec<T, D>& moving) const {
+        const Reconverge at_return;
         return sum(line, axis, slot, cell, own, moving);
     }
     MPM_INLINE Seat other_seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
@@ -142,6 +144,7 @@ struct FollowLines {
     template <class Seen>
     MPM_CALL void called(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
                          Vec<T, D>& v, const Seen& seen) const {
+        const Reconverge at_return;
         (*this)(slot, number, cell, mass, v, seen);
     }
     /// `v` is the node's velocity by itself.

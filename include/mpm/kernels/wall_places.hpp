@@ -119,6 +119,7 @@ MPM_INLINE bool any_face(const BoundaryView<D>& all, int axis, const std::int64_
 template <int D>
 MPM_CALL bool before_face(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int axis,
                           int sign) {
+    const Reconverge at_return;
     return any_face<D>(all, axis, cell, [&](int, int, const WallPlane<D>& wall) {
         return wall.sign == sign && wall.place(cell[axis]) == 0;
     });
@@ -169,6 +170,7 @@ MPM_INLINE bool inside_surface(const BoundaryView<D>& all, const WallPlane<D>& w
 /// The line on which a node is across an axis. Where two claim it, the first that is defined does.
 template <int D>
 MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
+    const Reconverge at_return;
     WallLine line;
     any_face<D>(all, axis, cell, [&](int b, int face, const WallPlane<D>& wall) {
         const BoundaryRecord<D>& r = all.records[b];

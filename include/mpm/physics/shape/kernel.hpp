@@ -61,6 +61,7 @@ MPM_INLINE V hat_integral(V r) {
 /// `last` is the end of the domain, which belongs to the last span.
 template <class V>
 MPM_CALL ShapeValue<V> spline_on_knots(int degree, const V (&knot)[5], V x, V last) {
+    const Reconverge at_return;
     V n[4] = {}, below[4] = {};
     for (int i = 0; i <= degree; ++i) {
         const bool in =
