@@ -239,8 +239,8 @@ struct ContactPass {
             T* out = node.grid.velocity + node.grid.velocity_place(f.slot[k], n);
             for (int a = 0; a < D; ++a) {
                 out[a] = f.velocity[from][a];
-                UpdateGrid<T, Sum, D>::larger_of(
-                    maxima[max_speed], kept.counts(out[a], f.together[from], node.least_mass));
+                UpdateGrid<T, Sum, D>::larger_of(maxima[max_speed],
+                                                 node.counts(out[a], f.together[from]));
             }
             if (kept.guard >= 0) out[kept.guard] = T(f.pushed[from] || f.held[from] ? 1 : 0);
         }

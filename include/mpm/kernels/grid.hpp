@@ -20,8 +20,9 @@ struct NodeUpdate {
     GridView<T, Sum, D> grid;
     const Clock* clock;
     BoundaryView<D> boundaries;
-    const std::uint32_t* touched;              // per slot: may a boundary hold nodes of it
-    double least_mass;                         // of a particle, kg
+    const std::uint32_t* touched;  // per slot: may a boundary hold nodes of it
+    double least_mass;             // of a particle, kg
+    double light_mass;  // lighter nodes count by their part of it (kernels/clock.hpp), kg
     const GroupPressure* pressures = nullptr;  // where boxes have linear faces
     int pressure_count = 0;
 
@@ -62,6 +63,11 @@ struct NodeUpdate {
             if (j > 0 && j < 1) all += g.at(j) * (mass < g.full ? mass / g.full : 1.0);
         }
         return all;
+    }
+    /// What a speed counts of a node with mass m.
+    MPM_INLINE double counts(T speed, T m) const {
+        const double size = absolute(double(speed));
+        return double(m) < light_mass ? size * (double(m) / light_mass) : size;
     }
     /// Before any boundary.
     MPM_INLINE Vec<T, D> free_velocity(T m, const Vec<Sum, D>& p) const {
@@ -217,15 +223,7 @@ struct KeptChannels {
     int plain = -1;   // sums: D, momentum without stress
     int before = -1;  // velocities: D, of that momentum alone
     int guard = -1;   // 1: a boundary changed the velocity
-    // With forces from gradients of shapes the lightest nodes are fast without bound, while their
-    // weight in any particle's velocity is at most their mass over the particle's.
-    bool by_weight = false;
-    bool any() const { return plain >= 0 || before >= 0 || guard >= 0 || by_weight; }
-    template <class T>
-    MPM_INLINE double counts(T speed, T mass, double least_mass) const {
-        const double share = by_weight ? double(mass) / least_mass : 1.0;
-        return absolute(double(speed)) * (share < 1 ? share : 1.0);
-    }
+    bool any() const { return plain >= 0 || before >= 0 || guard >= 0; }
 };
 
 /// Hears whether any boundary has changed a velocity.
@@ -309,12 +307,7 @@ struct UpdateGrid {
             } else {
                 v = node.template lone_velocity<mirrors>(slot, n, m, p, NothingSeen{});
             }
-            for (int a = 0; a < D; ++a) {
-                if constexpr (keeps)
-                    larger_of(maxima[max_speed], kept.counts(v[a], m, node.least_mass));
-                else
-                    larger_of(maxima[max_speed], absolute(double(v[a])));
-            }
+            for (int a = 0; a < D; ++a) larger_of(maxima[max_speed], node.counts(v[a], m));
             if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
         }
         if constexpr (keeps) {
@@ -353,8 +346,7 @@ struct UpdateGrid {
         if (m > T(0)) v = node.mirrored_velocity(images, v, NothingSeen{});
         for (int a = 0; a < D; ++a) {
             out[a] = v[a];
-            larger_of(maxima[max_speed],
-                      keeps ? kept.counts(v[a], m, node.least_mass) : absolute(double(v[a])));
+            larger_of(maxima[max_speed], node.counts(v[a], m));
         }
         if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(own_mass));
         if constexpr (keeps) {

@@ -30,13 +30,11 @@ struct SweepChannels {
 /// than the fastest node has, and of light nodes no more than their mass over its own.
 template <class T, class Sum, int D>
 struct SweepMaxima {
-    const KeptChannels& kept;
-    double least_mass;
+    const NodeUpdate<T, Sum, D>& node;
     MPM_INLINE void see(const T* v, T mass, double (&maxima)[maxima_count]) const {
+        const double light = node.light_mass < node.least_mass ? 1 + light_nodes_add : light_nodes;
         for (int a = 0; a < D; ++a)
-            UpdateGrid<T, Sum, D>::larger_of(
-                maxima[max_speed],
-                (kept.by_weight ? light_nodes : 1) * kept.counts(v[a], mass, least_mass));
+            UpdateGrid<T, Sum, D>::larger_of(maxima[max_speed], light * node.counts(v[a], mass));
         UpdateGrid<T, Sum, D>::larger_of(maxima[max_mass], double(mass));
     }
     static constexpr double light_nodes = 8;
@@ -57,14 +55,13 @@ template <class T, class Sum, int D>
 struct BeginSweep {
     NodeUpdate<T, Sum, D> node;
     SweepChannels channels;
-    KeptChannels kept;
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         if (!channels.due(*node.clock)) return;
         T* u = node.grid.velocity + i * node.grid.velocity_channels;
         for (int a = 0; a < D; ++a)
             u[channels.result + a] = u[channels.residual + a] = u[channels.source + a];
         const T m = node.mass(std::int32_t(i / block_cells), int(i % block_cells));
-        SweepMaxima<T, Sum, D>{kept, node.least_mass}.see(u + channels.residual, m, maxima);
+        SweepMaxima<T, Sum, D>{node}.see(u + channels.residual, m, maxima);
     }
 };
 
@@ -74,7 +71,6 @@ struct AdvanceSweep {
     NodeUpdate<T, Sum, D> node;
     Sum* work;
     SweepChannels channels;
-    KeptChannels kept;
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         if (!channels.due(*node.clock)) return;
         const auto& g = node.grid;
@@ -90,7 +86,7 @@ struct AdvanceSweep {
             u[channels.result + a] += u[channels.residual + a];
             s = 0;
         }
-        SweepMaxima<T, Sum, D>{kept, node.least_mass}.see(u + channels.residual, m, maxima);
+        SweepMaxima<T, Sum, D>{node}.see(u + channels.residual, m, maxima);
     }
 };
 
@@ -100,7 +96,6 @@ template <class T, class Sum, int D>
 struct FinishSweep {
     NodeUpdate<T, Sum, D> node;
     SweepChannels channels;
-    KeptChannels kept;
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         if (node.clock->halt != Halt::none) return;
         const auto& g = node.grid;
@@ -118,8 +113,7 @@ struct FinishSweep {
             for (int a = 0; a < D; ++a) u[a] = v[a];
         }
         for (int a = 0; a < D; ++a)
-            UpdateGrid<T, Sum, D>::larger_of(maxima[max_speed],
-                                             kept.counts(v[a], m, node.least_mass));
+            UpdateGrid<T, Sum, D>::larger_of(maxima[max_speed], node.counts(v[a], m));
         if constexpr (std::is_integral_v<Sum>)
             UpdateGrid<T, Sum, D>::larger_of(maxima[max_mass], double(m));
     }

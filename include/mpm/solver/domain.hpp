@@ -347,6 +347,7 @@ private:
                 boundaries_.view(),
                 boundaries_.touched().data(),
                 least_mass_,
+                light_mass_,
                 boundaries_.pressures().data(),
                 int(boundaries_.pressures().size())};
     }
@@ -379,7 +380,7 @@ private:
     Plan plan_;
     X exec_;
     Clock clock_{};  // host copy, current after fetch_clock
-    double least_mass_ = 0;
+    double least_mass_ = 0, light_mass_ = 0;
     bool dead_ = false;
     Fault fault_;
 

@@ -77,8 +77,7 @@ void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
                                               NothingAfter{});
         sweep_grid();
         exec_.template max_each<maxima_count>(
-            nodes, FinishSweep<Grid, Sum, D>{node_update(parity()), plan_.sweep, plan_.kept},
-            decided);
+            nodes, FinishSweep<Grid, Sum, D>{node_update(parity()), plan_.sweep}, decided);
     }
 }
 
@@ -94,7 +93,7 @@ void Domain<X, T, D>::sweep_grid() {
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
     const SetSweepScale set_scale{clock, bits};
     exec_.template max_each<maxima_count>(
-        nodes, BeginSweep<Grid, Sum, D>{node_update(parity()), channels, plan_.kept}, set_scale);
+        nodes, BeginSweep<Grid, Sum, D>{node_update(parity()), channels}, set_scale);
     for (int k = 0; k < plan_.sweeps; ++k) {
         for (std::size_t b = 0; b < bodies_.size(); ++b) {
             if (bodies_[b].homes == 0) continue;
@@ -108,8 +107,7 @@ void Domain<X, T, D>::sweep_grid() {
         complete_sums();
         exec_.template max_each<maxima_count>(
             nodes,
-            AdvanceSweep<Grid, Sum, D>{node_update(parity()), sums_[1 - parity()].data(), channels,
-                                       plan_.kept},
+            AdvanceSweep<Grid, Sum, D>{node_update(parity()), sums_[1 - parity()].data(), channels},
             set_scale);
     }
 }

@@ -55,6 +55,11 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         least_mass_ = std::min(least_mass_, lightest);
         constants.push_back({density, s.smoothing_time, s.smoothing_ratio});
     }
+    // With forces from gradients of shapes the lightest nodes are fast without bound: there even
+    // those that all particles share count by their mass.
+    light_mass_ = spec_.kernel.gradient == GradientForm::shapes
+                      ? least_mass_
+                      : light_mass(least_mass_, kernel_width(spec_.kernel.kernel), D);
     constants_.assign(constants);
     numbers_.reserve_discard(constants.size());
     groups_.assign(plan_.groups);

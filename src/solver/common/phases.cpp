@@ -195,7 +195,6 @@ void plan_phases(const Spec& spec, Plan& plan) {
         plan.velocity_channels += numbers;
         return at;
     };
-    plan.kept.by_weight = spec.kernel.gradient == GradientForm::shapes;
     PhaseNumbers common;
     if (memory != Memory::none) {
         const char* axes[] = {"x", "y", "z"};
