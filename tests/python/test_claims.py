@@ -68,7 +68,7 @@ def test_blocks_in_water_meet_a_deck_that_stays_where_it_is(density: float) -> N
     assert scene.cell_size == 0.5
     assert deck.lower == (16.0, 6.0 + scene.cell_size)
     assert scene.method.kernel_choice == LINEAR
-    assert scene.method.transfer_choice.scheme == "FLIP"
+    assert scene.transfer.scheme == "FLIP"
     water = body(scene, "flow")
     assert water.smoothing == Smoothing(method="F0AL1")
     assert water.fbar is None
@@ -81,7 +81,7 @@ def test_bridges_have_the_sources_functions(name: str) -> None:
     """V7 to V9: linear functions, FLIP and F0AL1; what a block bears of it can be asked for."""
     scene = scene_of(f"{name} linear K=2.2e+06")
     assert scene.method.kernel_choice == LINEAR
-    assert scene.method.transfer_choice.scheme == "FLIP"
+    assert scene.transfer.scheme == "FLIP"
     assert body(scene, "water").smoothing == Smoothing(method="F0AL1")
     model = bridges_scenes.MODELS[name.split()[1]]
     if name.startswith(("V8", "V9 II")):
@@ -94,7 +94,7 @@ def test_bridges_have_the_sources_functions(name: str) -> None:
 
 def test_dominoes_have_the_published_transfer() -> None:
     scene = scene_of("dominoes ASFLIP 4 cells 24 mm wide")
-    transfer = scene.method.transfer_choice
+    transfer = scene.transfer
     assert (transfer.scheme, transfer.flip, transfer.shift_max) == ("ASFLIP", 0.999, 0.025)
     pieces = [b for b in scene.bodies if b.name.startswith("domino-")]
     assert len(pieces) == 24
@@ -105,7 +105,7 @@ def test_dominoes_have_the_published_transfer() -> None:
 def test_sloshing_is_between_smooth_walls_without_pressure_at_the_start() -> None:
     scene = scene_of("sloshing plane slip")
     assert response(scene, "walls") == boundaries.Slip(cell="held")
-    assert scene.method.transfer_choice == Transfer(scheme="AFLIP", flip=0.25)
+    assert scene.transfer == Transfer(scheme="AFLIP", flip=0.25)
     for water in scene.bodies:
         assert water.material.bulk_modulus == 2.2e9
         assert water.hydrostatic is None
@@ -119,7 +119,7 @@ def test_the_elastic_column_is_the_sources_and_has_no_smoothing() -> None:
     assert water.material.bulk_modulus == 2.2e9
     assert water.fbar is None
     assert not isinstance(column.fbar, FBar)  # solids have none by default
-    assert scene.method.transfer_choice.flip == 0.8
+    assert scene.transfer.flip == 0.8
 
 
 def test_cubes_sink_in_water_of_its_own_modulus_without_pressure_at_the_start() -> None:
@@ -129,7 +129,7 @@ def test_cubes_sink_in_water_of_its_own_modulus_without_pressure_at_the_start() 
     for part in water:
         assert part.material.bulk_modulus == 2.2e9
         assert part.hydrostatic is None
-    assert scene.method.transfer_choice.flip == 0.3
+    assert scene.transfer.flip == 0.3
 
 
 @pytest.mark.parametrize(

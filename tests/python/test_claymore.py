@@ -92,7 +92,7 @@ class TestCurrentDialect:
         # The smallest CFL; default_dt is no bound here.
         assert found.scene.method.cfl == 0.3
         assert found.scene.method.time_step is None
-        assert found.scene.method.transfer_choice.scheme == "APIC"
+        assert found.scene.transfer.scheme == "APIC"
 
     def test_water_fills_what_bed_and_paddle_leave(self, flume: claymore.Imported) -> None:
         found = flume
@@ -221,7 +221,7 @@ class TestFirstDialect:
     def test_transfers_and_fbar(self, models: claymore.Imported) -> None:
         found = models
         water, sand, metal = found.scene.bodies
-        assert found.scene.method.transfer_choice.scheme == "ASFLIP"
+        assert found.scene.transfer.scheme == "ASFLIP"
         assert (water.transfer.flip, water.transfer.shift_max) == (0.9, 0.1)
         assert sand.transfer.flip == 0.0
         assert (metal.transfer.flip, metal.transfer.shift_max) == (0.5, 0.0)

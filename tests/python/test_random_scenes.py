@@ -153,7 +153,7 @@ def test_ranks_have_the_bits_of_one_or_are_refused(folder, scene, usual, precisi
     refused = fuzzing.answer(lambda: several.step(1))
     if isinstance(refused, libmpm.Error):
         assert "is not built for several ranks; take one rank" in str(refused)
-        scheme = scene.method.transfer_choice.scheme
+        scheme = scene.transfer.scheme
         assert one.pipeline in ("phased", "by-body") or scheme != "APIC"
         return
     several.step(STEPS - 1)
@@ -173,7 +173,7 @@ def counts_all(scene):
     """
     walls = scene.boundaries[0].response
     every = walls.values() if isinstance(walls, dict) else [walls]
-    transfer = scene.method.transfer_choice
+    transfer = scene.transfer
     mirrored = any(isinstance(wall, boundaries.Mirror) for wall in every)
     return transfer.scheme != "FMPM" and not (mirrored and transfer.stores_velocity)
 

@@ -287,6 +287,50 @@ def test_methods(case, precision, tmp_path):
         assert same(one, sim)
 
 
+def over_a_bed(dimension):
+    """Return water that falls down a slope onto a level bed, past a ball: lines of nodes towards
+    surfaces, which run along every axis and end in blocks of other ranks."""
+    beyond = (0.4,) * (dimension - 2)
+    scene = libmpm.Scene(
+        dimension=dimension, cell_size=0.025, lower=(0.0,) * dimension, upper=(1.6, *beyond, 0.8),
+        gravity=(*(0.0,) * (dimension - 1), -9.81),
+    )  # fmt: skip
+    profile = [(-1.0, 0.31), (0.3, 0.31), (0.8, 0.11), (3.0, 0.11), (3.0, -1.0), (-1.0, -1.0)]
+    if dimension == 2:
+        bed = shapes.Extrusion(profile=profile)
+        ball = shapes.Sphere(center=(1.11, 0.17), radius=0.12)
+    else:
+        bed = shapes.Extrusion(axis="y", lower=-1.0, upper=2.0, profile=profile)
+        ball = shapes.Sphere(center=(1.11, 0.21, 0.17), radius=0.12)
+    scene.add_body(
+        name="water", material=materials.TaitFluid(bulk_modulus=1e5),
+        shape=shapes.Box(lower=(0.0, *(0.0,) * len(beyond), 0.325), upper=(0.4, *beyond, 0.7)),
+    )  # fmt: skip
+    linear = boundaries.Slip(cell="linear")
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=linear)
+    scene.add_boundary(name="bed", shape=bed, response=linear)
+    scene.add_boundary(name="ball", shape=ball, response=boundaries.Separable(cell="linear"))
+    scene.add_sensor(name="load", sensor=sensors.LoadCell(boundary="ball", interval=0.01))
+    return scene
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_lines_towards_surfaces(dimension, precision, tmp_path):
+    scene, end = over_a_bed(dimension), 1.0 if dimension == 2 else 0.5
+    one = libmpm.Simulation(scene, device="cpu", precision=precision)
+    three = libmpm.Simulation(scene, device=["cpu"] * 3, threads=3, precision=precision)
+    one.run(until=end)
+    three.run(until=end / 2)
+    three.save_checkpoint(tmp_path / "three.npz")
+    two = libmpm.Simulation.resume(tmp_path / "three.npz", device=["cpu", "cpu"])
+    for sim in (two, three):
+        sim.run(until=end)
+        assert same(one, sim)
+        assert sim.statistics["migrated"] > 0
+    assert np.abs(one.sensors["load"]["force_x"]).max() > 0
+
+
 def test_what_is_not_built_is_named():
     """What several ranks cannot do is refused before it runs."""
     old = fake_engine.small_scene().to_dict()

@@ -117,7 +117,7 @@ def test_newtonian(transfer, wall, cells):
     scene, until = newtonian(cells, transfer, wall)
     share, error, doubts = check(scene, until)
     s = 4 * NU * step_of(scene) / scene.cell_size**2
-    told = peak_share(cells, s, scene.method.transfer_choice, wall == "mirror")
+    told = peak_share(cells, s, scene.transfer, wall == "mirror")
     print(f"told {told:.3f}")
     assert share == pytest.approx(told, abs=PREDICTED)
     assert bool(doubts) == (abs(1 - share) > WARNED)

@@ -10,7 +10,7 @@
 #include "mpm/core/error.hpp"
 #include "mpm/exec/buffer.hpp"
 #include "mpm/kernels/sorting.hpp"
-#include "mpm/solver/mirror_planes.hpp"
+#include "mpm/solver/blocks_together.hpp"
 
 namespace mpm {
 
@@ -24,8 +24,8 @@ public:
 
     /// One rank of several: blocks on both sides of mirrored walls come together, and no memory is
     /// given back while a table is made.
-    void share(const std::vector<MirrorPlane>& mirrors) {
-        mirrors_ = mirrors;
+    void share(const BlocksTogether& together) {
+        together_ = together;
         shared_ = true;
     }
 
@@ -64,7 +64,7 @@ public:
 
 private:
     X& exec_;
-    std::vector<MirrorPlane> mirrors_;
+    BlocksTogether together_;
     bool shared_ = false;
     BlockTableView<D> view_{};
     Buffer<X, std::uint64_t> keys_{exec_};
@@ -136,10 +136,10 @@ void BlockTable<X, D>::neighbourhood(const Buffer<X, std::uint64_t>& homes,
     }
     keys.reserve_discard(slots);
     exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
-    if (!mirrors_.empty()) {
-        auto with_images = keys.host();
-        add_images<D>(view_.keys_of, mirrors_, with_images);
-        keys.assign(with_images);
+    if (!together_.empty()) {
+        auto with_others = keys.host();
+        add_together<D>(view_.keys_of, together_, with_others);
+        keys.assign(with_others);
     }
     // As large as this, it would weigh on the sort that follows. Not with several devices: what is
     // given back there has to be mapped into all of them again.

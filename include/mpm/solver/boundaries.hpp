@@ -4,7 +4,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,7 +15,7 @@
 #include "mpm/exec/buffer.hpp"
 #include "mpm/kernels/sorting.hpp"
 #include "mpm/kernels/wall_nodes.hpp"
-#include "mpm/solver/mirror_planes.hpp"
+#include "mpm/solver/blocks_together.hpp"
 #include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
 #include "mpm/solver/time_tables.hpp"
@@ -60,12 +62,14 @@ public:
     }
     /// The same of what load cell number `cell` measures, into `flag`.
     void touch_measured(int cell, const BlockTableView<D>& table, std::uint32_t* flag);
-    std::vector<MirrorPlane> mirror_planes() const;
+    /// For tables of one rank of several, whose keys are these.
+    BlocksTogether blocks_together(const BlockKeys<D>& keys_of) const;
 
 private:
     /// Nodes beyond a face of the domain that particles inside can reach.
     int reach() const { return wide_ ? 2 : 1; }
-    SurfaceRecord<D> surface(const SurfaceSpec& spec);
+    SurfaceRecord<D> surface(const SurfaceSpec& spec, bool linear);
+    void find_lines(const SurfaceRecord<D>& at_rest);
     void set_pressures(const Spec& spec, const Plan& plan);
     void list_touched(const BlockTableView<D>& table);
 
@@ -77,6 +81,8 @@ private:
     bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
     bool at_rest_ = false;
+    // Of blocks (coordinates) beside linear surfaces at rest, the axes along which lines run.
+    std::map<std::array<std::int64_t, D>, unsigned> line_axes_;
     TimeTables<X> tables_{exec_};
     TimeTableView gravity_{};
     std::vector<Buffer<X, std::uint64_t>> surface_keys_;
@@ -111,7 +117,7 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
             r.upper[a] = own ? s.upper[a] : int(spec.cells[a]) + beyond;
         }
         if (!s.surface.keys.empty()) {
-            surfaces.push_back(surface(s.surface));
+            surfaces.push_back(surface(s.surface, s.law[0].linear));
             r.surface = int(surfaces.size());
         }
         bool everyone = s.restricted < 0;
@@ -179,7 +185,7 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
 }
 
 template <class X, int D>
-SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s) {
+SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s, bool linear) {
     SurfaceRecord<D> r{};
     // Keys ascend as the blocks' numbers do, last axis fastest.
     const std::size_t blocks = s.keys.size() / D;
@@ -223,7 +229,57 @@ SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s) {
     r.turn = tables_.upload(s.turn, 1);
     for (int a = 0; a < 3; ++a) r.axis[a] = s.axis.empty() ? (a == 2) : s.axis[std::size_t(a)];
     for (int a = 0; a < D; ++a) r.rotation[a][a] = 1;
+    if (linear && !r.path.given() && !r.turn.given()) {
+        SurfaceRecord<D> here = r;  // on the host
+        here.field.keys = keys.data();
+        here.field.place = places.data();
+        here.field.value = s.values.data();
+        find_lines(here);
+    }
     return r;
+}
+
+/// Blocks that share lines of nodes, for ranks: those with nodes that any line may have.
+template <class X, int D>
+void Boundaries<X, D>::find_lines(const SurfaceRecord<D>& s) {
+    BoundaryView<D> view{};
+    view.cell_size = cell_size_;
+    const auto& field = s.field;
+    const double block = Block<D>::edge * cell_size_;
+    for (std::int32_t k = 0; k < field.count; ++k) {
+        if (field.place[k] < 0) continue;
+        std::int64_t first[D], last[D], b[D];
+        std::uint64_t key = field.keys[k];
+        for (int a = D - 1; a >= 0; --a) {
+            const double number =
+                double(field.low[a]) + double(key % std::uint64_t(field.counts[a]));
+            key /= std::uint64_t(field.counts[a]);
+            const double low = field.origin[a] + number * field.edge / field.per_metre;
+            first[a] = b[a] = std::int64_t(std::floor(low / block));
+            last[a] = std::int64_t(std::floor((low + field.edge / field.per_metre) / block));
+        }
+        for (bool more = true; more;) {
+            std::array<std::int64_t, D> at;
+            std::copy_n(b, D, at.begin());
+            if (const auto [to, is_new] = line_axes_.try_emplace(at, 0u); is_new) {
+                for (int n = 0; n < block_cells; ++n) {
+                    std::int64_t cell[D];
+                    int in[D];
+                    Block<D>::coordinates(n, in);
+                    for (int a = 0; a < D; ++a) cell[a] = b[a] * Block<D>::edge + in[a];
+                    const SurfaceView<D> node(view, s, cell);
+                    // A leader stands less than two cells off the surface.
+                    if (node.known && node.axis >= 0 && node.distance < 2.01 && !node.deep())
+                        to->second |= 1u << node.axis;
+                }
+            }
+            more = false;
+            for (int a = D - 1; a >= 0 && !more; --a) {
+                more = ++b[a] <= last[a];
+                if (!more) b[a] = first[a];
+            }
+        }
+    }
 }
 
 /// Which boundaries there are at all, and what edges of boxes with linear faces ask for: how much
@@ -315,11 +371,10 @@ void Boundaries<X, D>::touch_measured(int cell, const BlockTableView<D>& table,
                                                    surfaces_.data(), cell_size_, flag});
 }
 
-/// Planes whose two sides read each other's nodes: mirrored walls, and those along which the nodes
-/// of a line do.
 template <class X, int D>
-std::vector<MirrorPlane> Boundaries<X, D>::mirror_planes() const {
-    std::vector<MirrorPlane> planes;
+BlocksTogether Boundaries<X, D>::blocks_together(const BlockKeys<D>& keys_of) const {
+    BlocksTogether together;
+    std::vector<MirrorPlane>& planes = together.planes;
     const auto block = [](std::int64_t cell) {
         constexpr std::int64_t edge = Block<D>::edge, rim = BlockKeys<D>::rim;
         return (cell + rim * edge) / edge - rim;
@@ -342,7 +397,17 @@ std::vector<MirrorPlane> Boundaries<X, D>::mirror_planes() const {
             if (sides.low != sides.high) planes.push_back(sides);
         }
     }
-    return planes;
+    for (const auto& [block_of, axes] : line_axes_) {
+        std::int64_t b[D];
+        bool inside = axes != 0;
+        for (int a = 0; a < D; ++a) {
+            b[a] = block_of[std::size_t(a)];
+            const std::int64_t number = b[a] + BlockKeys<D>::rim;
+            inside = inside && number >= 0 && number < keys_of.counts[a];
+        }
+        if (inside) together.lines[keys_of.key(b)] = axes;
+    }
+    return together;
 }
 
 }  // namespace mpm

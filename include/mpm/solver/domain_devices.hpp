@@ -194,7 +194,7 @@ std::vector<HeldBlock> Domain<X, T, D>::list_held(const Buffer<X, std::uint64_t>
     flag.reserve_discard(std::size_t(slots));
     position.reserve_discard(std::size_t(slots) + 1);
     // Whoever has a block of one side of a mirrored wall has that of the other.
-    FlagBorder<D> border{table_.keys_of, keys.data(), {}, s.rank(), all || !s.mirrors.empty(),
+    FlagBorder<D> border{table_.keys_of, keys.data(), {}, s.rank(), all || !s.together.empty(),
                          flag.data()};
     border.cuts = RowCuts<D>(s.partition);
     exec_.for_each(slots, border);

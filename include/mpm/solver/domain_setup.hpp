@@ -85,8 +85,8 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         clock_.dt = clock_.dt_next = 0.5 * spec_.cell_size / speed;
 
     if (share_) {
-        share_->mirrors = boundaries_.mirror_planes();
-        blocks_.share(share_->mirrors);
+        share_->together = boundaries_.blocks_together(blocks_.view().keys_of);
+        blocks_.share(share_->together);
     }
     if (share_) open_devices();
     place_particles(spec_);

@@ -97,7 +97,7 @@ void Domain<X, T, D>::load(const State& whole) {
         share_->worked.clear();
         share_->costs = CostRates(share_->ranks());
         own = share_of_state<D>(whole, bodies_.size(), share_->partition, table_.keys_of,
-                                share_->mirrors, share_->rank());
+                                share_->together, share_->rank());
     }
     const State& state = share_ ? own : whole;
     clock_ = saved_clock(state);

@@ -63,7 +63,6 @@ std::vector<GroupWeight> group_state(const State& all, const std::vector<BodySpe
 /// The part of a saved state that lies in the blocks of one rank, and the blocks around them.
 template <int D>
 State share_of_state(const State& all, std::size_t bodies, const BlockPartition<D>& partition,
-                     const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& mirrors,
-                     int rank);
+                     const BlockKeys<D>& keys_of, const BlocksTogether& together, int rank);
 
 }  // namespace mpm

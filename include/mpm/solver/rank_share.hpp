@@ -12,8 +12,8 @@
 #include "mpm/data/rank_costs.hpp"
 #include "mpm/exec/communicator.hpp"
 #include "mpm/kernels/clock.hpp"
+#include "mpm/solver/blocks_together.hpp"
 #include "mpm/solver/faults.hpp"
-#include "mpm/solver/mirror_planes.hpp"
 
 namespace mpm {
 
@@ -74,7 +74,7 @@ struct RankShare {
     Communicator* comm = nullptr;
     BlockPartition<D> partition;
     double rebalance_above = 0;
-    std::vector<MirrorPlane> mirrors;
+    BlocksTogether together;
 
     std::vector<std::vector<std::uint64_t>> keys;  // of each rank's table, ascending
     std::vector<int> peers;                        // ranks that hold a block that this one holds

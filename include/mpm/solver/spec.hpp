@@ -157,6 +157,7 @@ struct MotionSpec {
     TableSpec table;  // without rows: at rest
     bool of_places = false;
 
+    bool given() const { return !table.time.empty(); }
     /// What speeds have travelled by each row.
     std::vector<double> travelled() const {
         const std::size_t rows = table.time.size(), n = table.value.size() / rows;

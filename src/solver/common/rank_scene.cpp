@@ -223,8 +223,7 @@ std::vector<GroupWeight> group_state(const State& all, const std::vector<BodySpe
 
 template <int D>
 State share_of_state(const State& all, std::size_t bodies, const BlockPartition<D>& partition,
-                     const BlockKeys<D>& keys_of, const std::vector<MirrorPlane>& mirrors,
-                     int rank) {
+                     const BlockKeys<D>& keys_of, const BlocksTogether& together, int rank) {
     const auto keys = detail::from_blob<std::uint64_t>(all, "keys");
     const auto blocks = weigh_state(all, bodies);
     std::vector<bool> own(keys.size(), false), kept(keys.size(), false);
@@ -244,7 +243,7 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
             table.push_back(keys_of.key(b));
         }
     }
-    add_images<D>(keys_of, mirrors, table);
+    add_together<D>(keys_of, together, table);
     for (std::size_t k = 0; k < keys.size(); ++k)
         kept[k] = std::binary_search(table.begin(), table.end(), keys[k]);
     // Rows of a blob, `per` elements each, of those blocks or particles that are chosen.
@@ -318,7 +317,7 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
         const std::vector<GroupWeight>&, const BlockPartition<D>*);                       \
     template struct RankScenes<D>;                                                        \
     template State share_of_state<D>(const State&, std::size_t, const BlockPartition<D>&, \
-                                     const BlockKeys<D>&, const std::vector<MirrorPlane>&, int);
+                                     const BlockKeys<D>&, const BlocksTogether&, int);
 MPM_RANK_SCENE(2)
 MPM_RANK_SCENE(3)
 #undef MPM_RANK_SCENE

@@ -45,8 +45,8 @@ void check_ranks(const Spec& spec, const Plan& plan) {
             throw SceneError("ranks begin with groups of bodies and at planes; give one of them");
     }
     for (const BoundarySpec& b : spec.boundaries)
-        if (!b.surface.keys.empty() && b.law[0].linear)
-            refuse("linear cells beside the surface '" + b.name + "'",
+        if (b.law[0].linear && (b.surface.path.given() || b.surface.turn.given()))
+            refuse("linear cells beside the moving surface '" + b.name + "'",
                    "take one rank, or cell=\"held\" for it");
     // The scale of a sweep's integers is each device's own, and what reads a rank's nodes sweeps
     // with all others.

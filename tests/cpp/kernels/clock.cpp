@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 #include <vector>
 
 namespace mpm {
@@ -89,6 +90,32 @@ struct Course {
         return Halt::none;
     }
 };
+
+/// Nodes that hold no more than the particle's own share of them, each as fast as one that counts
+/// `fastest` may be.
+TEST(LightNodes, give_a_particle_no_more_than_they_are_said_to) {
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> power(-9, 0);
+    const double fastest = 3, mass = 2.5;
+    double most = 0;
+    for (int dimension : {2, 3}) {
+        const int nodes = dimension == 2 ? 9 : 27;
+        const double light = light_mass(mass, 3, dimension);
+        for (int trial = 0; trial < 2000; ++trial) {
+            std::vector<double> weight(static_cast<std::size_t>(nodes));
+            double all = 0, felt = 0;
+            for (double& w : weight) all += w = std::pow(10, power(random));
+            for (const double w : weight) {
+                const double m = w / all * mass;
+                felt += w / all * fastest * std::fmax(1, light / m);
+            }
+            EXPECT_LE(most_moved(fastest, 1, 1), (1 + light_nodes_add) * fastest * (1 + 1e-15));
+            EXPECT_LE(felt, most_moved(fastest, 1, 1));
+            most = std::fmax(most, felt);
+        }
+    }
+    EXPECT_GT(most, fastest) << "light nodes did add";
+}
 
 TEST(Clock, steps) {
     Course run(0);

@@ -135,13 +135,14 @@ TEST(Boundaries, MirrorBetweenTheBlocksOnBothSidesOfAWall) {
     Cpu exec(1);
     Spec s = basin();
     test::add_walls(s, Response::slip);
-    EXPECT_TRUE((Boundaries<Cpu, 2>(exec, s, Plan{}).mirror_planes().empty()));
+    const BlockKeys<2> keys_of{{5 + 4, 3 + 4}};
+    EXPECT_TRUE((Boundaries<Cpu, 2>(exec, s, Plan{}).blocks_together(keys_of).empty()));
     s.boundaries[0].law[0].response = Response::mirror;
     Boundaries<Cpu, 2> boundaries(exec, s, Plan{});
     EXPECT_TRUE(boundaries.has_mirrors());
     EXPECT_FALSE(boundaries.lists());
     EXPECT_TRUE(boundaries.view().mirrors);
-    const auto planes = boundaries.mirror_planes();
+    const auto planes = boundaries.blocks_together(keys_of).planes;
     ASSERT_EQ(planes.size(), 1u);
     EXPECT_EQ(planes[0].axis, 0);
     EXPECT_EQ(planes[0].low, -1);

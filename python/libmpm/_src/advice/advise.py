@@ -194,7 +194,7 @@ def _settings(
     transfer, kernel = first.transfer, first.kernel
     method = dataclasses.replace(scene.method, transfer=transfer, kernel=kernel, cfl=cfl)
     reasons = [
-        _reason("transfer", transfer.to_dict(), scene.method.transfer_choice.to_dict(), why),
+        _reason("transfer", transfer.to_dict(), scene.transfer.to_dict(), why),
         _reason("kernel", kernel.to_dict(), scene.method.kernel_choice.to_dict(), why),
         Reason("cfl", f"{cfl:g}", _of_step(chosen), cfl != scene.method.cfl),
         Reason(

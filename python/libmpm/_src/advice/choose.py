@@ -191,7 +191,7 @@ def layer_of(row: Row) -> DecayLayer:
 def _is_present(row: Row, facts: Facts) -> bool:
     """Return whether a row is how the scene is set up."""
     method = facts.scene.method
-    if (row.transfer, row.kernel) != (method.transfer_choice, method.kernel_choice):
+    if (row.transfer, row.kernel) != (facts.scene.transfer, method.kernel_choice):
         return False
     given = row.choices
     step = method.cfl / given["cfl"]

@@ -112,9 +112,9 @@ def _check_mirror(check: Checker, scene: SceneData, boundary: Boundary) -> None:
             "use Slip"
         )
     method = scene.method
-    if method.transfer_choice.scheme in FILTERS:
+    if scene.transfer.scheme in FILTERS:
         check.fail(
-            f"response is Mirror with transfer '{method.transfer_choice.scheme}', whose filter "
+            f"response is Mirror with transfer '{scene.transfer.scheme}', whose filter "
             "knows no mirrored nodes; expected another transfer, or Slip"
         )
     if method.kernel_choice.boundary:
@@ -127,10 +127,10 @@ def _check_mirror(check: Checker, scene: SceneData, boundary: Boundary) -> None:
             "response is Mirror with FBar(form='split'), whose average is made again without "
             "mirrored nodes; expected another form, or Slip"
         )
-    if method.transfer_choice.stores_velocity and any(b.force is not None for b in scene.bodies):
+    if scene.transfer.stores_velocity and any(b.force is not None for b in scene.bodies):
         check.fail(
             "response is Mirror with a PlacedForce and transfer "
-            f"'{method.transfer_choice.scheme}': what particles keep counts the force at mirrored "
+            f"'{scene.transfer.scheme}': what particles keep counts the force at mirrored "
             "nodes again, and speeds grow without bound; expected 'APIC' or 'PIC', or Slip"
         )
 
@@ -152,9 +152,9 @@ def _check_linear(check: Checker, scene: SceneData, boundary: Boundary) -> None:
             f'cell is "linear" with kernel "{method.kernel_choice.name}"; {held}, or the '
             'kernel "quadratic", whose functions the lines are made for'
         )
-    if method.transfer_choice.scheme in FILTERS:
+    if scene.transfer.scheme in FILTERS:
         check.fail(
-            f"cell is \"linear\" with transfer '{method.transfer_choice.scheme}', whose filter "
+            f"cell is \"linear\" with transfer '{scene.transfer.scheme}', whose filter "
             f"does not know the lines; {held}, or another transfer"
         )
     if any(isinstance(r, Mirror) for b in scene.boundaries for r in b.responses):
@@ -293,7 +293,7 @@ def check_reaction(scene: SceneData, placed: PlacedSensor, doubts: list[str]) ->
     boundary = next((b for b in scene.boundaries if b.name == cell.boundary), None)
     if boundary is None:
         return
-    transfer = scene.method.transfer_choice
+    transfer = scene.transfer
     if transfer.scheme == "FMPM":
         why = "passes over what walls have changed"
     elif transfer.stores_velocity and any(isinstance(r, Mirror) for r in boundary.responses):

@@ -35,7 +35,7 @@ KEPT = 0.99
 
 def keeps_whole_velocity(scene: SceneData) -> Transfer | None:
     """Return a transfer of which particles keep (nearly) their whole velocity, if there is one."""
-    every = [scene.method.transfer_choice, *(b.transfer for b in scene.bodies if b.transfer)]
+    every = [scene.transfer, *(b.transfer for b in scene.bodies if b.transfer)]
     return next((t for t in every if t.stores_velocity and t.kept > KEPT), None)
 
 
@@ -51,7 +51,7 @@ def linear_by_default(scene: SceneData) -> bool:
         and not scene.contacts
         and method.kernel_choice.name == "quadratic"
         and not method.kernel_choice.boundary
-        and method.transfer_choice.scheme not in FILTERS
+        and scene.transfer.scheme not in FILTERS
         and keeps_whole_velocity(scene) is None
         and any(body.material.table.stores_volume for body in scene.bodies)
         and not any(getattr(body.fbar, "form", "") == "split" for body in scene.bodies)

@@ -35,7 +35,7 @@ def check_grid(scene: SceneData, problems: list[str], doubts: list[str]) -> None
             "Method: leaving is 'freeze', which is not built for grids of functions; expected "
             "'stop' or 'delete'"
         )
-    if scene.method.transfer_choice != Transfer() or scene.method.kernel_choice != Kernel():
+    if scene.transfer != Transfer() or scene.method.kernel_choice != Kernel():
         problems.append(
             "Method: transfer and kernel are choices of square cells; a grid of functions has its "
             "own functions and update; leave both out"

@@ -42,9 +42,10 @@ class Method(Value):
     leaving: Literal["stop", "freeze", "delete"] = given(
         "what happens to a particle that leaves the domain", default="stop"
     )
-    transfer: Transfer | str = given(
-        "how velocities go between particles and grid; or a scheme's name",
-        default=Transfer(),
+    transfer: Transfer | str | None = given(
+        "how velocities go between particles and grid; or a scheme's name. None = AFLIP with flip "
+        "0.95 where a `LoadCell` weighs what a fluid does, APIC elsewhere (`Scene.transfer`)",
+        default=None,
         range="`Transfer`",
     )
     kernel: Kernel | str = given(
@@ -53,9 +54,8 @@ class Method(Value):
 
     @property
     def transfer_choice(self) -> Transfer:
-        """The transfer as a value."""
-        assert isinstance(self.transfer, Transfer)  # since `_check`
-        return self.transfer
+        """The transfer as a value; APIC where none is named: what acts is `Scene.transfer`."""
+        return self.transfer if isinstance(self.transfer, Transfer) else Transfer()
 
     @property
     def kernel_choice(self) -> Kernel:
@@ -68,11 +68,12 @@ class Method(Value):
         if step is not None:
             remedy = "use None for the stable step"
             step = check.given("time_step", self, step, remedy=remedy)
-        transfer = as_transfer(check, self.transfer)
+        transfer = None if self.transfer is None else as_transfer(check, self.transfer)
         kernel = as_kernel(check, self.kernel)
-        if transfer.affine and not kernel.has_moments:
+        acting = Transfer() if transfer is None else transfer  # both of None are affine
+        if acting.affine and not kernel.has_moments:
             check.fail(
-                f"transfer '{transfer.scheme}' with {kernel.text()}: its affine part divides by "
+                f"transfer '{acting.scheme}' with {kernel.text()}: its affine part divides by "
                 "the second moment of the functions, which is zero at their nodes; use PIC, FLIP, "
                 "PIC-FLIP, NFLIP, SFLIP, XPIC or FMPM, or another kernel"
             )

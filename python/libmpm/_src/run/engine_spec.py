@@ -120,7 +120,7 @@ def lower(
             "cfl": scene.method.cfl,
             "time_step": fixed,
             "leaving": scene.method.leaving,
-            "transfer": scene.method.transfer_choice.scene_part(),
+            "transfer": scene.transfer.scene_part(),
             "kernel": scene.method.kernel_choice.specification(),
             "bodies": bodies,
             "boundaries": [_boundary(scene, b, linear) for b in scene.boundaries] + zones(scene),
@@ -185,7 +185,7 @@ def _restored(scene: SceneData, body: Body, before: RestoredBody, fill: bool) ->
         "velocity": np.zeros(scene.dimension),
         "pressure": None,
         "fbar": _fbar(scene, body),
-        "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
+        "transfer": (body.transfer or scene.transfer).body_part(),
     } | _over_cells(scene, body)
     if not fill:
         return result | before.of_cut(scene.start, scene.cells, scene.cell_size)
@@ -232,7 +232,7 @@ def _body(scene: SceneData, body: Body, first: int, with_particles: bool) -> dic
             "velocity": _velocity(scene, body, points.rows, points.count if with_particles else 0),
             "pressure": pressure,
             "fbar": _fbar(scene, body),
-            "transfer": (body.transfer or scene.method.transfer_choice).body_part(),
+            "transfer": (body.transfer or scene.transfer).body_part(),
         }
         | starts
         | _velocity_gradient(scene, body, points.rows, points.count if with_particles else 0)
@@ -271,7 +271,7 @@ def _velocity_gradient(scene: SceneData, body: Body, position: Rows, count: int)
     (count, d, d), [:, c, a] = ∂v_c/∂x_a; (d, d) where it is the same everywhere to rounding, and
     nothing where it is zero.
     """
-    transfer = body.transfer or scene.method.transfer_choice
+    transfer = body.transfer or scene.transfer
     if not isinstance(body.velocity, Field) or not transfer.affine or count == 0:
         return {}
     where = f"body '{body.name}': velocity"

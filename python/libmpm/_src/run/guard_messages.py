@@ -122,21 +122,19 @@ def moment(simulation: Running) -> str:
 
 def energy_remedy(simulation: Running) -> str:
     """Return what makes energy grow in a scene of this method, as a remedy."""
-    method, ways = simulation.scene.method, []
-    if simulation.scene.grid is not None:
+    scene, ways = simulation.scene, []
+    if scene.grid is not None:
         ways.append(
             "use quadratic Powell-Sabin or spline functions, which have no jumps of the gradient, "
             "grids.PartialMass() or more particles per cell"
         )
     else:
-        kernel = method.kernel_choice
+        kernel = scene.method.kernel_choice
         if "linear" in kernel.text():
             ways.append("use a quadratic kernel: linear functions jump where a particle crosses")
-        if method.transfer_choice.scheme in ("FMPM", "XPIC"):
-            ways.append(
-                f"use a lower order of {method.transfer_choice.scheme}, or it every few steps only"
-            )
-        elif method.transfer_choice.scheme not in ("APIC", "PIC"):
+        if scene.transfer.scheme in ("FMPM", "XPIC"):
+            ways.append(f"use a lower order of {scene.transfer.scheme}, or it every few steps only")
+        elif scene.transfer.scheme not in ("APIC", "PIC"):
             ways.append("use transfer 'APIC', which damps more")
     ways.append("lower Method.cfl or the time step")
     if simulation.precision == "single":

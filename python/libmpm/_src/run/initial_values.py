@@ -62,7 +62,7 @@ class Initial:
                 f"{label}: pressure is set, but {type(material).__name__} stores no volume ratio "
                 "to set it by; expected a fluid"
             )
-        transfer = scene.bodies[index].transfer or scene.method.transfer_choice
+        transfer = scene.bodies[index].transfer or scene.transfer
         if name == "velocity_gradient" and (scene.grid is not None or not transfer.affine):
             how = "functions over cells" if scene.grid is not None else f"'{transfer.scheme}'"
             raise SceneError(

@@ -253,7 +253,7 @@ def _check_smoothing(scene: SceneData, body: Body, check: Checker) -> None:
 
 def _check_transfer(scene: SceneData, body: Body, check: Checker) -> None:
     """Refuse a scheme of a body's own: the scheme is the scene's, its numbers are not."""
-    of_scene, own = scene.method.transfer_choice, body.transfer
+    of_scene, own = scene.transfer, body.transfer
     if own is not None and (own.scheme, own.order, own.every) != (
         of_scene.scheme,
         of_scene.order,
@@ -267,7 +267,7 @@ def _check_transfer(scene: SceneData, body: Body, check: Checker) -> None:
 
 def _check_shift(scene: SceneData, body: Body, doubts: list[str]) -> None:
     """Say where particles of a solid move by what the grid cannot see though they are pressed."""
-    transfer = body.transfer or scene.method.transfer_choice
+    transfer = body.transfer or scene.transfer
     kept = 1.0 if transfer.flip is None else transfer.flip
     least = 1.0 if transfer.scheme == "NFLIP" else transfer.shift_min
     moves = transfer.scheme == "NFLIP" or (transfer.scheme in SHIFTS and transfer.below == "min")

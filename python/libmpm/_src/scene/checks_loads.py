@@ -111,7 +111,7 @@ def _of_flow(facts: Facts, boundary: Boundary) -> list[str]:
     if isinstance(boundary.shape, Solid) and boundary.motion is None and not boundary.rotation:
         low, high = _inside(scene, boundary.shape)
         across = _across(scene, low, high)
-        scheme = scene.method.transfer_choice.scheme
+        scheme = scene.transfer.scheme
         if 0 < across <= _THIN * _SLACK and scheme in _LOSING:
             found.append(
                 f"boundary '{name}' carries a load cell and is {across:.3g} cells thick: {scheme} "

@@ -165,7 +165,7 @@ def smeared_flows(scene: SceneData) -> list[str]:
         return []
     for body in scene.bodies:
         nu, own = _viscosities(body)
-        transfer = body.transfer or scene.method.transfer_choice
+        transfer = body.transfer or scene.transfer
         sound = wave_speed(body.material) or np.inf
         if not nu > 0 or not (own or sound * scene.cell_size <= _VISCOUS * nu):
             continue

@@ -196,7 +196,7 @@ def _check_law(
 def _check_scene(scene: SceneData, problems: list[str]) -> None:
     """Refuse what contact is not built for."""
     first = Checker(f"contact '{scene.contacts[0].name}'")
-    kernel, transfer = scene.method.kernel_choice, scene.method.transfer_choice
+    kernel, transfer = scene.method.kernel_choice, scene.transfer
     if scene.grid is not None:
         first.fail(
             "a grid of functions has one field of velocities; expected square or cubic cells; "

@@ -224,6 +224,17 @@ class SceneData:
         return self._method
 
     @property
+    def transfer(self) -> Transfer:
+        """The transfer of bodies that name none: the method's, or what suits the scene.
+
+        AFLIP with flip 0.95 where a `LoadCell` weighs what a fluid does, APIC elsewhere.
+        """
+        from libmpm._src.scene.default_transfer import default_transfer
+
+        given = self._method.transfer
+        return given if isinstance(given, Transfer) else default_transfer(self)
+
+    @property
     def name(self) -> str:
         """Name for titles and files."""
         return self._name

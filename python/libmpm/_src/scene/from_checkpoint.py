@@ -83,6 +83,8 @@ def scene_from_checkpoint(
         axis=axis if tiles > 1 else None,
     )  # fmt: skip
     data = before.to_dict()
+    # What is added, a load cell say, may not change what particles have kept so far.
+    data["method"]["transfer"] = before.transfer.to_dict()
     data.pop("start", None)
     if cut is not None:
         before, data, start = _cut_out(before, start, cut, read)
@@ -111,6 +113,8 @@ def _cut_out(
         warn([f"Scene.from_checkpoint: {', '.join(said)} of the run lie outside of what is cut "
               "out of it and are left out"])  # fmt: skip
     data = before.to_dict()
+    # What is added, a load cell say, may not change what particles have kept so far.
+    data["method"]["transfer"] = before.transfer.to_dict()
     data.pop("start", None)
     data |= {"lower": lower, "upper": upper}
     # What stood on a wall may lie outside; the wall's cells stay as they were.

@@ -91,7 +91,7 @@ def _check_contact(check: Checker, scene: SceneData, sensor: ContactForce) -> No
         check.fail(f"by is unknown body '{sensor.by}'; {nearest(sensor.by, names)}")
     elif sensor.by == sensor.body:
         check.fail(f"by is '{sensor.by}', the body itself; expected another body")
-    kernel, transfer = scene.method.kernel_choice, scene.method.transfer_choice
+    kernel, transfer = scene.method.kernel_choice, scene.transfer
     plain = kernel.name == "quadratic" and not kernel.boundary and kernel.form == "mls"
     if scene.grid is not None or transfer.scheme != "APIC" or not plain:
         what = "a grid of functions" if scene.grid is not None else (
@@ -140,7 +140,7 @@ def _check_loads(check: Checker, scene: SceneData, what: str) -> None:
     if scene.grid is not None:
         check.fail(f"{what} on a grid of functions; expected square cells; use a LoadCell")
         return
-    scheme = scene.method.transfer_choice.scheme
+    scheme = scene.transfer.scheme
     if scheme in ("XPIC", "FMPM"):
         check.fail(
             f"{what} with {scheme}, which changes the grid between forces and boundaries; expected "

@@ -35,7 +35,7 @@ def stores_velocity(scene: SceneData) -> bool:
     """
     if scene.grid is not None:
         return True
-    transfer = scene.method.transfer_choice
+    transfer = scene.transfer
     plain = transfer.scheme in ("PIC", "APIC")
     return not plain and not (transfer.scheme == "FMPM" and transfer.every == 1)
 
