@@ -42,7 +42,14 @@ def pool(response=None, weighed=True, material=None, **given):
     [
         ({}, LOADS),
         ({"weighed": False}, PLAIN),
-        ({"material": materials.NeoHookean(youngs_modulus=1e5)}, PLAIN),
+        (
+            {
+                "material": materials.NeoHookean(
+                    density=900.0, youngs_modulus=1e5, poissons_ratio=0.3
+                )
+            },
+            PLAIN,
+        ),
         ({"response": boundaries.Mirror()}, PLAIN),
         ({"method": libmpm.Method(kernel="cubic")}, PLAIN),
         ({"method": libmpm.Method(transfer="APIC")}, PLAIN),
