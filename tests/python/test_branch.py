@@ -201,6 +201,40 @@ def test_every_form_goes_on_with_a_body_added(tmp_path, form, solid, pipeline):
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    "scheme", ["FLIP", "PIC-FLIP", "NFLIP", "AFLIP", "SFLIP", "ASFLIP", "XPIC"]
+)
+@pytest.mark.parametrize(
+    ("dimension", "form", "solid"),
+    [(2, "none", None), (2, "one-volume-gradient", WOOD), (2, "two-volume", SAND),
+     (3, "one-volume", SAND)],
+)  # fmt: skip
+def test_transfers_that_store_velocities_go_on(tmp_path, scheme, dimension, form, solid):
+    """Particles keep what they store, nodes the velocities before and after forces."""
+    blend = {} if scheme in ("FLIP", "NFLIP", "XPIC") else {"flip": 0.95}
+    transfer = libmpm.methods.Transfer(scheme=scheme, **blend)
+    trunk = simulate(surge(dimension, fbar=FORMS[form], solid=solid, transfer=transfer))
+    trunk.step(70)
+    scene = libmpm.Scene.from_checkpoint(saved(trunk, tmp_path))
+    assert scene.transfer == transfer
+    add_far(scene)
+    branch = simulate(scene)
+    for sim in (trunk, branch):
+        sim.step(70)
+    assert_close(trunk, branch, "cpu", "double", 70)
+
+
+def test_a_transfer_whose_velocities_are_not_there(tmp_path):
+    trunk = simulate(surge(2))
+    trunk.step(10)
+    data = libmpm.Scene.from_checkpoint(saved(trunk, tmp_path)).to_dict()
+    data["method"]["transfer"] = {"type": "Transfer", "scheme": "FLIP"}
+    scene = libmpm.Scene.from_dict(data)
+    add_far(scene)
+    with pytest.raises(libmpm.SceneError, match="transfer of that run|this run stores"):
+        simulate(scene).step(1)
+
+
 @BACKENDS
 def test_alike_bodies(tmp_path, device, precision):
     """Three of the trunk's are one in memory, two of the branch's another."""

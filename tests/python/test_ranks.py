@@ -298,10 +298,10 @@ def over_a_bed(dimension):
     profile = [(-1.0, 0.31), (0.3, 0.31), (0.8, 0.11), (3.0, 0.11), (3.0, -1.0), (-1.0, -1.0)]
     if dimension == 2:
         bed = shapes.Extrusion(profile=profile)
-        ball = shapes.Sphere(center=(1.11, 0.17), radius=0.12)
+        ball = shapes.Sphere(centre=(1.11, 0.17), radius=0.12)
     else:
         bed = shapes.Extrusion(axis="y", lower=-1.0, upper=2.0, profile=profile)
-        ball = shapes.Sphere(center=(1.11, 0.21, 0.17), radius=0.12)
+        ball = shapes.Sphere(centre=(1.11, 0.21, 0.17), radius=0.12)
     scene.add_body(
         name="water", material=materials.TaitFluid(bulk_modulus=1e5),
         shape=shapes.Box(lower=(0.0, *(0.0,) * len(beyond), 0.325), upper=(0.4, *beyond, 0.7)),

@@ -52,7 +52,7 @@ def box(dimension: int, low: tuple[float, float], high: tuple[float, float]) -> 
 
 def surge(
     dimension: int = 2, *, fbar: Any = "default", solid: Any = WOOD, faces: Any = "all",
-    leaving: str = "stop",
+    leaving: str = "stop", transfer: Any = "APIC",
 ) -> libmpm.Scene:  # fmt: skip
     """A column of water that collapses over a solid; load cell and energy watch."""
     flat = dimension == 2
@@ -60,7 +60,7 @@ def surge(
         dimension=dimension, cell_size=DX, lower=(0.0,) * dimension,
         upper=(1.6, 0.8) if flat else (1.6, WIDTH, 0.8),
         gravity=(0.0, -9.81) if flat else (0.0, 0.0, -9.81),
-        method=libmpm.Method(leaving=leaving),
+        method=libmpm.Method(leaving=leaving, transfer=transfer),
     )  # fmt: skip
     scene.add_body(
         name="water", shape=box(dimension, (0.0, 0.0), (0.5, 0.4)), material=WATER, fbar=fbar
@@ -175,7 +175,9 @@ def add_alike(scene: libmpm.Scene, k: int) -> None:
     )
 
 
-def flume(cells: int, *, fbar: Any = "default", tracked: int | None = None) -> libmpm.Scene:
+def flume(
+    cells: int, *, fbar: Any = "default", tracked: int | None = None, transfer: Any = "APIC"
+) -> libmpm.Scene:  # fmt: skip
     """A flume `cells` wide with water, a block of sand and a step; not at the origin."""
     wide = 0.1 + cells * DX
 
@@ -185,6 +187,7 @@ def flume(cells: int, *, fbar: Any = "default", tracked: int | None = None) -> l
     scene = libmpm.Scene(
         dimension=3, cell_size=DX, lower=(0.0, 0.1, 0.0), upper=(0.8, wide, 0.5),
         origin=(5.0, 6.0, 7.0), gravity=(0.0, 0.0, -9.81),
+        method=libmpm.Method(transfer=transfer),
     )  # fmt: skip
     scene.add_body(name="water", shape=across((0.0, 0.0), (0.3, 0.3)), material=WATER, fbar=fbar)
     scene.add_body(name="sand", shape=across((0.35, 0.0), (0.5, 0.1)), material=SAND)

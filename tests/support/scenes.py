@@ -39,7 +39,7 @@ def bar(density, *, cell_size=0.01, scale=1.0, cfl=0.5, modulus=1e6, lower=(0.0,
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=corner, origin=origin, gravity=(0.0, 0.0),
         upper=tuple(a + n * dx for a, n in zip(corner, cells, strict=True)),
-        method=libmpm.Method(cfl=cfl),
+        method=libmpm.Method(cfl=cfl, transfer="APIC"),
     )  # fmt: skip
     scene.add_body(
         name="bar",
@@ -67,7 +67,8 @@ def tank(*, cells, cell_size, modulus, fbar="default", gravity=10.0, cfl=0.3, at
     width, depth = (n * dx for n in cells)
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=lower, origin=origin, gravity=(0.0, -gravity),
-        upper=(lower[0] + width, lower[1] + depth + 8 * dx), method=libmpm.Method(cfl=cfl),
+        upper=(lower[0] + width, lower[1] + depth + 8 * dx),
+        method=libmpm.Method(cfl=cfl, transfer="APIC"),
     )  # fmt: skip
     scene.add_body(
         name="water",
@@ -100,7 +101,8 @@ def floating(ratio, *, offset=0.0, cell_size=0.05, basin=(24, 12), block=(10, 6)
     bottom = depth + (offset - ratio * block[1]) * dx
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=(0.0, 0.0), gravity=(0.0, -GRAVITY),
-        upper=(basin[0] * dx, (basin[1] + block[1] + 4) * dx), method=libmpm.Method(cfl=0.3),
+        upper=(basin[0] * dx, (basin[1] + block[1] + 4) * dx),
+        method=libmpm.Method(cfl=0.3, transfer="APIC"),
     )  # fmt: skip
     scene.add_body(
         name="water",
@@ -130,7 +132,7 @@ def submerged(*, cell_size=0.05, basin=(32, 20), lower=(8, 5), upper=(24, 13), i
     depth = basin[1] * dx
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=(0.0, 0.0), gravity=(0.0, -GRAVITY),
-        upper=(basin[0] * dx, (basin[1] + 4) * dx), method=libmpm.Method(cfl=0.3),
+        upper=(basin[0] * dx, (basin[1] + 4) * dx), method=libmpm.Method(cfl=0.3, transfer="APIC"),
     )  # fmt: skip
     box = shapes.Box(lower=tuple(i * dx for i in lower), upper=tuple(i * dx for i in upper))
     low, high = np.array(lower), np.array(upper)
@@ -166,7 +168,7 @@ def sinking(density, *, cell_size, width=1.6, depth=3.2, edge=0.4, base=2.2, mod
     dx, left = cell_size, (width - edge) / 2
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=(0.0, 0.0), upper=(width, depth + 2 * edge),
-        gravity=(0.0, -gravity), method=libmpm.Method(cfl=0.4),
+        gravity=(0.0, -gravity), method=libmpm.Method(cfl=0.4, transfer="APIC"),
     )  # fmt: skip
     scene.add_body(
         name="water",
@@ -221,7 +223,7 @@ def crowded(dimension, *, fbar="default", moving=False):
     turned = (2.0, -GRAVITY, 1.0)[:dimension]
     scene = libmpm.Scene(
         dimension=dimension, cell_size=dx, lower=(0.0,) * dimension,
-        upper=(n * dx,) * dimension, method=libmpm.Method(cfl=0.3),
+        upper=(n * dx,) * dimension, method=libmpm.Method(cfl=0.3, transfer="APIC"),
         gravity=libmpm.TimeTable((0.0, 0.1), (down, turned)) if moving else down,
     )  # fmt: skip
     scene.add_body(
@@ -273,7 +275,7 @@ def narrow(dimension, *, separable=False, gap=3, thin=False):
     )
     scene = libmpm.Scene(
         dimension=dimension, cell_size=dx, lower=floor, upper=(n * dx,) * dimension,
-        method=libmpm.Method(cfl=0.3), gravity=(0.0, -GRAVITY, 0.0)[:dimension],
+        method=libmpm.Method(cfl=0.3, transfer="APIC"), gravity=(0.0, -GRAVITY, 0.0)[:dimension],
     )  # fmt: skip
     left = n - gap - width
     scene.add_body(

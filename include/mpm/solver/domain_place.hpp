@@ -288,6 +288,17 @@ void Domain<X, T, D>::start_from(const Spec& spec) {
     const auto restored = [](const BodySpec& b) { return b.restored; };
     const auto fresh = [](const BodySpec& b) { return !b.restored; };
 
+    // What particles store of their velocity they keep through the deposits below.
+    std::vector<std::vector<T>> stored;
+    const auto each_stored = [&](const auto& f) {
+        for (std::size_t b = 0, k = 0; b < bodies_.size(); ++b) {
+            const int first = bodies_[b].plan.phase.velocity;
+            for (int a = 0; a < D && first >= 0 && spec.bodies[b].restored; ++a, ++k)
+                f(k, bodies_[b].state[std::size_t(first + a)], bodies_[b].count);
+        }
+    };
+    each_stored(
+        [&](std::size_t, auto& column, std::size_t n) { stored.push_back(column.host(n)); });
     // The velocities hold the stress of a step as long as that run's was. Restored bodies rest in
     // this deposit, so their momentum is what their stress does in the difference.
     deposit(spec, restored, clock_.dt - start.time_step);
@@ -296,6 +307,17 @@ void Domain<X, T, D>::start_from(const Spec& spec) {
     for (const GroupChannels& g : plan_.groups) {
         const auto found = start.averages.find(plan_.channels[g.sum]);
         averages.push_back(found == start.averages.end() ? nullptr : &found->second);
+    }
+    // Velocities before forces, which transfers with a memory compare with those after them.
+    std::vector<const std::vector<double>*> plain;
+    for (int a = 0; a < D && plan_.kept.plain >= 0; ++a) {
+        const auto found = start.averages.find(plan_.channels[std::size_t(plan_.kept.plain + a)]);
+        if (found == start.averages.end())
+            throw SceneError(
+                "transfer '" + spec.transfer.scheme +
+                "' stores velocities of particles, which the checkpoint's run did not; "
+                "go on with the transfer of that run");
+        plain.push_back(&found->second);
     }
     const auto keys = blocks_.keys().host();
     const BlockTableView<D> table{table_.keys_of, table_.slots, keys.data(), nullptr, nullptr};
@@ -311,6 +333,8 @@ void Domain<X, T, D>::start_from(const Spec& spec) {
         if (slot < 0) continue;  // all its particles were taken out
         double* s = sums.data() + std::size_t(slot) * stride + Block<D>::cell(at);
         for (int a = 0; a < D; ++a) s[(1 + a) * block_cells] += start.velocity[k * D + a] * s[0];
+        for (std::size_t a = 0; a < plain.size(); ++a)
+            s[(std::size_t(plan_.kept.plain) + a) * block_cells] = (*plain[a])[k] * s[0];
         for (std::size_t g = 0; g < averages.size(); ++g) {
             if (averages[g] == nullptr) continue;
             const GroupChannels& c = plan_.groups[g];
@@ -323,6 +347,9 @@ void Domain<X, T, D>::start_from(const Spec& spec) {
     const std::vector<double> added = sums_as_numbers(sums_[parity()].host());
     for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += added[k];
     adopt_sums(sums);
+    each_stored([&](std::size_t k, auto& column, std::size_t n) {
+        exec_.upload(column.data(), stored[k].data(), n * sizeof(T));
+    });
     push_clock();
 }
 

@@ -206,11 +206,6 @@ void plan_phases(const Spec& spec, Plan& plan) {
             plan.velocity_channels = (plan.velocity_channels + 3) / 4 * 4;
         plan.kept.before = more(D);
         if (guards) plan.kept.guard = more(1);
-        if (spec.start.given)
-            throw SceneError("a scene from a checkpoint cannot go on with transfer '" +
-                             spec.transfer.scheme +
-                             "', whose particles store velocities that the checkpoint's nodes do "
-                             "not hold; use APIC, PIC or FMPM with every = 1");
     }
     if (scheme.sweeps) {
         plan.sweeps = spec.transfer.order - 1;

@@ -133,7 +133,9 @@ TEST(BlockTable, FieldsOfABlockFollowEachOtherAndKeepApart) {
 TEST(BlockTable, OfOneRankHasBothSidesOfAMirroredWall) {
     Cpu exec(1);
     BlockTable<Cpu, 2> table(exec, cells<2>(), 1);
-    table.share({{0, 2, 3}});
+    BlocksTogether together;
+    together.planes = {{0, 2, 3}};
+    table.share(together);
     const auto& keys_of = table.view().keys_of;
     Buffer<Cpu, std::uint64_t> list(exec), keys(exec);
     list.assign({keys_of.key({1, 4})});

@@ -61,9 +61,14 @@ class Snapshot:
         return np.stack([self.sums[f"momentum_{a}"] / self.sums["mass"] for a in axes], axis=1)
 
     def averages(self) -> dict[str, Array]:
-        """Return F-bar's nodal averages (m,) by the channel of their sum."""
+        """Return F-bar's nodal averages (m,) by the channel of their sum.
+
+        And the velocities before forces of transfers that store some, m/s.
+        """
         found = {}
         for name, total in self.sums.items():
+            if name.startswith("plain_momentum_"):
+                found[name] = total / self.sums["mass"]
             if not name.startswith("mass*"):
                 continue
             weight = self.sums.get(f"mass:{name.partition(':')[2]}", self.sums["mass"])

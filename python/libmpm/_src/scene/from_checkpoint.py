@@ -83,7 +83,7 @@ def scene_from_checkpoint(
         axis=axis if tiles > 1 else None,
     )  # fmt: skip
     data = before.to_dict()
-    # What is added, a load cell say, may not change what particles have kept so far.
+    # What is added, a structure say, may not change what particles have kept so far.
     data["method"]["transfer"] = before.transfer.to_dict()
     data.pop("start", None)
     if cut is not None:
