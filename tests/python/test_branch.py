@@ -231,7 +231,7 @@ def test_a_transfer_whose_velocities_are_not_there(tmp_path):
     data["method"]["transfer"] = {"type": "Transfer", "scheme": "FLIP"}
     scene = libmpm.Scene.from_dict(data)
     add_far(scene)
-    with pytest.raises(libmpm.SceneError, match="transfer of that run|this run stores"):
+    with pytest.raises(libmpm.SceneError, match=r"transfer of that run|this run stores"):
         simulate(scene).step(1)
 
 

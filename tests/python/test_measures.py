@@ -173,8 +173,11 @@ def test_the_page_on_bridges_says_what_comes_out():
     for block in blocks:
         exec(block, names)
     bore = names["bore"]
-    assert names["level"] == pytest.approx(bore.depth, rel=0.02)
-    assert names["speed"] == pytest.approx(bore.velocity, rel=0.04)
+    # As the page says: with FLIP the front is undular, and what follows it still swings.
+    assert names["level"] == pytest.approx(0.346, rel=0.005)
+    assert names["speed"] == pytest.approx(0.83, rel=0.01)
+    assert bore.depth == pytest.approx(0.338, abs=5e-4)
+    assert bore.velocity == pytest.approx(0.864, abs=5e-4)
     assert len(names["lift"]) in (59, 60, 61)
     floats = names["floats"]
     assert floats.draught == pytest.approx(0.06)

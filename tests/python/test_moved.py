@@ -42,7 +42,12 @@ OLD = (
 
 def scene():
     made = libmpm.Scene(
-        dimension=2, lower=(0, 0), upper=(2, 1), cell_size=0.125, gravity=(0, -9.81)
+        dimension=2,
+        lower=(0, 0),
+        upper=(2, 1),
+        cell_size=0.125,
+        gravity=(0, -9.81),
+        method=libmpm.Method(transfer="APIC"),
     )
     made.add_body(
         name="water",

@@ -92,13 +92,13 @@ def test_files_are_those_of_one(tmp_path):
     assert seen[0] == seen[1]
 
 
-def channel(dimension):
+def channel(dimension, transfer=None):
     """Water that runs from an inlet to an outlet, around a column of any shape and under a log."""
     flat = dimension == 2
     low, wide = (0.0,) * dimension, () if flat else (0.4,)
     scene = libmpm.Scene(
         dimension=dimension, cell_size=0.05, lower=low, upper=(1.6, *wide, 0.6),
-        gravity=(*low[:-1], -9.81),
+        gravity=(*low[:-1], -9.81), method=libmpm.Method(transfer=transfer),
     )  # fmt: skip
     near, far = ((), ()) if flat else ((0.1,), (0.25,))
     column = shapes.Box(lower=(1.0, *near, 0.0), upper=(1.1, *far, 0.2))
@@ -141,17 +141,17 @@ def channel(dimension):
 
 
 @pytest.mark.parametrize(
-    ("dimension", "precision", "pipeline"),
-    [(2, "single", "auto"), (2, "double", "two-pass"), (3, "double", "auto")],
+    ("dimension", "precision", "pipeline", "transfer"),
+    [(2, "single", "auto", None), (2, "double", "two-pass", "APIC"), (3, "double", "auto", None)],
 )
-def test_a_channel_with_a_column(dimension, precision, pipeline):
+def test_a_channel_with_a_column(dimension, precision, pipeline, transfer):
     """Inflow, outflow, obstacles and a guard that looks often: as on one rank."""
     until = 0.4 if dimension == 2 else 0.12
     found = []
     for ranks in (1, 2, 4):
         sim = libmpm.Simulation(
-            channel(dimension), device="cpu" if ranks == 1 else ["cpu"] * ranks, threads=ranks,
-            precision=precision, pipeline=pipeline, guard=libmpm.Guard(every=20),
+            channel(dimension, transfer), device="cpu" if ranks == 1 else ["cpu"] * ranks,
+            threads=ranks, precision=precision, pipeline=pipeline, guard=libmpm.Guard(every=20),
         )  # fmt: skip
         sim.run(until=until)
         found.append(sim)

@@ -24,7 +24,7 @@ def flume(dx, outlet, bulk_modulus=1e6, soffit=None, before=0.5, **how):
     """Water that a bore enters at x = 0, with a deck where a soffit is given."""
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=(-before, 0), upper=(outlet, 0.9), gravity=(0, -9.81),
-        method=libmpm.Method(leaving="delete"),
+        method=libmpm.Method(leaving="delete", transfer="APIC"),
     )  # fmt: skip
     water = shapes.Box(lower=(-before, 0), upper=(0, BORE.depth))
     scene.add_body(

@@ -144,7 +144,8 @@ void check_pipeline(const Spec& spec, const BackendTraits& backend) {
         throw SceneError(
             "pipeline 'two-pass' has no transfer that stores velocities; this scene "
             "asks for " +
-            spec.transfer.scheme + ". Use pipeline=\"auto\" or \"phased\"");
+            spec.transfer.scheme +
+            ". Use pipeline=\"auto\" or \"phased\", or name transfer \"APIC\"");
     std::string why = needs_phases(spec);
     for (const BodySpec& body : spec.bodies) {
         if (!why.empty()) break;

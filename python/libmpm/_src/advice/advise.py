@@ -192,7 +192,8 @@ def _settings(
     why = _why(rows, chosen, now)
     cfl = min(row.choices["cfl"] for row in chosen.rows)
     transfer, kernel = first.transfer, first.kernel
-    method = dataclasses.replace(scene.method, transfer=transfer, kernel=kernel, cfl=cfl)
+    named = scene.method.transfer if transfer == scene.transfer else transfer
+    method = dataclasses.replace(scene.method, transfer=named, kernel=kernel, cfl=cfl)
     reasons = [
         _reason("transfer", transfer.to_dict(), scene.transfer.to_dict(), why),
         _reason("kernel", kernel.to_dict(), scene.method.kernel_choice.to_dict(), why),

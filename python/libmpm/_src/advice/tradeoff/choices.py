@@ -141,6 +141,8 @@ def _within(check: Checker, name: str, make: Callable[[Checker], Any]) -> Any:
 
 
 def _transfer(check: Checker, name: str, value: Any) -> Any:
+    if value is None:  # what the scene takes
+        return None
     return _within(check, name, lambda inner: as_transfer(inner, value))
 
 
