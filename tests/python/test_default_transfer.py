@@ -15,7 +15,7 @@ FLOWS = methods.Transfer(scheme="AFLIP", flip=0.95)
 PLAIN = methods.Transfer()
 
 
-def pool(response=None, structure=True, material=None, **given):
+def pool(response=None, structure=True, material=None, bed=None, moves=False, **given):
     """Return a little of something that falls over before a pier, or without."""
     scene = libmpm.Scene(
         dimension=2, cell_size=0.1, lower=(0.0, 0.0), upper=(1.6, 0.8), gravity=(0.0, -9.81),
@@ -31,6 +31,12 @@ def pool(response=None, structure=True, material=None, **given):
     if structure:
         pier = shapes.Box(lower=(0.8, 0.0), upper=(1.0, 0.5))
         scene.add_boundary(name="pier", shape=pier, response=boundaries.Separable())
+    if bed is not None:
+        scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip())
+    if moves:
+        away = shapes.Box(lower=(1.2, 0.0), upper=(1.4, 0.8))
+        motion = boundaries.Travel((0.1, 0.0))
+        scene.add_boundary(name="gate", shape=away, response=boundaries.Slip(), motion=motion)
     return scene
 
 
@@ -43,6 +49,10 @@ def solid():
     [
         ({}, FLOWS),
         ({"structure": False}, PLAIN),
+        ({"structure": False, "bed": shapes.Box(lower=(-1.0, -1.0), upper=(2.0, 0.1))}, PLAIN),
+        ({"structure": False, "bed": shapes.HalfSpace(point=(0, 0.1), normal=(-0.1, 1))}, PLAIN),
+        ({"structure": False, "bed": shapes.Sphere(centre=(1.0, 0.1), radius=0.2)}, FLOWS),
+        ({"structure": False, "moves": True}, PLAIN),
         ({"material": solid()}, PLAIN),
         ({"response": boundaries.Mirror()}, PLAIN),
         ({"method": libmpm.Method(kernel="cubic")}, PLAIN),

@@ -50,5 +50,5 @@ def test_walls_that_hold_nodes_take_a_multiple_of_the_load(device):
 
 def test_what_a_transfer_loses_chokes_a_slot(device):
     """Four cells in the slot: APIC lets a quarter of it through."""
-    plain = cases.Options(method=libmpm.Method(cfl=0.3))
+    plain = cases.Options(method=libmpm.Method(cfl=0.3, transfer="APIC"))
     assert run("slot", options=plain, device=device).values["discharge"] < 0.35

@@ -2,33 +2,54 @@
 
 APIC loses what a flow has in eddies and in gaps of a few cells: a slot of two cells lets 0.05 of
 the water through that it should, AFLIP 0.24, and one of four 0.22 and 0.95 (`docs/tradeoff.md`);
-the load on the box of a flume is half as large again. Elsewhere APIC costs less, and is quieter.
+the load on the box of a flume is half as large again. Elsewhere APIC costs less, and is quieter:
+what a piston alone stirs for half a minute packs, and sooner with AFLIP (`design/fbar.md`, 4).
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from libmpm._src.boundaries.covered_faces import moves
 from libmpm._src.boundaries.responses import Mirror, Separable, Slip
 from libmpm._src.methods.transfer import Transfer
 from libmpm._src.shapes.solid import Solid
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
+    from libmpm._src.scene.parts import Boundary
 
-__all__ = ["default_transfer"]
+__all__ = ["default_transfer", "is_structure"]
 
 _PLAIN = Transfer()
 #: Of less a flow loses more, of more noise is left (`docs/tradeoff.md`).
 _PAST_STRUCTURES = Transfer(scheme="AFLIP", flip=0.95)
 
 
+def is_structure(scene: SceneData, boundary: Boundary) -> bool:
+    """Whether a fluid flows past a boundary: it rests, slips, and is no bed.
+
+    A bed goes through the whole domain along each axis but that of gravity, up to a cell.
+    """
+    slips = any(isinstance(r, Slip | Separable) for r in boundary.responses)
+    if not isinstance(boundary.shape, Solid) or moves(boundary) or not slips:
+        return False
+    if not isinstance(scene.gravity, tuple) or not any(scene.gravity):
+        return True
+    size = [abs(g) for g in scene.gravity]
+    up, cell = size.index(max(size)), scene.cell_size
+    low, high = boundary.shape.bounds()
+    across = [a for a in range(scene.dimension) if a != up]
+    return not all(
+        low[a] <= scene.lower[a] + cell and high[a] >= scene.upper[a] - cell for a in across
+    )
+
+
 def default_transfer(scene: SceneData) -> Transfer:
     """Return AFLIP with flip 0.95 where a fluid flows past a structure, else APIC.
 
-    A structure is a boundary besides the walls of the domain along which water slips. APIC as
-    well where particles that keep their velocity are refused or not known to do well: grids of
-    functions, other kernels than quadratic splines, smoothing over cells, assumed fields, placed
+    APIC as well where particles that keep their velocity are refused or not known to do well: grids
+    of functions, other kernels than quadratic splines, smoothing over cells, assumed fields, placed
     forces, mirrored walls. What is measured does not count: sensors change no bit.
     """
     kernel = scene.method.kernel_choice
@@ -40,8 +61,5 @@ def default_transfer(scene: SceneData) -> Transfer:
         and not any(isinstance(r, Mirror) for b in scene.boundaries for r in b.responses)
     )
     fluid = any(body.material.table.stores_volume for body in scene.bodies)
-    structure = any(
-        isinstance(b.shape, Solid) and any(isinstance(r, Slip | Separable) for r in b.responses)
-        for b in scene.boundaries
-    )
+    structure = any(is_structure(scene, b) for b in scene.boundaries)
     return _PAST_STRUCTURES if plain and fluid and structure else _PLAIN
