@@ -418,11 +418,10 @@ inline OutletSpec read_outlet(const py::dict& d, int dimension) {
 inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
     SensorSpec s;
     s.name = d["name"].cast<std::string>();
-    const std::map<std::string, SensorKind> kinds = {{"load-cell", SensorKind::load_cell},
-                                                     {"wave-gauge", SensorKind::wave_gauge},
-                                                     {"velocity-probe", SensorKind::velocity_probe},
-                                                     {"tracker", SensorKind::tracker},
-                                                     {"energy", SensorKind::energy}};
+    const std::map<std::string, SensorKind> kinds = {
+        {"load-cell", SensorKind::load_cell},           {"wave-gauge", SensorKind::wave_gauge},
+        {"velocity-probe", SensorKind::velocity_probe}, {"tracker", SensorKind::tracker},
+        {"contact-load", SensorKind::contact_load},     {"energy", SensorKind::energy}};
     const auto it = kinds.find(d["kind"].cast<std::string>());
     if (it == kinds.end())
         throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() +
@@ -451,6 +450,18 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
     if (d.contains("body")) s.body = d["body"].cast<int>();
     if (s.kind == SensorKind::tracker) check(s.body, spec.bodies.size(), "body");
     if (s.kind == SensorKind::tracker) s.ids = d["ids"].cast<std::vector<std::uint64_t>>();
+    if (s.kind == SensorKind::contact_load) {
+        s.sides = d["sides"].cast<std::vector<std::int32_t>>();
+        s.fields = d["fields"].cast<std::vector<std::int32_t>>();
+        const std::size_t kinds = spec.contact.density.size();
+        bool fits = spec.contact.any() && s.sides.size() == kinds * kinds &&
+                    (s.fields.empty() || s.fields.size() == 2);
+        for (const auto field : s.fields)
+            fits = fits && field >= 0 && field < std::int32_t(spec.contact.fields);
+        if (!fits)
+            throw SceneError("sensor '" + s.name + "': its sides and fields are not those of " +
+                             std::to_string(kinds) + " kinds of fields");
+    }
     return s;
 }
 
@@ -583,13 +594,13 @@ inline Spec read_spec(const py::dict& d) {
             s.bodies.at(index).held_by |= std::uint64_t(1) << restricted;
         ++restricted;
     }
+    if (d.contains("contact")) read_contact(d["contact"], s);
     for (const auto& x : d["sensors"]) s.sensors.push_back(read_sensor(x.cast<py::dict>(), s));
     if (d.contains("inlets"))
         for (const auto& x : d["inlets"]) s.inlets.push_back(read_inlet(x.cast<py::dict>(), s));
     if (d.contains("outlets"))
         for (const auto& x : d["outlets"])
             s.outlets.push_back(read_outlet(x.cast<py::dict>(), s.dimension));
-    if (d.contains("contact")) read_contact(d["contact"], s);
     if (d.contains("stored_as")) s.stored_as = d["stored_as"].cast<std::vector<int>>();
     if (d.contains("start")) s.start = read_start(d["start"], s.dimension);
     return s;

@@ -1,14 +1,15 @@
 """Sensors.
 
-Evaluated by the engine, at hardly any cost: `LoadCell`, `WaveGauge`, `VelocityProbe`,
-`ParticleTracker`, `Energy`. Evaluated in Python at their due times: `GridSensor`, `ParticleSensor`,
-`AttributeTracker`, `BodyTracker`, `ContactForce`, `PressureProbe`, `ElevationGauge`,
-`ColumnGauge`, `Custom`.
+Evaluated by the engine, at hardly any cost: `LoadCell`, `ContactLoad`, `WaveGauge`,
+`VelocityProbe`, `ParticleTracker`, `Energy`. Evaluated in Python at their due times: `GridSensor`,
+`ParticleSensor`, `AttributeTracker`, `BodyTracker`, `ContactForce`, `PressureProbe`,
+`ElevationGauge`, `ColumnGauge`, `Custom`.
 """
 
 from libmpm._src.sensors.attributes import names as attribute_names
 from libmpm._src.sensors.column_gauge import ColumnGauge
 from libmpm._src.sensors.engine_sensors import (
+    ContactLoad,
     Energy,
     LoadCell,
     ParticleTracker,
@@ -27,7 +28,7 @@ from libmpm._src.sensors.python_sensors import (
     PressureProbe,
 )
 
-__all__ = ["AttributeTracker", "BodyTracker", "ColumnGauge", "ContactForce", "Custom"]
-__all__ += ["ElevationGauge", "Energy", "GridSensor"]
+__all__ = ["AttributeTracker", "BodyTracker", "ColumnGauge", "ContactForce", "ContactLoad"]
+__all__ += ["Custom", "ElevationGauge", "Energy", "GridSensor"]
 __all__ += ["LoadCell", "ParticleSensor", "ParticleTracker", "PressureProbe", "Sensor"]
 __all__ += ["VelocityProbe", "WaveGauge", "attribute_names"]

@@ -403,6 +403,8 @@ def _touching() -> libmpm.Scene:
         name="walls", shape=shapes.DomainWalls(), response=boundaries.Separable()
     )  # fmt: skip
     scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.01))
+    lift = sensors.ContactLoad(contact="wet", pair=("water", "block 1"), interval=0.01)
+    scene.add_sensor(name="lift", sensor=lift)
     return scene
 
 

@@ -167,7 +167,7 @@ std::uint64_t cut_faces(const BlockKeys<D>& keys, const std::vector<BlockWeight>
                         const BlockPartition<D>& partition) {
     std::vector<int> owner;
     for (const BlockWeight& b : blocks) owner.push_back(partition.owner(b.key));
-    std::uint64_t faces = 0, stride = 1;
+    std::uint64_t faces = 0, stride = std::uint64_t(keys.fields);
     for (int a = D - 1; a >= 0; --a) {  // keys count blocks, the last axis fastest
         std::size_t next = 0;           // the neighbour further along the axis
         for (std::size_t k = 0; k < blocks.size(); ++k) {

@@ -43,6 +43,12 @@ MPM_INLINE void find_siblings(const BlockTableView<D>& table, std::int32_t slot,
     count = last - first;
 }
 
+/// For who asks neither what boundaries nor what other bodies do at a node.
+struct HearNothing {
+    template <class... Told>
+    MPM_INLINE void operator()(const Told&...) const {}
+};
+
 /// One node with all its fields.
 template <class T, class Sum, int D>
 struct NodeContact {
@@ -108,9 +114,11 @@ struct NodeContact {
     }
 
     /// Velocities after gravity, contact and boundaries; `seen(i, boundary, face, before, after)`
-    /// hears of every response of a boundary on field i's mass.
-    template <class Seen>
-    MPM_INLINE void solve(int n, Fields& f, const Seen& seen) const {
+    /// hears of every response of a boundary on field i's mass, and `met(i, j, impulse, normal, w,
+    /// mass)` of every impulse on field j, minus that on i: at the approach w = v_i - v_j before
+    /// it, of so much reduced mass.
+    template <class Seen, class Met = HearNothing>
+    MPM_INLINE void solve(int n, Fields& f, const Seen& seen, const Met& met = {}) const {
         for (int i = 0; i < f.count; ++i)
             if (f.of[i] == i) begin(n, f, i, seen);
         int pairs = 0;
@@ -119,7 +127,7 @@ struct NodeContact {
         for (int sweep = 0; sweep < (pairs > 1 ? 2 : 1); ++sweep)
             for (int i = 0; i < f.count; ++i)
                 for (int j = i + 1; j < f.count; ++j)
-                    if (f.of[i] != f.of[j]) meet(n, f, i, j);
+                    if (f.of[i] != f.of[j]) meet(n, f, i, j, met);
         for (int i = 0; i < f.count; ++i)
             if (f.of[i] == i && f.pushed[i]) respond_of(n, f, i, seen);
     }
@@ -166,7 +174,8 @@ struct NodeContact {
     }
 
     /// The impulse that two fields exchange, on all that is stuck to them.
-    MPM_CALL void meet(int n, Fields& f, int i, int j) const {
+    template <class Met>
+    MPM_CALL void meet(int n, Fields& f, int i, int j, const Met& met) const {
         const Reconverge at_return;
         const int a = f.of[i], b = f.of[j];
         const ContactLaw& l = contact.laws[law(f, i, j)];
@@ -191,6 +200,7 @@ struct NodeContact {
             f.velocity[b][x] += impulse[x] / f.together[b];
         }
         f.pushed[a] = f.pushed[b] = true;
+        met(i, j, impulse, normal, w, mass);
     }
     /// Normal from one field to the other, by the volume fractions of the nodes around.
     MPM_INLINE bool direction(std::int32_t slot_a, std::int32_t slot_b, T of_a, T of_b, int n,
@@ -233,7 +243,7 @@ struct ContactPass {
         of.find(of.contact.first[block], of.contact.count[block], n, f);
         if (f.too_many) X::raise(crowded);
         if (f.count < 2 || f.too_many) return;
-        of.solve(n, f, [](int, int, int, const Vec<T, D>&, const Vec<T, D>&) {});
+        of.solve(n, f, HearNothing{});
         for (int k = 0; k < f.count; ++k) {
             const int from = f.of[k];
             T* out = node.grid.velocity + node.grid.velocity_place(f.slot[k], n);

@@ -82,29 +82,97 @@ struct MeasureLoads {
     }
 };
 
-/// A sample that is due is the mean load since the one before; then this step's share is added.
-template <int D>
-struct TakeLoad {
+/// A sample that is due is the mean since the one before; then this step's share is added.
+template <int columns, class Record>
+struct TakeMean {
     const Clock* clock;
     SensorRecord* sensors;
-    const LoadCellRecord<D>* cells;
-    double* impulse;  // (load cells, load_columns)
+    const Record* cells;
+    double* impulse;  // (cells, columns)
 
     MPM_INLINE void operator()(int number, const double* sum) const {
-        double* of_cell = impulse + number * load_columns<D>;
+        double* of_cell = impulse + number * columns;
         SensorRecord& r = sensors[cells[number].sensor];
         if (r.due) {
             const double elapsed = clock->time - r.last_time;
             if (elapsed > 0) {  // the first sample, at the start, has nothing to average over
                 double* row = open_row(r, clock->time);
-                for (int c = 0; c < load_columns<D>; ++c) {
+                for (int c = 0; c < columns; ++c) {
                     row[c] = of_cell[c] / elapsed;
                     of_cell[c] = 0;
                 }
             }
             r.last_time = clock->time;
         }
-        for (int c = 0; c < load_columns<D>; ++c) of_cell[c] += sum[c];
+        for (int c = 0; c < columns; ++c) of_cell[c] += sum[c];
+    }
+};
+template <int D>
+using TakeLoad = TakeMean<load_columns<D>, LoadCellRecord<D>>;
+
+/// Force along each axis, normal, along the faces, and the power that friction takes.
+template <int D>
+inline constexpr int contact_columns = D + 3;
+
+struct ContactLoadRecord {
+    int sensor;              // among all sensors
+    std::int32_t fields[2];  // of the only pair that counts; -1: all pairs of the contact
+    std::int64_t sides;      // where its (kinds, kinds) numbers begin
+};
+template <int D>
+using TakeContact = TakeMean<contact_columns<D>, ContactLoadRecord>;
+
+/// What the pairs of a contact exchange at one node in this step, worked out again from its sums.
+template <class T, class Sum, int D>
+struct MeasureContacts {
+    NodeContact<T, Sum, D> of;
+    const std::int32_t* blocks;  // of those with several fields
+    const ContactLoadRecord* sensors;
+    // Of two fields, the lower first: 1 where the force on the second counts, -1 where that on the
+    // first does, 0 where none does.
+    const std::int32_t* sides;
+
+    MPM_INLINE void operator()(std::int64_t i, int number, double* sum) const {
+        const auto& node = of.node;
+        if (node.clock->halt != Halt::none) return;
+        const std::int32_t block = blocks[i / block_cells];
+        const int n = int(i % block_cells);
+        const ContactLoadRecord& sensor = sensors[number];
+        typename NodeContact<T, Sum, D>::Fields f;
+        of.find(of.contact.first[block], of.contact.count[block], n, f);
+        if (f.count < 2 || f.too_many) return;
+        const auto side = [&](int a, int b) {
+            const auto field = [&](int k) {
+                return std::int32_t(node.grid.table.keys_of.field(node.grid.table.keys[f.slot[k]]));
+            };
+            if (sensor.fields[0] >= 0 &&
+                (field(a) != sensor.fields[0] || field(b) != sensor.fields[1]))
+                return 0;
+            return int(sides[sensor.sides + f.kind[a] * of.contact.kinds + f.kind[b]]);
+        };
+        bool any = false;
+        for (int a = 0; a < f.count && !any; ++a)
+            for (int b = a + 1; b < f.count && !any; ++b) any = side(a, b) != 0;
+        if (!any) return;
+        of.solve(n, f, HearNothing{},
+                 [&](int a, int b, const Vec<T, D>& impulse, const Vec<T, D>& normal,
+                     const Vec<T, D>& w, T mass) {
+                     const int sign = side(a, b);
+                     if (sign == 0) return;
+                     double push = 0, square = 0, work = 0;
+                     for (int x = 0; x < D; ++x) push += double(impulse[x]) * double(normal[x]);
+                     for (int x = 0; x < D; ++x) {
+                         const double along = double(impulse[x]) - push * double(normal[x]);
+                         square += along * along;
+                         work += along * double(w[x]);
+                         sum[x] += sign * double(impulse[x]);
+                     }
+                     sum[D] += push;
+                     sum[D + 1] += sqrt(square);
+                     // At the velocity that is left, with which particles move: what the impulse
+                     // takes beyond that stresses have brought in the same step.
+                     sum[D + 2] += work - square / double(mass);
+                 });
     }
 };
 

@@ -219,6 +219,8 @@ private:
 
     // domain_ranks.hpp
     std::vector<std::vector<std::uint64_t>> gather_tables(const Buffer<X, std::uint64_t>& keys);
+    void hold_all_fields(std::vector<std::vector<std::uint64_t>>& tables) const;
+    void tell_reached();
     void link_ranks(std::vector<std::vector<std::uint64_t>> keys);
     /// What has been staged: by a step's passes, or by a first deposit, whose bodies without
     /// gradients of velocity are added by a pass of its own.

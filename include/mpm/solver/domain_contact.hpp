@@ -2,6 +2,7 @@
 #pragma once
 
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/rank_fields.hpp"
 
 namespace mpm {
 
@@ -21,22 +22,28 @@ void Domain<X, T, D>::set_contact() {
     crowded_.assign({0});
 }
 
-/// The blocks of the present table with several fields.
+/// The blocks of the present table with several fields: of several ranks those that this one's
+/// homes reach, whose sums and those around it has of all fields.
 template <class X, class T, int D>
 void Domain<X, T, D>::list_contacts() {
     if (!spec_.contact.any()) return;
     const auto keys = blocks_.keys().host();
     const std::uint64_t fields = std::uint64_t(table_.keys_of.fields);
-    std::vector<std::int32_t> first, count;
+    std::vector<std::int32_t> first, count, counted;
     for (std::size_t slot = 0, next = 0; slot < keys.size(); slot = next) {
         while (next < keys.size() && keys[next] / fields == keys[slot] / fields) ++next;
         if (next - slot < 2) continue;
+        if (share_ && !detail::holds(share_->reached[std::size_t(share_->rank())],
+                                     keys[slot] / fields * fields))
+            continue;
+        if (counts_slot(slot)) counted.push_back(std::int32_t(first.size()));
         first.push_back(std::int32_t(slot));
         count.push_back(std::int32_t(next - slot));
     }
     contact_blocks_ = std::int32_t(first.size());
     contact_first_.assign(first);
     contact_count_.assign(count);
+    sensors_.measure_contacts(counted);
     if (plan_.filled < 0) return;
     // What contact reads of a node and its neighbours comes from these blocks and those beside.
     const auto neighbours = blocks_.neighbours().host();

@@ -5,6 +5,7 @@
 
 #include "mpm/solver/domain.hpp"
 #include "mpm/solver/rank_checks.hpp"
+#include "mpm/solver/rank_fields.hpp"
 #include "mpm/solver/rank_scene.hpp"
 
 namespace mpm {
@@ -47,10 +48,6 @@ struct Emigrants {
         for (std::size_t c = 0; c < column.size(); ++c) add(column[c], more.column[c]);
     }
 };
-
-inline bool holds(const std::vector<std::uint64_t>& keys, std::uint64_t key) {
-    return std::binary_search(keys.begin(), keys.end(), key);
-}
 
 }  // namespace detail
 
@@ -235,6 +232,10 @@ bool Domain<X, T, D>::sort_among_ranks() {
     home_keys.assign(homes);
     blocks_.neighbourhood(home_keys, keys);
     auto after = gather_tables(keys);
+    if (spec_.contact.any()) {
+        hold_all_fields(after);
+        keys.assign(after[std::size_t(me)]);
+    }
     const auto& mine = after[std::size_t(me)];
 
     for (std::size_t b = 0; b < bodies; ++b) {

@@ -102,6 +102,12 @@ void Domain<X, T, D>::find_blocks(const Spec& spec) {
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
     keys.assign(homes);
     blocks_.make(keys);
+    if constexpr (!X::is_device) {
+        if (!share_ || !spec_.contact.any()) return;
+        auto tables = gather_tables(blocks_.keys());
+        hold_all_fields(tables);
+        blocks_.assign(tables[std::size_t(share_->rank())]);
+    }
 }
 
 template <class X, class T, int D>

@@ -37,10 +37,12 @@ void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) 
 
     const std::size_t sums = std::size_t(plan_.sum_channels) * block_cells,
                       velocities = std::size_t(plan_.velocity_channels) * block_cells;
-    std::vector<std::uint64_t> own;
+    std::vector<std::uint64_t> own;  // of all fields there
     for (std::uint64_t key : wanted) {
-        const std::int32_t slot = find_key(table_.keys, table_.slots, key);
-        if (slot >= 0 && counts_slot(std::size_t(slot))) own.push_back(key);
+        const std::uint64_t* end = table_.keys + table_.slots;
+        for (const std::uint64_t* k = std::lower_bound(table_.keys, end, key);
+             k < end && *k < key + std::uint64_t(table_.keys_of.fields); ++k)
+            if (counts_slot(std::size_t(k - table_.keys))) own.push_back(*k);
     }
     Packer packer;
     packer.put(own);
@@ -61,7 +63,8 @@ void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) 
         checks::ascending_keys(keys, checks::keys_below(table_.keys_of),
                                [](std::uint64_t key) { return key; });
         for (std::uint64_t key : keys) {
-            if (!std::binary_search(wanted.begin(), wanted.end(), key))
+            if (!std::binary_search(wanted.begin(), wanted.end(),
+                                    key - std::uint64_t(table_.keys_of.field(key))))
                 checks::refuse("with block " + std::to_string(key) + ", which no point reads");
             Told& t = out[key];
             t.sums.resize(sums);

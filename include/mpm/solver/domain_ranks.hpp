@@ -9,6 +9,7 @@
 #include "mpm/kernels/staging.hpp"
 #include "mpm/solver/domain.hpp"
 #include "mpm/solver/rank_checks.hpp"
+#include "mpm/solver/rank_fields.hpp"
 
 namespace mpm {
 
@@ -20,6 +21,46 @@ std::vector<std::vector<std::uint64_t>> Domain<X, T, D>::gather_tables(
     return share_->comm->all_gather(
         keys.host(), "a table",
         [&](const std::vector<std::uint64_t>& theirs, int) { checks::table_keys(theirs, below); });
+}
+
+/// Tables by what each rank's homes reach become those that ranks hold where bodies have fields of
+/// velocities of their own.
+template <class X, class T, int D>
+void Domain<X, T, D>::hold_all_fields(std::vector<std::vector<std::uint64_t>>& tables) const {
+    if (!spec_.contact.any()) return;
+    std::vector<std::uint64_t> all;
+    for (const auto& table : tables) all.insert(all.end(), table.begin(), table.end());
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    for (auto& table : tables) table = table_of_fields(table_.keys_of, table, all);
+}
+
+/// Which blocks each rank's homes reach: there it knows all that contact needs, and the lowest such
+/// rank counts a block. All ranks together.
+template <class X, class T, int D>
+void Domain<X, T, D>::tell_reached() {
+    RankShare<D>& s = *share_;
+    std::vector<std::uint64_t> keys;
+    for (const Body& body : bodies_) {
+        for (std::int32_t h = 0; h < body.homes; ++h) {
+            const std::int32_t* around = blocks_.neighbours().data() +
+                                         std::size_t(body.home.data()[h]) * Block<D>::neighbours;
+            for (int n = 0; n < Block<D>::neighbours; ++n)
+                if (around[n] >= 0) keys.push_back(table_.keys[around[n]]);
+        }
+    }
+    const std::uint64_t below = checks::keys_below(table_.keys_of);
+    s.reached = s.comm->all_gather(
+        blocks_of_slots(table_.keys_of, keys), "blocks that are reached",
+        [&](const std::vector<std::uint64_t>& theirs, int) { checks::table_keys(theirs, below); });
+    const std::size_t slots = std::size_t(table_.slots);
+    for (std::size_t slot = 0; slot < slots; ++slot) {
+        const std::uint64_t block =
+            table_.keys[slot] - std::uint64_t(table_.keys_of.field(table_.keys[slot]));
+        int first = 0;
+        while (first < s.ranks() && !detail::holds(s.reached[std::size_t(first)], block)) ++first;
+        s.counts[slot] = first == s.rank();
+    }
 }
 
 /// Who holds what of the present table, and with it where sums go. `keys`: of everyone's table.
@@ -48,6 +89,7 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
         }
         if (!list.empty()) s.peers.push_back(r);
     }
+    if (spec_.contact.any()) tell_reached();
     counts_.assign(s.counts);
     s.shared.clear();
     for (std::size_t slot = 0; slot < slots; ++slot)
@@ -143,6 +185,7 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
         sums.swap(larger);
     }
     list_measured();
+    list_contacts();
 }
 
 /// What ranks have staged comes to all who hold the block, and everyone adds it up in the same

@@ -20,7 +20,8 @@ void Domain<X, T, D>::link_table() {
     }
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
-    if (!share_) list_measured();
+    if (share_) return;  // `link_ranks` does when it is known who counts what
+    list_measured();
     list_contacts();
 }
 

@@ -94,6 +94,16 @@ void Domain<X, T, D>::run_sensors() {
     } else if (sensors_.load_count() == 0 && sensors_.point_count() > 0 && !share_) {
         exec_.for_each_large(sensors_.point_count(), points);
     }
+    if constexpr (!X::is_device) {
+        if (sensors_.contact_count() > 0)
+            exec_.template sum_each<contact_columns<D>>(
+                sensors_.met(),
+                MeasureContacts<Grid, Sum, D>{{node, contact_view()},
+                                              sensors_.met_blocks(),
+                                              sensors_.contact_loads(),
+                                              sensors_.contact_sides()},
+                sensors_.take_contact(clock), sensors_.contact_partial(), 0, Nothing{});
+    }
     if (share_) {
         if constexpr (X::is_device)
             tell_points();

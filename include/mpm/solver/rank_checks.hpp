@@ -20,7 +20,7 @@ namespace mpm::checks {
 /// One more than the largest key that a domain has.
 template <int D>
 std::uint64_t keys_below(const BlockKeys<D>& keys) {
-    std::uint64_t n = 1;
+    std::uint64_t n = std::uint64_t(keys.fields);
     for (std::int64_t count : keys.counts) n *= std::uint64_t(count);
     return n;
 }

@@ -77,13 +77,16 @@ struct RankShare {
     BlocksTogether together;
 
     std::vector<std::vector<std::uint64_t>> keys;  // of each rank's table, ascending
-    std::vector<int> peers;                        // ranks that hold a block that this one holds
-    std::vector<std::int32_t> shared;              // slots that others hold too
-    std::vector<Staged> parts;                     // of each of them in turn, in order
-    std::vector<std::size_t> first_part;           // (shared + 1,)
-    std::int32_t staged = 0;                       // slots behind those of the table
-    std::vector<std::vector<std::int32_t>> send;   // to each rank, of these slots
-    std::vector<std::size_t> receive;              // from each rank, so many blocks
+    // Where bodies have fields of velocities: of each rank, blocks that its homes reach, by field
+    // 0.
+    std::vector<std::vector<std::uint64_t>> reached;
+    std::vector<int> peers;                       // ranks that hold a block that this one holds
+    std::vector<std::int32_t> shared;             // slots that others hold too
+    std::vector<Staged> parts;                    // of each of them in turn, in order
+    std::vector<std::size_t> first_part;          // (shared + 1,)
+    std::int32_t staged = 0;                      // slots behind those of the table
+    std::vector<std::vector<std::int32_t>> send;  // to each rank, of these slots
+    std::vector<std::size_t> receive;             // from each rank, so many blocks
     std::vector<std::vector<std::int32_t>> destinations;  // of each body: (slots, 3^D)
     // Of the ranks that hold a block one counts its nodes, where each is to count once.
     std::vector<std::uint8_t> counts;
@@ -141,7 +144,8 @@ MPM_HD inline RankVote vote_of(const Clock& clock, const double* maxima) {
     for (int m = 0; m < maxima_count; ++m) mine.maxima[m] = maxima[m];
     for (int q = 0; q < quantities; ++q) mine.deposited[q] = clock.deposited[q];
     mine.strays = clock.strays;
-    mine.fault = clock.fault_particle != no_fault;
+    mine.fault = clock.fault_particle != no_fault ||
+                 (clock.halt == Halt::fault && clock.fault == FaultKind::crowded);
     return mine;
 }
 

@@ -60,6 +60,18 @@ public:
         return {clock, records_.data(), load_cells_.data(), load_impulse_.data()};
     }
 
+    /// Loads of contacts, and of a new table which of the blocks with several fields count.
+    int contact_count() const { return int(contact_loads_.size()); }
+    const ContactLoadRecord* contact_loads() const { return contact_loads_.data(); }
+    const std::int32_t* contact_sides() const { return contact_sides_.data(); }
+    void measure_contacts(const std::vector<std::int32_t>& blocks);
+    SumSets met() const { return {met_.data(), contact_count(), met_places_}; }
+    const std::int32_t* met_blocks() const { return met_blocks_.data(); }
+    double* contact_partial() const { return contact_partial_.data(); }
+    TakeContact<D> take_contact(const Clock* clock) const {
+        return {clock, records_.data(), contact_loads_.data(), contact_impulse_.data()};
+    }
+
     /// Gauges and probes, and the functions that a probe sees.
     int point_count() const { return int(points_.size()); }
     const PointRecord<D>* points() const { return points_.data(); }
@@ -94,6 +106,11 @@ private:
     Buffer<X, PointRecord<D>> points_{exec_};
     Buffer<X, double> load_impulse_{exec_};
     Buffer<X, double> load_partial_{exec_};
+    Buffer<X, ContactLoadRecord> contact_loads_{exec_};
+    Buffer<X, std::int32_t> contact_sides_{exec_}, met_blocks_{exec_};
+    Buffer<X, double> contact_impulse_{exec_}, contact_partial_{exec_};
+    Buffer<X, SumSet> met_{exec_};  // of loads of contacts: nodes of the blocks in met_blocks_
+    std::int32_t met_places_ = 0;
     Buffer<X, SumSet> measured_{exec_};  // of load cells: nodes of the blocks in measured_slots_
     Buffer<X, std::int32_t> measured_slots_{exec_};
     std::int32_t measured_places_ = 0;
@@ -109,6 +126,8 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
     functions_ = functions_of_point(functions_);
     std::vector<LoadCellRecord<D>> loads;
     std::vector<PointRecord<D>> points;
+    std::vector<ContactLoadRecord> contacts;
+    std::vector<std::int32_t> sides;
     for (const auto& s : spec.sensors) {
         sensors_.emplace_back(exec_);
         Sensor<X>& sensor = sensors_.back();
@@ -125,6 +144,12 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
             r.faces = s.faces;
             for (int a = 0; a < D; ++a) r.reference[a] = s.reference[a];
             loads.push_back(r);
+        }
+        if (s.kind == SensorKind::contact_load) {
+            ContactLoadRecord r{int(sensors_.size()) - 1, {-1, -1}, std::int64_t(sides.size())};
+            if (s.fields.size() == 2) std::copy(s.fields.begin(), s.fields.end(), r.fields);
+            sides.insert(sides.end(), s.sides.begin(), s.sides.end());
+            contacts.push_back(r);
         }
         if (s.kind == SensorKind::wave_gauge || s.kind == SensorKind::velocity_probe) {
             PointRecord<D>& point = points.emplace_back();
@@ -179,6 +204,22 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
     load_cells_.assign(loads);
     points_.assign(points);
     load_impulse_.assign(std::vector<double>(loads.size() * load_columns<D>, 0.0));
+    contact_loads_.assign(contacts);
+    contact_sides_.assign(sides);
+    contact_impulse_.assign(std::vector<double>(contacts.size() * contact_columns<D>, 0.0));
+}
+
+template <class X, int D>
+void Sensors<X, D>::measure_contacts(const std::vector<std::int32_t>& blocks) {
+    if (contact_count() == 0) return;
+    const std::int64_t nodes = std::int64_t(blocks.size()) * block_cells;
+    const auto parts = std::int32_t(exec_.sum_parts(nodes));
+    std::vector<SumSet> sets;
+    for (int c = 0; c < contact_count(); ++c) sets.push_back({0, nodes, c * parts, parts});
+    met_blocks_.assign(blocks);
+    met_.assign(sets);
+    met_places_ = contact_count() * parts;
+    contact_partial_.reserve_discard(std::size_t(met_places_) * contact_columns<D>);
 }
 
 template <class X, int D>
@@ -298,6 +339,7 @@ void Sensors<X, D>::save(State& state) const {
         first.push_back(sensors_[k].first.host()[0]);
     }
     state["load_impulse"] = detail::to_blob(load_impulse_.host());
+    if (contact_count() > 0) state["contact_impulse"] = detail::to_blob(contact_impulse_.host());
     state["sensor_next"] = detail::to_blob(next);
     state["sensor_last"] = detail::to_blob(last);
     state["sensor_first"] = detail::to_blob(first);
@@ -309,6 +351,12 @@ void Sensors<X, D>::load(const State& state, const Clock& clock) {
             detail::from_blob<double>(state, "sensor_last"),
             detail::from_blob<double>(state, "sensor_first"),
             detail::from_blob<double>(state, "load_impulse"), clock);
+    if (contact_count() == 0) return;
+    std::vector<double> impulse;
+    if (state.contains("contact_impulse"))
+        impulse = detail::from_blob<double>(state, "contact_impulse");
+    impulse.resize(contact_impulse_.size(), 0.0);
+    contact_impulse_.assign(impulse);
 }
 
 template <class X, int D>

@@ -241,7 +241,7 @@ inline bool lists_wall_nodes(const std::vector<BoundarySpec>& all) {
            std::none_of(all.begin(), all.end(), [](const BoundarySpec& b) { return mirrors(b); });
 }
 
-enum class SensorKind { load_cell, wave_gauge, velocity_probe, tracker, energy };
+enum class SensorKind { load_cell, wave_gauge, velocity_probe, tracker, energy, contact_load };
 
 struct SensorSpec {
     std::string name;
@@ -253,6 +253,10 @@ struct SensorSpec {
     int axis = -1;
     int body = -1;
     std::vector<std::uint64_t> ids;
+    // Of a contact: of two fields by their kinds, the lower field first, whether the force on the
+    // second counts (1), that on the first (-1), or none (0); and the only two that count, if any.
+    std::vector<std::int32_t> sides;
+    std::vector<std::int32_t> fields;
 };
 
 /// Of particles and grid; mixed: particles double, grid single.

@@ -466,12 +466,14 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                             "sweep (" + std::to_string(plan.sweeps) + " times)");
     if (lists_wall_nodes(spec.boundaries))
         plan.kernels.insert(plan.kernels.begin(), "move_wall_nodes");
-    bool loads = false;
+    bool loads = false, contacts = false;
     for (const auto& s : spec.sensors) {
         loads = loads || s.kind == SensorKind::load_cell;
+        contacts = contacts || s.kind == SensorKind::contact_load;
         plan.kernels.push_back("sample:" + s.name);
     }
     if (loads) plan.kernels.push_back("measure_loads");
+    if (contacts) plan.kernels.push_back("measure_contacts");
     for (const auto& b : plan.bodies) {
         const bool phased = b.pipeline == Pipeline::phased;
         if (phased) plan.kernels.push_back("collect:" + b.name);

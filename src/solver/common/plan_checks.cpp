@@ -11,7 +11,6 @@ void check_contact(const Spec& spec, const BackendTraits& backend) {
                          ", or remove the contacts");
     };
     if (backend.device) refuse(backend.name, "use device=\"cpu\"");
-    if (spec.ranks.count > 1) refuse(std::to_string(spec.ranks.count) + " ranks", "use one");
     if (!spec.functions.kind.empty()) refuse("grids of functions", "use square cells");
     if (spec.kernel.kernel != Kernel::quadratic || spec.kernel.clamped)
         refuse("other kernels than plain quadratic splines, by which it measures gaps",

@@ -7,6 +7,7 @@
 
 #include "mpm/kernels/placing.hpp"
 #include "mpm/solver/blob.hpp"
+#include "mpm/solver/rank_fields.hpp"
 #include "mpm/solver/saved_clock.hpp"
 
 namespace mpm {
@@ -240,10 +241,11 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
                 b[a] = at[a] + rest % 3 - 1;
                 rest /= 3;
             }
-            table.push_back(keys_of.key(b));
+            table.push_back(keys_of.key(b, keys_of.field(keys[k])));
         }
     }
     add_together<D>(keys_of, together, table);
+    if (keys_of.fields > 1) table = table_of_fields(keys_of, table, keys);
     for (std::size_t k = 0; k < keys.size(); ++k)
         kept[k] = std::binary_search(table.begin(), table.end(), keys[k]);
     // Rows of a blob, `per` elements each, of those blocks or particles that are chosen.
@@ -300,7 +302,8 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
         Clock clock = saved_clock(all);
         clock.strays = 0;
         save_clock(s, clock);
-        for (const char* name : {"load_impulse", "sensor_first"}) {
+        for (const char* name : {"load_impulse", "contact_impulse", "sensor_first"}) {
+            if (!all.contains(name)) continue;
             auto values = detail::from_blob<double>(all, name);
             detail::first_ranks_alone(values);
             s[name] = detail::to_blob(values);

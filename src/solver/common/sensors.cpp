@@ -34,6 +34,11 @@ std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(con
                 for (const auto& a : axes) add("velocity_" + a + ":" + std::to_string(id), "m/s");
             }
             break;
+        case SensorKind::contact_load:
+            for (const auto& a : axes) add("force_" + a, flat ? "N/m" : "N");
+            for (const char* n : {"normal", "tangential"}) add(n, flat ? "N/m" : "N");
+            add("friction_power", flat ? "W/m" : "W");
+            break;
         case SensorKind::energy:
             for (const char* n : {"kinetic", "elastic", "potential", "dissipated"})
                 add(n, flat ? "J/m" : "J");

@@ -333,10 +333,11 @@ private:
             throw SceneError("the saved state has other sensors than this scene");
         const auto last = state_.numbers("sensor_last", n, std::numeric_limits<double>::max());
         const auto first = state_.list<double>("sensor_first", n);
-        std::size_t loads = 0;
+        std::size_t loads = 0, contacts = 0;
         const double now = clock_.time * (1 + 1e-12);
         for (std::size_t k = 0; k < n; ++k) {
             loads += spec_.sensors[k].kind == SensorKind::load_cell;
+            contacts += spec_.sensors[k].kind == SensorKind::contact_load;
             const double interval = spec_.sensors[k].interval;
             // The next sample is at most one interval ahead, and was not due a step ago.
             const bool fits = interval <= 0 ? next[k] <= clock_.step + 1
@@ -356,6 +357,9 @@ private:
         }
         state_.numbers("load_impulse", loads * std::size_t(load_columns<D>),
                        std::numeric_limits<double>::max());
+        if (contacts > 0)
+            state_.numbers("contact_impulse", contacts * std::size_t(contact_columns<D>),
+                           std::numeric_limits<double>::max());
     }
 
     SavedState state_;

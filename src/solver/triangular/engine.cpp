@@ -325,6 +325,9 @@ void FunctionsEngine::sample(std::size_t s) {
             row = {kinetic, elastic, potential, state.first_energy - total};
             break;
         }
+        case SensorKind::contact_load:
+            throw SceneError("sensor '" + spec.name +
+                             "': contacts are not built for grids of functions; leave it out");
         case SensorKind::wave_gauge:
             throw SceneError("sensor '" + spec.name +
                              "': a wave gauge is not built for grids of functions; use "

@@ -13,6 +13,7 @@ from libmpm._src.base.arguments import is_number, known, nearest, quoted, shown
 from libmpm._src.base.optional_packages import need
 from libmpm._src.base.values import MOST, Checker
 from libmpm._src.errors import Error
+from libmpm._src.sensors.engine_sensors import MEANS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -176,9 +177,9 @@ class Series:
     ) -> float:
         """Return the time integral of a force, N·s (N·s/m in 2D), or of a moment, N·m·s.
 
-        Samples of a load cell with an interval are means since the sample before, so the sum of
-        samples times durations is the impulse itself, whatever the interval; samples at instants
-        (other sensors) are joined by straight lines.
+        Samples of a load cell or of a contact's load with an interval are means since the sample
+        before, so the sum of samples times durations is the impulse itself, whatever the interval;
+        samples at instants (other sensors) are joined by straight lines.
 
         =========  ====  ===========  =========================================================
         parameter  unit  range        meaning
@@ -213,7 +214,7 @@ class Series:
                 "start < end"
             )
         force = rows[:, column]
-        if self.attributes.get("kind") == "load-cell":
+        if self.attributes.get("kind") in MEANS:
             ends = np.clip(time, start, last)
             begins = np.clip(time - durations(time), start, last)
             return float(np.sum((ends - begins) * force))

@@ -32,9 +32,15 @@ from libmpm._src.scene.checks import validate
 from libmpm._src.scene.checks_elements import faint_strains
 from libmpm._src.scene.checks_sizes import check_numbers
 from libmpm._src.scene.checks_time_steps import check_intervals, check_step, too_slow
-from libmpm._src.scene.contact_fields import contact_entry
+from libmpm._src.scene.contact_fields import contact_entry, contact_sides
 from libmpm._src.scene.places import extent_of, faces_present, initial_gravity, snap, vertical_axis
-from libmpm._src.sensors.engine_sensors import LoadCell, ParticleTracker, VelocityProbe, WaveGauge
+from libmpm._src.sensors.engine_sensors import (
+    ContactLoad,
+    LoadCell,
+    ParticleTracker,
+    VelocityProbe,
+    WaveGauge,
+)
 from libmpm._src.sensors.python_sensors import Sampled
 from libmpm._src.shapes.boxes import Box
 from libmpm._src.shapes.filling import bounds_of, fill, relative
@@ -417,6 +423,8 @@ def _sensor(scene: SceneData, placed: PlacedSensor, bodies: list[dict[str, Any]]
             reference = relative(scene, point)
         chosen = (present or ("x-",)) if sensor.faces == "all" else sensor.faces
         return result | {"boundary": index, "faces": list(chosen), "reference": reference}
+    if isinstance(sensor, ContactLoad):
+        return result | contact_sides(scene, sensor)
     if isinstance(sensor, VelocityProbe):
         return result | {"position": relative(scene, sensor.position)}
     names = [b["name"] for b in bodies]

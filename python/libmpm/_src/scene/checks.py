@@ -36,7 +36,7 @@ from libmpm._src.scene.checks_elements import check_continued
 from libmpm._src.scene.checks_loads import doubtful_loads
 from libmpm._src.scene.checks_sizes import check_range
 from libmpm._src.scene.checks_viscous import smeared_flows
-from libmpm._src.scene.contact_fields import check_contacts
+from libmpm._src.scene.contact_fields import check_contact_load, check_contacts
 from libmpm._src.scene.places import (
     body_counts,
     faces_present,
@@ -45,6 +45,7 @@ from libmpm._src.scene.places import (
     vertical_axis,
 )
 from libmpm._src.sensors.engine_sensors import (
+    ContactLoad,
     Energy,
     LoadCell,
     ParticleTracker,
@@ -339,6 +340,8 @@ def _check_sensor(
         check_sampled(check, scene, sensor, counts)
     elif isinstance(sensor, LoadCell):
         _check_load_cell(check, scene, sensor)
+    elif isinstance(sensor, ContactLoad):
+        check_contact_load(check, scene, sensor)
     elif isinstance(sensor, VelocityProbe):
         if not wrong_dimension(check, "position", len(sensor.position), d):
             outside(check, scene, "the probe", sensor.position, sensor.position)

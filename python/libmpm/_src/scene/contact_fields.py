@@ -15,13 +15,14 @@ from libmpm._src.boundaries.contact_laws import Contact, Fluid, Friction, Stick
 from libmpm._src.boundaries.flows import Inflow
 from libmpm._src.boundaries.responses import Mirror
 from libmpm._src.errors import SceneError
+from libmpm._src.sensors.engine_sensors import ContactLoad
 from libmpm._src.sensors.python_sensors import BodyTracker, ContactForce, GridSensor
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
 
-__all__ = ["check_contacts", "contact_entry", "contact_rows", "device_of_contacts"]
-__all__ += ["field_of_bodies"]
+__all__ = ["check_contact_load", "check_contacts", "contact_entry", "contact_rows"]
+__all__ += ["contact_sides", "device_of_contacts", "field_of_bodies"]
 
 #: Pair of names, in the order of the scene's bodies -> the contact that names it.
 Pairs = Mapping[tuple[str, str], Contact]
@@ -59,23 +60,16 @@ def field_of_bodies(scene: SceneData) -> list[int]:
     return fields
 
 
-def contact_entry(scene: SceneData) -> dict[str, Any]:
-    """Return the fields, their kinds and laws as the engine takes them; empty without contacts.
+def _kinds(
+    scene: SceneData,
+) -> tuple[list[int], list[int], list[list[int]], dict[str, list[tuple[int, int]]]]:
+    """Return the field of each body, the kind of each field, the bodies of each kind, and sides.
 
-    Fields of one kind meet all others by the same laws.
+    Bodies are of one kind where nothing in the list of contacts tells them apart; the sides of a
+    body are (contact, 0 or 1) for each name of a contact's `between` that fits it.
     """
-    if not scene.contacts:
-        return {}
     names = [b.name for b in scene.bodies]
-    fields, pairs = field_of_bodies(scene), _pairs(scene)
-    laws = [c.law for c in scene.contacts if not isinstance(c.law, Stick)]
-    number = {law: i for i, law in reversed(list(enumerate(laws)))}
-
-    def law_of(a: int, b: int) -> int:
-        contact = pairs.get((names[min(a, b)], names[max(a, b)]))
-        return -1 if contact is None else number.get(contact.law, -1)
-
-    # Bodies are of one kind where nothing in the list of contacts tells them apart.
+    fields = field_of_bodies(scene)
     sides: dict[str, list[tuple[int, int]]] = {name: [] for name in names}
     for i, contact in enumerate(scene.contacts):
         for side, pattern in enumerate(contact.between):
@@ -93,6 +87,25 @@ def contact_entry(scene: SceneData) -> dict[str, Any]:
             members.append([])
         members[of].append(i)
         kind[fields[i]] = of
+    return fields, kind, members, sides
+
+
+def contact_entry(scene: SceneData) -> dict[str, Any]:
+    """Return the fields, their kinds and laws as the engine takes them; empty without contacts.
+
+    Fields of one kind meet all others by the same laws.
+    """
+    if not scene.contacts:
+        return {}
+    names = [b.name for b in scene.bodies]
+    pairs = _pairs(scene)
+    fields, kind, members, _ = _kinds(scene)
+    laws = [c.law for c in scene.contacts if not isinstance(c.law, Stick)]
+    number = {law: i for i, law in reversed(list(enumerate(laws)))}
+
+    def law_of(a: int, b: int) -> int:
+        contact = pairs.get((names[min(a, b)], names[max(a, b)]))
+        return -1 if contact is None else number.get(contact.law, -1)
 
     def of_kinds(a: int, b: int) -> int:
         for i in members[a]:
@@ -116,6 +129,32 @@ def contact_entry(scene: SceneData) -> dict[str, Any]:
     }
 
 
+def contact_sides(scene: SceneData, sensor: ContactLoad) -> dict[str, Any]:
+    """Return which pairs of fields a sensor of a contact counts, as the engine takes it.
+
+    sides: of two kinds, the first that of the lower field: 1 where the force on the other counts,
+    -1 where that on this one does, 0 where none does. fields: the only two, lower first, or none.
+    """
+    names = [b.name for b in scene.bodies]
+    number = [c.name for c in scene.contacts].index(sensor.contact)
+    fields, kind, members, sides = _kinds(scene)
+    count = len(members)
+    table = [0] * (count * count)
+    if sensor.pair is not None:
+        first, second = (fields[names.index(name)] for name in sensor.pair)
+        low, high = sorted((first, second))
+        table[kind[low] * count + kind[high]] = 1 if low == first else -1
+        return {"sides": table, "fields": [low, high]}
+    of = [set(sides[names[m[0]]]) if m else set() for m in members]
+    for a in range(count):
+        for b in range(count):
+            if {(number, 0)} <= of[a] and {(number, 1)} <= of[b]:
+                table[a * count + b] = 1
+            elif {(number, 1)} <= of[a] and {(number, 0)} <= of[b]:
+                table[a * count + b] = -1
+    return {"sides": table, "fields": []}
+
+
 def contact_rows(scene: SceneData) -> list[tuple[str, str, str, str]]:
     """Return (contact, between, law, pairs) of each contact, for tables."""
     names = [b.name for b in scene.bodies]
@@ -126,15 +165,17 @@ def contact_rows(scene: SceneData) -> list[tuple[str, str, str, str]]:
 
 
 def device_of_contacts(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
-    """Return the device of a scene on square cells: with contacts one rank on the CPU."""
+    """Return the device of a scene on square cells: with contacts ranks on the CPU."""
     if not scene.contacts:
         return device
-    if device not in ("auto", "cpu") and list(device) != ["cpu"]:
+    if isinstance(device, str) and device in ("auto", "cpu"):
+        return "cpu"
+    if isinstance(device, str) or any(one != "cpu" for one in device):
         raise SceneError(
-            f"device is {shown(device)} with contacts, which are built for one rank on the CPU; "
-            "expected 'cpu' or 'auto'; use these, or remove the contacts"
+            f"device is {shown(device)} with contacts, which are built for the CPU; expected "
+            "'cpu', 'auto' or ranks ['cpu', 'cpu']; use these, or remove the contacts"
         )
-    return "cpu"
+    return device
 
 
 # Rules --------------------------------------------------------------------------------------------
@@ -169,6 +210,36 @@ def check_contacts(scene: SceneData, problems: list[str]) -> None:
         problems += check.problems
     if scene.contacts and len(problems) == before:
         _check_scene(scene, problems)
+
+
+def check_contact_load(check: Checker, scene: SceneData, sensor: ContactLoad) -> None:
+    """Refuse a sensor of a contact that is not there, or of bodies that are no pair of it."""
+    contact = next((c for c in scene.contacts if c.name == sensor.contact), None)
+    if contact is None:
+        known = [c.name for c in scene.contacts]
+        rule = nearest(sensor.contact, known) if known else "the scene has none; use add_contact"
+        check.fail(f"contact '{sensor.contact}' is unknown; {rule}")
+        return
+    if isinstance(contact.law, Stick):
+        check.fail(
+            f"contact '{contact.name}' is of Stick(), whose bodies move as one and exchange no "
+            "impulse; expected Friction or Fluid; use BodyTracker, whose force is what acts on the "
+            "whole body"
+        )
+    if sensor.pair is None:
+        return
+    names = [b.name for b in scene.bodies]
+    unknown = [name for name in sensor.pair if name not in names]
+    if unknown:
+        check.fail(f"pair has '{unknown[0]}', which is no body; {nearest(unknown[0], names)}")
+        return
+    pairs = _pairs_of(contact, names)
+    if tuple(sensor.pair) not in pairs and tuple(reversed(sensor.pair)) not in pairs:
+        check.fail(
+            f"pair is {tuple(sensor.pair)}, which contact '{contact.name}' between "
+            f"{contact.between} does not name; expected two of its bodies; correct the pair or the "
+            "contact"
+        )
 
 
 def _check_law(

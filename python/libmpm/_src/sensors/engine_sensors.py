@@ -1,4 +1,4 @@
-"""`LoadCell`, `WaveGauge`, `VelocityProbe`, ...: sensors that the engine evaluates.
+"""`LoadCell`, `ContactLoad`, `WaveGauge`, ...: sensors that the engine evaluates.
 
 Every sensor has an `interval` in seconds between samples, whatever the time step; 0 samples every
 step. Sampling never changes the run.
@@ -13,8 +13,11 @@ from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.shapes.boxes import check_faces
 
-__all__ = ["Energy", "LoadCell", "ParticleTracker", "Sensor", "VelocityProbe", "WaveGauge"]
-__all__ += ["check_interval"]
+__all__ = ["ContactLoad", "Energy", "LoadCell", "ParticleTracker", "Sensor", "VelocityProbe"]
+__all__ += ["MEANS", "WaveGauge", "check_interval"]
+
+#: Kinds of sensors whose samples are means since the sample before.
+MEANS = frozenset({"load-cell", "contact-load"})
 
 #: Least interval but 0, s. Samples are counted from time 0: a step passes over dt / interval of
 #: them one by one, and their number must fit into 64 bits.
@@ -76,6 +79,60 @@ class LoadCell(Sensor):
             "faces": check_faces(check, self.faces),
             "interval": check_interval(check, self.interval),
             "reference": (None if reference is None else check.given("reference", self, reference)),
+        }
+
+
+@value
+class ContactLoad(Sensor):
+    """Force that the bodies of a contact exert on each other, by the impulses of each step.
+
+    {fields}
+
+    A sample is the mean over its interval, so no blow falls between samples. With the impulses J of
+    `contacts.Friction` over nodes, pairs and sweeps, their parts J_n along the normal and J_t
+    along the faces, and what each leaves of the approach, w':
+
+    ================  ======  =====================================================================
+    component         unit    meaning
+    ================  ======  =====================================================================
+    force_x, ...      N       Σ J / t, on the second body of each pair by the first
+    normal            N       Σ |J_n| / t, whatever its direction; ≥ 0
+    tangential        N       Σ |J_t| / t, what friction holds and what it slows down; ≥ 0
+    friction_power    W       Σ J_t · w' / t, the energy that sliding takes; 0 where friction holds
+    ================  ======  =====================================================================
+
+    Per metre of thickness in 2D. First and second are those of the contact's `between`; where both
+    of its names fit both bodies, the first is the one that was added to the scene first. The
+    momentum of each body changes by exactly these impulses beside those of gravity, of boundaries
+    and of other contacts. Each sensor repeats the pass over the nodes at which its bodies meet.
+    Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "sensors.ContactLoad"
+    kind: ClassVar[str] = "contact-load"
+
+    contact: str = given("the contact of the scene, of a law other than Stick", range="a name")
+    pair: Sequence[str] | None = given(
+        "two bodies of the contact that count alone, the force on the second by the first; "
+        "None = the sum over its pairs",
+        default=None,
+        range="names",
+    )
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        pair = self.pair
+        if pair is not None:
+            names = None if isinstance(pair, str) else sequence(pair)
+            if not names or len(names) != 2 or names[0] == names[1]:
+                check.fail(f"pair is {shown(pair)}; expected the names of two bodies, or None")
+                pair = None
+            else:
+                pair = tuple(check.text(f"pair[{i}]", name) for i, name in enumerate(names))
+        return {
+            "contact": check.text("contact", self.contact),
+            "pair": pair,
+            "interval": check_interval(check, self.interval),
         }
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from libmpm._src.base.text import marked
 from libmpm._src.base.values import Checker, keywords_only, nearest, shown
 from libmpm._src.errors import SceneError
+from libmpm._src.sensors.engine_sensors import MEANS
 
 if TYPE_CHECKING:
     from libmpm._src.output.series import Series
@@ -269,7 +270,7 @@ def from_series(
     label = f"{label}: sensor '{series.name}'"
     if not len(series.time):
         raise SceneError(f"{label}: {_NO_SAMPLES}")
-    means = series.attributes.get("kind") == "load-cell"
+    means = series.attributes.get("kind") in MEANS
     sign, column = _component(label, series, component, means)
     found = {
         "time": series.time,
@@ -280,7 +281,7 @@ def from_series(
         "start": start,
     }
     if means and start is None:
-        found["start"] = 0.0  # a load cell measures from the beginning of the run
+        found["start"] = 0.0  # a mean measures from the beginning of the run
     return found
 
 

@@ -1,0 +1,156 @@
+// Several ranks against one where bodies have fields of velocities of their own: the same bits,
+// with bodies that meet on both sides of a cut, that change ranks, whose cuts move at every sort,
+// and with messages that come late; a node too crowded on one rank stops all.
+#include <gtest/gtest.h>
+
+#include "mpm/kernels/contact.hpp"
+#include "mpm/solver/ranks.hpp"
+#include "support/ranks.hpp"
+#include "support/scene.hpp"
+#include "support/unruly.hpp"
+
+namespace mpm {
+namespace {
+
+using test::expect_same_particles;
+using test::expect_same_samples;
+using test::go;
+
+constexpr int half = test::sanitized ? 15 : 40;
+
+Spec with_ranks(Spec s, int ranks, int axis, double rebalance_above) {
+    s.threads = ranks;
+    s.ranks.count = ranks;
+    s.ranks.axis = axis;
+    s.ranks.rebalance_above = rebalance_above;
+    return s;
+}
+
+/// The busy scene, whose blocks fly towards each other and slip along water that they fall into.
+Spec touching(int dimension, bool single) {
+    Spec s = test::gauged_scene(dimension, single);
+    s.bodies[0].velocity[0] = 3;
+    s.bodies[1].velocity[0] = 4;
+    s.bodies[2].velocity[0] = -4;
+    ContactSpec& c = s.contact;
+    c.fields = 3;
+    c.kind = {0, 1, 1};
+    c.density = {1000, 700};
+    c.laws.resize(2);
+    c.laws[0].kind = ContactKind::fluid;
+    c.laws[0].fill = 0.7;
+    c.laws[1].kind = ContactKind::friction;
+    c.laws[1].static_friction = 0.4;
+    c.laws[1].dynamic_friction = 0.3;
+    c.law_of = {-1, 0, 0, 1};
+    for (int b = 0; b < 3; ++b) s.bodies[std::size_t(b)].fields = {{0, b}};
+    for (int pair = 0; pair < 2; ++pair) {
+        SensorSpec load;
+        load.name = pair ? "blocks" : "afloat";
+        load.kind = SensorKind::contact_load;
+        load.interval = 0.002;
+        load.sides =
+            pair ? std::vector<std::int32_t>{0, 0, 0, 1} : std::vector<std::int32_t>{0, 1, -1, 0};
+        s.sensors.push_back(load);
+    }
+    return s;
+}
+
+struct Kind {
+    int dimension;
+    bool single;
+};
+class RankContacts : public ::testing::TestWithParam<Kind> {
+protected:
+    Spec scene() { return touching(GetParam().dimension, GetParam().single); }
+};
+
+TEST_P(RankContacts, have_the_bits_of_one) {
+    const auto one = make_cpu_engine(scene());
+    go(*one, 2 * half);
+    EXPECT_GT(one->statistics().at("sorts"), 1);
+    const auto samples = one->drain();
+    double pushed = 0;
+    for (std::size_t k = samples.size() - 2; k < samples.size(); ++k)
+        for (double v : samples[k].values.data) pushed = std::max(pushed, std::abs(v));
+    EXPECT_GT(pushed, 0) << "the bodies must meet to mean anything";
+    for (int ranks : {2, 3, 4}) {
+        for (int axis : {-1, 0}) {
+            if (test::sanitized && (ranks != 3 || axis == 0)) continue;
+            const Spec s = with_ranks(scene(), ranks, axis, 1.05);
+            const auto many = make_cpu_engine(s);
+            go(*many, half);
+            go(*many, half);
+            EXPECT_GT(many->statistics().at("migrated"), 0);
+            expect_same_particles(*many, *one, 3);
+            expect_same_samples(many->drain(), samples, s);
+        }
+    }
+}
+
+TEST_P(RankContacts, with_late_messages_and_new_cuts_at_every_sort) {
+    const auto one = make_cpu_engine(scene());
+    go(*one, half);
+    const Spec s = with_ranks(scene(), 4, -1, 0);
+    const auto many = make_cpu_engine(s, std::make_unique<test::UnrulyRanks>(4, 5));
+    go(*many, half);
+    EXPECT_GT(many->statistics().at("rebalances"), 0);
+    expect_same_particles(*many, *one, 3);
+}
+
+TEST_P(RankContacts, resume_on_another_number) {
+    const auto straight = make_cpu_engine(scene());
+    go(*straight, half);
+    const auto from_one = straight->save();
+    go(*straight, half);
+    const auto samples = straight->drain();
+    const auto three = make_cpu_engine(with_ranks(scene(), 3, -1, 1.05));
+    three->load(from_one);
+    go(*three, 5);
+    const auto two = make_cpu_engine(with_ranks(scene(), 2, 0, 0));
+    two->load(three->save());
+    go(*two, 5);
+    const auto again = make_cpu_engine(scene());
+    again->load(two->save());
+    go(*again, half - 10);
+    expect_same_particles(*again, *straight, 3);
+    // What a sensor had added up goes on: the last sample is the mean since the one before.
+    const auto last = again->drain();
+    for (std::size_t k = samples.size() - 2; k < samples.size(); ++k) {
+        ASSERT_FALSE(last[k].values.data.empty());
+        double size = 0;
+        for (double v : samples[k].values.data) size = std::max(size, std::abs(v));
+        EXPECT_NEAR(last[k].values.data.back(), samples[k].values.data.back(), 1e-11 * size);
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, RankContacts,
+                         ::testing::Values(Kind{2, false}, Kind{2, true}, Kind{3, true}));
+
+TEST(RankContactFaults, a_crowded_node_stops_all) {
+    Spec s = test::empty_scene(2, false, {24, 24});
+    const int grains = most_fields_at_node + 1;
+    s.contact.fields = grains;
+    s.contact.kind.assign(std::size_t(grains), 0);
+    s.contact.density = {700};
+    s.contact.laws.resize(1);
+    s.contact.laws[0].kind = ContactKind::friction;
+    s.contact.law_of = {0};
+    for (int k = 0; k < grains; ++k) {
+        s.bodies.push_back(test::body(s, "grain" + std::to_string(k), "FixedCorotated",
+                                      test::solid(), test::lattice(s, {4, 4}, {5, 5}, 2), 4));
+        s.bodies.back().fields = {{0, k}};
+    }
+    // Something for the other rank to do, far away.
+    s.bodies.push_back(test::body(s, "far", "FixedCorotated", test::solid(),
+                                  test::lattice(s, {18, 18}, {22, 22}, 2), 4));
+    s.bodies.back().fields = {{0, 0}};
+    const auto many = make_cpu_engine(with_ranks(s, 2, 0, 1.05));
+    const RunResult result = go(*many, 5);
+    EXPECT_EQ(result.reason, "fault");
+    EXPECT_EQ(result.fault.code, "crowded-node");
+    EXPECT_EQ(result.steps, 0);
+}
+
+}  // namespace
+}  // namespace mpm
