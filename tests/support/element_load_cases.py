@@ -13,8 +13,15 @@ import numpy as np
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
-from support.element_cases import SHEAR, Array, Numbers, at_rest, cantilever_scene, mesh_of
-from support.element_cases import timoshenko
+from support.element_cases import (
+    SHEAR,
+    Array,
+    Numbers,
+    at_rest,
+    cantilever_scene,
+    mesh_of,
+    timoshenko,
+)
 
 #: Density and modulus of bars, kg/m³ and Pa.
 DENSITY, MODULUS = 1000.0, 1e6
@@ -45,9 +52,7 @@ def _end_of_cantilever(
     """Return how a loaded end moves in the mean, and the reaction of the clamp, N/m."""
     grows = 4 * period
     load = libmpm.grids.Traction(face="x+", value=ramp(value, grows))
-    scene, _ = cantilever_scene(
-        edge, cells, 2, ratio, None, "NeoHookean", 0.2, tractions=(load,)
-    )
+    scene, _ = cantilever_scene(edge, cells, 2, ratio, None, "NeoHookean", 0.2, tractions=(load,))
     cell = sensors.LoadCell(boundary="clamp", interval=period / 200)
     scene.add_sensor(name="reaction", sensor=cell)
     sim = libmpm.Simulation(scene, device="cpu", precision="double")
@@ -79,8 +84,11 @@ def end_load(edge: float = 0.5, cells: int = 4, ratio: float = 0.3) -> Numbers:
 
 
 def end_pull(edge: float = 0.5, cells: int = 4) -> Numbers:
-    """Return how far a bar is stretched by a traction at its end over σ L / E, ν = 0, plane."""
-    pull, long = 1000.0, 1.0
+    """Return how far a bar is stretched by a traction at its end over σ L / E, ν = 0, plane.
+
+    L counts from the last node that is held, half a cell before the region's face.
+    """
+    pull, long = 1000.0, 1.0 + 0.05 / cells
     period = 4 * long / math.sqrt(MODULUS / DENSITY)
     moved, reaction, area = _end_of_cantilever((pull, 0.0), period, edge, cells, 0.0)
     return {"stretch": float(moved[0]) / (pull * long / MODULUS),
@@ -136,7 +144,11 @@ def bar_scene(
 
 
 def driven_bar(edge: float = 0.5, cells: int = 4, strain: float = 2e-3) -> Numbers:
-    """Return the forces at both ends of a stretched bar over E A ε, ν = 0, plane strain."""
+    """Return the forces at both ends of a stretched bar over E A ε, ν = 0, plane strain.
+
+    ε is over the length between the last nodes that are held. `give`: what the bar seems longer by
+    at each end, cells. Splines bend beside the last node that is held.
+    """
     law = materials.NeoHookean(density=DENSITY, youngs_modulus=MODULUS, poissons_ratio=0.0)
     scene, free, lasts = bar_scene(law, cells, edge, 2, strain, 8)
     period = 2 * free / math.sqrt(MODULUS / DENSITY)
@@ -144,8 +156,11 @@ def driven_bar(edge: float = 0.5, cells: int = 4, strain: float = 2e-3) -> Numbe
     sim.run(until=lasts + 2 * period, progress=False)
     # Stress of a neo-Hookean bar without lateral strain: E (λ - 1/λ) / 2, here ≈ E ε.
     expected = MODULUS * 0.1 * ((1 + strain) - 1 / (1 + strain)) / 2
-    return {f"force at {name}": sign * _mean_force(sim, f"force at {name}", "x", lasts) / expected
-            for name, sign in (("clamp", 1), ("drive", -1))}  # fmt: skip
+    found = {
+        f"force at {name}": sign * _mean_force(sim, f"force at {name}", "x", lasts) / expected
+        for name, sign in (("clamp", 1), ("drive", -1))
+    }
+    return found | {"give": 0.5 * (1 / found["force at clamp"] - 1) * free * cells / 0.1}
 
 
 def yielding_bar(

@@ -333,8 +333,8 @@ class Tetrahedra(ElementMesh):
     )
     volumes: Literal["element", "vertex"] | None = given(
         '"vertex" averages volumes at vertices, against locking (Bonet and Burton 1998); "element" '
-        "does not; None = vertex where Poisson's ratio is 0.4 or more, or the law flows at constant "
-        "volume (VonMises)",
+        "does not; None = vertex where Poisson's ratio is 0.4 or more, or the law flows at "
+        "constant volume (VonMises)",
         default=None,
     )
 
@@ -386,8 +386,8 @@ class Triangles(ElementMesh):
     )
     volumes: Literal["element", "vertex"] | None = given(
         '"vertex" averages volumes at vertices, against locking (Bonet and Burton 1998); "element" '
-        "does not; None = vertex where Poisson's ratio is 0.4 or more, or the law flows at constant "
-        "volume (VonMises)",
+        "does not; None = vertex where Poisson's ratio is 0.4 or more, or the law flows at "
+        "constant volume (VonMises)",
         default=None,
     )
 

@@ -15,13 +15,11 @@ __all__ = ["areas", "chosen_faces", "shares"]
 _SLACK = 1e-6
 
 
-def chosen_faces(
-    mesh: ElementMesh, face: str | None, within: Box | None
-) -> npt.NDArray[np.int64]:
+def chosen_faces(mesh: ElementMesh, face: str | None, within: Box | None) -> npt.NDArray[np.int64]:
     """Return vertices of outer faces, (k, d), in the order of `ElementMesh.surface`.
 
-    `face` "x-", "x+", ...: those with all vertices at that end of the mesh's bounds. `within`: those
-    with all vertices in a box or on its faces. Both: those of both.
+    `face` "x-", "x+", ...: those with all vertices at that end of the mesh's bounds. `within`:
+    those with all vertices in a box or on its faces. Both: those of both.
     """
     surface = mesh.surface
     slack = _SLACK * mesh.longest_edge
@@ -47,9 +45,7 @@ def areas(mesh: ElementMesh, faces: npt.NDArray[np.int64]) -> Array:
     return np.asarray(0.5 * np.linalg.norm(np.cross(one, two), axis=1))
 
 
-def shares(
-    mesh: ElementMesh, faces: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.int64], Array]:
+def shares(mesh: ElementMesh, faces: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], Array]:
     """Return vertices of faces, ascending, and the area of each, m² (2D: m).
 
     A d-th of each face's, as a load that is the same all over it has: ∫ N_a dA = A / d.
