@@ -199,7 +199,7 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
     )
     for dx, what, edge in (
         (0.004, "h = Δx/2", 0.5), (0.004, "h = Δx", 1.0), (0.004, "particles", None),
-        (0.006, "h = Δx/2", 0.5),
+        (0.003, "h = Δx/2", 0.5), (0.002, "h = Δx/2", 0.5),
     )
 }  # fmt: skip
 

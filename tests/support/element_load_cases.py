@@ -181,9 +181,10 @@ def yielding_bar(
     bar = sim.particles["bar"]
     rest = bar["position"]
     middle = 0.5 * (rest[:, 0].min() + rest[:, 0].max())
-    sections = [np.abs(rest[:, 0] - middle - side * free / 6) < 0.3 * edge * 0.1 / cells + 1e-9
-                for side in (-1, 1)]  # fmt: skip
-    mesh = scene.bodies[0].shape
+    planes = [float(rest[np.argmin(np.abs(rest[:, 0] - x)), 0])
+              for x in (middle - free / 6, middle + free / 6)]  # fmt: skip
+    sections = [np.abs(rest[:, 0] - x) < 1e-6 for x in planes]
+    mesh: Any = scene.bodies[0].shape
     inner = np.abs(mesh.vertices[mesh.elements].mean(axis=1)[:, 0] - middle) < free / 6
     period = 2 * free / math.sqrt(MODULUS / DENSITY)
     sim.run(until=0.8 * lasts, progress=False)
@@ -285,10 +286,12 @@ def elastic_column(
     floor = deep * dx
     scene = libmpm.Scene(
         dimension=2, cell_size=dx, lower=(0, 0), upper=(n * dx, math.ceil(0.42 / dx) * dx),
-        gravity=(0, -gravity), method=libmpm.Method(cfl=0.4),
+        gravity=(0, -gravity),
+        method=libmpm.Method(cfl=0.4, leaving="delete"),  # drops
     )  # fmt: skip
     left = round(0.286 / dx) * dx
-    low, up = (left, floor - deep * dx), (left + 0.012, floor + 0.08)
+    # Free from the last node that is held, half a cell below the floor.
+    low, up = (left, floor - deep * dx), (left + 0.012, floor - 0.5 * dx + 0.08)
     scene.add_body(
         name="column",
         shape=shapes.Box(lower=low, upper=up) if edge is None else mesh_of(low, up, edge * dx),
@@ -310,7 +313,9 @@ def elastic_column(
     column, water = sim.particles["column"], sim.particles["water"]
     rest = column["position"]
     tip = int(np.argmin(np.abs(rest - np.array([low[0], up[1]])).sum(axis=1)))
-    time, moved, front = [], [], []
+    time: list[float] = []
+    moved: list[float] = []
+    front: list[float] = []
     while sim.time < until:
         sim.run(until=0.002 * (len(time) + 1), progress=False)
         time.append(sim.time)
