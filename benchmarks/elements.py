@@ -24,6 +24,7 @@ from result_pages import Line, append, filled, load, markdown
 import libmpm
 from libmpm._src.cli import bench
 from support import element_cases as cases
+from support import element_load_cases as loads
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/elements.jsonl"
@@ -154,6 +155,52 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
         {"cells": 16, "edge": 0.5, "ratio": 0.4999, "volumes": "element", "pattern": "one-way"},
         [under("lift", 8.0)],
     ),
+} | {
+    f"end load, {n} cells, h = Δx/2": (
+        loads.end_load, {"edge": 0.5, "cells": n},
+        [near("tip", 1, 0.04), near("reaction", 1, 0.01)] if n > 2 else [near("reaction", 1, 0.01)],
+    )
+    for n in (2, 4, 6)
+} | {
+    f"end pull, {n} cells, h = Δx/2": (
+        loads.end_pull, {"edge": 0.5, "cells": n},
+        [near("stretch", 1, 0.02), near("reaction", 1, 0.01)],
+    )
+    for n in (2, 4, 6)
+} | {
+    f"driven end, {n} cells, h = Δx/2": (
+        loads.driven_bar, {"edge": 0.5, "cells": n},
+        [near("give", 0.25, 0.2), near("force at clamp", 1, 0.6 / (5 * n + 1))],
+    )
+    for n in (2, 4, 6)
+} | {
+    f"yielding bar in space, {n} cells, h = Δx, H = {h:g} E": (
+        loads.yielding_bar, {"cells": n, "hardening": h},
+        [near("force", 1, 0.02)] + ([near("plastic_strain", 1, 0.05)] if h else []),
+    )
+    for h in (0.0, 0.2) for n in (2, 4, 6)
+} | {
+    f"beam under water, E = {e:g} Pa, {n} cells, {what}": (
+        loads.beam_under_water, {"modulus": e, "cells": n, "edge": edge},
+        [near("sinks", 1, 0.06)] if n >= 4 and edge else [],
+    )
+    for what, edge, n, moduli in (
+        ("h = Δx/2", 0.5, 4, (2e5, 5e5, 1e6, 2e6, 5e6, 1e7, 2e7, 5e7, 1e8, 5e8)),
+        ("h = Δx/2", 0.5, 2, (1e6, 5e6, 5e7)),
+        ("h = Δx/2", 0.5, 8, (1e6, 5e6)),
+        ("particles", None, 4, (2e5, 1e6, 5e6, 5e7)),
+    )
+    for e in moduli
+} | {
+    f"dam break on an elastic column, Δx = {1e3 * dx:g} mm, {what}": (
+        loads.elastic_column, {"dx": dx, "edge": edge},
+        [over("peak", 42), under("peak", 50), over("peak_time", 0.2), under("peak_time", 0.27),
+         over("arrives", 0.12), under("arrives", 0.16)] if edge else [],
+    )
+    for dx, what, edge in (
+        (0.004, "h = Δx/2", 0.5), (0.004, "h = Δx", 1.0), (0.004, "particles", None),
+        (0.003, "h = Δx/2", 0.5), (0.002, "h = Δx/2", 0.5),
+    )
 }  # fmt: skip
 
 
@@ -191,7 +238,7 @@ def table(lines: list[Line]) -> str:
     for name, (_, _, bounds) in CASES.items():
         if name in newest:
             values = newest[name]["values"]
-            hidden = ("steps", "deep", "seconds")
+            hidden = ("steps", "deep", "seconds", "along")
             measured = "; ".join(shown(k, v) for k, v in values.items() if k not in hidden)
             missed = "" if all(holds(b, values) for b in bounds) else " (missed)"
             rows.append([name, measured, "; ".join(map(said, bounds)) + missed])

@@ -217,7 +217,15 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
                 if (p >= b.count)
                     throw SceneError("body '" + b.name + "': a traction names particle " +
                                      std::to_string(p) + " of " + std::to_string(b.count));
-            pull.length = t["length"].cast<double>();
+            if (b.elements.empty()) {
+                pull.length = t["length"].cast<double>();
+            } else {
+                pull.area = t["area"].cast<std::vector<double>>();
+                if (pull.area.size() != pull.particles.size())
+                    throw SceneError("body '" + b.name + "': a traction has " +
+                                     std::to_string(pull.area.size()) + " areas for " +
+                                     std::to_string(pull.particles.size()) + " vertices");
+            }
             pull.value = read_table(t["value"], dimension, "body '" + b.name + "': traction");
             b.tractions.push_back(std::move(pull));
         }

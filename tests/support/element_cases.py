@@ -158,7 +158,8 @@ def timoshenko(long: float, high: float, modulus: float, ratio: float, density: 
 
 def cantilever_scene(
     edge: float, cells: int, dimension: int, ratio: float, volumes: str | None, law: str,
-    place: float = 0.2, gravity: Any = None, pattern: str = "alternating", **method: Any,
+    place: float = 0.2, gravity: Any = None, pattern: str = "alternating", tractions: Any = (),
+    **method: Any,
 ) -> tuple[libmpm.Scene, float]:  # fmt: skip
     """Return a beam 1 × 0.1 m, held two cells deep by the nodes of a region, and where it ends."""
     long, high, d = 1.0, 0.1, dimension
@@ -173,7 +174,7 @@ def cantilever_scene(
     top = np.array([held + long, low[1] + high, (6 + place) * dx + high][:d])
     scene.add_body(
         name="beam", shape=mesh_of(low, top, edge * dx, pattern, volumes),
-        material=solid(law, 1000.0, 1e6, ratio),
+        material=solid(law, 1000.0, 1e6, ratio), tractions=tractions,
     )  # fmt: skip
     block = shapes.Box(lower=(0,) * d, upper=[held, *(n * dx for n in room[1:])])
     scene.add_boundary(

@@ -64,6 +64,7 @@ struct ElementsView {
     const T* volume;             // (elements,) at rest, m^D
     T* force;                    // (elements, D, D): on vertices 1 to D, times a cell
     T* grown;                    // (elements,): V (J - 1)/(D + 1); null without volumes of vertices
+    T* kept;                     // (elements, kept_reals): of laws that flow, else null
     // By number of vertex.
     std::int32_t* rest_cell;      // (vertices, D)
     T* rest_offset;               // (vertices, D)
@@ -74,6 +75,7 @@ struct ElementsView {
     const T* vertex_volume;       // (vertices,): sum V/(D + 1), m^D
     T* vertex_change;             // (vertices,): J_a - 1
     T* pressure;                  // (vertices,): U'(J_a), Pa
+    const T* load;                // (vertices, D): of tractions, times a cell; null without any
     std::uint64_t* inverted;      // the first element that is, else no_fault
 
     MPM_INLINE int number(std::int64_t element, int k) const {
@@ -140,7 +142,7 @@ MPM_INLINE void press_vertex(const ElementsView<T, D>& mesh, const Constants& k,
         sum = sum + mesh.grown[mesh.corner[c] / (D + 1)];
     const T change = sum / mesh.vertex_volume[number];
     mesh.vertex_change[number] = change;
-    mesh.pressure[number] = Material::volume_pressure(change, k);
+    mesh.pressure[number] = volume_pressure_of<Material>(change, k);
 }
 template <class V, class T, int D>
 MPM_INLINE V element_pressure(const ElementsView<T, D>& mesh, std::int64_t e) {
@@ -149,21 +151,32 @@ MPM_INLINE V element_pressure(const ElementsView<T, D>& mesh, std::int64_t e) {
     return V(1.0 / (D + 1)) * sum;
 }
 
-/// Leaves an element's forces; returns J - 1.
+/// Leaves an element's forces, and what it keeps; whether it may go on so.
 template <class Material, class T, int D, class Constants>
-MPM_INLINE T push_element(const ElementsView<T, D>& mesh, const Constants& k, std::int64_t e) {
+MPM_INLINE bool push_element(const ElementsView<T, D>& mesh, const Constants& k, std::int64_t e) {
     const Mat<T, D> inverse = element_inverse<T>(mesh, e), h = element_state<T>(mesh, inverse, e);
     const T change = volume_change(h);
-    Mat<T, D> tau = kirchhoff_at<Material>(h, k);
+    bool fine = true;
+    Mat<T, D> tau;
+    if constexpr (flows<Material>) {
+        constexpr int n = kept_reals<Material, D>;
+        T kept[n];
+        MPM_UNROLL for (int r = 0; r < n; ++r) kept[r] = mesh.kept[e * n + r];
+        tau = flow_to<Material>(kept, h, k, fine);
+        MPM_UNROLL for (int r = 0; r < n; ++r) mesh.kept[e * n + r] = kept[r];
+    } else {
+        tau = kirchhoff_at<Material>(h, k);
+    }
     if (mesh.grown) take_vertex_pressure<Material>(tau, change, element_pressure<T>(mesh, e), k);
     const Mat<T, D> pull = element_pull(tau, h, inverse);
     const T volume = mesh.volume[e];
     MPM_UNROLL for (int n = 0; n < D; ++n) MPM_UNROLL for (int a = 0; a < D; ++a)
         mesh.force[(e * D + n) * D + a] = -(volume * pull.e[a][n]);
-    return change;
+    // Not-a-number is no volume either.
+    return fine && change > T(least_element_ratio - 1);
 }
 
-/// What its elements push a vertex by, in the order of its list.
+/// What its elements push a vertex by, in the order of its list, and tractions.
 template <class T, int D>
 MPM_INLINE Vec<T, D> force_on_vertex(const ElementsView<T, D>& mesh, std::int64_t number) {
     Vec<T, D> sum;
@@ -182,6 +195,8 @@ MPM_INLINE Vec<T, D> force_on_vertex(const ElementsView<T, D>& mesh, std::int64_
             }
         }
     }
+    if (mesh.load)
+        MPM_UNROLL for (int a = 0; a < D; ++a) sum[a] = sum[a] + mesh.load[number * D + a];
     return sum;
 }
 
@@ -251,6 +266,7 @@ struct ElementSeen {
     double stress[D][D];            // Cauchy, Pa
     double energy;                  // J (2D: J/m), of vertices its share
     double own_energy;              // the same without what is vertices'
+    double plastic_strain;          // accumulated and equivalent; of laws that flow
 };
 template <class Material, class T, int D>
 ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
@@ -259,22 +275,29 @@ ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
                          h = element_state<double>(mesh, inverse, e);
     const auto k = Material::template constants<double>(parameters);
     double state[Material::template reals<D>];
-    state_at<Material>(state, h, k);
+    if constexpr (flows<Material>) {
+        constexpr int n = kept_reals<Material, D>;
+        for (int r = 0; r < n; ++r) state[r] = double(mesh.kept[e * n + r]);
+        Material::template respond<double, D, double>(state, h, k);
+    } else {
+        state_at<Material>(state, h, k);
+    }
     const double still[D][D] = {};
     const Observation<D> o = Material::template observe<D>(state, still, parameters);
     const double change = volume_change(h), volume = double(mesh.volume[e]);
     ElementSeen<D> seen{};
     seen.volume_ratio = 1 + change;
     seen.pressure = o.pressure;
+    seen.plastic_strain = o.plastic_strain;
     seen.energy = seen.own_energy = volume * o.elastic_energy;
     double more = 0;  // of the mean stress
     if (mesh.grown) {
         const double part = 1 - own_volume_share;
-        more = part * (element_pressure<double>(mesh, e) - Material::volume_pressure(change, k));
-        seen.own_energy -= part * volume * Material::volume_energy(change, k);
+        more = part * (element_pressure<double>(mesh, e) - volume_pressure_of<Material>(change, k));
+        seen.own_energy -= part * volume * volume_energy_of<Material>(change, k);
         double shared = 0;
         for (int c = 0; c <= D; ++c)
-            shared += Material::volume_energy(double(mesh.vertex_change[mesh.number(e, c)]), k);
+            shared += volume_energy_of<Material>(double(mesh.vertex_change[mesh.number(e, c)]), k);
         seen.energy = seen.own_energy + part * volume * shared / (D + 1);
     }
     seen.pressure -= more;
@@ -288,6 +311,7 @@ ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
 template <class X, class T, int D>
 struct ElementOps {
     using Mesh = ElementsView<T, D>;
+    int kept;  // numbers that an element keeps
     void (*locate)(const Pass<X, T, D>&, const Mesh&, bool at_rest);
     void (*volumes)(const Pass<X, T, D>&, const Mesh&);  // of vertices
     void (*forces)(const Pass<X, T, D>&, const Mesh&);

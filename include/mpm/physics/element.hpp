@@ -18,10 +18,20 @@
 //
 // is still the derivative of an energy. A share of each element's own U stays as a brake on the
 // modes that volumes of vertices do not see (Puso and Solberg 2006).
+//
+// A law that flows keeps what has flowed before F and not after it: with F = F_e F_p,
+//
+//   C_p^-1 = F_p^-1 F_p^-T,   b_trial = F C_p^-1 F^T,   after the law's return  C_p^-1 <- F^-1 b
+//   F^-T
+//
+// (Simo 1992, Simo and Hughes 1998, 9.3). As long as nothing flows C_p^-1 stays as it is and the
+// stress follows from F alone, so that nothing is summed up from step to step.
 #pragma once
 
+#include <type_traits>
+
 #include "mpm/core/linalg.hpp"
-#include "mpm/physics/material/description.hpp"
+#include "mpm/physics/material/logarithmic_volume.hpp"
 
 namespace mpm {
 
@@ -31,11 +41,33 @@ inline constexpr double least_element_ratio = 0.05;
 inline constexpr double own_volume_share = 0.05;
 
 /// Materials whose stress is the derivative of an energy of F alone, and that say which part of it
-/// is one of J: what elements are built for.
+/// is one of J.
 template <class Material>
 inline constexpr bool hyperelastic = requires {
     Material::hyperelastic;
 };
+/// Materials whose state is an elastic B and numbers of what has flowed.
+template <class Material>
+inline constexpr bool flows = std::is_base_of_v<HenckyFlow<Material>, Material>;
+/// Those of them whose flow keeps the volume, so that J is elastic.
+template <class Material>
+inline constexpr bool flows_at_constant_volume =
+    flows<Material>&& ScalesVolume<Material, double, 3>;
+/// What elements are built for, and with volumes of vertices.
+template <class Material>
+inline constexpr bool for_elements = hyperelastic<Material> || flows<Material>;
+template <class Material>
+inline constexpr bool for_vertex_volumes =
+    hyperelastic<Material> || flows_at_constant_volume<Material>;
+
+/// Numbers that an element keeps.
+template <class Material, int D>
+inline constexpr int kept_reals = [] {
+    if constexpr (flows<Material>)
+        return Material::template reals<D>;
+    else
+        return 0;
+}();
 
 /// What a law stores at F = I + H: it starts from rest and takes all of H in one update, which is
 /// exact for laws without a memory, whatever it is that they store.
@@ -57,6 +89,60 @@ MPM_INLINE Mat<V, D> kirchhoff_at(const Mat<V, D>& h, const Constants& k) {
     return Material::kirchhoff(state, still, k);
 }
 
+/// U' of J - 1, Pa, and U, J/m^3. Laws that flow have Hencky's energy.
+template <class Material, class V, class Constants>
+MPM_INLINE V volume_pressure_of(V change, const Constants& k) {
+    if constexpr (flows<Material>)
+        return LogarithmicVolume::volume_pressure(change, k.elastic);
+    else
+        return Material::volume_pressure(change, k);
+}
+template <class Material, class V, class Constants>
+MPM_INLINE V volume_energy_of(V change, const Constants& k) {
+    if constexpr (flows<Material>)
+        return LogarithmicVolume::volume_energy(change, k.elastic);
+    else
+        return Material::volume_energy(change, k);
+}
+
+/// (I + H)^-1 - I.
+template <class V, int D>
+MPM_INLINE Mat<V, D> inverse_change(const Mat<V, D>& h) {
+    using T = ScalarOf<V>;
+    Mat<V, D> f = h;
+    MPM_UNROLL for (int a = 0; a < D; ++a) f.e[a][a] = f.e[a][a] + T(1);
+    const Mat<V, D> c = cofactors(f);
+    const V scale = V(T(-1)) / determinant(f, c);
+    Mat<V, D> out;
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
+        V sum = c.e[0][a] * h.e[0][b];
+        MPM_UNROLL for (int k = 1; k < D; ++k) sum = sum + c.e[k][a] * h.e[k][b];
+        out.e[a][b] = scale * sum;
+    }
+    return out;
+}
+
+/// Takes an element of a law that flows to F = I + H: what it keeps changes where it flows.
+/// Returns the Kirchhoff stress, Pa; `fine`: the law may still have such a state.
+template <class Material, class T, int D, class Constants>
+MPM_INLINE Mat<T, D> flow_to(T (&kept)[Material::template reals<D>], const Mat<T, D>& h,
+                             const Constants& k, bool& fine) {
+    T state[Material::template reals<D>];
+    MPM_UNROLL for (int r = 0; r < Material::template reals<D>; ++r) state[r] = kept[r];
+    const Mat<T, D> trial = advance_left_cauchy_green(load_symmetric<D>(state), h);
+    const Mat<T, D> tau = Material::template respond<T, D, T>(state, h, k);
+    fine = Material::template admissible<T, D>(state);
+    const Mat<T, D> b = load_symmetric<D>(state);
+    bool flowed = false;
+    MPM_UNROLL for (int i = 0; i < D; ++i) MPM_UNROLL for (int j = 0; j <= i; ++j) {
+        flowed = flowed || b.e[i][j] != trial.e[i][j];
+    }
+    if (!flowed) return tau;
+    store_symmetric<D>(state, advance_left_cauchy_green(b, inverse_change(h)));
+    MPM_UNROLL for (int r = 0; r < Material::template reals<D>; ++r) kept[r] = state[r];
+    return tau;
+}
+
 /// H from the displacements of vertices 1 to D less that of vertex 0, in columns.
 template <class V, int D>
 MPM_INLINE Mat<V, D> element_gradient(const Mat<V, D>& displacement, const Mat<V, D>& inverse) {
@@ -68,7 +154,7 @@ MPM_INLINE Mat<V, D> element_gradient(const Mat<V, D>& displacement, const Mat<V
 template <class Material, class V, int D, class Constants>
 MPM_INLINE void take_vertex_pressure(Mat<V, D>& tau, V change, V pressure, const Constants& k) {
     using T = ScalarOf<V>;
-    const V more = T(1 - own_volume_share) * (pressure - Material::volume_pressure(change, k)) *
+    const V more = T(1 - own_volume_share) * (pressure - volume_pressure_of<Material>(change, k)) *
                    (T(1) + change);
     MPM_UNROLL for (int a = 0; a < D; ++a) tau.e[a][a] = tau.e[a][a] + more;
 }

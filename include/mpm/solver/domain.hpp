@@ -170,8 +170,9 @@ private:
     void make_mesh(Body& body, const BodySpec& spec);
     void place_mesh(Body& body);
     void locate_elements(Body& body, int number);
-    void push_elements(const Phase<X, T, D>& phase, Body& body);
-    void spread_body(Body& body, const Phase<X, T, D>& phase);
+    void load_elements(Body& body, int number, double time);
+    void push_elements(const Phase<X, T, D>& phase, Body& body, double time);
+    void spread_body(Body& body, const Phase<X, T, D>& phase, double time);
     void see_elements(Body& body, int number, const std::vector<std::string>& names,
                       Attributes& out);
     double mean_volume_ratio(Body& body, int number);

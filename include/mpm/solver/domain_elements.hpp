@@ -11,11 +11,11 @@ void Domain<X, T, D>::make_mesh(Body& body, const BodySpec& s) {
     if constexpr (!X::is_device) {
         std::vector<double> position(std::size_t(s.count) * D);
         s.position(0, s.count, position.data());
-        body.mesh = std::make_unique<ElementMesh<X, T, D>>(
-            exec_, s.name, position, s.elements, s.vertex_volumes, spec_.cell_size,
-            body.material->density(s.parameters.data()));
-        body.ops = vertex_ops<X, T, D>();
         body.elements = element_ops<X, T, D>(s.material);
+        body.mesh = std::make_unique<ElementMesh<X, T, D>>(
+            exec_, s.name, position, s.elements, s.vertex_volumes, body.elements.kept,
+            spec_.cell_size, body.material->density(s.parameters.data()));
+        body.ops = vertex_ops<X, T, D>();
     }
 }
 
@@ -43,11 +43,34 @@ void Domain<X, T, D>::locate_elements(Body& body, int number) {
     }
 }
 
+/// What tractions push vertices by at a time: of a dead load, by the area at rest, what each
+/// vertex has of it. In the order of the scene, so that equal bits follow.
+template <class X, class T, int D>
+void Domain<X, T, D>::load_elements(Body& body, int number, double time) {
+    const std::vector<TractionSpec>& all = spec_.bodies[std::size_t(number)].tractions;
+    if (all.empty()) return;
+    if constexpr (!X::is_device) {
+        T* load = body.mesh->load();
+        std::fill_n(load, body.mesh->vertices() * D, T(0));
+        for (const TractionSpec& t : all) {
+            double value[D];
+            TimeTableView{t.value.time.data(), t.value.value.data(),
+                          std::int32_t(t.value.time.size()), D, t.value.end}
+                .at(time, value);
+            for (std::size_t k = 0; k < t.particles.size(); ++k)
+                for (int a = 0; a < D; ++a)
+                    load[t.particles[k] * D + std::size_t(a)] +=
+                        T(t.area[k] * value[a] * spec_.cell_size);
+        }
+    }
+}
+
 /// The forces of elements where their vertices are; the first that has turned inside out is kept,
 /// and halts the coming step.
 template <class X, class T, int D>
-void Domain<X, T, D>::push_elements(const Phase<X, T, D>& phase, Body& body) {
+void Domain<X, T, D>::push_elements(const Phase<X, T, D>& phase, Body& body, double time) {
     if constexpr (!X::is_device) {
+        load_elements(body, int(phase.pass.body_number), time);
         body.elements.forces(phase.pass, body.mesh->view());
         const std::uint64_t inverted = body.mesh->inverted();
         if (inverted == no_fault) return;
@@ -58,12 +81,13 @@ void Domain<X, T, D>::push_elements(const Phase<X, T, D>& phase, Body& body) {
     }
 }
 
-/// What a body's particles have in scratch, or vertices with the forces of their elements.
+/// What a body's particles have in scratch, or vertices with the forces of their elements, at the
+/// time from which these act.
 template <class X, class T, int D>
-void Domain<X, T, D>::spread_body(Body& body, const Phase<X, T, D>& phase) {
+void Domain<X, T, D>::spread_body(Body& body, const Phase<X, T, D>& phase, double time) {
     if constexpr (!X::is_device) {
         if (body.mesh) {
-            push_elements(phase, body);
+            push_elements(phase, body, time);
             body.elements.spread(phase, body.mesh->view());
             if (contact_blocks_ > 0 && plan_.filled >= 0)
                 body.elements.fill(phase, body.mesh->view(), near_contact_.data(), plan_.filled);
@@ -81,7 +105,7 @@ void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std
     if constexpr (!X::is_device) {
         const auto follows = [](const std::string& name) {
             for (const char* own : {"mass", "volume", "volume_ratio", "density", "pressure",
-                                    "stress", "elastic_energy", "kinetic_energy"})
+                                    "stress", "elastic_energy", "kinetic_energy", "plastic_strain"})
                 if (name == own) return true;
             return is_of_elements(name);
         };
@@ -114,6 +138,8 @@ void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std
             [&](std::size_t e, double* to) { *to = seen[e].volume_ratio; });
         put("element_energy", elements, {},
             [&](std::size_t e, double* to) { *to = seen[e].energy; });
+        put("element_plastic_strain", elements, {},
+            [&](std::size_t e, double* to) { *to = seen[e].plastic_strain; });
 
         const std::vector<std::uint32_t> id = body.id.host(n);
         // Sum over the elements of the vertex in row k, each with its part of the volume.
@@ -143,6 +169,9 @@ void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std
             for (int i = 0; i < D * D; ++i)
                 to[i] = sum(k, [&](const ElementSeen<D>& s) { return s.stress[i / D][i % D]; }) /
                         rest(k);
+        });
+        put("plastic_strain", n, {}, [&](std::size_t k, double* to) {
+            *to = sum(k, [](const ElementSeen<D>& s) { return s.plastic_strain; }) / rest(k);
         });
         put("elastic_energy", n, {}, [&](std::size_t k, double* to) {
             *to = 0;
@@ -186,7 +215,9 @@ Fault Domain<X, T, D>::describe_element(Body& body, Fault fault) {
             fault.ids.push_back(body.first_id + std::uint64_t(mesh.number(e, k)));
         fault.element = e;
         fault.value = ratio;
-        fault.code = std::isfinite(ratio) ? "inverted-element" : "non-finite";
+        fault.code = !std::isfinite(ratio)         ? "non-finite"
+                     : ratio > least_element_ratio ? "element-range"
+                                                   : "inverted-element";
         name_element(fault, body.first_id);
     }
     return fault;

@@ -495,7 +495,7 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
                 body.ops.scatter(p.pass);
             }
         }
-        if (phases || X::is_device) spread_body(body, p);
+        if (phases || X::is_device) spread_body(body, p, clock_.time);
     } else {
         body.ops.initial(pass(body, number, to));
     }

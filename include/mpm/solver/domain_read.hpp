@@ -67,9 +67,11 @@ std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
     if (b.mesh) {
         // F is an element's.
         names.erase(std::remove(names.begin(), names.end(), "deformation_gradient"), names.end());
+        names.erase(std::remove(names.begin(), names.end(), "yields"), names.end());
         for (const char* name :
              {"element_stress", "element_pressure", "element_volume_ratio", "element_energy"})
             names.push_back(name);
+        if (b.material->plastic) names.push_back("element_plastic_strain");
     }
     return names;
 }

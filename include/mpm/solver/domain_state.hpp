@@ -77,6 +77,8 @@ State Domain<X, T, D>::save() {
         s[p + "id"] = detail::to_blob(in_cells(body.id));
         s[p + "cell_start"] =
             detail::to_blob(body.cell_start.host(std::size_t(table_.slots) * block_cells + 1));
+        if (body.mesh && body.mesh->kept() > 0)
+            s[p + "elements"] = detail::to_blob(body.mesh->kept_numbers());
         s[p + "frozen_id"] = detail::to_blob(body.frozen_id);
         s[p + "frozen_position"] = detail::to_blob(body.frozen_position);
         s[p + "frozen_state"] = detail::to_blob(body.frozen_state);
@@ -137,6 +139,10 @@ void Domain<X, T, D>::load(const State& whole) {
         for (int a = 0; a < D; ++a) renew(body.offset[a], "offset" + std::to_string(a));
         for (std::size_t r = 0; r < body.state.size(); ++r)
             renew(body.state[r], "state" + std::to_string(r));
+        if (body.mesh && body.mesh->kept() > 0) {
+            const auto kept = detail::numbers(state, p + "elements");
+            body.mesh->keep(std::vector<T>(kept.begin(), kept.end()));
+        }
         body.frozen_id = detail::from_blob<std::uint32_t>(state, p + "frozen_id");
         body.frozen_position = detail::from_blob<double>(state, p + "frozen_position");
         body.frozen_state = detail::from_blob<double>(state, p + "frozen_state");

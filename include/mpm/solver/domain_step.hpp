@@ -279,7 +279,7 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
             if constexpr (!X::is_device) {
                 if (body.mesh) locate_elements(body, number);
             }
-            spread_body(body, p);
+            spread_body(body, p, clock_buffer_.data()->time + clock_buffer_.data()->dt);
             break;
     }
 }

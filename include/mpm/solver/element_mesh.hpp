@@ -1,7 +1,7 @@
 // The mesh of one body of elements, by number of vertex and of element, wherever its vertices are
 // stored: the elements at rest, which elements each vertex has, and room for what a step finds of
-// them. Nothing of it is state: a checkpoint stores the vertices as particles, and F follows from
-// where they are.
+// them. Of it only what elements of laws that flow keep is state: a checkpoint stores the vertices
+// as particles, and F follows from where they are.
 #pragma once
 
 #include <array>
@@ -29,10 +29,10 @@ void check_mesh(const std::string& body, int dimension, const std::vector<double
 /// Memory of a mesh with numbers of `real` bytes.
 template <int D>
 double planned_mesh_bytes(std::uint64_t elements, std::uint64_t vertices, bool vertex_volumes,
-                          int real) {
+                          int kept, bool loaded, int real) {
     const int of_volumes = vertex_volumes ? 1 : 0,
-              by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes),
-              by_vertex = 4 * (2 * D + 1) + real * (2 * D + 3 * of_volumes);
+              by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + kept),
+              by_vertex = 4 * (2 * D + 1) + real * (2 * D + 3 * of_volumes + (loaded ? D : 0));
     return double(elements) * by_element + double(vertices) * by_vertex;
 }
 
@@ -41,10 +41,10 @@ class ElementMesh {
 public:
     static constexpr std::size_t corners = D + 1;
 
-    /// As `check_mesh` has it.
+    /// As `check_mesh` has it; `kept`: numbers that an element keeps.
     ElementMesh(X& exec, const std::string& body, const std::vector<double>& position,
-                const std::vector<std::int32_t>& element, bool vertex_volumes, double cell_size,
-                double density)
+                const std::vector<std::int32_t>& element, bool vertex_volumes, int kept,
+                double cell_size, double density)
         : vertex_(exec),
           rest_cell_(exec),
           cells_(exec),
@@ -54,15 +54,18 @@ public:
           volume_(exec),
           force_(exec),
           grown_(exec),
+          kept_(exec),
           rest_offset_(exec),
           beyond_(exec),
           vertex_volume_(exec),
           vertex_change_(exec),
           pressure_(exec),
+          load_(exec),
           inverted_(exec),
           energy_(exec),
           elements_(element.size() / corners),
           vertices_(position.size() / D),
+          kept_reals_(std::size_t(kept)),
           vertex_volumes_(vertex_volumes) {
         check_mesh(body, D, position, element, cell_size);
         std::vector<T> inverse(elements_ * D * D), volume(elements_);
@@ -104,6 +107,7 @@ public:
         cells_.reserve_discard(vertices_ * D);
         rest_offset_.reserve_discard(vertices_ * D);
         beyond_.reserve_discard(vertices_ * D);
+        if (kept > 0) kept_.assign(std::vector<T>(elements_ * kept_reals_, T(0)));
         if (!vertex_volumes_) return;
         grown_.reserve_discard(elements_);
         vertex_volume_.assign(std::vector<T>(of_vertex.begin(), of_vertex.end()));
@@ -120,6 +124,7 @@ public:
         v.volume = volume_.data();
         v.force = force_.data();
         v.grown = vertex_volumes_ ? grown_.data() : nullptr;
+        v.kept = kept_reals_ > 0 ? kept_.data() : nullptr;
         v.rest_cell = rest_cell_.data();
         v.rest_offset = rest_offset_.data();
         v.cells = cells_.data();
@@ -129,6 +134,7 @@ public:
         v.vertex_volume = vertex_volume_.data();
         v.vertex_change = vertex_change_.data();
         v.pressure = pressure_.data();
+        v.load = load_.size() > 0 ? load_.data() : nullptr;
         v.inverted = inverted_.data();
         return v;
     }
@@ -137,6 +143,15 @@ public:
     bool vertex_volumes() const { return vertex_volumes_; }
     /// rho sum V/(D + 1) of each vertex, kg (2D: kg/m).
     const std::vector<double>& mass() const { return mass_; }
+    /// What elements keep, (elements, kept), in the mesh's order; all zero at rest.
+    std::size_t kept() const { return kept_reals_; }
+    std::vector<T> kept_numbers() const { return kept_.host(elements_ * kept_reals_); }
+    void keep(const std::vector<T>& numbers) { kept_.assign(numbers); }
+    /// Room for the loads of tractions, (vertices, D), zero when first asked for.
+    T* load() {
+        if (load_.size() == 0) load_.assign(std::vector<T>(vertices_ * D, T(0)));
+        return load_.data();
+    }
     /// Room for a number an element, taken when it is first asked for.
     double* energy() {
         energy_.reserve_discard(elements_);
@@ -148,8 +163,9 @@ public:
     std::size_t bytes() const {
         return vertex_.bytes() + rest_cell_.bytes() + cells_.bytes() + start_.bytes() +
                corner_.bytes() + inverse_.bytes() + volume_.bytes() + force_.bytes() +
-               grown_.bytes() + rest_offset_.bytes() + beyond_.bytes() + vertex_volume_.bytes() +
-               vertex_change_.bytes() + pressure_.bytes() + inverted_.bytes() + energy_.bytes();
+               grown_.bytes() + kept_.bytes() + rest_offset_.bytes() + beyond_.bytes() +
+               vertex_volume_.bytes() + vertex_change_.bytes() + pressure_.bytes() + load_.bytes() +
+               inverted_.bytes() + energy_.bytes();
     }
 
 private:
@@ -160,11 +176,11 @@ private:
 
     Buffer<X, std::int32_t> vertex_, rest_cell_, cells_;
     Buffer<X, std::uint32_t> start_, corner_;
-    Buffer<X, T> inverse_, volume_, force_, grown_;
-    Buffer<X, T> rest_offset_, beyond_, vertex_volume_, vertex_change_, pressure_;
+    Buffer<X, T> inverse_, volume_, force_, grown_, kept_;
+    Buffer<X, T> rest_offset_, beyond_, vertex_volume_, vertex_change_, pressure_, load_;
     Buffer<X, std::uint64_t> inverted_;
     Buffer<X, double> energy_;
-    std::size_t elements_, vertices_;
+    std::size_t elements_, vertices_, kept_reals_;
     bool vertex_volumes_;
     std::vector<double> mass_;
 };

@@ -19,6 +19,10 @@ const MaterialInfo& material(const std::string& name);
 
 /// Is it a law that elements are built for (physics/element.hpp)?
 bool material_of_elements(const std::string& name);
+/// Whether volumes of vertices may take the place of its elements' own.
+bool material_of_vertex_volumes(const std::string& name);
+/// Numbers that an element of it keeps.
+int kept_by_element(const std::string& name, int dimension);
 
 /// What the backend that will run the scene is like.
 struct BackendTraits {
@@ -73,6 +77,7 @@ struct BodyPlan {
     double spacing = 0;
     std::uint64_t elements = 0;  // whose vertices the particles are
     bool vertex_volumes = false;
+    int kept = 0;  // numbers an element
 };
 struct Plan {
     std::vector<BodyPlan> bodies;

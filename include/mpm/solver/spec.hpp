@@ -39,10 +39,11 @@ enum class SmoothingForm {
     literal
 };
 
-/// A force on chosen particles of a body's surface.
+/// A force on chosen particles of a body's surface, or vertices of elements.
 struct TractionSpec {
     std::vector<std::uint64_t> particles;  // rows of the body
     double length = 0;                     // of the boundary that each stands for, m
+    std::vector<double> area;              // of elements: that of each vertex, m^2 (2D: m)
     TableSpec value;                       // Pa
 };
 
@@ -92,10 +93,10 @@ struct BodySpec {
     // of positive orientation; volumes of vertices in place of the elements' own.
     std::vector<std::int32_t> elements;
     bool vertex_volumes = false;
+    std::vector<TractionSpec> tractions;  // of elements, and on functions over cells
     // On functions over cells only:
     Rows volume;  // (count,) m^2, or empty: all alike, from the mass
     Rows stress;  // (count, 4) Pa: xx, yy, xy, zz of materials that store it, or empty
-    std::vector<TractionSpec> tractions;
     SmoothingForm smoothing = SmoothingForm::none;
     double smoothing_time = 0;
     double smoothing_ratio = 0;

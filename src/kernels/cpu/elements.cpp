@@ -1,4 +1,4 @@
-// Bodies of elements: of every law that is one of F alone.
+// Bodies of elements: of every law that is one of F alone, or flows with Hencky's stress.
 #include "mpm/kernels/cpu/elements.hpp"
 
 #include "mpm/core/error.hpp"
@@ -10,7 +10,7 @@ namespace {
 
 template <class T, int D, class Material>
 void take(const std::string& name, ElementOps<Cpu, T, D>& ops) {
-    if constexpr (hyperelastic<Material>) {
+    if constexpr (for_elements<Material>) {
         if (name == Material::name) ops = cpu::element_instance<Material, T, D>();
     }
 }

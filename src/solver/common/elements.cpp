@@ -34,7 +34,9 @@ std::string not_of_elements(const Spec& spec, const BodySpec& b) {
         return "smoothing or assumed fields over cells, numerical damping or placed forces; leave "
                "them out";
     if (b.pressure || b.state) return "a pressure or a stress to begin with; begin at rest";
-    if (!b.tractions.empty()) return "tractions; leave them out";
+    if (b.vertex_volumes && !material_of_vertex_volumes(b.material))
+        return "volumes of vertices with " + b.material +
+               ", whose volume flows; choose volumes of elements";
     if (b.restored || !b.ids.empty())
         return "vertices that are continued from another run; start the scene afresh";
     return {};
@@ -103,6 +105,10 @@ void name_element(Fault& fault, std::uint64_t first_id) {
     fault.message = "element " + std::to_string(fault.element) + " of vertices " + vertices;
     if (fault.code == "non-finite")
         fault.message += " has vertices whose places are not finite";
+    else if (fault.code == "element-range")
+        fault.message +=
+            " has left the range of its law: its elastic volume ratio is not within "
+            "0.05 to 20, or its plastic strain not below 1e6";
     else
         fault.message += " has shrunk to " + std::to_string(fault.value) +
                          " of its volume at rest, below " + std::to_string(least_element_ratio) +

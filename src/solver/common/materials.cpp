@@ -31,10 +31,26 @@ const std::vector<MaterialInfo>& materials() { return list(); }
 
 bool material_of_elements(const std::string& name) {
 #define MPM_MODEL(Model) \
-    if (name == Model::name) return hyperelastic<Model>;
+    if (name == Model::name) return for_elements<Model>;
 #include "mpm/kernels/models.inc"
 #undef MPM_MODEL
     return false;
+}
+
+bool material_of_vertex_volumes(const std::string& name) {
+#define MPM_MODEL(Model) \
+    if (name == Model::name) return for_vertex_volumes<Model>;
+#include "mpm/kernels/models.inc"
+#undef MPM_MODEL
+    return false;
+}
+
+int kept_by_element(const std::string& name, int dimension) {
+#define MPM_MODEL(Model) \
+    if (name == Model::name) return dimension == 2 ? kept_reals<Model, 2> : kept_reals<Model, 3>;
+#include "mpm/kernels/models.inc"
+#undef MPM_MODEL
+    return 0;
 }
 
 void add_material(const MaterialInfo& info) {

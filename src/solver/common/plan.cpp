@@ -363,11 +363,15 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         p.elements = body.elements.size() / std::size_t(D + 1);
         p.vertex_volumes = body.vertex_volumes;
         if (p.elements > 0) {
+            p.kept = kept_by_element(body.material, D);
+            const bool loaded = !body.tractions.empty();
             p.state_columns = 1;
             p.columns.push_back({"mass_share", 1, real});
             plan.memory_particles +=
-                D == 2 ? planned_mesh_bytes<2>(p.elements, p.particles, p.vertex_volumes, real)
-                       : planned_mesh_bytes<3>(p.elements, p.particles, p.vertex_volumes, real);
+                D == 2 ? planned_mesh_bytes<2>(p.elements, p.particles, p.vertex_volumes, p.kept,
+                                               loaded, real)
+                       : planned_mesh_bytes<3>(p.elements, p.particles, p.vertex_volumes, p.kept,
+                                               loaded, real);
         } else {
             p.state_columns = m.reals(D);
             for (int c = 0; c < m.column_count; ++c) {

@@ -17,6 +17,9 @@ namespace mpm {
 
 namespace {
 
+/// Strains beyond which no element goes (physics/material/von_mises.hpp).
+constexpr double most_flowed = 1e6;
+
 /// Cells that the step sees a particle beside its home cell at most (`sound`).
 constexpr double furthest_offset = 1.75;
 /// Rounding of offsets and of the drift that bounds them, cells. A step that adds half a unit in
@@ -107,6 +110,8 @@ private:
         // Vertices of elements store what part of the mean mass they have.
         std::vector<double> share;
         if (plan.elements > 0) share = state_.numbers(p + "state0", ids.size(), largest_);
+        if (plan.elements > 0 && plan.kept > 0)
+            state_.numbers(p + "elements", plan.elements * std::size_t(plan.kept), most_flowed);
         places(body, p, start, share);
         fields(body, p, start, ids);
 

@@ -4,10 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <type_traits>
 #include <vector>
 
+#include "mpm/physics/material/drucker_prager.hpp"
 #include "mpm/physics/material/fixed_corotated.hpp"
 #include "mpm/physics/material/linear_elastic.hpp"
 #include "mpm/physics/material/neo_hookean.hpp"
@@ -22,6 +24,9 @@ static_assert(hyperelastic<FixedCorotated> && hyperelastic<NeoHookean> &&
               hyperelastic<StVenantKirchhoffHencky>);
 // Small strain is the derivative of no energy of F, and flow has a memory.
 static_assert(!hyperelastic<LinearElastic> && !hyperelastic<VonMises>);
+static_assert(!for_elements<LinearElastic> && for_elements<VonMises> &&
+              for_elements<DruckerPrager> && !flows<NeoHookean>);
+static_assert(for_vertex_volumes<VonMises> && !for_vertex_volumes<DruckerPrager>);
 
 const double parameters[] = {1000.0, 1e6, 0.3};
 
@@ -356,6 +361,95 @@ TYPED_TEST(ElementLaws, volumes_of_vertices_have_an_energy) {
         different = std::max(different, std::abs(f[v] - own[v]));
     }
     EXPECT_GT(different, 0.01 * size);
+}
+
+/// A path of deformations, as a particle takes it by steps and an element by its places alone.
+template <class Law, int D>
+void check_path(const double* numbers, double step, double mean) {
+    test::Random random(7);
+    const auto k = Law::template constants<double>(numbers);
+    constexpr int n = kept_reals<Law, D>;
+    double particle[n] = {}, element[n] = {};
+    Mat<double, D> f{};
+    for (int a = 0; a < D; ++a) f.e[a][a] = 1;
+    int flowed = 0;
+    for (int at = 0; at < 300; ++at) {
+        Mat<double, D> strain;
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b)
+                strain.e[a][b] = random.between(-step, step) + (a == b ? mean : 0);
+        Mat<double, D> next = product(strain, f);
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b) next.e[a][b] += f.e[a][b];
+        f = next;
+        Mat<double, D> h = f;
+        for (int a = 0; a < D; ++a) h.e[a][a] -= 1;
+        double before[n];
+        std::copy(element, element + n, before);
+        bool fine = false;
+        const Mat<double, D> one = Law::template respond<double, D, double>(particle, strain, k),
+                             two = flow_to<Law>(element, h, k, fine);
+        ASSERT_TRUE(fine) << at;
+        flowed += !std::equal(element, element + n, before);
+        double size = 0;
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b) size = std::max(size, std::abs(one.e[a][b]));
+        for (int a = 0; a < D; ++a)
+            for (int b = 0; b < D; ++b)
+                ASSERT_NEAR(one.e[a][b], two.e[a][b], 1e-9 * size + 1e-6) << at;
+        // Of what is no strain both keep the same.
+        for (int r = D == 2 ? 3 : 6; r < n; ++r) ASSERT_NEAR(particle[r], element[r], 1e-9) << at;
+    }
+    EXPECT_GT(flowed, 50);
+    EXPECT_LT(flowed, 300);
+}
+
+TEST(FlowingElements, see_what_a_particle_of_the_same_path_sees) {
+    const double metal[] = {1000.0, 1e6, 0.3, 1e4, 1e5};
+    check_path<VonMises, 2>(metal, 1e-2, 0);
+    check_path<VonMises, 3>(metal, 1e-2, 0);
+    const double sand[] = {1600.0, 1e6, 0.3, 30.0, 500.0, 5.0, 200.0, 0.5};
+    check_path<DruckerPrager, 2>(sand, 8e-3, -2e-4);
+    check_path<DruckerPrager, 3>(sand, 8e-3, -2e-4);
+}
+
+TEST(FlowingElements, keep_nothing_below_yield) {
+    const double metal[] = {1000.0, 1e6, 0.3, 1e9, 0.0};
+    const auto k = VonMises::constants<double>(metal);
+    double kept[kept_reals<VonMises, 3>] = {};
+    Mat<double, 3> h{};
+    h.e[0][1] = 0.3;
+    h.e[2][2] = -0.2;
+    bool fine = false;
+    const auto tau = flow_to<VonMises>(kept, h, k, fine);
+    EXPECT_TRUE(fine);
+    for (const double x : kept) EXPECT_EQ(x, 0);
+    const auto hencky =
+        kirchhoff_at<StVenantKirchhoffHencky>(h, StVenantKirchhoffHencky::constants<double>(metal));
+    for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) EXPECT_NEAR(tau.e[a][b], hencky.e[a][b], 1e-9);
+}
+
+TEST(FlowingElements, turned_after_flow_have_turned_stress) {
+    const double metal[] = {1000.0, 1e6, 0.3, 1e4, 1e5};
+    const auto k = VonMises::constants<double>(metal);
+    double kept[kept_reals<VonMises, 2>] = {};
+    Mat<double, 2> h{};
+    h.e[0][0] = 0.08;
+    bool fine = false;
+    const auto before = flow_to<VonMises>(kept, h, k, fine);
+    const double c = std::cos(1.1), s = std::sin(1.1);
+    Mat<double, 2> turn{}, f = h;
+    turn.e[0][0] = turn.e[1][1] = c;
+    turn.e[1][0] = s;
+    turn.e[0][1] = -s;
+    for (int a = 0; a < 2; ++a) f.e[a][a] += 1;
+    Mat<double, 2> turned = product(turn, f);
+    for (int a = 0; a < 2; ++a) turned.e[a][a] -= 1;
+    const auto after = flow_to<VonMises>(kept, turned, k, fine);
+    const auto expected = product_transposed(product(turn, before), turn);
+    for (int a = 0; a < 2; ++a)
+        for (int b = 0; b < 2; ++b) EXPECT_NEAR(after.e[a][b], expected.e[a][b], 1e-6);
 }
 
 }  // namespace

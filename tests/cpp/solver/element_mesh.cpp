@@ -17,7 +17,7 @@ using Mesh2 = ElementMesh<Cpu, float, 2>;
 TEST(ElementMesh, lists_the_elements_of_each_vertex_ascending) {
     Cpu exec(1);
     const auto box = test::box_of_elements({0, 0, 0}, {0.2, 0.3, 0.1}, {2, 3, 1});
-    const Mesh3 mesh(exec, "box", box.vertex, box.element, false, 0.1, 800);
+    const Mesh3 mesh(exec, "box", box.vertex, box.element, false, 0, 0.1, 800);
     const auto view = mesh.view();
     EXPECT_EQ(mesh.elements(), 36u);
     EXPECT_EQ(mesh.vertices(), 24u);
@@ -36,7 +36,7 @@ TEST(ElementMesh, lists_the_elements_of_each_vertex_ascending) {
 TEST(ElementMesh, volumes_and_masses_are_those_of_the_box) {
     Cpu exec(1);
     const auto box = test::box_of_elements({0, 0, 0}, {0.2, 0.3, 0.1}, {2, 3, 1});
-    const Mesh3 mesh(exec, "box", box.vertex, box.element, true, 0.1, 800);
+    const Mesh3 mesh(exec, "box", box.vertex, box.element, true, 0, 0.1, 800);
     const auto view = mesh.view();
     double volume = 0;
     for (std::int64_t e = 0; e < view.elements; ++e) {
@@ -74,7 +74,7 @@ TEST(ElementMesh, refuses_by_the_number_of_the_element) {
     Cpu exec(1);
     const std::vector<double> square = {0, 0, 1, 0, 1, 1, 0, 1};
     const auto make = [&](std::vector<std::int32_t> elements, double cell = 1.0) {
-        return refusal([&] { Mesh2(exec, "b", square, elements, false, cell, 800); });
+        return refusal([&] { Mesh2(exec, "b", square, elements, false, 0, cell, 800); });
     };
     EXPECT_EQ(make({0, 1, 2, 0, 2, 3}), "");
     EXPECT_NE(make({0, 1, 2, 0, 3, 2}).find("element 1 has the volume -0.5"), std::string::npos);

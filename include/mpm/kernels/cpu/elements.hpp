@@ -51,9 +51,7 @@ void find_forces(const Pass<Cpu, T, D>& pass, const ElementsView<T, D>& mesh) {
     const auto k = Material::template constants<T>(pass.parameters);
 #pragma omp parallel for schedule(static) num_threads(element_threads(*pass.exec, mesh.elements))
     for (std::int64_t e = 0; e < mesh.elements; ++e) {
-        const T change = push_element<Material>(mesh, k, e);
-        // Not-a-number is no volume either.
-        if (!(change > T(least_element_ratio - 1)))
+        if (!push_element<Material>(mesh, k, e))
             Cpu::keep_smallest(mesh.inverted, std::uint64_t(e));
     }
 }
@@ -175,7 +173,7 @@ void element_energies(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& m
                 sum[1] += energy[mesh.corner[c] / (D + 1)];
             if (mesh.grown)
                 sum[1] += (1 - own_volume_share) * double(mesh.vertex_volume[number]) *
-                          Material::volume_energy(double(mesh.vertex_change[number]), k);
+                          volume_energy_of<Material>(double(mesh.vertex_change[number]), k);
         });
         for (int n = 0; n < 3; ++n) partial[3 * h + n] = sum[n];
     }
@@ -184,6 +182,7 @@ void element_energies(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& m
 template <class Material, class T, int D>
 ElementOps<Cpu, T, D> element_instance() {
     ElementOps<Cpu, T, D> ops{};
+    ops.kept = kept_reals<Material, D>;
     ops.locate = &locate_vertices<T, D>;
     ops.volumes = &find_volumes<Material, T, D>;
     ops.forces = &find_forces<Material, T, D>;

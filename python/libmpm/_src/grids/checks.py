@@ -16,6 +16,7 @@ from libmpm._src.methods.method import FBar
 from libmpm._src.methods.transfer import Kernel, Transfer
 from libmpm._src.sensors.engine_sensors import VelocityProbe, WaveGauge
 from libmpm._src.shapes.boxes import Box
+from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -150,6 +151,13 @@ def check_body(scene: SceneData, body: Body, problems: list[str]) -> bool:
         fits = False
     if body.tractions and not isinstance(shape, Box):
         check.fail("tractions act on faces of a shapes.Box; expected one; or remove them")
+    for k, traction in enumerate(body.tractions):
+        wrong = traction._misfits(2)
+        if traction.face is None or traction.within is not None:
+            wrong.append("within is of bodies of elements; name a face, and leave it out")
+        for what in wrong:
+            check.fail(f"tractions[{k}]: {what}")
+            fits = False
     stores = body.material.table.needs == "stress"
     if body.stress is not None and not stores:
         check.fail(
@@ -211,14 +219,17 @@ def check_square_cells(scene: SceneData, problems: list[str]) -> bool:
     """Refuse what only grids of functions have; returns whether the rest can be checked."""
     fine = True
     remedy = "expected a grid of libmpm.grids for it: Scene(grid=...)"
+    loaded = f"{remedy}, or a body of elements: shapes.Tetrahedra, shapes.Triangles"
     for body in scene.bodies:
         wrong = []
         if isinstance(body.shape, Cells | Points):
             wrong.append(body.shape.label)
             fine = False
-        wrong += ["tractions"] if body.tractions else []
+        if body.tractions and not isinstance(body.shape, ElementMesh):
+            wrong.append("tractions")
         for what in wrong:
-            problems.append(f"body '{body.name}': {what} on a grid of square cells; {remedy}")
+            what_else = loaded if what == "tractions" else remedy
+            problems.append(f"body '{body.name}': {what} on a grid of square cells; {what_else}")
         if body.lattice is not None and len(body.lattice) != scene.dimension:
             problems.append(
                 f"body '{body.name}': lattice has {len(body.lattice)} numbers; expected "

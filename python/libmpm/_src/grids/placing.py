@@ -94,6 +94,7 @@ def traction_rows(
     """Return the particles along a face of a body's box, and the length that each stands for."""
     grid = box_lattice(scene, body)
     numbers = np.arange(grid.count).reshape(grid.shape)
+    assert traction.face is not None  # the scene's checks refuse it
     axis, end = "xy".index(traction.face[0]), -1 if traction.face[1] == "+" else 0
     rows = np.take(numbers, end, axis=axis)
     along = 1 - axis

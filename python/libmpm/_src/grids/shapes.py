@@ -12,7 +12,7 @@ from libmpm._src.base.arrays import real_array
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable, check_vector_table
 from libmpm._src.base.values import Checker, Value, shown, value
-from libmpm._src.shapes.boxes import Shape, faces_of
+from libmpm._src.shapes.boxes import Box, Shape, faces_of
 
 __all__ = ["Cells", "Outline", "Points", "Traction"]
 
@@ -155,24 +155,65 @@ class Outline(Shape):
 
 @value
 class Traction(Value):
-    """A force on one face of a box-shaped body, carried by the particles along it.
+    """A force on a part of the surface of a body of elements, or of a box on a grid of functions.
 
     {fields}
 
-    Each particle next to the face stands for an equal part of its length and keeps that force
-    wherever it goes. Raises `SceneError`. Source: de Koster (2018) eq. 2.28.
+    Of a body of elements (`shapes.Tetrahedra`, `Triangles`) it acts on outer faces with all
+    vertices at the end of the mesh's bounds that `face` names, or in `within`, or both where both
+    are given: on vertex a with f_a = Σ A t / d over these faces, A their area at rest, so that the
+    sum is ∫ t dA. It is a dead load: it keeps direction and size however the body moves. On a
+    `grid` it acts on one face of a `shapes.Box`: each particle next to it stands for an equal part
+    of its length and keeps that force wherever it goes. Raises `SceneError`; the scene refuses one
+    that no face answers to. Source: de Koster (2018) eq. 2.28.
     """
 
     label: ClassVar[str] = "Traction"
 
-    face: str = given('"x-", "x+", "y-" or "y+" of the body\'s box at the start', range="a name")
+    face: str | None = given(
+        '"x-", "x+", "y-", "y+" and in 3D "z-" or "z+": an end of the body\'s bounds at the start. '
+        "None = of elements, what lies in `within`",
+        default=None,
+        range="a name",
+    )
     value: Sequence[float] | TimeTable = given(
-        "force per area, or a `TimeTable` of it", unit="Pa", shape="(2,)"
+        "force per area, or a `TimeTable` of it", unit="Pa", shape="(2|3,)"
+    )
+    within: Box | None = given(
+        "of elements: a `shapes.Box` that holds all vertices of the faces at rest, on its faces "
+        "too. None = all that `face` names",
+        default=None,
     )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        face = check.choice("face", self.face, faces_of(2))
+        told: dict[str, Any] = {}
+        if self.face is not None:
+            told["face"] = check.choice("face", self.face, faces_of(3))
+        elif self.within is None:
+            check.fail(
+                "face and within are missing; expected one of them or both: face='x+' of a body's "
+                "bounds, or within=shapes.Box(lower=, upper=) around a part of a mesh's surface"
+            )
+        if self.within is not None:
+            check.instance("within", self.within, (Box,), "shapes.Box(lower=..., upper=...)")
         if isinstance(self.value, TimeTable):
-            check_vector_table(check, "value", self.value, 2, "Pa")
-            return {"face": face}
-        return {"face": face, "value": check.given("value", self)}
+            if self.value.components not in (2, 3):
+                check_vector_table(check, "value", self.value, 3, "Pa")
+            return told
+        return told | {"value": check.given("value", self)}
+
+    def _misfits(self, dimension: int) -> list[str]:
+        """Return what of it is not of this dimension."""
+        found = []
+        if isinstance(self.value, TimeTable):
+            components: int | None = self.value.components
+        else:
+            components = len(self.value)
+        if components != dimension:
+            found.append(f"value has {components} numbers; expected {dimension}, in Pa")
+        if self.face is not None and self.face not in faces_of(dimension):
+            found.append(f"face is {self.face!r} in {dimension}D; expected "
+                         f"{', '.join(faces_of(dimension))}")  # fmt: skip
+        if self.within is not None and self.within.dimension != dimension:
+            found.append(f"within is a box in {self.within.dimension}D; expected {dimension}D")
+        return found

@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 
 from libmpm._src.base.values import Checker, Value
 
-__all__ = ["Column", "Entry", "Material", "Parameter", "wave_speed"]
+__all__ = ["Column", "Entry", "Material", "Parameter", "flows_at_constant_volume"]
+__all__ += ["wave_speed"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +118,15 @@ class Material(Value):
     def core_parameters(self, dimension: int) -> dict[str, float]:
         """Return every parameter as the compiled core takes it in 2 or 3 dimensions, SI units."""
         return self.parameters()
+
+
+#: Laws that flow and keep the volume as they do.
+_ISOCHORIC = ("VonMises",)
+
+
+def flows_at_constant_volume(material: Material) -> bool:
+    """Tell whether a law flows and keeps its volume, so that linear elements lock as it does."""
+    return material.table.name in _ISOCHORIC and not material.added
 
 
 def wave_speed(material: Material) -> float | None:

@@ -60,6 +60,7 @@ UNITS = {
     "element_von_mises": "Pa",
     "element_volume_ratio": "1",
     "element_energy": "J",
+    "element_plastic_strain": "1",
 }
 
 #: VTK's numbers of linear triangles and tetrahedra, by vertices.

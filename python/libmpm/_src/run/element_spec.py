@@ -6,10 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from libmpm._src.base.time_tables import TimeTable, constant, engine_table
+from libmpm._src.materials.material import flows_at_constant_volume
 from libmpm._src.run.hydrostatic import at_hand
 from libmpm._src.shapes.element_mesh import ElementMesh
+from libmpm._src.shapes.element_surface import chosen_faces, shares
 
 if TYPE_CHECKING:
+    from libmpm._src.grids.shapes import Traction
     from libmpm._src.scene.parts import Body
     from libmpm._src.shapes.lattices import Rows
 
@@ -26,8 +30,19 @@ def mesh_part(body: Body, points: Rows) -> dict[str, Any]:
     if not isinstance(mesh, ElementMesh):
         return {}
     ratio = body.material.parameters().get("poissons_ratio")
-    return {
+    told = {
         "elements": np.ascontiguousarray(mesh.elements, dtype=np.int32),
-        "element_volumes": mesh.volumes_for(ratio),
+        "element_volumes": mesh.volumes_for(ratio, flows=flows_at_constant_volume(body.material)),
         "position": at_hand(points),
     }
+    if body.tractions:
+        told["tractions"] = [_traction(mesh, t) for t in body.tractions]
+    return told
+
+
+def _traction(mesh: ElementMesh, traction: Traction) -> dict[str, Any]:
+    """Return the vertices that a traction acts on, and the area of each."""
+    which, area = shares(mesh, chosen_faces(mesh, traction.face, traction.within))
+    value = traction.value
+    table = value if isinstance(value, TimeTable) else constant(value)
+    return {"particles": which.tolist(), "area": area.tolist(), "value": engine_table(table)}

@@ -30,6 +30,11 @@ _CAUSES = {
         "lower Method.cfl or the time step, use a stiffer material or longer elements where it is "
         "crushed; what breaks or flows is for particles",
     ),
+    "element-range": (
+        "an element has flowed or strained beyond the range of its law",
+        "lower Method.cfl or the time step, or use a stiffer material where it flows; what is "
+        "stretched many times its length is for particles",
+    ),
     "compressed": (
         "the volume fell out of the range of the equation of state",
         "lower Method.cfl or the time step, or raise the bulk modulus",
@@ -102,7 +107,7 @@ def describe_fault(fault: Mapping[str, Any], time_step: float, cell_size: float 
         )
     who = f"body '{fault['body']}'" if fault["body"] else "grid"
     if len(fault["ids"]):
-        what = "vertices" if code == "inverted-element" else "particle"
+        what = "vertices" if code in ("inverted-element", "element-range") else "particle"
         who += f", {what} {listed(fault['ids'], _SHOWN)}"
     text = (
         f"{who}: {cause} at step "

@@ -31,8 +31,8 @@ class BodyView(Mapping[str, NDArray[Any]]):
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), float64 in SI
     units; ``id`` is uint64 and ``position`` is in world coordinates, m. Of a body of elements rows
     are its vertices; ``element_stress`` (m, dimension, dimension), ``element_pressure``,
-    ``element_von_mises``, ``element_volume_ratio`` and ``element_energy`` (m,) have one for each
-    element, in the mesh's order.
+    ``element_von_mises``, ``element_volume_ratio``, ``element_energy`` and, of laws that flow,
+    ``element_plastic_strain`` (m,) have one for each element, in the mesh's order.
     """
 
     def __init__(self, simulation: Running, index: int, name: str) -> None:

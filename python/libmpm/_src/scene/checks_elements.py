@@ -13,6 +13,7 @@ from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
 from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.element_mesh import ElementMesh
+from libmpm._src.shapes.element_surface import chosen_faces
 from libmpm._src.shapes.mesh_inside import MeshInside
 from libmpm._src.shapes.oriented_boxes import close_pairs
 
@@ -29,8 +30,10 @@ __all__ = [
     "faint_strains",
 ]
 
-#: Laws that follow from the deformation gradient of an element alone.
-LAWS = ("FixedCorotated", "NeoHookean", "StVenantKirchhoffHencky")
+#: Laws that follow from the deformation gradient of an element alone, and that flow.
+LAWS = (
+    "FixedCorotated", "NeoHookean", "StVenantKirchhoffHencky", "VonMises", "DruckerPrager",
+)  # fmt: skip
 #: Longest edge over √d, in cells: beyond it nodes between vertices are empty, and a pressed block
 #: of 2 went through what it lay on.
 LONGEST = 1.05
@@ -57,6 +60,7 @@ def check_elements(check: Checker, scene: SceneData, body: Body, doubts: list[st
             f"cell_size ≥ {need:.4g} m, or mesh with edge ≤ {LONGEST * dx:.4g} m"
         )
     _check_unbuilt(check, scene, body)
+    _check_tractions(check, scene, body)
     _doubt_thin(scene, body, mesh, doubts)
     _doubt_slow(scene, body, mesh, doubts)
 
@@ -76,9 +80,11 @@ def _check_unbuilt(check: Checker, scene: SceneData, body: Body) -> None:
     law = body.material.table.name
     if law not in LAWS or body.material.added:
         check.fail(
-            f"material is {law} for elements; expected a law of the deformation gradient alone: "
-            f"{', '.join(LAWS)}; make it of particles, or choose one of these"
+            f"material is {law} for elements; expected one of {', '.join(LAWS)}; make it of "
+            "particles, or choose one of these"
         )
+    elif law == "DruckerPrager":
+        _check_dilatant(check, body)
     per_cell = 2**scene.dimension
     holes = [b.name for b in scene.bodies if body.name in b.subtract_from]
     given = {
@@ -101,6 +107,36 @@ def _check_unbuilt(check: Checker, scene: SceneData, body: Body) -> None:
         check.fail(
             f"it is named by subtract_from of {', '.join(repr(n) for n in holes)}; expected a body "
             "of particles, since elements cannot be taken out of a mesh; mesh it with the hole"
+        )
+
+
+def _check_dilatant(check: Checker, body: Body) -> None:
+    """Refuse volumes of vertices where a law's own volume flows."""
+    mesh = body.shape
+    assert isinstance(mesh, ElementMesh)
+    if mesh.volumes_for(body.material.parameters().get("poissons_ratio")) == "vertex":
+        check.fail(
+            "volumes are the vertices', of DruckerPrager, whose volume flows; expected "
+            "volumes='element' of the mesh (the default takes the vertices' where Poisson's ratio "
+            "is 0.4 or more)"
+        )
+
+
+def _check_tractions(check: Checker, scene: SceneData, body: Body) -> None:
+    mesh = body.shape
+    assert isinstance(mesh, ElementMesh)
+    for k, traction in enumerate(body.tractions):
+        wrong = traction._misfits(scene.dimension)
+        for what in wrong:
+            check.fail(f"tractions[{k}]: {what}")
+        if wrong or len(chosen_faces(mesh, traction.face, traction.within)):
+            continue
+        low, high = mesh.bounds()
+        ends = " to ".join("(" + ", ".join(f"{x:g}" for x in end) + ") m" for end in (low, high))
+        check.fail(
+            f"tractions[{k}]: no outer face of the mesh has all its vertices there (face "
+            f"{traction.face!r}, within {shown(traction.within, 80)}); expected some; the mesh "
+            f"reaches from {ends}, and has edges up to {mesh.longest_edge:.4g} m"
         )
 
 

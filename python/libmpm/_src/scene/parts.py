@@ -74,7 +74,8 @@ class Body(Value):
         shape="(3|4|6,)",
     )
     tractions: Sequence[Traction] = given(
-        "`Traction` values on faces of a Box, on a `grid`", default=()
+        "`Traction` values on the surface of a body of elements, or on faces of a Box on a `grid`",
+        default=(),
     )
     transfer: Transfer | None = given(
         "of the scene's scheme, with a flip and shifts of its own; None = that of the "

@@ -35,6 +35,7 @@ ENGINE: dict[str, str] = {
     "pressure": "Pa", "speed": "m/s", "kinetic_energy": "J", "elastic_energy": "J",
     "volume_ratio": "1", "volume_ratio_smoothed": "1", "plastic_strain": "1", "yields": "1",
     "element_pressure": "Pa", "element_volume_ratio": "1", "element_energy": "J",
+    "element_plastic_strain": "1",
 }  # fmt: skip
 VECTORS = ("position", "velocity")
 
@@ -255,7 +256,8 @@ def compute(name: str, source: Source) -> NDArray[Any]:
 def _has(body: Body, needs: str, scene: SceneData) -> bool:
     table = body.material.table
     meshed = isinstance(body.shape, ElementMesh)
-    if needs == "elements" or (meshed and needs in ("F", "strain")):
+    # What a law stores is an element's, and not a vertex'.
+    if needs == "elements" or (meshed and needs in ("F", "strain", "logJp", "pore")):
         return meshed and needs == "elements"
     columns = [c.name for c in table.columns]
     if needs == "F":
@@ -285,6 +287,9 @@ def refusal(name: str, body: Body, scene: SceneData) -> str | None:
     found = _ATTRIBUTES.get(name)
     if name in ENGINE and of_elements(name):
         found = _ATTRIBUTES["element_von_mises"]  # needs what these need
+        flows = "plastic_strain" in [c.name for c in body.material.table.columns]
+        if name == "element_plastic_strain" and _has(body, "elements", scene) and not flows:
+            return _refused_by_engine("plastic_strain", body, scene)
     if found is None:
         if name in ENGINE:
             return _refused_by_engine(name, body, scene)
@@ -307,6 +312,7 @@ def _refused_by_engine(name: str, body: Body, scene: SceneData) -> str | None:
     form = body.fbar.form if body.fbar not in ("default", None) else ""  # type: ignore[union-attr]
     missing = {
         "plastic_strain": "plastic_strain" not in columns,
+        "yields": isinstance(body.shape, ElementMesh),
         "volume_ratio_smoothed": form not in ("two-volume", "split", "literal"),
     }.get(name, False)
     if not missing:

@@ -220,10 +220,15 @@ class ElementMesh(GivenPoints):
         found = topology.faces(self.rows())
         return np.asarray(found.corners[found.times[found.number] == 1])
 
-    def volumes_for(self, poissons_ratio: float | None) -> str:
-        """Return "element" or "vertex": `volumes`, or what None means for a material."""
+    def volumes_for(self, poissons_ratio: float | None, *, flows: bool = False) -> str:
+        """Return "element" or "vertex": `volumes`, or what None means for a material.
+
+        `flows`: it flows at constant volume.
+        """
         if self.volumes is not None:
             return self.volumes
+        if flows:
+            return "vertex"
         return "vertex" if poissons_ratio is not None and poissons_ratio >= LOCKS else "element"
 
     # Moving ----------------------------------------------------------------------------------
@@ -328,7 +333,8 @@ class Tetrahedra(ElementMesh):
     )
     volumes: Literal["element", "vertex"] | None = given(
         '"vertex" averages volumes at vertices, against locking (Bonet and Burton 1998); "element" '
-        "does not; None = vertex where Poisson's ratio is 0.4 or more",
+        "does not; None = vertex where Poisson's ratio is 0.4 or more, or the law flows at "
+        "constant volume (VonMises)",
         default=None,
     )
 
@@ -380,7 +386,8 @@ class Triangles(ElementMesh):
     )
     volumes: Literal["element", "vertex"] | None = given(
         '"vertex" averages volumes at vertices, against locking (Bonet and Burton 1998); "element" '
-        "does not; None = vertex where Poisson's ratio is 0.4 or more",
+        "does not; None = vertex where Poisson's ratio is 0.4 or more, or the law flows at "
+        "constant volume (VonMises)",
         default=None,
     )
 
