@@ -28,7 +28,7 @@ _CAUSES = {
     "inverted-element": (
         "an element has turned inside out, or lost all but a twentieth of its volume",
         "lower Method.cfl or the time step, use a stiffer material or longer elements where it is "
-        "crushed; what breaks or flows is for particles",
+        "compressed most; what breaks or flows is for particles",
     ),
     "compressed": (
         "the volume fell out of the range of the equation of state",

@@ -60,7 +60,7 @@ class Placement(Value):
     )
     restarts: int = given("times the field was begun again", default=0, unit="1")
     skipped: int = given(
-        "combinations of count, size and porosity passed over", default=0, unit="1"
+        "combinations of count, size and porosity rejected", default=0, unit="1"
     )
     rejected: int = given("samples that could not be placed, before this one", default=0, unit="1")
 
