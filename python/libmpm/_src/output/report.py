@@ -106,7 +106,7 @@ def table(loads: Sequence[LoadSummary], speed: float, wall: float, steps: int) -
                 f"{load.first_peak:,.1f} {load.unit} at {load.first_peak_time:.3f} s",
             ),
             (f"{title}: largest peak", f"{load.peak:,.1f} {load.unit} at {load.peak_time:.3f} s"),
-            (f"{title}: impulse", f"{load.impulse:,.1f} {load.unit}·s"),
+            (f"{title}: impulse", f"{load.impulse:,.1f} {load.unit.replace('N', 'N·s', 1)}"),
             ("   samples and filter", f"{sampled}; peaks of the {smooth}"
              if load.filter else f"{sampled}; {smooth}"),
         ]  # fmt: skip
