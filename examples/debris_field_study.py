@@ -52,6 +52,7 @@ if __name__ == "__main__":
         response=response,
     )
     result = study.run()
-    for name in ("peak", "impulse"):
+    for name, unit in (("peak", "N/m"), ("impulse", "N·s/m")):
         values = result[name]
-        print(f"{name}: mean {values.mean():.0f}, from {values.min():.0f} to {values.max():.0f}")
+        low, high = values.min(), values.max()
+        print(f"{name}: mean {values.mean():.0f}, from {low:.0f} to {high:.0f} {unit}")

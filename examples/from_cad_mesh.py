@@ -3,7 +3,8 @@
     python examples/from_cad_mesh.py [FILE.stl]
 
 Without a file the script writes a wedge of its own, a bridge pier with a sharp nose. STL, OBJ, PLY,
-gmsh, Abaqus and VTK files are read. About half a minute.
+gmsh, Abaqus and VTK files are read. The cells are coarse, so that it takes half a minute: three
+warnings say what the load lacks for it, and with which cells it would not.
 """
 
 import sys

@@ -14,10 +14,11 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection
 
 import libmpm
-from libmpm import boundaries, materials, shapes
+from libmpm import boundaries, materials, sensors, shapes
 from libmpm._src.base.tables import html_table
 from libmpm._src.pictures import animate as films
 from libmpm._src.pictures import figures as common
@@ -194,6 +195,77 @@ def test_a_scene_that_cannot_run_is_drawn_with_its_problem(tank):
     assert "cannot run yet" in picture.get_suptitle()
     assert refused.value.problems[0][:60] in picture.get_suptitle()
     assert not dots(panels(picture)[0])
+
+
+def _flume(length, name="", gauge=False):
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(length, 1.0),
+                         gravity=(0, -9.81), name=name)  # fmt: skip
+    scene.add_body(name="water", shape=shapes.Box(lower=(0, 0), upper=(length / 2, 0.5)),
+                   hydrostatic=0.5, material=materials.TaitFluid(bulk_modulus=1e5))  # fmt: skip
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    if gauge:
+        place = sensors.ElevationGauge(position=(0.99 * length,), interval=1e-2)
+        scene.add_sensor(name="gauge at the far end", sensor=place)
+    return scene
+
+
+def _cut_off(picture):
+    """Texts of a picture as it is drawn first that reach beyond it."""
+    canvas = FigureCanvasAgg(picture)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    hidden = set()
+    for axes in picture.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            hidden |= {tick.label1 for tick in axis.get_major_ticks()
+                       if not low <= tick.get_loc() <= high}  # fmt: skip
+    found = []
+    for text in picture.findobj(matplotlib.text.Text):
+        box = text.get_window_extent(renderer)
+        over = max(-box.x0, -box.y0, box.x1 - picture.bbox.width, box.y1 - picture.bbox.height)
+        if text.get_text().strip() and text.get_visible() and text not in hidden and over > 0.5:
+            found.append(text.get_text())
+    return found
+
+
+@pytest.mark.parametrize("length", [0.2, 0.6, 0.8, 2.4, 6.0, 20.0])
+@pytest.mark.parametrize("name", ["surge", 8 * "a flume with a long name "])
+def test_no_label_is_cut_off_when_a_picture_is_drawn_first(length, name):
+    for gauge in (False, True):
+        scene = _flume(length, name, gauge)
+        run = libmpm.Simulation(scene, device="cpu")
+        for picture in (run.plot("pressure"), run.plot(None) if gauge else scene.preview()):
+            assert _cut_off(picture) == []
+            # Nor is it laid out anew when it is drawn again: frames of films stay in their place.
+            before = panels(picture)[0].get_position().bounds
+            picture.canvas.draw()
+            assert panels(picture)[0].get_position().bounds == pytest.approx(before, abs=2e-3)
+
+
+def test_pictures_are_filled_by_flat_and_by_tall_scenes():
+    for length in (0.25, 6.0):
+        scene = libmpm.Scene(dimension=2, cell_size=0.05, lower=(0, 0), upper=(length, 1.0))
+        scene.add_body(name="water", shape=shapes.Box(lower=(0, 0), upper=(length, 0.5)),
+                       material=materials.TaitFluid())  # fmt: skip
+        picture = libmpm.Simulation(scene, device="cpu").plot("pressure")
+        FigureCanvasAgg(picture).draw()
+        (axes,) = panels(picture)
+        wide, tall = axes.bbox.width / picture.bbox.width, axes.bbox.height / picture.bbox.height
+        assert max(wide, tall) > 0.65, (length, wide, tall)
+        assert picture.get_figheight() < 11.0, "longer than a page"
+
+
+def test_legends_have_as_many_columns_as_fit(tank):
+    scene = tank()
+    timber = materials.FixedCorotated(density=500, youngs_modulus=1e5)
+    for k in range(4):
+        place = shapes.Box(lower=(0.25 * k, 0), upper=(0.25 * k + 0.2, 0.2))
+        scene.add_body(
+            name="container of the northern quay " + "abcd"[k], shape=place, material=timber
+        )
+    assert _cut_off(scene.preview()) == []
+    assert _cut_off(libmpm.Simulation(scene, device="cpu").plot(None)) == []
 
 
 # Plots of a moment --------------------------------------------------------------------------

@@ -61,3 +61,12 @@ def test_plane_scenes_show_two_moments_a_row(drawn):
     assert bar.get_ylabel() == "speed [m/s]" and len(snapshots) >= 3
     left = [round(a.get_position().x0, 2) for a in snapshots]
     assert left[0] == left[2] < left[1] and snapshots[0].get_title(loc="left") == "0.00 s"
+
+
+@pytest.mark.parametrize(("unit", "written"), [("N", "N·s"), ("N/m", "N·s/m")])
+def test_the_impulse_has_the_unit_of_one(unit, written):
+    load = report.LoadSummary(
+        "load", "force_x", unit, 0.001, 0.0, 0.1, 800.0, 0.1, 900.0, 0.2, 350.0
+    )
+    rows = report.table([load], 1e6, 1.0, 1000).splitlines()
+    assert next(row for row in rows if "impulse" in row).endswith(f"350.0 {written}")

@@ -158,7 +158,9 @@ class Advice:
             return rows
         lines = ", ".join(f"{r.case} / {r.option} ({r.worst or 0.0:.1%})" for r in self.lines)
         rows.append(("expect", f"error {self.expected_error:.1%}{self._cells()}{self._missed()}"))
-        rows.append(("cost", f"{self.cost:.2g} of APIC without F-bar and the scene's own cells"))
+        rows.append(
+            ("cost", f"{self.cost:.2g} times that of APIC without F-bar in the scene's own cells")
+        )
         if self.present_error is not None:
             now = f"error {self.present_error:.1%}, cost {self.present_cost:.2g}"
             rows.append(("as it is", now))

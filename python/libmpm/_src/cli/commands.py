@@ -215,7 +215,7 @@ def _plan(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> int:
     source = _source(arguments)
     source.scene.validate(strict=arguments.strict)
-    print(f"{arguments.file}: valid; {source.scene!r}")
+    print(f"{arguments.file}: valid; {source.scene._in_short()}")
     if arguments.advise is not None:
         print(source.scene.advise(error=arguments.advise))
     return ExitCode.DONE

@@ -106,7 +106,7 @@ def table(loads: Sequence[LoadSummary], speed: float, wall: float, steps: int) -
                 f"{load.first_peak:,.1f} {load.unit} at {load.first_peak_time:.3f} s",
             ),
             (f"{title}: largest peak", f"{load.peak:,.1f} {load.unit} at {load.peak_time:.3f} s"),
-            (f"{title}: impulse", f"{load.impulse:,.1f} {load.unit}·s"),
+            (f"{title}: impulse", f"{load.impulse:,.1f} {load.unit.replace('N', 'N·s', 1)}"),
             ("   samples and filter", f"{sampled}; peaks of the {smooth}"
              if load.filter else f"{sampled}; {smooth}"),
         ]  # fmt: skip
@@ -130,10 +130,9 @@ def draw(folder: Path, *, length: float = 0.0) -> Path | None:
 
     matplotlib.use("Agg", force=False)
     from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
 
     from libmpm._src.pictures.animate import RunFrames
-    from libmpm._src.pictures.figures import label_of, limits_of, note, planes_of
+    from libmpm._src.pictures.figures import Picture, label_of, limits_of, note, planes_of
     from libmpm._src.pictures.panel import Panel, height_of, legend_of, middle_of
     from libmpm._src.pictures.preview import vertical_of
 
@@ -154,7 +153,7 @@ def draw(folder: Path, *, length: float = 0.0) -> Path | None:
         # Two panels a row: the planes of a moment in space, or two moments in the plane.
         rows = math.ceil(len(picks) * len(planes) / 2)
         heights += [max(height_of(run.scene, p, 6.0) for p in planes)] * rows
-    figure = Figure(figsize=(13, sum(heights)), layout="constrained")
+    figure = Picture(figsize=(13, sum(heights)), layout="constrained")
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     shown = [run.time(i) for i in picks] if run is not None else []
     gauges = [s for s in sensors.values() if s.attributes.get("kind") in _GAUGES and len(s)]

@@ -23,7 +23,7 @@ from libmpm._src.output.frames import frame_time, list_frames, read_frame, read_
 from libmpm._src.output.reading_files import is_cut
 from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.instruments import legend_of_sensors
-from libmpm._src.pictures.panel import Dots, Panel, height_of, legend_of
+from libmpm._src.pictures.panel import Dots, Panel, height_of, legend_of, width_of
 from libmpm._src.pictures.plot import LEGEND, bodies_of, chosen_colour
 from libmpm._src.pictures.preview import vertical_of
 from libmpm._src.scene.scene import Scene
@@ -244,6 +244,7 @@ class _Film:
         self._run, self._colour_by = run, colour
         scene = run.scene
         vertical = vertical_of(scene)
+        width = width_of(scene, [plane], width)
         height = height_of(scene, plane, width) + LEGEND
         self.picture = common.Picture(figsize=(width, height), layout="constrained")
         self._axes = self.picture.add_subplot()
@@ -268,10 +269,8 @@ class _Film:
             bodies = legend_of(plain if len(self._dots) > 1 else {})
             sensors = legend_of_sensors(self._run.scene)
             handles, texts = (a + b for a, b in zip(bodies, sensors, strict=True))
-            if handles:
-                legend: Any = self.picture.legend
-                legend(handles, texts, loc="outside lower center", fontsize=8, ncols=6,
-                       frameon=False)  # fmt: skip
+            common.legend_below(self.picture, handles, texts)
         drawn = sum(map(len, dots.values()))
         said = [self._run.scene.name, f"{self._run.time(index):.3f} s", common.note(drawn, count)]
-        self._axes.set_title(", ".join(x for x in said if x), fontsize=10, loc="left")
+        title = common.title_of(self.picture, said, 10)
+        self._axes.set_title(title, fontsize=10, loc="left")

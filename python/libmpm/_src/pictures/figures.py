@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -21,16 +23,24 @@ __all__ = [
     "Picture",
     "chosen",
     "colours_of",
+    "legend_below",
     "limits_of",
     "note",
     "planes_of",
     "shares",
+    "title_of",
 ]
 
 Array = NDArray[np.float64]
 
 #: Particles that a picture draws at most, unless another number is given.
 MOST = 200_000
+
+#: Passes of the layout before the first drawing at most; most rest after three.
+_PASSES = 12
+
+#: Width of a character of text of a point, inches.
+_CHARACTER = 0.0085
 
 #: The golden ratio's fraction, whose multiples fill the unit interval evenly.
 _GOLDEN = 0.6180339887498949
@@ -42,11 +52,56 @@ _PERCENTILES = (0.5, 99.5)
 class Picture(Figure):
     """A matplotlib figure that a notebook shows as it is, without pyplot."""
 
+    #: Size, inches, at which the layout is what it will stay; None before it was drawn.
+    _settled: tuple[float, ...] | None = None
+
+    def draw(self, renderer: Any) -> None:
+        """Draw it; the first time, and at another size, once its layout changes no more.
+
+        A pass of the layout takes the labels for what they are where the axes were before. Axes of
+        equal scales are elsewhere after it, and the first picture of a flat scene lost the top of
+        its title.
+        """
+        engine, size = self.get_layout_engine(), tuple(self.get_size_inches())
+        if engine is not None and self.axes and size != self._settled:
+            with contextlib.suppress(ValueError):  # as matplotlib's own call of it does
+                places: Any = np.inf
+                for _ in range(_PASSES):
+                    before = places
+                    engine.execute(self)
+                    places = np.array([a.get_position(original=True).bounds for a in self.axes])
+                    if np.abs(places - before).max() < 1e-3:
+                        break
+            self._settled = size
+        super().draw(renderer)
+
     def _repr_png_(self) -> bytes:
         """Return it as PNG."""
         content = io.BytesIO()
         self.savefig(content, format="png", dpi=110)
         return content.getvalue()
+
+
+def legend_below(picture: Any, handles: Sequence[Any], texts: Sequence[str]) -> None:
+    """Add a legend below all panels, in as many columns as the picture is wide for."""
+    if not handles:
+        return
+    size, room = 8.0, float(picture.get_figwidth())
+    character = size * _CHARACTER
+    texts = [textwrap.fill(text, max(8, int((room - 1.0) / character))) for text in texts]
+    longest = max(len(line) for text in texts for line in text.splitlines())
+    columns = int(np.clip(room / (character * longest + 0.55), 1, 6))
+    picture.legend(
+        handles, texts, loc="outside lower center", fontsize=size, ncols=columns, frameon=False
+    )
+
+
+def title_of(picture: Any, parts: Sequence[str], size: float) -> str:
+    """Return what is said above a panel, in lines that a picture has room for."""
+    width = float(picture.get_figwidth())
+    room = width - 1.5 if width > 7.0 else 0.45 * width  # a narrow panel begins in the middle
+    wide = max(12, int(room / (size * _CHARACTER)))
+    return textwrap.fill(", ".join(part for part in parts if part), wide)
 
 
 def shares(counts: Sequence[int], most: int) -> list[int]:

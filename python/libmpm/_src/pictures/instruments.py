@@ -174,8 +174,12 @@ def draw_sensors(axes: Any, plane: Plane, scene: SceneData, vertical: int) -> No
                 axes.plot(*where, mark, color=SENSOR, markersize=5, zorder=6)
         else:
             continue
-        axes.annotate(placed.name, np.clip(where, low, high), fontsize=7, zorder=7,
-                      xytext=(2, 2), textcoords="offset points")  # fmt: skip
+        where = np.clip(where, low, high)
+        # In the last third to the left, so that long names end within the panel.
+        side = "left" if where[0] <= low[0] + 2.0 / 3.0 * (high[0] - low[0]) else "right"
+        axes.annotate(placed.name, where, fontsize=7, zorder=7, ha=side,
+                      xytext=(2 if side == "left" else -2, 2),
+                      textcoords="offset points")  # fmt: skip
 
 
 def draw_sensors_in_space(axes: Any, view: View, scene: SceneData, vertical: int) -> None:

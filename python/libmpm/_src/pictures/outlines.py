@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
 
 __all__ = [
+    "MARGIN",
     "Plane",
     "draw_boundaries",
     "draw_domain",
@@ -35,6 +36,9 @@ Array = NDArray[np.float64]
 
 #: Points along the longest edge at which a solid's distance is looked at, in a plane and in space.
 _IN_PLANE, _IN_SPACE = 200, 64
+
+#: Room around the domain in pictures, as a share of its longer edge.
+MARGIN = 0.03
 
 #: Colours of walls and boundaries by what they do.
 COLOURS = {
@@ -173,7 +177,7 @@ def draw_domain(axes: Any, plane: Plane) -> None:
     (low, high) = plane.flat([plane.lower, plane.upper])
     axes.add_patch(Rectangle(tuple(low), *(high - low), facecolor="none", edgecolor="0.6",
                              linewidth=0.6, linestyle=":"))  # fmt: skip
-    margin = 0.03 * (high - low).max()
+    margin = MARGIN * (high - low).max()
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.set_aspect("equal")

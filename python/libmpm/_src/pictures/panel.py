@@ -21,6 +21,7 @@ from libmpm._src.pictures.instruments import (
     measured_bounds,
 )
 from libmpm._src.pictures.outlines import (
+    MARGIN,
     Plane,
     draw_boundaries,
     draw_domain,
@@ -43,6 +44,7 @@ __all__ = [
     "legend_of",
     "middle_of",
     "radius_of",
+    "width_of",
 ]
 
 Array = NDArray[np.float64]
@@ -51,6 +53,10 @@ Array = NDArray[np.float64]
 COLOUR_MAP = "viridis"
 #: Places along the longest edge at which the surface of a general structure is looked for.
 _PLACES = 110
+#: Height of the panel of a tall scene, inches: with its labels and a legend it fits on a page.
+_TALLEST = 8.0
+#: Width beside it, inches: labels, a colour bar, and so much that no rounding cuts a label off.
+_BESIDE = 3.0
 #: Radius of balls in views that close no gaps, as a share of the spacing of the lattice that
 #: particles came from, so that neighbours overlap: of a solid, and of a fluid, which a flow pulls
 #: apart.
@@ -250,12 +256,27 @@ def middle_of(scene: SceneData) -> list[float]:
 
 def height_of(scene: SceneData, name: str, width: float) -> float:
     """Return the height of a panel with its labels, inches, that leaves no room empty."""
+    share = _share(scene, name)
+    tall = _TALLEST if _TALLEST / share + _BESIDE <= width else min(0.8 * share, 1.6) * width
+    return float(max(tall, 1.0)) + 0.8
+
+
+def width_of(scene: SceneData, names: Sequence[str], most: float) -> float:
+    """Return the width of a picture with a panel below the other, inches: `most`, or what tall
+    panels and a colour bar beside them need.
+    """
+    wanted = max(_TALLEST / _share(scene, name) for name in names) + _BESIDE
+    return float(np.clip(wanted, min(4.5, most), most))
+
+
+def _share(scene: SceneData, name: str) -> float:
+    """Return the height of what a panel shows, as a share of its width."""
     if name == OBLIQUE:
-        share = 0.55
-    else:
-        a, b = (AXES.index(x) for x in name)
-        share = (scene.upper[b] - scene.lower[b]) / (scene.upper[a] - scene.lower[a])
-    return float(np.clip(0.8 * width * share, 1.0, 1.6 * width)) + 0.8
+        return 0.55
+    a, b = (AXES.index(x) for x in name)
+    wide, tall = (scene.upper[k] - scene.lower[k] for k in (a, b))
+    margin = 2.0 * MARGIN * max(wide, tall)
+    return float((tall + margin) / (wide + margin))
 
 
 def _structures(scene: SceneData, later: bool) -> list[Surface]:

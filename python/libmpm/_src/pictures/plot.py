@@ -13,7 +13,15 @@ from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import Error
 from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.instruments import legend_of_sensors
-from libmpm._src.pictures.panel import Dots, Panel, height_of, is_fluid, legend_of, middle_of
+from libmpm._src.pictures.panel import (
+    Dots,
+    Panel,
+    height_of,
+    is_fluid,
+    legend_of,
+    middle_of,
+    width_of,
+)
 from libmpm._src.pictures.preview import vertical_of
 
 if TYPE_CHECKING:
@@ -29,7 +37,7 @@ Array = NDArray[np.float64]
 #: Width of a picture, inches.
 _WIDTH = 8.0
 #: Height of a legend below the panels, inches.
-LEGEND = 0.3
+LEGEND = 0.4
 
 
 def bodies_of(scene: SceneData, bodies: Sequence[str] | str | None) -> list[str]:
@@ -133,8 +141,9 @@ def plot(
     low, high = common.limits_of(coloured) if limits is None else common.check_limits(limits)
     picture = axes.figure if axes is not None else None
     if picture is None:
-        heights = [height_of(scene, name, _WIDTH) for name in names]
-        picture = common.Picture(figsize=(_WIDTH, sum(heights) + LEGEND), layout="constrained")
+        width = width_of(scene, names, _WIDTH)
+        heights = [height_of(scene, name, width) for name in names]
+        picture = common.Picture(figsize=(width, sum(heights) + LEGEND), layout="constrained")
         grid = picture.add_gridspec(len(names), 1, height_ratios=heights)
     image = None
     panels = []
@@ -154,13 +163,13 @@ def plot(
     handles, texts = (
         a + b for a, b in zip(legend_of(plain), legend_of_sensors(scene), strict=True)
     )
-    if handles and axes is None:
-        show: Any = picture.legend
-        show(handles, texts, loc="outside lower center", fontsize=8, ncols=6, frameon=False)
+    if axes is None:
+        common.legend_below(picture, handles, texts)
     elif handles:
         axes.legend(handles, texts, fontsize=8, framealpha=0.8)
     said = [scene.name, f"{simulation.time:.4g} s", common.note(drawn, count), panels[0].place]
-    panels[0].axes.set_title(", ".join(x for x in said if x), fontsize=10, loc="left")
+    title = common.title_of(picture, said, 10)
+    panels[0].axes.set_title(title, fontsize=10, loc="left")
     for panel in panels[1:]:
         panel.axes.set_title(panel.place, fontsize=10, loc="left")
     return picture

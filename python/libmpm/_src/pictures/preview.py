@@ -17,7 +17,7 @@ from libmpm._src.errors import Error, SceneError
 from libmpm._src.pictures import figures as common
 from libmpm._src.pictures.instruments import legend_of_sensors
 from libmpm._src.pictures.outlines import draw_flows, draw_shape
-from libmpm._src.pictures.panel import Dots, Panel, body_colours, height_of, legend_of
+from libmpm._src.pictures.panel import Dots, Panel, body_colours, height_of, legend_of, width_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -130,12 +130,10 @@ def preview(
     texts += [*boundaries, *flows]
     for more, into in zip(legend_of_sensors(scene), (handles, texts), strict=True):
         into += more
-    if handles:
-        show: Any = picture.legend
-        show(handles, texts, loc="outside lower center", fontsize=8, ncols=4, frameon=False)
+    common.legend_below(picture, handles, texts)
     said = [scene.name or "scene", f"{count:,} particles" if not problem else "cannot run yet",
             common.note(drawn, count)]  # fmt: skip
-    title = ", ".join(x for x in said if x)
+    title = common.title_of(picture, said, 10)
     if problem:
         title += "\n" + textwrap.fill(problem, int(11 * picture.get_figwidth()), max_lines=6)
     picture.suptitle(title, fontsize=10)
@@ -144,8 +142,9 @@ def preview(
 
 def _rows(scene: SceneData, planes: Sequence[str]) -> tuple[common.Picture, list[Any]]:
     """Return a figure with a row for each plane, and the places of its panels."""
-    heights = [height_of(scene, name, _WIDTH) for name in planes]
-    picture = common.Picture(figsize=(_WIDTH, sum(heights) + 0.7), layout="constrained")
+    width = width_of(scene, planes, _WIDTH)
+    heights = [height_of(scene, name, width) for name in planes]
+    picture = common.Picture(figsize=(width, sum(heights) + 0.7), layout="constrained")
     grid = picture.add_gridspec(len(planes), 1, height_ratios=heights)
     return picture, [grid[k] for k in range(len(planes))]
 
@@ -158,7 +157,7 @@ def _three_views(scene: SceneData, vertical: int) -> tuple[common.Picture, list[
     size = np.asarray(scene.upper, np.float64) - np.asarray(scene.lower, np.float64)
     along, across = (size[a] for a in range(3) if a != vertical)
     scale = min((_WIDE - 1.6) / (along + across), 7.0 / (size[vertical] + across))
-    wide = np.maximum(scale * np.array([along, across]), 1.2)
+    wide = np.maximum(scale * np.array([along, across]), 1.8)
     tall = np.maximum(scale * np.array([size[vertical], across]), 1.0)
     figsize = (float(wide.sum()) + 1.6, float(tall.sum()) + 2.2)
     picture = common.Picture(figsize=figsize, layout="constrained")

@@ -28,7 +28,7 @@ _CAUSES = {
     "inverted-element": (
         "an element has turned inside out, or lost all but a twentieth of its volume",
         "lower Method.cfl or the time step, use a stiffer material or longer elements where it is "
-        "crushed; what breaks or flows is for particles",
+        "compressed most; what breaks or flows is for particles",
     ),
     "element-range": (
         "an element has flowed or strained beyond the range of its law",

@@ -463,11 +463,18 @@ class SceneData:
 
     def __repr__(self) -> str:
         """Return a line with the scene's size."""
-        return (
-            f"<Scene {self.name!r}: {self.dimension}D, {' × '.join(map(str, self.cells))} cells of "
-            f"{self.cell_size:g} m, {len(self._bodies)} bodies, {len(self._boundaries)} "
-            f"boundaries, {len(self._sensors)} sensors>"
+        return f"<Scene {self.name!r}: {self._in_short()}>"
+
+    def _in_short(self) -> str:
+        """Return dimension, cells and numbers of parts in words."""
+        counts = (
+            (len(self._bodies), "body", "bodies"),
+            (len(self._boundaries), "boundary", "boundaries"),
+            (len(self._sensors), "sensor", "sensors"),
         )
+        parts = ", ".join(f"{n} {one if n == 1 else many}" for n, one, many in counts)
+        cells = " × ".join(map(str, self.cells))
+        return f"{self.dimension}D, {cells} cells of {self.cell_size:g} m, {parts}"
 
 
 def _insert(placed: dict[str, T], kind: str, name: str, item: T) -> str:

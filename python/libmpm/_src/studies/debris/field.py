@@ -59,9 +59,7 @@ class Placement(Value):
         "of these, nearer to another piece than the clearance", default=0, unit="1"
     )
     restarts: int = given("times the field was begun again", default=0, unit="1")
-    skipped: int = given(
-        "combinations of count, size and porosity passed over", default=0, unit="1"
-    )
+    skipped: int = given("combinations of count, size and porosity rejected", default=0, unit="1")
     rejected: int = given("samples that could not be placed, before this one", default=0, unit="1")
 
     def _check(self, check: Checker) -> dict[str, Any]:

@@ -29,7 +29,7 @@ _LABEL = "debris.random"
 #: Distance in m by which a piece stays clear beyond what is asked for: more than rounding, less
 #: than positions are kept to.
 _MARGIN = 1e-10
-#: Combinations of count, size and porosity passed over before the ranges are called empty.
+#: Combinations of count, size and porosity rejected before the ranges are called empty.
 _SKIPS = 10_000
 #: Places looked at together, at first and at most.
 _FEW, _MANY = 4, 256
