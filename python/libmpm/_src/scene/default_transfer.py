@@ -8,16 +8,14 @@ what a piston alone stirs for half a minute packs, and sooner with AFLIP (`desig
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Any, Protocol
 
-from libmpm._src.boundaries.covered_faces import moves
 from libmpm._src.boundaries.responses import Mirror, Separable, Slip
+from libmpm._src.methods.method import Method
 from libmpm._src.methods.transfer import Transfer
+from libmpm._src.scene.parts import Body, Boundary
 from libmpm._src.shapes.solid import Solid
-
-if TYPE_CHECKING:
-    from libmpm._src.scene.data import SceneData
-    from libmpm._src.scene.parts import Boundary
 
 __all__ = ["default_transfer", "is_structure"]
 
@@ -26,13 +24,37 @@ _PLAIN = Transfer()
 _PAST_STRUCTURES = Transfer(scheme="AFLIP", flip=0.95)
 
 
-def is_structure(scene: SceneData, boundary: Boundary) -> bool:
+class _Scene(Protocol):
+    """What is asked of a scene (`scene/data.py`)."""
+
+    @property
+    def dimension(self) -> int: ...
+    @property
+    def grid(self) -> Any: ...
+    @property
+    def cell_size(self) -> float: ...
+    @property
+    def lower(self) -> Sequence[float]: ...
+    @property
+    def upper(self) -> Sequence[float]: ...
+    @property
+    def gravity(self) -> Any: ...
+    @property
+    def method(self) -> Method: ...
+    @property
+    def bodies(self) -> Sequence[Body]: ...
+    @property
+    def boundaries(self) -> Sequence[Boundary]: ...
+
+
+def is_structure(scene: _Scene, boundary: Boundary) -> bool:
     """Whether a fluid flows past a boundary: it rests, slips, and is no bed.
 
     A bed goes through the whole domain along each axis but that of gravity, up to a cell.
     """
     slips = any(isinstance(r, Slip | Separable) for r in boundary.responses)
-    if not isinstance(boundary.shape, Solid) or moves(boundary) or not slips:
+    moves = boundary.motion is not None or boundary.rotation is not None
+    if not isinstance(boundary.shape, Solid) or moves or not slips:
         return False
     if not isinstance(scene.gravity, tuple) or not any(scene.gravity):
         return True
@@ -45,7 +67,7 @@ def is_structure(scene: SceneData, boundary: Boundary) -> bool:
     )
 
 
-def default_transfer(scene: SceneData) -> Transfer:
+def default_transfer(scene: _Scene) -> Transfer:
     """Return AFLIP with flip 0.95 where a fluid flows past a structure, else APIC.
 
     APIC as well where particles that keep their velocity are refused or not known to do well: grids
