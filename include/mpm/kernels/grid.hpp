@@ -96,15 +96,16 @@ struct NodeUpdate {
     /// `plain`: it is on lines, and nothing else holds it.
     template <bool plain, class Seen>
     MPM_INLINE Vec<T, D> wall_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
-                                       const std::uint32_t* known, const Seen& seen) const {
+                                       const KnownNodes<D>& known, std::int64_t at,
+                                       const Seen& seen) const {
         Vec<T, D> v = free_velocity(m, p);
         std::int64_t c[D];
         cell(slot, node, c);
         if constexpr (plain) {
-            FollowLines<NodeUpdate, T, D, true>{*this, known}(slot, node, c, m, v, seen);
+            FollowLines<NodeUpdate, T, D, true>{*this, known, at}(slot, node, c, m, v, seen);
         } else {
             if (boundaries.lines)
-                FollowLines<NodeUpdate, T, D>{*this, known}.called(slot, node, c, m, v, seen);
+                FollowLines<NodeUpdate, T, D>{*this, known, at}.called(slot, node, c, m, v, seen);
             apply_boundaries<true>(boundaries, c, v, seen, share(slot, node));
         }
         return v;
@@ -119,7 +120,7 @@ struct NodeUpdate {
             const Images<D> images(boundaries, c);
             if (images.mirrored) return mirrored_velocity(images, free_velocity(m, p), seen);
         }
-        return touched[slot] ? wall_velocity<false>(slot, node, m, p, nullptr, seen)
+        return touched[slot] ? wall_velocity<false>(slot, node, m, p, {}, 0, seen)
                              : free_velocity(m, p);
     }
     /// Part of a node's mass that lies in some channels.
@@ -236,7 +237,7 @@ struct Changed {
 };
 
 /// What a node of a block that boundaries touch asks for (kernels/wall_nodes.hpp).
-enum class WallNode : std::uint8_t { free, on_lines, any };
+enum class WallNode : std::uint8_t { free, on_lines, any, unknown };
 
 /// Velocities that `MoveWallNodes` has made, by (listed block, node): those of a block whose flag
 /// `touched` is k > 0 begin at node (k - 1) block_cells.
@@ -244,7 +245,7 @@ template <class T>
 struct WallNodes {
     T* velocity = nullptr;            // of D components; null where a scene has no such boundaries
     std::uint8_t* changed = nullptr;  // by any boundary
-    const WallNode* kind = nullptr;   // null: any
+    const WallNode* kind = nullptr;
 };
 
 /// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will
@@ -292,7 +293,7 @@ struct UpdateGrid {
             const std::uint32_t listed = walls.velocity ? node.touched[slot] : 0;
             if (listed > 0) {
                 const std::int64_t at = std::int64_t(listed - 1) * block_cells + n;
-                const bool free = walls.kind && walls.kind[at] == WallNode::free;
+                const bool free = walls.kind[at] == WallNode::free;
                 if (free)
                     v = node.free_velocity(m, p);
                 else

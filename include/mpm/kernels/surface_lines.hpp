@@ -17,6 +17,7 @@ struct SurfaceView {
     int axis = -1;  // nearest to the normal; -1: there is no direction
     int away = 0;   // the sign of the normal along it
 
+    SurfaceView() = default;
     MPM_CALL SurfaceView(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
                          const std::int64_t (&cell)[D]) {
         const Reconverge at_return;
@@ -71,8 +72,9 @@ struct SurfaceLine {
     std::int64_t leader = 0;  // cells from the node along the axis
     double lead = 1;          // distance of the leader, cells
     double share = 1;
-    double normal[D];  // at the leader
+    double normal[D] = {};  // at the leader
 
+    SurfaceLine() = default;
     /// `room(cell)`: of a node that stands right before another wall across the axis, true.
     template <class Room>
     MPM_INLINE SurfaceLine(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
@@ -149,6 +151,73 @@ struct SurfaceLine {
             if (seen.along(here) && seen.distance > 0 && seen.distance < 4) return seen.distance;
         }
         return 4;
+    }
+};
+
+/// Where a node of a line is.
+struct PlaceOnLine {
+    double distance = 0;  // cells
+    std::int8_t axis = -1, away = 0;
+    bool deep = false;
+
+    PlaceOnLine() = default;
+    template <int D>
+    MPM_INLINE explicit PlaceOnLine(const SurfaceView<D>& v)
+        : distance(v.distance),
+          axis(std::int8_t(v.known ? v.axis : -1)),
+          away(std::int8_t(v.away)),
+          deep(v.known && v.deep()) {}
+    MPM_INLINE bool along(const PlaceOnLine& other) const {
+        return axis >= 0 && axis == other.axis && away == other.away;
+    }
+};
+
+/// What a node sees of the one linear surface near it, where both rest.
+template <int D>
+struct SurfaceNode {
+    PlaceOnLine place;
+    std::int8_t state = 0, line_axis = 0, sign = 1, leader = 0;  // as in `SurfaceLine`
+    std::int32_t boundary = -1;  // none is near, or more than one, or what is near moves
+    double lead = 1, share = 1, normal[D];
+
+    SurfaceNode() = default;
+    MPM_INLINE SurfaceNode(int b, const SurfaceView<D>& v, const SurfaceLine<D>& l)
+        : place(v),
+          state(std::int8_t(l.state)),
+          line_axis(std::int8_t(l.axis)),
+          sign(std::int8_t(l.sign)),
+          leader(std::int8_t(l.leader)),
+          boundary(b),
+          lead(l.lead),
+          share(l.share) {
+        for (int a = 0; a < D; ++a) normal[a] = l.normal[a];
+    }
+    MPM_INLINE SurfaceLine<D> line() const {
+        SurfaceLine<D> l;
+        l.state = typename SurfaceLine<D>::State(state);
+        l.axis = line_axis;
+        l.sign = sign;
+        l.leader = leader;
+        l.lead = lead;
+        l.share = share;
+        for (int a = 0; a < D; ++a) l.normal[a] = normal[a];
+        return l;
+    }
+};
+
+/// What is known of the nodes of listed blocks as long as the table stands
+/// (kernels/wall_nodes.hpp), by (listed block, node).
+template <int D>
+struct KnownNodes {
+    const std::uint32_t* lines = nullptr;      // by axis, packed; null: nothing is known
+    const SurfaceNode<D>* surfaces = nullptr;  // null: no surface is linear
+    const std::uint32_t* listed = nullptr;     // by slot, 1 + number of the listed block
+
+    MPM_INLINE const SurfaceNode<D>* of(std::int32_t slot, int node, int boundary) const {
+        if (!surfaces || slot < 0 || listed[slot] == 0) return nullptr;
+        const SurfaceNode<D>* found =
+            surfaces + (std::int64_t(listed[slot] - 1) * block_cells + node);
+        return found->boundary == boundary ? found : nullptr;
     }
 };
 

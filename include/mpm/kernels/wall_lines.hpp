@@ -35,7 +35,8 @@ struct GroupPressure {
 template <class Node, class T, int D, bool plain = false>
 struct FollowLines {
     const Node& node;
-    const std::uint32_t* known = nullptr;  // the node's lines by axis, packed; else they are found
+    KnownNodes<D> known = {};
+    std::int64_t listed_at = 0;  // the node's place among those that are known
 
     struct Seat {
         T mass = 0;
@@ -137,9 +138,9 @@ struct FollowLines {
     }
     MPM_INLINE WallLine line_of(int axis, const std::int64_t (&cell)[D]) const {
         if constexpr (!plain) {
-            if (known == nullptr) return find_line<D>(node.boundaries, axis, cell);
+            if (known.lines == nullptr) return find_line<D>(node.boundaries, axis, cell);
         }
-        return WallLine::unpacked(known[axis]);
+        return WallLine::unpacked(known.lines[listed_at * D + axis]);
     }
     template <class Seen>
     MPM_CALL void called(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
@@ -195,10 +196,17 @@ struct FollowLines {
             if (!node.boundaries.surface_lines) return;
             bool bound[D];
             for (int a = 0; a < D; ++a) bound[a] = lines[a].form != WallLine::none;
+            if (known.surfaces) {
+                const SurfaceNode<D>& s = known.surfaces[listed_at];
+                if (s.boundary >= 0)
+                    follow_surface(s.boundary, slot, cell, own, bound, s.line(), v, seen);
+                return;
+            }
             for (int b = 0; b < node.boundaries.count; ++b) {
                 const BoundaryRecord<D>& r = node.boundaries.records[b];
-                if (r.active && r.surface > 0 && r.law[0].linear)
-                    follow_surface(b, slot, cell, own, bound, v, seen);
+                if (!r.active || r.surface == 0 || !r.law[0].linear) continue;
+                const SurfaceLine<D> line = surface_line<D>(node.boundaries, b, cell);
+                follow_surface(b, slot, cell, own, bound, line, v, seen);
             }
         }
     }
@@ -221,16 +229,13 @@ struct FollowLines {
     /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.
     template <class Seen>
     MPM_INLINE void follow_surface(int b, std::int32_t slot, const std::int64_t (&cell)[D],
-                                   const Seat& own, const bool (&bound)[D], Vec<T, D>& v,
+                                   const Seat& own, const bool (&bound)[D],
+                                   const SurfaceLine<D>& line, Vec<T, D>& v,
                                    const Seen& seen) const {
         const BoundaryView<D>& all = node.boundaries;
         const BoundaryRecord<D>& r = all.records[b];
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
         const SurfaceLaw& law = r.law[0];
-        const SurfaceLine<D> line(all, s, cell,
-                                  [&](const std::int64_t(&at)[D], int axis, int sign) {
-                                      return before_face<D>(all, at, axis, sign);
-                                  });
         const Vec<T, D> before = v;
         const auto hold = [&] {
             double x[D];
@@ -245,26 +250,27 @@ struct FollowLines {
         T last = 0, last_share = 0, in_plane = 0;  // velocities along the normal
         bool across = false;
         Vec<T, D> momentum{}, here{};
-        std::int64_t at[D];
-        moved_along<D>(cell, line.axis, line.leader, at);
-        const SurfaceView<D> first(all, s, at);
+        std::int64_t there[D];
+        PlaceOnLine first, place;
         for (int step = 0; step < 8; ++step) {
             const std::int64_t by = line.leader - step * line.sign;
-            moved_along<D>(cell, line.axis, by, at);
-            const SurfaceView<D> view(all, s, at);
-            if (!view.along(first) || view.deep()) break;
             const bool self = by == 0;
+            moved_along<D>(cell, line.axis, by, there);
+            int number = 0;
+            const std::int32_t of =
+                node_beside<D>(node.grid.table, slot, cell, line.axis, by, number);
+            if (const SurfaceNode<D>* is = known.of(of, number, b))
+                place = is->place;
+            else
+                place = PlaceOnLine(SurfaceView<D>(all, s, there));
+            if (step == 0) first = place;
+            if (!place.along(first) || place.deep) break;
             Seat seat_here = own;
-            if (!self) {
-                int number = 0;
-                const std::int32_t of =
-                    node_beside<D>(node.grid.table, slot, cell, line.axis, by, number);
-                seat_here = of < 0 ? Seat{} : called_seat(of, number, at);
-            }
+            if (!self) seat_here = of < 0 ? Seat{} : called_seat(of, number, there);
             double x[D], moving[D];
-            node_position<D>(at, all.cell_size, x);
+            node_position<D>(there, all.cell_size, x);
             s.velocity_at(x, moving);
-            const T t = T(view.distance / line.lead);
+            const T t = T(place.distance / line.lead);
             T along = 0;
             for (int a = 0; a < D; ++a) {
                 const T w = T(moving[a] + r.velocity[a]);

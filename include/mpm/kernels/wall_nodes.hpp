@@ -16,16 +16,19 @@ struct Acted {
     }
 };
 
-/// What the nodes of the listed blocks ask for, and their lines, where neither changes with time.
+/// What the nodes of the listed blocks ask for, their lines, and what they see of linear surfaces,
+/// where none of it changes with time. Where something that moves or does not always act may come
+/// near, or where two surfaces meet, nodes are `unknown` and find out in each step.
 template <int D>
 struct ClassifyWallNodes {
     BlockTableView<D> table;
     BoundaryView<D> boundaries;
     const std::int32_t* blocks;
-    bool edges;               // those of boxes push (`FollowLines::push_at_edges`)
-    WallNode* kind;           // (blocks, nodes)
-    std::uint32_t* lines;     // (blocks, nodes, D), packed
-    std::uint32_t* on_lines;  // (blocks, nodes): 1 where the kind is this one
+    bool edges;                // those of boxes push (`FollowLines::push_at_edges`)
+    WallNode* kind;            // (blocks, nodes)
+    std::uint32_t* lines;      // (blocks, nodes, D), packed
+    SurfaceNode<D>* surfaces;  // (blocks, nodes); null where no surface is linear
+    std::uint32_t* on_lines;   // (blocks, nodes): 1 where the kind is this one
     std::uint32_t* any;
 
     MPM_INLINE void operator()(std::int64_t i) const {
@@ -49,16 +52,48 @@ struct ClassifyWallNodes {
         }
         Vec<double, D> v{};
         apply_boundaries<true>(boundaries, cell, v, Acted{&other});
+        int beside = -1, near = 0;
         for (int b = 0; b < boundaries.count && boundaries.surface_lines; ++b) {
             const BoundaryRecord<D>& r = boundaries.records[b];
-            if (r.surface > 0 && r.law[0].linear)
-                other = other ||
-                        SurfaceView<D>(boundaries, boundaries.surfaces[r.surface - 1], cell).known;
+            if (r.surface == 0 || !r.law[0].linear) continue;
+            if (!SurfaceView<D>(boundaries, boundaries.surfaces[r.surface - 1], cell).known)
+                continue;
+            beside = b;
+            ++near;
         }
-        kind[i] = other ? WallNode::any : on ? WallNode::on_lines : WallNode::free;
+        other = other || near > 0;
+        bool unknown = near > 1;
+        for (int b = 0; b < boundaries.count; ++b) unknown = unknown || may_change(b, cell);
+        if (surfaces) {
+            SurfaceNode<D> seen;
+            if (near == 1 && !unknown) {
+                const BoundaryRecord<D>& r = boundaries.records[beside];
+                seen = SurfaceNode<D>(
+                    beside, SurfaceView<D>(boundaries, boundaries.surfaces[r.surface - 1], cell),
+                    surface_line<D>(boundaries, beside, cell));
+            }
+            surfaces[i] = seen;
+        }
+        kind[i] = unknown ? WallNode::unknown
+                  : other ? WallNode::any
+                  : on    ? WallNode::on_lines
+                          : WallNode::free;
         on_lines[i] = kind[i] == WallNode::on_lines;
-        any[i] = kind[i] == WallNode::any;
+        any[i] = kind[i] == WallNode::any || unknown;
     }
+    /// Is a node within the reach of a boundary that moves, or acts for a time?
+    MPM_INLINE bool may_change(int b, const std::int64_t (&cell)[D]) const {
+        const BoundaryRecord<D>& r = boundaries.records[b];
+        bool changes = !(r.start <= 0 && r.end > 1e300);
+        if (r.surface > 0) {
+            const SurfaceRecord<D>& s = boundaries.surfaces[r.surface - 1];
+            changes = changes || s.path.given() || s.turn.given();
+        }
+        for (int a = 0; a < D && changes; ++a)
+            changes = cell[a] >= r.lower[a] - far_off && cell[a] < r.upper[a] + far_off;
+        return changes;
+    }
+    static constexpr int far_off = 12;  // further than lines look for other walls
 };
 
 /// Nodes of the listed blocks from their sums to their velocities. `plain`: those that lie on lines
@@ -67,20 +102,21 @@ template <class T, class Sum, int D, bool plain>
 struct MoveWallNodes {
     NodeUpdate<T, Sum, D> node;
     const std::int32_t* blocks;
-    const std::int32_t* nodes;   // by (listed block, node); null: all of them
-    const std::uint32_t* lines;  // null where they have to be found
+    const std::int32_t* nodes;  // by (listed block, node)
+    KnownNodes<D> known;
     WallNodes<T> to;
 
     MPM_INLINE void operator()(std::int64_t k) const {
         if (node.clock->halt != Halt::none) return;
-        const std::int64_t i = nodes ? nodes[k] : k;
+        const std::int64_t i = nodes[k];
         const std::int32_t slot = blocks[i / block_cells];
         const int n = int(i % block_cells);
         const T m = node.mass(slot, n);
         if (!(m > T(0))) return;
         bool changed = false;
+        const bool found = plain || to.kind[i] != WallNode::unknown;
         const Vec<T, D> v = node.template wall_velocity<plain>(slot, n, m, node.momentum(slot, n),
-                                                               lines ? lines + i * D : nullptr,
+                                                               found ? known : KnownNodes<D>{}, i,
                                                                Changed<T, D>{&changed});
         for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
         to.changed[i] = changed;

@@ -196,6 +196,16 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
     return line;
 }
 
+/// The line towards a linear surface on which a node is.
+template <int D>
+MPM_INLINE SurfaceLine<D> surface_line(const BoundaryView<D>& all, int boundary,
+                                       const std::int64_t (&cell)[D]) {
+    const SurfaceRecord<D>& s = all.surfaces[all.records[boundary].surface - 1];
+    return SurfaceLine<D>(all, s, cell, [&](const std::int64_t(&at)[D], int axis, int sign) {
+        return before_face<D>(all, at, axis, sign);
+    });
+}
+
 /// The node some cells along an axis from one of a slot, and its slot, -1 where it is not active.
 template <int D>
 MPM_INLINE std::int32_t node_beside(const BlockTableView<D>& table, std::int32_t slot,

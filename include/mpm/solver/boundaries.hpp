@@ -49,16 +49,18 @@ public:
     bool lists() const { return lists_; }
     bool has_mirrors() const { return mirrored_walls_; }
     const Buffer<X, std::int32_t>& blocks() const { return blocks_; }
-    /// Whether what their nodes ask for is the same at all times; else it is anything.
-    bool at_rest() const { return at_rest_; }
     const Buffer<X, WallNode>& kinds() const { return kinds_; }
     const Buffer<X, std::uint32_t>& lines() const { return lines_; }  // of their nodes, packed
+    /// What stays of nodes that are not `WallNode::unknown`.
+    KnownNodes<D> known() const {
+        return {lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr, touched_.data()};
+    }
     /// By (listed block, node), the nodes that are on lines, and that ask for anything.
     const Buffer<X, std::int32_t>& on_lines() const { return on_lines_; }
     const Buffer<X, std::int32_t>& any() const { return any_; }
     double bytes() const {
         return double(touched_.bytes() + blocks_.bytes() + kinds_.bytes() + lines_.bytes() +
-                      on_lines_.bytes() + any_.bytes());
+                      surface_nodes_.bytes() + on_lines_.bytes() + any_.bytes());
     }
     /// The same of what load cell number `cell` measures, into `flag`.
     void touch_measured(int cell, const BlockTableView<D>& table, std::uint32_t* flag);
@@ -80,7 +82,6 @@ private:
     bool linear_walls_ = false;  // kernels/wall_lines.hpp
     bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
-    bool at_rest_ = false;
     // Of blocks (coordinates) beside linear surfaces at rest, the axes along which lines run.
     std::map<std::array<std::int64_t, D>, unsigned> line_axes_;
     TimeTables<X> tables_{exec_};
@@ -96,6 +97,7 @@ private:
     Buffer<X, std::int32_t> blocks_{exec_};
     Buffer<X, WallNode> kinds_{exec_};
     Buffer<X, std::uint32_t> lines_{exec_};
+    Buffer<X, SurfaceNode<D>> surface_nodes_{exec_};
     Buffer<X, std::int32_t> on_lines_{exec_}, any_{exec_};
 };
 
@@ -167,13 +169,14 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
         throw SceneError(
             "walls that mirror beside walls with linear cells are not built; choose "
             "cell=\"held\" for these or another response for those");
-    at_rest_ = records.size() < most_packed_boundaries;
-    for (BoundaryRecord<D>& r : records) {
-        const SurfaceRecord<D>* s = r.surface > 0 ? &surfaces[std::size_t(r.surface - 1)] : nullptr;
-        // Lines are found before the first step says what is active.
-        r.active = r.start <= 0 && std::isinf(r.end);
-        at_rest_ = at_rest_ && r.active && !(s && (s->path.given() || s->turn.given()));
-    }
+    if (lists_ && records.size() >= most_packed_boundaries)
+        throw CapacityError(
+            "the scene has " + std::to_string(records.size()) +
+            " boundaries, some of them with linear cells; one scene holds at most " +
+            std::to_string(most_packed_boundaries - 1) +
+            " then. Join boxes that touch, or use cell=\"held\"");
+    // Lines are found before the first step says what is active.
+    for (BoundaryRecord<D>& r : records) r.active = r.start <= 0 && std::isinf(r.end);
     records_.assign(records);
     surfaces_.assign(surfaces);
     for (const auto& s : spec.sensors) {
@@ -333,7 +336,6 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
     exec_.copy(numbers.data(), position.data() + slots, sizeof(std::uint32_t));
     blocks_.reserve_discard(numbers.host()[0]);
     exec_.for_each(slots, ListTouched{position.data(), touched_.data(), blocks_.data()});
-    if (!at_rest_) return exec_.wait();  // for what this leaves behind
     const std::size_t nodes = blocks_.size() * block_cells;
     Buffer<X, std::uint32_t> flags[2]{Buffer<X, std::uint32_t>(exec_),
                                       Buffer<X, std::uint32_t>(exec_)};
@@ -341,6 +343,7 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
                                           Buffer<X, std::uint32_t>(exec_)};
     kinds_.reserve_discard(nodes);
     lines_.reserve_discard(nodes * D);
+    if (linear_surfaces_) surface_nodes_.reserve_discard(nodes);
     numbers.reserve_discard(2);
     for (int k = 0; k < 2; ++k) {
         flags[k].reserve_discard(nodes);
@@ -349,7 +352,8 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
     exec_.for_each(
         std::int64_t(nodes),
         ClassifyWallNodes<D>{table, view(), blocks_.data(), pressures_.size() > 0, kinds_.data(),
-                             lines_.data(), flags[0].data(), flags[1].data()});
+                             lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr,
+                             flags[0].data(), flags[1].data()});
     for (int k = 0; k < 2; ++k) {
         exec_.exclusive_scan(flags[k].data(), positions[k].data(), std::int64_t(nodes));
         exec_.copy(numbers.data() + k, positions[k].data() + nodes, sizeof(std::uint32_t));

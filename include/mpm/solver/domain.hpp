@@ -356,8 +356,7 @@ private:
     }
     WallNodes<Grid> wall_nodes() {
         if (!boundaries_.lists()) return {};
-        return {wall_velocity_.data(), wall_changed_.data(),
-                boundaries_.at_rest() ? boundaries_.kinds().data() : nullptr};
+        return {wall_velocity_.data(), wall_changed_.data(), boundaries_.kinds().data()};
     }
     template <bool keeps, bool mirrors>
     UpdateGrid<Grid, Sum, D, keeps, mirrors> grid_update(int parity) {

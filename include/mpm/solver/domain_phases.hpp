@@ -36,18 +36,12 @@ void Domain<X, T, D>::move_wall_nodes() {
     const auto node = node_update(parity());
     const auto& b = boundaries_;
     const WallNodes<Grid> to = wall_nodes();
-    if (!b.at_rest()) {
-        exec_.for_each_next(
-            std::int64_t(b.blocks().size()) * block_cells,
-            MoveWallNodes<Grid, Sum, D, false>{node, b.blocks().data(), nullptr, nullptr, to});
-        return;
-    }
     exec_.for_each_next(std::int64_t(b.on_lines().size()),
-                        MoveWallNodes<Grid, Sum, D, true>{
-                            node, b.blocks().data(), b.on_lines().data(), b.lines().data(), to});
-    exec_.for_each_next(std::int64_t(b.any().size()),
-                        MoveWallNodes<Grid, Sum, D, false>{node, b.blocks().data(), b.any().data(),
-                                                           b.lines().data(), to});
+                        MoveWallNodes<Grid, Sum, D, true>{node, b.blocks().data(),
+                                                          b.on_lines().data(), b.known(), to});
+    exec_.for_each_next(
+        std::int64_t(b.any().size()),
+        MoveWallNodes<Grid, Sum, D, false>{node, b.blocks().data(), b.any().data(), b.known(), to});
 }
 
 template <class X, class T, int D>

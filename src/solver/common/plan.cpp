@@ -8,6 +8,7 @@
 #include "mpm/data/blocks.hpp"
 #include "mpm/kernels/cell_sums.hpp"
 #include "mpm/kernels/sorting.hpp"
+#include "mpm/kernels/surface_lines.hpp"
 #include "mpm/solver/element_mesh.hpp"
 #include "mpm/solver/plan_checks.hpp"
 
@@ -454,7 +455,14 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     if (backend.device && any_smooths) plan.memory_tables += slots * 8 * smoothing_sums;
 
     // Velocities, kinds, lines and places in two lists, of each node.
-    plan.memory_tables += estimate.touched * block_cells * (D * (backend.grid_real() + 4) + 6);
+    const bool surfaces = std::any_of(
+        spec.boundaries.begin(), spec.boundaries.end(),
+        [](const BoundarySpec& b) { return !b.surface.keys.empty() && b.law[0].linear; });
+    plan.memory_tables += estimate.touched * block_cells *
+                          (D * (backend.grid_real() + 4) + 6 +
+                           double(!surfaces ? 0
+                                  : D == 2  ? sizeof(SurfaceNode<2>)
+                                            : sizeof(SurfaceNode<3>)));
     if (plan.shift > 0) plan.memory_grid += slots * block_cells * backend.grid_real();
     for (const auto& b : spec.boundaries)
         plan.memory_tables += double(4 * b.surface.values.size() + 8 * b.surface.keys.size() +
