@@ -256,9 +256,13 @@ def reach_of(
     scene: SceneData, boundary: Boundary, field: DistanceField
 ) -> tuple[list[int], list[int]]:
     """Return the cells lower ≤ i < upper whose nodes a surface may ever act on."""
-    if moves(boundary):
+    table, of_places = motion_of(boundary)
+    if boundary.rotation is not None or (table is not None and not of_places):
         return [-_RIM] * scene.dimension, [n + _RIM for n in scene.cells]
-    low, high = field.bounds()
+    low, high = (np.asarray(corner, dtype=np.float64) for corner in field.bounds())
+    if table is not None:  # between its rows it goes straight
+        rows = np.asarray(table.value, dtype=np.float64)
+        low, high = low + rows.min(axis=0), high + rows.max(axis=0)
     return (
         [max(-_RIM, math.floor(x / scene.cell_size)) for x in low],
         [min(n + _RIM, math.ceil(x / scene.cell_size))
