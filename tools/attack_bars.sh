@@ -11,7 +11,7 @@
 #   long_run.json   the long run, for --collect too;   *.log   what was said
 #   long_run.tar    its state, for the next call: LIBMPM_LONG_RUN names it
 set -uo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/.." || exit
 minutes=9 workers=$(nproc) seed=1 device=cuda steps=1000000
 while [ $# -gt 1 ]; do
   case $1 in

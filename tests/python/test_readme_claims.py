@@ -44,7 +44,7 @@ def test_a_row_that_is_not_there_fails_and_a_far_time_is_marked():
 
 def test_the_readme_script_runs_and_its_load_is_that_of_a_bore(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code = re.search(r"## Ten lines\n\n```python\n(.*?)```", README, re.DOTALL)[1]
+    code = re.search(r"## A first script\n.*?```python\n(.*?)```", README, re.DOTALL)[1]
     names = {}
     exec(compile(code, "README.md", "exec"), names)  # as a reader would
     peak = names["sim"].sensors["load"].peak(filter=0.01)
