@@ -355,7 +355,8 @@ def in_water(
     centre = (size / 2, size / 2)
     scene.add_body(
         name="water", shape=shapes.Box(lower=(0, 0), upper=(size, size)),
-        material=materials.TaitFluid(bulk_modulus=bulk_modulus), hydrostatic=size if gravity else None,
+        material=materials.TaitFluid(bulk_modulus=bulk_modulus),
+        hydrostatic=size if gravity else None,
     )  # fmt: skip
     scene.add_body(
         name="disc", shape=shapes.Sphere(centre=centre, radius=1.0),
