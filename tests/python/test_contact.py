@@ -375,3 +375,49 @@ def test_continuing_from_a_run_with_contact_is_refused(tmp_path: Path) -> None:
     simulation.save_checkpoint(tmp_path / "c.h5")
     with pytest.raises(libmpm.SceneError, match="has contact 'all'"):
         libmpm.Scene.from_checkpoint(tmp_path / "c.h5")
+
+
+# Bodies that boundaries hold ----------------------------------------------------------------------
+
+
+def test_nothing_sinks_into_what_a_boundary_holds() -> None:
+    """A block lies on a slab of prescribed velocity, which takes none of what contact gives it.
+
+    Were both to share the approach as free bodies do, the block would sink by F Δt / m a step: by
+    0.6 cells in a second.
+    """
+    dx = 1 / 12
+    scene = libmpm.Scene(
+        dimension=2, cell_size=dx, lower=(0, 0), upper=(2, 1.5), gravity=(0, -10.0)
+    )  # fmt: skip
+    for name, low, high in (
+        ("slab", (0, 0), (2, 4 * dx)),
+        ("block", (0.5, 4 * dx), (1.5, 10 * dx)),
+    ):
+        shape = shapes.Box(lower=low, upper=high)
+        scene.add_body(name=name, shape=shape, material=cases.solid(1e6, 0.3))
+    scene.add_contact(name="sole", between=("block", "slab"), law=contacts.Friction(static=0.5))
+    still = libmpm.TimeTable(time=[0.0, 10.0], value=[[0.0, 0.0]] * 2)
+    scene.add_boundary(
+        name="hold", shape=shapes.Box(lower=(0, 0), upper=(2, 1)),
+        response=boundaries.Prescribed(), motion=still, bodies=("slab",),
+    )  # fmt: skip
+    scene.add_sensor(name="load", sensor=sensors.ContactLoad(contact="sole", interval=0.01))
+    scene.add_sensor(name="hold", sensor=sensors.LoadCell(boundary="hold", interval=0.01))
+    simulation = run(scene)
+    start = cases.mean(simulation, "block", "position")[1]
+    simulation.run(until=1.0)
+    heights = []
+    while simulation.time < 1.2:
+        simulation.run(until=simulation.time + 0.01)
+        heights.append(cases.mean(simulation, "block", "position")[1])
+    weight = 0.5 * 1000 * 10.0
+    # Its own weight shortens it: by its mean stress on its half height, w h / 4 E'.
+    own = weight * 0.5 / (4 * 1e6 / (1 - 0.3**2))
+    assert start - np.mean(heights) == pytest.approx(own, abs=0.01 * dx)
+    force = simulation.sensors["load"]["force_y"]
+    assert force[-40:].mean() == pytest.approx(-weight, rel=0.02)
+    # What the boundary is pushed by: the block, and the slab's own weight.
+    slab = np.asarray(simulation.particles["slab"]["mass"]).sum() * 10.0
+    held = simulation.sensors["hold"]["force_y"]
+    np.testing.assert_allclose(held[5:], force[5:] - slab, rtol=0, atol=1e-9 * weight)

@@ -17,6 +17,7 @@ from python.test_contact import slipping
 import libmpm
 from libmpm import sensors
 from support import contact_scenes as cases
+from support import jobs
 
 
 def stack() -> libmpm.Scene:
@@ -127,6 +128,27 @@ def test_resumed_on_another_number(tmp_path: Path, name: str) -> None:
     last.run(until=until)
     # Series of several ranks are to rounding, whatever has been resumed.
     assert_alike(one(name), last)
+
+
+def test_processes(tmp_path: Path) -> None:
+    """Ranks that are processes tell each other what threads do."""
+    head = "import os, numpy as np, libmpm\nfrom python.test_contact_ranks import SCENES\n"
+    code = """
+        make, until, precision = SCENES["blows"]
+        sim = libmpm.Simulation(
+            make(), device="cpu", ranks="processes", threads=1, precision=precision)
+        sim.run(until=until)
+        for body in sim.scene.bodies:
+            all_of = sim.gather(body.name, "position", "velocity")
+            if sim.rank == 0:
+                np.savez(f"{os.environ['FOLDER']}/{body.name}.npz", **all_of)
+    """
+    jobs.well(jobs.run(2, jobs.script(head, code), tmp_path))
+    for body in one("blows").scene.bodies:
+        found = np.load(tmp_path / f"{body.name}.npz")
+        for attribute in ("position", "velocity"):
+            x = cases.by_id(one("blows"), body.name, attribute)
+            assert np.array_equal(x, found[attribute][np.argsort(found["id"])])
 
 
 def test_grid_is_that_of_one() -> None:

@@ -127,7 +127,7 @@ struct NodeContact {
         for (int sweep = 0; sweep < (pairs > 1 ? 2 : 1); ++sweep)
             for (int i = 0; i < f.count; ++i)
                 for (int j = i + 1; j < f.count; ++j)
-                    if (f.of[i] != f.of[j]) meet(n, f, i, j, met);
+                    if (f.of[i] != f.of[j]) meet(n, f, i, j, seen, met);
         for (int i = 0; i < f.count; ++i)
             if (f.of[i] == i && f.pushed[i]) respond_of(n, f, i, seen);
     }
@@ -152,15 +152,20 @@ struct NodeContact {
     }
     template <class Seen>
     MPM_INLINE void respond_of(int n, Fields& f, int i, const Seen& seen) const {
-        if (!node.touched[f.slot[i]]) return;
-        std::int64_t c[D];
-        node.cell(f.slot[i], n, c);
         const auto of_all = [&](int boundary, int face, const Vec<T, D>& before,
                                 const Vec<T, D>& after) {
             Changed<T, D>{&f.held[i]}(boundary, face, before, after);
             for (int k = i; k < f.count; ++k)
                 if (f.of[k] == i) seen(k, boundary, face, before, after);
         };
+        respond(n, f, i, f.velocity[i], of_all);
+    }
+    /// What boundaries make of a velocity of a field, and of all that is stuck to it.
+    template <class Seen>
+    MPM_INLINE void respond(int n, const Fields& f, int i, Vec<T, D>& v, const Seen& seen) const {
+        if (!node.touched[f.slot[i]]) return;
+        std::int64_t c[D];
+        node.cell(f.slot[i], n, c);
         const auto share = [&](std::uint64_t channels) {
             double part = 0, all = 0;
             for (int k = i; k < f.count; ++k) {
@@ -170,12 +175,37 @@ struct NodeContact {
             }
             return part < all ? part / all : 1.0;
         };
-        apply_boundaries<true>(node.boundaries, c, f.velocity[i], of_all, share);
+        apply_boundaries<true>(node.boundaries, c, v, seen, share);
+    }
+    /// The part, 0 to 1, of a change of velocity that boundaries let a field have.
+    MPM_INLINE T part_given(int n, const Fields& f, int i, const Vec<T, D>& along, T by) const {
+        bool changed = false;
+        Vec<T, D> v = f.velocity[i];
+        for (int x = 0; x < D; ++x) v[x] += by * along[x];
+        respond(n, f, i, v, Changed<T, D>{&changed});
+        if (!changed || by == T(0)) return T(1);
+        T got = 0;
+        for (int x = 0; x < D; ++x) got += (v[x] - f.velocity[i][x]) * along[x];
+        const T part = got / by;
+        return part > T(0) ? (part < T(1) ? part : T(1)) : T(0);
+    }
+    /// The reduced mass of two fields along a direction, in which they approach at `speed`: where a
+    /// boundary holds one of them that is the mass of the other. `mass`: of both as if free.
+    MPM_INLINE T mass_beside_boundaries(int n, const Fields& f, int a, int b,
+                                        const Vec<T, D>& along, T speed, T mass,
+                                        bool& limited) const {
+        const T push = mass * speed;
+        const T of_a = part_given(n, f, a, along, -push / f.together[a]),
+                of_b = part_given(n, f, b, along, push / f.together[b]);
+        if (of_a == T(1) && of_b == T(1)) return mass;
+        limited = true;
+        const T inverse = of_a / f.together[a] + of_b / f.together[b];
+        return inverse > T(0) ? T(1) / inverse : T(0);
     }
 
     /// The impulse that two fields exchange, on all that is stuck to them.
-    template <class Met>
-    MPM_CALL void meet(int n, Fields& f, int i, int j, const Met& met) const {
+    template <class Seen, class Met>
+    MPM_CALL void meet(int n, Fields& f, int i, int j, const Seen& seen, const Met& met) const {
         const Reconverge at_return;
         const int a = f.of[i], b = f.of[j];
         const ContactLaw& l = contact.laws[law(f, i, j)];
@@ -194,13 +224,35 @@ struct NodeContact {
         if (!(square > allowed * allowed)) return;
         if (!direction(f.slot[i], f.slot[j], of_a, of_b, n, normal)) return;
         const T mass = f.together[a] * f.together[b] / (f.together[a] + f.together[b]);
-        if (!contact_impulse<T, D>(l, normal, w, mass, allowed, impulse)) return;
+        T mass_along = mass, mass_across = mass;
+        bool limited = false;
+        if (node.touched[f.slot[a]] || node.touched[f.slot[b]]) {
+            T along = 0, across = 0;
+            for (int x = 0; x < D; ++x) along += w[x] * normal[x];
+            if (!(along > allowed)) return;
+            Vec<T, D> slide;
+            for (int x = 0; x < D; ++x) {
+                slide[x] = w[x] - along * normal[x];
+                across += slide[x] * slide[x];
+            }
+            across = square_root(across);
+            mass_along = mass_beside_boundaries(n, f, a, b, normal, along - allowed, mass, limited);
+            if (across > T(0)) {
+                for (int x = 0; x < D; ++x) slide[x] /= across;
+                mass_across = mass_beside_boundaries(n, f, a, b, slide, across, mass, limited);
+            }
+        }
+        if (!contact_impulse<T, D>(l, normal, w, mass_along, mass_across, allowed, impulse)) return;
         for (int x = 0; x < D; ++x) {
             f.velocity[a][x] -= impulse[x] / f.together[a];
             f.velocity[b][x] += impulse[x] / f.together[b];
         }
         f.pushed[a] = f.pushed[b] = true;
-        met(i, j, impulse, normal, w, mass);
+        met(i, j, impulse, normal, w, mass_across);
+        if (!limited) return;
+        // At once, so that no other body is pushed by what a boundary does not let move.
+        respond_of(n, f, a, seen);
+        respond_of(n, f, b, seen);
     }
     /// Normal from one field to the other, by the volume fractions of the nodes around.
     MPM_INLINE bool direction(std::int32_t slot_a, std::int32_t slot_b, T of_a, T of_b, int n,

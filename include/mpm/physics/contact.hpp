@@ -119,22 +119,24 @@ MPM_INLINE bool approach_allowed(const ContactLaw& law, T a, T b, double cell_pe
 }
 
 /// Impulse on b (kg m/s), minus that on a; false where there is none. `w` = v_a - v_b, `mass` the
-/// reduced mass.
+/// reduced mass along the normal, `mass_across` along the faces: another one only where a boundary
+/// holds one of them.
 template <class T, int D>
 MPM_INLINE bool contact_impulse(const ContactLaw& law, const Vec<T, D>& n, const Vec<T, D>& w,
-                                T mass, T allowed, Vec<T, D>& impulse) {
+                                T mass, T mass_across, T allowed, Vec<T, D>& impulse) {
     T along = 0;
     for (int a = 0; a < D; ++a) along += w[a] * n[a];
     const T speed = along - allowed;
     if (!(speed > T(0))) return false;
     const T normal = mass * speed;
+    if (!(normal > T(0))) return false;
     Vec<T, D> slide;
     T square = 0;
     for (int a = 0; a < D; ++a) {
         slide[a] = w[a] - along * n[a];
         square += slide[a] * slide[a];
     }
-    const T sliding = square_root(square), stop = mass * sliding;
+    const T sliding = square_root(square), stop = mass_across * sliding;
     const bool holds = stop <= T(law.static_friction) * normal;
     const T limit = T(law.dynamic_friction) * normal;
     const T tangential = holds || stop < limit ? stop : limit;
