@@ -220,6 +220,14 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
     )
     for e in moduli
 } | {
+    f"five dominoes, {n} cells thick, {what}": (
+        loads.dominoes, {"cells": n, "edge": edge},
+        [near("interval", 40.7, 0.12)] if edge <= 1 else [],
+    )
+    for n in (3, 4, 6) for what, edge in (
+        ("particles", math.inf), ("h = Δx/2", 0.5), ("h = Δx", 1.0),
+    ) if n < 6 or edge >= 1
+} | {
     f"dam break on an elastic column, Δx = {1e3 * dx:g} mm, {what}": (
         loads.elastic_column, {"dx": dx, "edge": edge},
         [over("peak", 42), under("peak", 50), over("peak_time", 0.2), under("peak_time", 0.27),
@@ -241,6 +249,11 @@ BESIDE: list[tuple[str, str, str]] = [
     ("force of a bar on a wall, 10 cells thick", "bar, ", "force"),
     ("its speed afterwards", "bar, ", "rebound"),
     ("energy kept in 3 turns", "spin, 3 turns, ", "energy"),
+    (
+        "time between falls of dominoes 3 cells thick, ms",
+        "five dominoes, 3 cells thick, ",
+        "interval",
+    ),
     ("tip of a column in a dam break, mm", "dam break on an elastic column, Δx = 4 mm, ", "peak"),
     ("its time, s", "dam break on an elastic column, Δx = 4 mm, ", "peak_time"),
 ]
