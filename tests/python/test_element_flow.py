@@ -210,3 +210,16 @@ def test_a_bar_that_yields(hardening: float) -> None:
     """Uniaxial stress in space: the plateau, and the line of hardening."""
     found = loads.yielding_bar(cells=2, hardening=hardening)
     assert found["force"] == pytest.approx(1, abs=0.04)
+
+
+def test_an_element_beyond_the_range_of_its_law_is_named() -> None:
+    """Blown up to 20 times its volume, of which a law at constant plastic volume has all."""
+    law = materials.VonMises(density=1000.0, youngs_modulus=1.0, poissons_ratio=0.3,
+                             yield_stress=1.0)  # fmt: skip
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 2))
+    scene.add_body(name="block", shape=cases.mesh_of((0.9, 0.9), (1.1, 1.1), 0.05), material=law,
+                   velocity=libmpm.Field(components=("4 * (x - 1)", "4 * (y - 1)")))  # fmt: skip
+    sim = libmpm.Simulation(scene, device="cpu", precision="double")
+    with pytest.raises(libmpm.NumericalError, match=r"body 'block', vertices .*beyond the range of"
+                       r" its law.*element \d+ of vertices"):  # fmt: skip
+        sim.run(until=2.0, progress=False)

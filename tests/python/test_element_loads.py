@@ -207,3 +207,20 @@ def test_a_wall_feels_a_weight_of_traction() -> None:
     series = sim.sensors["force"]
     mean = series.values[series.time > 0.2, list(series.components).index("force_y")].mean()
     assert abs(mean) == pytest.approx(100.0, rel=0.02)
+
+
+@pytest.mark.validation
+def test_dominoes_of_elements_fall_as_those_of_particles() -> None:
+    """Three of them, 3 cells thick; the guide's bound is 12 %."""
+    found = [loads.dominoes(edge=edge, count=4) for edge in (np.inf, 1.0)]
+    assert [f["fallen"] for f in found] == [4, 4]
+    assert found[1]["interval"] == pytest.approx(found[0]["interval"], rel=0.12)
+
+
+@pytest.mark.slow
+@pytest.mark.validation
+@pytest.mark.parametrize("modulus", [1e6, 2e7])
+def test_a_beam_under_water_sinks_as_theory_says(modulus: float) -> None:
+    """± 6 % of the membrane's formula, of which a quarter of a cell at each end is 5."""
+    found = loads.beam_under_water(modulus=modulus)
+    assert found["sinks"] == pytest.approx(1, abs=0.06)

@@ -28,7 +28,9 @@ _LOOKS = 100
 
 def mesh_of(lower: Any, upper: Any, edge: float, pattern: str = "alternating",
             volumes: str | None = None) -> Any:  # fmt: skip
-    """Return a box of elements in 2D or 3D."""
+    """Return a box of elements in 2D or 3D; of particles where the edge is infinite."""
+    if math.isinf(edge):
+        return shapes.Box(lower=lower, upper=upper)
     kind: Any = shapes.Triangles if len(lower) == 2 else shapes.Tetrahedra
     return kind.box(lower=lower, upper=upper, edge=edge, pattern=pattern, volumes=volumes)
 
@@ -45,7 +47,9 @@ def at_rest(dimension: int) -> libmpm.TimeTable:
 
 def elastic_energy(sim: Any, body: str) -> float:
     """Return the energy in all elements, J."""
-    return float(sim.particles[body]["element_energy"].sum())
+    view = sim.particles[body]
+    name = "element_energy" if "element_energy" in view.names else "elastic_energy"
+    return float(view[name].sum())
 
 
 def grid_motion(sim: Any, centre: Array) -> tuple[float, float]:

@@ -100,41 +100,50 @@ def end_pull(edge: float = 0.5, cells: int = 4) -> Numbers:
 
 def bar_scene(
     material: Any, cells: int, edge: float, dimension: int, strain: float, crossings: float,
-    volumes: str | None = None,
+    volumes: str | None = None, across: bool = False,
 ) -> tuple[libmpm.Scene, float, float]:  # fmt: skip
     """Return a bar 0.1 m thick that one end's region holds and the other's pulls.
+
+    `across`: the other moves it along y alone, and holds as much of it as it is thick, so that it
+    does not turn.
 
     Also its length between the last nodes that are held, m, and when the pull is over, s. The
     pull is a velocity that grows and falls over half a sine; the region stays where it is.
     """
     high, d = 0.1, dimension
     dx = high / cells
+    shift = cells if across else 0
     n = 5 * cells  # cells between the faces of the regions; to the last held nodes one more
     free = (n + 1) * dx
-    room = (n + 14, cells + 12, cells + 12)[:d]
+    room = (
+        n + 14 + 2 * shift,
+        cells + 12 + math.ceil(strain * free / dx) * int(across),
+        cells + 12,
+    )[:d]
     wave = math.sqrt(material.youngs_modulus / material.density)
     lasts = crossings * free / wave
     time = np.linspace(0, lasts, 65)
     speed = strain * free * 0.5 * math.pi / lasts * np.sin(math.pi * time / lasts)
     pull = np.zeros((65, d))
-    pull[:, 0] = speed
+    pull[:, 1 if across else 0] = speed
     pull[-1] = 0
     scene = libmpm.Scene(
         dimension=d, cell_size=dx, lower=(0,) * d, upper=[k * dx for k in room],
         method=libmpm.Method(cfl=0.3),
     )  # fmt: skip
-    low = np.array([5.0, 6.2, 6.2][:d]) * dx
-    top = np.array([(n + 9) * dx, low[1] + high, low[1] + high][:d])
+    left, right, deep = 7 + shift, n + 7 + shift, 2 + shift
+    low = np.array([left - deep, 6.2, 6.2][:d]) * dx
+    top = np.array([(right + deep) * dx, low[1] + high, low[1] + high][:d])
     scene.add_body(name="bar", shape=mesh_of(low, top, edge * dx, volumes=volumes),
                    material=material)  # fmt: skip
     ends = [k * dx for k in room]
     scene.add_boundary(
-        name="clamp", shape=shapes.Box(lower=(0,) * d, upper=[7 * dx, *ends[1:]]),
+        name="clamp", shape=shapes.Box(lower=(0,) * d, upper=[left * dx, *ends[1:]]),
         response=boundaries.Prescribed(), motion=at_rest(d),
     )  # fmt: skip
     scene.add_boundary(
-        name="drive", shape=shapes.Box(lower=[(n + 7) * dx, *([0] * (d - 1))], upper=ends),
-        response=boundaries.Prescribed(),
+        name="drive", shape=shapes.Box(lower=[right * dx, *([0] * (d - 1))], upper=ends),
+        response=boundaries.Prescribed(components=("y",) if across else "all"),
         motion=libmpm.TimeTable(time.tolist(), pull.tolist(), end="hold"),
     )  # fmt: skip
     for name in ("clamp", "drive"):
@@ -185,7 +194,10 @@ def yielding_bar(
               for x in (middle - free / 6, middle + free / 6)]  # fmt: skip
     sections = [np.abs(rest[:, 0] - x) < 1e-6 for x in planes]
     mesh: Any = scene.bodies[0].shape
-    inner = np.abs(mesh.vertices[mesh.elements].mean(axis=1)[:, 0] - middle) < free / 6
+    places, name = rest, "plastic_strain"
+    if not math.isinf(edge):
+        places, name = mesh.vertices[mesh.elements].mean(axis=1), "element_plastic_strain"
+    inner = np.abs(places[:, 0] - middle) < free / 6
     period = 2 * free / math.sqrt(MODULUS / DENSITY)
     sim.run(until=0.8 * lasts, progress=False)
     stretch, flowed, begun = [], [], sim.time
@@ -195,7 +207,7 @@ def yielding_bar(
         a, b = (float(now[s, 0].mean()) for s in sections)
         c, d = (float(rest[s, 0].mean()) for s in sections)
         stretch.append((b - a) / (d - c))
-        flowed.append(float(bar["element_plastic_strain"][inner].mean()))
+        flowed.append(float(bar[name][inner].mean()))
     along = math.log(float(np.mean(stretch)))
     stress = (yields + h * along) / (1 + hardening)
     expected = stress * 0.01 / math.exp(along)
@@ -205,17 +217,40 @@ def yielding_bar(
             "along": along}  # fmt: skip
 
 
+def plastic_hinges(edge: float = 0.5, cells: int = 4, volumes: str | None = None) -> Numbers:
+    """Return the force that moves one end of a beam across, once it yields, over 2 M_p / L.
+
+    Both ends are kept from turning. Plane strain, M_p = 2/√3 σ_y h²/4, without hardening, ν 0.3; L
+    between the last nodes that are held. σ_y is 0.002 E, the way 0.05 L, five times that at which
+    the outer fibres yield.
+    """
+    yields, high = 0.002 * MODULUS, 0.1
+    law = materials.VonMises(density=DENSITY, youngs_modulus=MODULUS, poissons_ratio=0.3,
+                             yield_stress=yields)  # fmt: skip
+    scene, free, lasts = bar_scene(law, cells, edge, 2, 0.05, 150, volumes, across=True)
+    sim = libmpm.Simulation(scene, device="cpu", precision="double")
+    sim.run(until=0.9 * lasts, progress=False)
+    moment = 2 / math.sqrt(3) * yields * high**2 / 4
+    force = abs(_mean_force(sim, "force at clamp", "y", 0.75 * lasts))
+    return {"force": force * free / (2 * moment), "steps": float(sim.steps)}
+
+
 # Water on a beam ---------------------------------------------------------------------------------
 
 
-def membrane(modulus: float, load: float, long: float = 10.0, high: float = 1.0) -> float:
+def membrane(
+    modulus: float, load: float, long: float = 10.0, high: float = 1.0, ponding: float = 0.0
+) -> float:
     """Return how far the middle of a beam with both ends held sinks, m.
 
     w L⁴ / E = 384 I δ + (π⁴/4) A δ³ (one term of the clamped shape) and shear, w L² / (8 k A G),
-    ν = 0; `load` w in N/m.
+    ν = 0; `load` w in N/m. `ponding`: weight ρ g of water whose surface stays level, N/m³: what
+    the shape δ (1 - cos 2πx/L) / 2 gathers in the middle and takes from the ends bends the beam by
+    ρ g L⁴ / (16 π⁴ E I) of δ more, as long as no end falls dry.
     """
     inertia, area = high**3 / 12, high
-    roots = np.roots([math.pi**4 / 4 * area, 0, 384 * inertia, -load * long**4 / modulus])
+    stiff = 384 * inertia - 24 * ponding * long**4 / (math.pi**4 * modulus)
+    roots = np.roots([math.pi**4 / 4 * area, 0, stiff, -load * long**4 / modulus])
     bent = float(max(r.real for r in roots if abs(r.imag) < 1e-9 * abs(r)))
     return bent + load * long**2 / (8 * SHEAR * area * modulus / 2)
 
@@ -266,9 +301,16 @@ def beam_under_water(
     for k in range(1, _SAMPLES + 1):
         sim.run(until=grows + (0.5 + 0.5 * k / _SAMPLES) * holds, progress=False)
         sunk.append(float((rest[near, 1] - beam["position"][near, 1]).mean()))
-    load = gravity * (1000.0 * deep + 100.0 * high)
-    return {"sinks": float(np.mean(sunk)) / membrane(modulus, load), "metres": float(np.mean(sunk)),
-            "steps": float(sim.steps)}  # fmt: skip
+    return sunk_by(modulus, float(np.mean(sunk))) | {"steps": float(sim.steps)}
+
+
+def sunk_by(modulus: float, metres: float) -> Numbers:
+    """Return how far the beam under water sinks over theory; with ponding where no end is dry."""
+    load = 9.81 * (1000.0 * 0.5 + 100.0)
+    found = {"sinks": metres / membrane(modulus, load), "metres": metres}
+    if metres / 2 < 0.5:
+        found["with_ponding"] = metres / membrane(modulus, load, ponding=9810.0)
+    return found
 
 
 def elastic_column(
@@ -324,3 +366,59 @@ def elastic_column(
     peak = int(np.argmax(moved))
     arrives = next((t for t, x in zip(time, front, strict=True) if x > left - 0.5 * dx), math.nan)
     return {"arrives": arrives, "peak": moved[peak], "peak_time": time[peak]}
+
+
+# Dominoes ----------------------------------------------------------------------------------------
+
+
+def dominoes(
+    edge: float = 0.5, cells: int = 3, count: int = 5, friction: float = 0.3, modulus: float = 3e6,
+) -> Numbers:  # fmt: skip
+    """Return the mean time between falls of neighbours in a row of dominoes, ms, and how many fell.
+
+    Of Bonus (2023), 6.9: 6 mm thick, 48 mm high, 30 mm apart, 1400 kg/m³; the first begins at 12
+    degrees and 20.8 rad/s. A domino falls when it has turned by 5 degrees. `edge` in cells;
+    infinite = particles. Friction between them and on the floor.
+    """
+    thick, high, pitch, begins = 0.006, 0.048, 0.030, 12.0
+    dx = thick / cells
+    feet = [0.018 + k * pitch for k in range(count)]
+    scene = libmpm.Scene(
+        dimension=2, cell_size=dx, lower=(0, 0), gravity=(0, -9.81),
+        upper=(math.ceil((feet[-1] + 1.3 * high) / dx) * dx, math.ceil(1.3 * high / dx) * dx),
+        method=libmpm.Method(cfl=0.4),
+    )  # fmt: skip
+    material = materials.FixedCorotated(density=1400.0, youngs_modulus=modulus, poissons_ratio=0.3)
+    turn = math.radians(begins)
+    for k, foot in enumerate(feet):
+        shape: Any = mesh_of((foot - thick, 0.0), (foot, high), edge * dx)
+        spin = None
+        if k == 0:
+            spin = libmpm.Field(components=("20.8 * y", f"-20.8 * (x - {foot})"))
+            if math.isinf(edge):
+                c, s = math.cos(turn), math.sin(turn)
+                middle = (foot + (high * s - thick * c) / 2, (high * c + thick * s) / 2)
+                shape = shapes.OrientedBox(centre=middle, size=(thick, high), angle=-begins)
+            else:
+                shape = shape.turned(-begins, about=(foot, 0.0))
+        scene.add_body(name=f"d{k}", shape=shape, material=material, velocity=spin)
+    rough = boundaries.Separable(static_friction=friction, dynamic_friction=friction)
+    scene.add_boundary(name="floor", shape=shapes.DomainWalls(faces=("y-",)), response=rough)
+    law = libmpm.contacts.Friction(static=friction, dynamic=friction)
+    for k in range(count - 1):
+        scene.add_contact(name=f"c{k}", between=(f"d{k}", f"d{k + 1}"), law=law)
+    sim = libmpm.Simulation(scene, device="cpu", precision="double")
+    rest = [sim.particles[f"d{k}"]["position"] for k in range(count)]
+    upper = [x[:, 1] > 0.75 * x[:, 1].max() for x in rest]
+    lower = [x[:, 1] < 0.25 * x[:, 1].max() for x in rest]
+    falls: dict[int, float] = {}
+    while sim.time < 0.09 * count and len(falls) < count - 1:
+        sim.run(until=sim.time + 5e-4, progress=False)
+        k = len(falls) + 1
+        x = sim.particles[f"d{k}"]["position"]
+        a, b = x[upper[k]].mean(axis=0) - x[lower[k]].mean(axis=0)
+        if math.degrees(math.atan2(a, b)) > 5:
+            falls[k] = sim.time
+    times = np.array(list(falls.values()))
+    return {"interval": 1e3 * float(np.diff(times).mean()) if len(times) > 1 else math.nan,
+            "fallen": float(1 + len(times)), "steps": float(sim.steps)}  # fmt: skip

@@ -276,10 +276,13 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
             p.turns = true;
             body.ops.respond(p);
             after_respond(body, p);
+            double time = clock_.time;  // from which what is spread acts
             if constexpr (!X::is_device) {
+                const Clock& clock = *clock_buffer_.data();
+                time = clock.time + clock.dt;
                 if (body.mesh) locate_elements(body, number);
             }
-            spread_body(body, p, clock_buffer_.data()->time + clock_buffer_.data()->dt);
+            spread_body(body, p, time);
             break;
     }
 }
