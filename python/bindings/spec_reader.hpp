@@ -378,6 +378,7 @@ inline BoundarySpec read_boundary(const py::dict& d, int dimension) {
         b.law[f].static_friction = r["static_friction"].cast<double>();
         b.law[f].dynamic_friction = r["dynamic_friction"].cast<double>();
         b.law[f].linear = r["linear"].cast<bool>();
+        b.law[f].cautious = r.contains("cautious") && r["cautious"].cast<bool>();
     }
     b.start = d["start"].cast<double>();
     b.end = d["end"].cast<double>();

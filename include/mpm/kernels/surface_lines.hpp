@@ -57,6 +57,21 @@ struct SurfaceView {
     }
 };
 
+/// Is a node within some cells of where a boundary that moves may come?
+template <int D>
+MPM_INLINE bool moving_near(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int cells) {
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (r.surface == 0) continue;
+        const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
+        bool near = s.path.given() || s.turn.given();
+        for (int a = 0; a < D && near; ++a)
+            near = cell[a] >= r.lower[a] - cells && cell[a] < r.upper[a] + cells;
+        if (near) return true;
+    }
+    return false;
+}
+
 template <int D>
 MPM_INLINE void moved_along(const std::int64_t (&cell)[D], int axis, std::int64_t by,
                             std::int64_t (&out)[D]) {
@@ -76,9 +91,10 @@ struct SurfaceLine {
 
     SurfaceLine() = default;
     /// `room(cell)`: of a node that stands right before another wall across the axis, true.
+    /// `cautious`: as `SurfaceLaw` has it.
     template <class Room>
     MPM_INLINE SurfaceLine(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
-                           const std::int64_t (&cell)[D], const Room& room) {
+                           const std::int64_t (&cell)[D], bool cautious, const Room& room) {
         const SurfaceView<D> here(all, s, cell);
         if (!here.known || here.distance >= 2) return;
         if (here.axis < 0 || here.deep()) {
@@ -87,13 +103,15 @@ struct SurfaceLine {
         }
         axis = here.axis;
         sign = here.away;
+        // Held surfaces have a layer, whose end `hold` knows.
+        const State otherwise = cautious || here.distance < 1 ? held : away;
         if (beside_edge(all, s, cell)) {
-            state = here.distance < 1 ? held : away;
+            state = otherwise;
             return;
         }
         const double before = before_wall(all, s, cell, here, room);
         if (before < 1.5) {
-            state = here.distance < 1 ? held : away;
+            state = otherwise;
             return;
         }
         const double least = before < 3.5 ? 0.5 : 1.0;
@@ -107,6 +125,11 @@ struct SurfaceLine {
             lead = seen.distance;
             share = here.distance / lead;
             for (int a = 0; a < D; ++a) normal[a] = seen.normal[a];
+            // All nodes of a line ask at its leader.
+            if (cautious && (moving_near<D>(all, there, 3) || !level(all, s, there))) {
+                state = otherwise;
+                return;
+            }
             state = on;
             if (step > 0) return;
             // A leader leads only what is nearer.
@@ -115,7 +138,24 @@ struct SurfaceLine {
             if (!next.along(here) || next.distance >= least) state = away;
             return;
         }
-        state = here.distance < 1 ? held : away;
+        state = otherwise;
+    }
+    /// Is the surface across the axis, to a degree, for two cells around? Cut cells of a slope
+    /// integrate stresses unevenly: water at rest on linear ones is stirred.
+    MPM_CALL bool level(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                        const std::int64_t (&cell)[D]) const {
+        const Reconverge at_return;
+        bool flat = true;
+        for (int t = 0; t < D; ++t)
+            for (int by = -2; by < 3; by += 2) {
+                if (t == axis ? by != 0 : by == 0) continue;
+                std::int64_t there[D];
+                moved_along<D>(cell, t, by, there);
+                const SurfaceView<D> seen(all, s, there);
+                flat = flat && seen.known && seen.axis == axis &&
+                       seen.normal[axis] * seen.away > 0.99985;
+            }
+        return flat;
     }
     /// Does another face meet this one within two cells of the line? Splines there do not vanish on
     /// it, and what even pressure does to their nodes is not along its normal.

@@ -62,7 +62,7 @@ struct ClassifyWallNodes {
             ++near;
         }
         other = other || near > 0;
-        bool unknown = near > 1;
+        bool unknown = near > 1 || moving_near<D>(boundaries, cell, far_off);
         for (int b = 0; b < boundaries.count; ++b) unknown = unknown || may_change(b, cell);
         if (surfaces) {
             SurfaceNode<D> seen;
@@ -81,14 +81,10 @@ struct ClassifyWallNodes {
         on_lines[i] = kind[i] == WallNode::on_lines;
         any[i] = kind[i] == WallNode::any || unknown;
     }
-    /// Is a node within the reach of a boundary that moves, or acts for a time?
+    /// Is a node within the reach of a boundary that acts for a time?
     MPM_INLINE bool may_change(int b, const std::int64_t (&cell)[D]) const {
         const BoundaryRecord<D>& r = boundaries.records[b];
         bool changes = !(r.start <= 0 && r.end > 1e300);
-        if (r.surface > 0) {
-            const SurfaceRecord<D>& s = boundaries.surfaces[r.surface - 1];
-            changes = changes || s.path.given() || s.turn.given();
-        }
         for (int a = 0; a < D && changes; ++a)
             changes = cell[a] >= r.lower[a] - far_off && cell[a] < r.upper[a] + far_off;
         return changes;

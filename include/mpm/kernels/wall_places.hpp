@@ -185,6 +185,14 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
         line.face = face;
         line.sign = wall.sign;
         line.place = int(place);
+        if (r.law[face].cautious) {
+            std::int64_t foot[D];
+            moved_along<D>(cell, axis, -place * wall.sign, foot);
+            if (moving_near<D>(all, foot, 3)) {  // as a held wall has it
+                line.form = place > 0 ? WallLine::none : WallLine::held;
+                return place <= 0;
+            }
+        }
         const bool thin = r.is_box && r.upper[axis] - r.lower[axis] < 2;
         line.form = room < 2 || thin ? WallLine::held
                     : room < 4       ? WallLine::pair
@@ -200,10 +208,12 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
 template <int D>
 MPM_INLINE SurfaceLine<D> surface_line(const BoundaryView<D>& all, int boundary,
                                        const std::int64_t (&cell)[D]) {
-    const SurfaceRecord<D>& s = all.surfaces[all.records[boundary].surface - 1];
-    return SurfaceLine<D>(all, s, cell, [&](const std::int64_t(&at)[D], int axis, int sign) {
-        return before_face<D>(all, at, axis, sign);
-    });
+    const BoundaryRecord<D>& r = all.records[boundary];
+    const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
+    return SurfaceLine<D>(all, s, cell, r.law[0].cautious,
+                          [&](const std::int64_t(&at)[D], int axis, int sign) {
+                              return before_face<D>(all, at, axis, sign);
+                          });
 }
 
 /// The node some cells along an axis from one of a slot, and its slot, -1 where it is not active.

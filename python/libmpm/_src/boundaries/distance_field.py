@@ -22,6 +22,7 @@ from libmpm._src.base.time_tables import TimeTable, engine_table
 from libmpm._src.base.values import warn
 from libmpm._src.boundaries.covered_faces import Covers, covers_of, motion_of, moves
 from libmpm._src.boundaries.responses import DecayLayer, Prescribed
+from libmpm._src.boundaries.wall_cells import strains_linearly
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.solid import Solid
 
@@ -93,7 +94,7 @@ def distance_field(scene: SceneData, boundary: Boundary) -> DistanceField:
     spacing = boundary.spacing or scene.cell_size
     layer = layer_of(boundary)
     band = layer.thickness * scene.cell_size + 2 * spacing
-    if any(r.asks_for_linear for r in boundary.responses):
+    if strains_linearly(scene, boundary, ""):
         # Whether another wall is near is asked four cells before a surface.
         band = max(band, 4 * scene.cell_size + spacing)
     region = _region(scene, boundary, band)

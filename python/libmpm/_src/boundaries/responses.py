@@ -69,9 +69,9 @@ class Slip(Response):
         '"held": the wall holds nodes, one by one, and the cells beside it strain by half: '
         'their pressure in a flow is wrong. "linear": the velocity towards the wall is '
         "linear in its cell and meets the wall's in the plane of the wall "
-        '(`design/walls.md`, 7), with quadratic functions. "auto": "linear" for walls of the '
-        "domain and boxes that rest, in a scene with a fluid whose method allows it, else "
-        '"held", as for slopes that water rests on.',
+        '(`design/walls.md`, 7), with quadratic functions. "auto": "linear" for walls, boxes '
+        "and level surfaces that rest, three cells and more from where something that moves may "
+        'come, in a scene with a fluid whose method allows it, else "held", as for slopes.',
         default="auto",
         range='"auto", "held" or "linear"',
     )

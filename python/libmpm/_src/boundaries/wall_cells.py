@@ -10,21 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from libmpm._src.base.axes import AXES
-from libmpm._src.boundaries.covered_faces import motion_of, moves
+from libmpm._src.boundaries.covered_faces import moves
 from libmpm._src.boundaries.responses import Mirror, Response
-from libmpm._src.shapes.boxes import Box, DomainWalls
-from libmpm._src.shapes.solid import Solid
 
 if TYPE_CHECKING:
     from libmpm._src.methods.transfer import Transfer
     from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary
 
-__all__ = ["FILTERS", "KEPT", "keeps_whole_velocity", "linear_by_default", "strains_linearly"]
-__all__ += ["with_held_cells"]
+__all__ = ["FILTERS", "KEPT", "by_caution", "keeps_whole_velocity", "linear_by_default"]
+__all__ += ["strains_linearly", "with_held_cells"]
 
 #: Transfers that filter velocities over the grid and do not know lines of nodes.
 FILTERS = ("XPIC", "FMPM")
@@ -40,7 +35,7 @@ def keeps_whole_velocity(scene: SceneData) -> Transfer | None:
 
 
 def linear_by_default(scene: SceneData) -> bool:
-    """Whether "auto" is "linear" at walls that rest in this scene.
+    """Whether "auto" is "linear" at walls and surfaces that rest in this scene.
 
     There is a fluid, functions are plain quadratic splines, and neither method nor other walls know
     nothing of lines of nodes.
@@ -64,6 +59,8 @@ def strains_linearly(
 ) -> bool:
     """Whether the cells beside a face ("" where there is none) of a boundary strain linearly.
 
+    Where "auto" stands for that (`by_caution`), the engine still holds nodes on slopes and where
+    something that moves may come within three cells: drops creep between the two there.
     `by_default` is `linear_by_default(scene)` where it is known already.
     """
     given = boundary.response
@@ -71,34 +68,17 @@ def strains_linearly(
     cell = getattr(response, "cell", "held")
     if cell != "auto":
         return bool(cell == "linear")
-    at_rest = boundary.motion is None and boundary.rotation is None
     plain = boundary.layer is None and boundary.within is None and not boundary.bodies
-    flat = isinstance(boundary.shape, DomainWalls | Box) and not boundary.is_surface
-    if not (face and at_rest and plain and flat):
+    if moves(boundary) or not plain or not (face or boundary.is_surface):
         return False
-    if not (linear_by_default(scene) if by_default is None else by_default):
-        return False
-    return not any(_reaches(scene, b, boundary, face) for b in scene.boundaries if moves(b))
+    return linear_by_default(scene) if by_default is None else by_default
 
 
-def _reaches(scene: SceneData, moving: Boundary, wall: Boundary, face: str) -> bool:
-    """Whether a moving boundary ever stands on a wall: drops creep between the two there.
-
-    Those that turn or travel are taken to come everywhere.
-    """
-    table, places = motion_of(moving)
-    if moving.rotation is not None or not places or table is None:
-        return True
-    assert isinstance(moving.shape, Solid)
-    low, high = moving.shape.bounds()
-    rows, near = np.asarray(table.value, dtype=np.float64), scene.cell_size
-    first = np.asarray(low) + rows.min(axis=0) - near
-    last = np.asarray(high) + rows.max(axis=0) + near
-    if isinstance(wall.shape, Box):
-        return bool(np.all(first <= wall.shape.upper) and np.all(last >= wall.shape.lower))
-    axis = AXES.index(face[0])
-    plane = (scene.lower if face[1] == "-" else scene.upper)[axis]
-    return bool(first[axis] <= plane <= last[axis])
+def by_caution(boundary: Boundary, face: str) -> bool:
+    """Whether linear cells beside a face are by default, not by name."""
+    given = boundary.response
+    response = given if isinstance(given, Response) else given[face or next(iter(given))]
+    return getattr(response, "cell", "held") == "auto"
 
 
 def with_held_cells(scene: Mapping[str, Any], *, auto: bool = False) -> dict[str, Any]:

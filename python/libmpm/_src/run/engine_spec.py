@@ -18,7 +18,7 @@ from libmpm._src.base.values import warn
 from libmpm._src.boundaries.distance_field import lower_surface
 from libmpm._src.boundaries.flow_layers import flow_entries, keep_room, zones
 from libmpm._src.boundaries.responses import Prescribed, Response
-from libmpm._src.boundaries.wall_cells import linear_by_default, strains_linearly
+from libmpm._src.boundaries.wall_cells import by_caution, linear_by_default, strains_linearly
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import placing
 from libmpm._src.grids.shapes import Outline
@@ -369,6 +369,7 @@ def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, A
             "static_friction": static,
             "dynamic_friction": dynamic,
             "linear": strains_linearly(scene, boundary, face if present else "", linear),
+            "cautious": by_caution(boundary, face if present else ""),
         }
         if isinstance(response, Prescribed):
             faces[face]["axes"] = response.axes(scene.dimension)
