@@ -174,8 +174,9 @@ def test_a_bar_pulled_by_its_end(cells: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.validation
-@pytest.mark.parametrize("cells", [2, 4])
+@pytest.mark.parametrize("cells", [4, 6])
 def test_a_cantilever_under_a_force_at_its_end(cells: int) -> None:
+    """With 2 cells it is 10 % too stiff (docs/elements.md)."""
     found = loads.end_load(cells=cells)
     assert found["tip"] == pytest.approx(1, abs=0.04)
     assert found["reaction"] == pytest.approx(1, abs=0.01)
