@@ -63,7 +63,10 @@ def test_those_of_solids_alone_hold_their_nodes():
         {"method": methods.Method(transfer=methods.Transfer(scheme="XPIC", order=3))},
         {"method": methods.Method(transfer="FLIP")},
         {"fbar": methods.FBar(form="split", length=0.1)},
-        {"shape": shapes.HalfSpace(point=(0, 0.02), normal=(0, 1))},
+        {
+            "shape": shapes.HalfSpace(point=(0, 0.02), normal=(0, 1)),
+            "layer": boundaries.DecayLayer(thickness=1.5),
+        },
         {"within": shapes.Box(lower=(0, 0), upper=(0.8, 1.2))},
         {"bodies": ("body",)},
         {"response": boundaries.Sticky()},
@@ -91,18 +94,67 @@ def test_contacts_hold_walls():
     assert not linear(basin(more=contact))
 
 
-def test_walls_that_something_moving_stands_on_are_held():
-    way = libmpm.TimeTable(time=(0.0, 1.0), value=((0.0, 0.0), (0.3, 0.0)))
-    scene = basin(box=shapes.Box(lower=(1.2, 0.8), upper=(1.4, 1.0)))
+def states(scene, cell, steps=60):
+    """Return the particles of a scene after some steps with all cells that are "auto" so."""
+    data = scene.to_dict()
+    for boundary in data["boundaries"]:
+        if boundary["motion"] is None and boundary["response"]["cell"] == "auto":
+            boundary["response"]["cell"] = cell
+    sim = libmpm.Simulation(libmpm.Scene.from_dict(data), device="cpu", threads=1)
+    sim.step(steps)
+    found = sim.particles["body"]
+    order = np.argsort(found["id"])
+    return np.asarray(found["position"])[order], np.asarray(found["velocity"])[order]
+
+
+def on_a_bed(slope):
+    """Return water that falls over on a plane through the lower left corner of a basin."""
+    bed = shapes.HalfSpace(point=(0.0, 0.13), normal=(-slope, 1.0))
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0, 0), upper=(1.6, 1.2), gravity=(0, -9.81)
+    )
+    scene.add_body(
+        name="body", shape=shapes.Box(lower=(0, 0.13), upper=(0.6, 0.83)) - bed, material=WATER
+    )
+    scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip())
+    held = boundaries.Slip(cell="held")
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=held)
+    return scene
+
+
+@pytest.mark.parametrize(("slope", "as_if"), [(0.0, "linear"), (0.005, "linear"), (0.05, "held")])
+def test_level_surfaces_are_linear_and_slopes_are_held(slope, as_if):
+    """To the bit: a degree is the difference."""
+    scene = on_a_bed(slope)
+    assert linear(scene, "bed")
+    own = states(scene, "auto")
+    for cell in ("linear", "held"):
+        other = states(scene, cell)
+        same = all(np.array_equal(a, b) for a, b in zip(own, other, strict=True))
+        assert same is (cell == as_if), cell
+
+
+@pytest.mark.parametrize(("left", "as_if"), [(0.0, "held"), (0.8, "linear")])
+def test_walls_are_held_where_something_moving_may_come(left, as_if):
+    """Water within reach of a piston, and water further off than three cells and what it wets."""
+    way = libmpm.TimeTable(time=(0.0, 1.0), value=((0.0, 0.0), (0.1, 0.0)))
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0, 0), upper=(3.2, 1.2), gravity=(0, -9.81)
+    )
+    scene.add_body(
+        name="body", material=WATER,
+        shape=shapes.Box(lower=(2 * left, 0), upper=(2 * left + 0.3, 0.6)),
+    )  # fmt: skip
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
     scene.add_boundary(
         name="piston", shape=shapes.Box(lower=(-0.4, -0.2), upper=(0.0, 0.9)),
         response=boundaries.Slip(), motion=boundaries.Displacement(way),
     )  # fmt: skip
-    cells = {(p.boundary, p.face): p.cell for p in scene.plan().boundaries}
-    assert {face: cells["walls", face] for face in ("x-", "x+", "y-", "y+")} == {
-        "x-": "held", "x+": "linear", "y-": "held", "y+": "linear",
-    }  # fmt: skip
-    assert linear(scene, "box")
+    own = states(scene, "auto", steps=12)
+    for cell in ("linear", "held"):
+        other = states(scene, cell, steps=12)
+        same = all(np.array_equal(a, b) for a, b in zip(own, other, strict=True))
+        assert same is (cell == as_if), cell
 
 
 def test_a_blend_that_forgets_is_beside_linear_cells():

@@ -76,7 +76,9 @@ def test_wall_conditions_at_nodes(angle, friction):
 
     E-18: printed with the other sign, friction would accelerate.
     """
-    response = boundaries.Separable(static_friction=friction, dynamic_friction=friction)
+    response = boundaries.Separable(
+        static_friction=friction, dynamic_friction=friction, cell="held"
+    )
     n, distance, mass, total, velocity, walled = nodes_of(angle, response)
     tangent = np.array([n[1], -n[0]])
     pressed = (distance <= CELL) & (total @ n <= 0)
@@ -111,7 +113,7 @@ def test_wall_conditions_at_nodes(angle, friction):
 @pytest.mark.parametrize("angle", [0.0, 0.4, math.pi / 4])
 def test_decay_layers_reach_their_thickness_at_any_angle(angle, thickness):
     """T11 and (4.24): a node takes the share γ(r/h) of the force, with h in square cells Δx."""
-    slip = boundaries.Separable()
+    slip = boundaries.Separable(cell="held")
     for name, function in FUNCTIONS.items():
         layer = boundaries.DecayLayer(function=name, thickness=thickness)
         n, distance, mass, total, velocity, _ = nodes_of(angle, slip, layer)
