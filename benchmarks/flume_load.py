@@ -1,6 +1,6 @@
 """The load on the box of the Large Wave Flume, wave only, by cell, transfer and walls.
 
-    python benchmarks/flume_load.py --cell 0.1 --transfer APIC [--walls linear] [--bed held]
+    python benchmarks/flume_load.py --cell 0.1 [--transfer APIC] [--walls linear] [--bed held]
                                     [--until 27] [--device cuda] [--budget SECONDS]
 
 Half width, bed of the drawing, water in columns, K 2e6 Pa, box 1.016 x 1.016 x 0.615 m with its
@@ -35,7 +35,8 @@ def scene(cell: float, transfer: str, walls: str, bed_cell: str) -> libmpm.Scene
     width = round(1.83 / cell) * cell
     high = (-1.0 + math.ceil((LENGTH + 1) / cell) * cell, width, math.ceil(3.0 / cell) * cell)
     flip = {} if transfer in ("APIC", "FLIP") else {"flip": 0.95}
-    method = libmpm.Method(transfer=methods.Transfer(scheme=transfer, **flip))  # type: ignore[arg-type]
+    named = methods.Transfer(scheme=transfer, **flip) if transfer != "auto" else None  # type: ignore[arg-type]
+    method = libmpm.Method(transfer=named)
     made = libmpm.Scene(
         dimension=3, cell_size=cell, lower=(-1.0, 0.0, 0.0), upper=high, gravity=(0, 0, -9.81),
         method=method,
@@ -81,7 +82,7 @@ def main() -> int:
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--cell", type=float, default=0.1, help="m")
-    parser.add_argument("--transfer", default="APIC")
+    parser.add_argument("--transfer", default="auto")
     parser.add_argument("--walls", choices=("auto", "held", "linear"), default="auto")
     parser.add_argument("--bed", choices=("auto", "held", "linear"), help="as the walls")
     parser.add_argument("--until", type=float, default=27.0, help="run time, s")
