@@ -342,6 +342,29 @@ def plate(cells: float) -> Values:
     return {"sunk": float((start - np.mean(heights) - shorter) / dx), "by_weight": shorter / dx}
 
 
+def dominoes(friction: float, cells: int) -> Values:
+    """A row of 24 dominoes, of which the first tips; speed of the front from the 8th on."""
+    count = 24
+    simulation = simulate(cases.dominoes(count, cells, friction), precision="single")
+    names = [f"domino {k:02d}" for k in range(count)]
+    ends = {}
+    for name in names:
+        y = cases.by_id(simulation, name, "position")[:, 1]
+        ends[name] = (y > np.quantile(y, 0.75), y < np.quantile(y, 0.25))
+    passed: dict[str, float] = {}
+    while simulation.time < 1.6 and len(passed) < count:
+        simulation.run(until=simulation.time + 1e-3, progress=False)
+        # The front has at most a few on their way at a time.
+        for name in [n for n in names if n not in passed][:4]:
+            if cases.tilt(simulation, name, *ends[name]) > math.radians(20):
+                passed[name] = simulation.time
+    rows = np.array([(k, passed[n]) for k, n in enumerate(names) if n in passed and k >= 8])
+    return {
+        "fallen": float(len(passed)),
+        "speed": float(cases.PITCH / np.polyfit(rows[:, 0], rows[:, 1], 1)[0]),
+    }
+
+
 # In water -----------------------------------------------------------------------------------------
 
 
@@ -427,6 +450,10 @@ ROWS: dict[str, Callable[[], Iterator[tuple[str, Callable[[], Values]]]]] = {
     ),
     "pile": lambda: iter([("20 discs, single", pile)]),
     "plate": lambda: ((f"{n:g} cells", lambda n=n: plate(n)) for n in (1.0, 0.5)),
+    "dominoes": lambda: (
+        (f"friction {mu:g}, {n} cells", lambda mu=mu, n=n: dominoes(mu, n))
+        for mu, n in ((0.3, 3), (0.0, 3), (0.6, 3), (0.3, 4))
+    ),
     "sink": lambda: (
         (f"density 2, R 8, K {k:g} Pa{'' if on else ', one field'}", lambda k=k, on=on: sink(k, on))
         for k, on in ((2e5, True), (2e6, True), (2e6, False))
