@@ -229,6 +229,7 @@ def test_boundaries(scene: Scene) -> None:
         "static_friction": 0.3,
         "dynamic_friction": 0.2,
         "linear": False,
+        "cautious": True,
     }
     assert (pier["start"], pier["end"]) == (0.0, 2.0)
     assert pier["velocity"]["value"].shape == (2, 3)

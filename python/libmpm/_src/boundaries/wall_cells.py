@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from libmpm._src.boundaries.covered_faces import moves
 from libmpm._src.boundaries.responses import Mirror, Response
 
 if TYPE_CHECKING:
@@ -69,7 +68,8 @@ def strains_linearly(
     if cell != "auto":
         return bool(cell == "linear")
     plain = boundary.layer is None and boundary.within is None and not boundary.bodies
-    if moves(boundary) or not plain or not (face or boundary.is_surface):
+    at_rest = boundary.motion is None and boundary.rotation is None
+    if not at_rest or not plain or not (face or boundary.is_surface):
         return False
     return linear_by_default(scene) if by_default is None else by_default
 

@@ -22,7 +22,6 @@ from libmpm._src.materials.material import Material
 from libmpm._src.methods.method import FBar, Method
 from libmpm._src.methods.smoothing import AssumedFields, Smoothing
 from libmpm._src.methods.transfer import Transfer
-from libmpm._src.scene.default_transfer import default_transfer
 from libmpm._src.scene.parts import Body, Boundary, PlacedSensor
 from libmpm._src.scene.placed_force import PlacedForce
 from libmpm._src.scene.start import Start
@@ -232,6 +231,8 @@ class SceneData:
         which it slips and that is neither a wall of the domain nor a bed through all of it, APIC
         elsewhere.
         """
+        from libmpm._src.scene.default_transfer import default_transfer
+
         given = self._method.transfer
         return given if isinstance(given, Transfer) else default_transfer(self)
 
