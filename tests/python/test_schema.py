@@ -120,7 +120,7 @@ def change(document, path, value):
         (("boundaries", 1, "response", "static_frictoin"), 0.1, "static_frictoin"),
         (("sensors", 0, "sensor", "intervall"), 0.1, "intervall"),
         (("method", "leaving"), "vanish", "vanish"),
-        (("method", "transfer", "scheme"), "FLOP", "FLOP"),
+        (("method", "transfer"), {"type": "Transfer", "scheme": "FLOP"}, "FLOP"),
         (("run",), {"untill": 2}, "untill"),
         (("run",), {"until": -2}, "-2"),
         (("libmpm",), 99, "1"),
