@@ -96,8 +96,8 @@ class ContactLoad(Sensor):
     component         unit    meaning
     ================  ======  =====================================================================
     force_x, ...      N       Σ J / t, on the second body of each pair by the first
-    normal            N       Σ |J_n| / t, whatever its direction; ≥ 0
-    tangential        N       Σ |J_t| / t, what friction holds and what it slows down; ≥ 0
+    normal            N       Σ ‖J_n‖ / t, whatever its direction; ≥ 0
+    tangential        N       Σ ‖J_t‖ / t, what friction holds and what it slows down; ≥ 0
     friction_power    W       Σ J_t · w' / t, the energy that sliding takes; 0 where friction holds
     ================  ======  =====================================================================
 
