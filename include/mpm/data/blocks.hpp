@@ -64,6 +64,20 @@ struct BlockKeys {
     MPM_INLINE std::int64_t field(std::uint64_t key) const {
         return fields == 1 ? 0 : std::int64_t(key) % fields;
     }
+    /// Of the slot of its block that is of field 0.
+    MPM_INLINE std::uint64_t of_block(std::uint64_t key) const {
+        return key - std::uint64_t(field(key));
+    }
+    /// Number n of the 3^D blocks around one, itself among them; whether it lies in the domain.
+    MPM_INLINE bool beside(const std::int64_t (&at)[D], int n, std::int64_t (&b)[D]) const {
+        bool inside = true;
+        for (int a = D - 1; a >= 0; --a) {
+            b[a] = at[a] + n % 3 - 1;
+            n /= 3;
+            inside = inside && b[a] >= -rim && b[a] < counts[a] - rim;
+        }
+        return inside;
+    }
     /// Bits that the largest key needs.
     int bits() const {
         double blocks = double(fields);

@@ -43,12 +43,6 @@ MPM_INLINE void find_siblings(const BlockTableView<D>& table, std::int32_t slot,
     count = last - first;
 }
 
-/// For who asks neither what boundaries nor what other bodies do at a node.
-struct HearNothing {
-    template <class... Told>
-    MPM_INLINE void operator()(const Told&...) const {}
-};
-
 /// One node with all its fields.
 template <class T, class Sum, int D>
 struct NodeContact {
@@ -117,7 +111,7 @@ struct NodeContact {
     /// hears of every response of a boundary on field i's mass, and `met(i, j, impulse, normal, w,
     /// mass)` of every impulse on field j, minus that on i: at the approach w = v_i - v_j before
     /// it, of so much reduced mass.
-    template <class Seen, class Met = HearNothing>
+    template <class Seen, class Met = NothingSeen>
     MPM_INLINE void solve(int n, Fields& f, const Seen& seen, const Met& met = {}) const {
         for (int i = 0; i < f.count; ++i)
             if (f.of[i] == i) begin(n, f, i, seen);
@@ -295,7 +289,7 @@ struct ContactPass {
         of.find(of.contact.first[block], of.contact.count[block], n, f);
         if (f.too_many) X::raise(crowded);
         if (f.count < 2 || f.too_many) return;
-        of.solve(n, f, HearNothing{});
+        of.solve(n, f, NothingSeen{});
         for (int k = 0; k < f.count; ++k) {
             const int from = f.of[k];
             T* out = node.grid.velocity + node.grid.velocity_place(f.slot[k], n);

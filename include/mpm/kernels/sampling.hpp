@@ -154,7 +154,7 @@ struct MeasureContacts {
         for (int a = 0; a < f.count && !any; ++a)
             for (int b = a + 1; b < f.count && !any; ++b) any = side(a, b) != 0;
         if (!any) return;
-        of.solve(n, f, HearNothing{},
+        of.solve(n, f, NothingSeen{},
                  [&](int a, int b, const Vec<T, D>& impulse, const Vec<T, D>& normal,
                      const Vec<T, D>& w, T mass) {
                      const int sign = side(a, b);

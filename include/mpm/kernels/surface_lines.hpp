@@ -57,6 +57,15 @@ struct SurfaceView {
     }
 };
 
+/// Is a node within some cells of a box, or of where a surface may come?
+template <int D>
+MPM_INLINE bool near_cells(const BoundaryRecord<D>& r, const std::int64_t (&cell)[D], int cells) {
+    bool near = true;
+    for (int a = 0; a < D; ++a)
+        near = near && cell[a] >= r.lower[a] - cells && cell[a] < r.upper[a] + cells;
+    return near;
+}
+
 /// Is a node within some cells of where a boundary that moves may come?
 template <int D>
 MPM_INLINE bool moving_near(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int cells) {
@@ -64,10 +73,7 @@ MPM_INLINE bool moving_near(const BoundaryView<D>& all, const std::int64_t (&cel
         const BoundaryRecord<D>& r = all.records[b];
         if (r.surface == 0) continue;
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
-        bool near = s.path.given() || s.turn.given();
-        for (int a = 0; a < D && near; ++a)
-            near = cell[a] >= r.lower[a] - cells && cell[a] < r.upper[a] + cells;
-        if (near) return true;
+        if ((s.path.given() || s.turn.given()) && near_cells(r, cell, cells)) return true;
     }
     return false;
 }

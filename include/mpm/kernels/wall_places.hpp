@@ -74,9 +74,7 @@ MPM_INLINE bool on_rows(const BoundaryRecord<D>& r, int axis, const std::int64_t
 /// Is a node too far from a box for its faces and edges?
 template <int D>
 MPM_INLINE bool far_from(const BoundaryRecord<D>& r, const std::int64_t (&cell)[D]) {
-    bool far = false;
-    for (int a = 0; a < D; ++a) far = far || cell[a] < r.lower[a] - 2 || cell[a] > r.upper[a] + 1;
-    return r.is_box && far;
+    return r.is_box && !near_cells(r, cell, 2);
 }
 
 /// Cells of room before a plane on the row of a node, up to 4.

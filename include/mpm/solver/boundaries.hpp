@@ -4,9 +4,10 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -70,8 +71,9 @@ public:
 private:
     /// Nodes beyond a face of the domain that particles inside can reach.
     int reach() const { return wide_ ? 2 : 1; }
-    SurfaceRecord<D> surface(const SurfaceSpec& spec, bool linear);
-    void find_lines(const SurfaceRecord<D>& at_rest);
+    SurfaceRecord<D> surface(const SurfaceSpec& spec);
+    void add_lines(const SurfaceRecord<D>& at_rest, const BlockKeys<D>& keys_of,
+                   std::map<std::uint64_t, unsigned>& lines) const;
     void set_pressures(const Spec& spec, const Plan& plan);
     void list_touched(const BlockTableView<D>& table);
 
@@ -82,8 +84,6 @@ private:
     bool linear_walls_ = false;  // kernels/wall_lines.hpp
     bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
-    // Of blocks (coordinates) beside linear surfaces at rest, the axes along which lines run.
-    std::map<std::array<std::int64_t, D>, unsigned> line_axes_;
     TimeTables<X> tables_{exec_};
     TimeTableView gravity_{};
     std::vector<Buffer<X, std::uint64_t>> surface_keys_;
@@ -119,7 +119,7 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
             r.upper[a] = own ? s.upper[a] : int(spec.cells[a]) + beyond;
         }
         if (!s.surface.keys.empty()) {
-            surfaces.push_back(surface(s.surface, s.law[0].linear));
+            surfaces.push_back(surface(s.surface));
             r.surface = int(surfaces.size());
         }
         bool everyone = s.restricted < 0;
@@ -188,7 +188,7 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
 }
 
 template <class X, int D>
-SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s, bool linear) {
+SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s) {
     SurfaceRecord<D> r{};
     // Keys ascend as the blocks' numbers do, last axis fastest.
     const std::size_t blocks = s.keys.size() / D;
@@ -232,23 +232,19 @@ SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s, bool linear) {
     r.turn = tables_.upload(s.turn, 1);
     for (int a = 0; a < 3; ++a) r.axis[a] = s.axis.empty() ? (a == 2) : s.axis[std::size_t(a)];
     for (int a = 0; a < D; ++a) r.rotation[a][a] = 1;
-    if (linear && !r.path.given() && !r.turn.given()) {
-        SurfaceRecord<D> here = r;  // on the host
-        here.field.keys = keys.data();
-        here.field.place = places.data();
-        here.field.value = s.values.data();
-        find_lines(here);
-    }
     return r;
 }
 
-/// Blocks that share lines of nodes, for ranks: those with nodes that any line may have.
+/// Adds the blocks with nodes that lines towards a surface may have, each with its axes. The record
+/// is one on the host.
 template <class X, int D>
-void Boundaries<X, D>::find_lines(const SurfaceRecord<D>& s) {
+void Boundaries<X, D>::add_lines(const SurfaceRecord<D>& s, const BlockKeys<D>& keys_of,
+                                 std::map<std::uint64_t, unsigned>& lines) const {
     BoundaryView<D> view{};
     view.cell_size = cell_size_;
     const auto& field = s.field;
-    const double block = Block<D>::edge * cell_size_;
+    const double block = Block<D>::edge * cell_size_, size = field.edge / field.per_metre;
+    std::set<std::uint64_t> seen;
     for (std::int32_t k = 0; k < field.count; ++k) {
         if (field.place[k] < 0) continue;
         std::int64_t first[D], last[D], b[D];
@@ -257,14 +253,16 @@ void Boundaries<X, D>::find_lines(const SurfaceRecord<D>& s) {
             const double number =
                 double(field.low[a]) + double(key % std::uint64_t(field.counts[a]));
             key /= std::uint64_t(field.counts[a]);
-            const double low = field.origin[a] + number * field.edge / field.per_metre;
-            first[a] = b[a] = std::int64_t(std::floor(low / block));
-            last[a] = std::int64_t(std::floor((low + field.edge / field.per_metre) / block));
+            const double low = field.origin[a] + number * size;
+            constexpr std::int64_t rim = BlockKeys<D>::rim;
+            first[a] = std::max(std::int64_t(std::floor(low / block)), -rim);
+            last[a] = std::min(std::int64_t(std::floor((low + size) / block)),
+                               keys_of.counts[a] - rim - 1);
+            b[a] = first[a];
         }
-        for (bool more = true; more;) {
-            std::array<std::int64_t, D> at;
-            std::copy_n(b, D, at.begin());
-            if (const auto [to, is_new] = line_axes_.try_emplace(at, 0u); is_new) {
+        for (bool more = std::equal(first, first + D, last, std::less_equal<>()); more;) {
+            if (seen.insert(keys_of.key(b)).second) {
+                unsigned axes = 0;
                 for (int n = 0; n < block_cells; ++n) {
                     std::int64_t cell[D];
                     int in[D];
@@ -273,8 +271,9 @@ void Boundaries<X, D>::find_lines(const SurfaceRecord<D>& s) {
                     const SurfaceView<D> node(view, s, cell);
                     // A leader stands less than two cells off the surface.
                     if (node.known && node.axis >= 0 && node.distance < 2.01 && !node.deep())
-                        to->second |= 1u << node.axis;
+                        axes |= 1u << node.axis;
                 }
+                if (axes != 0) lines[keys_of.key(b)] |= axes;
             }
             more = false;
             for (int a = D - 1; a >= 0 && !more; --a) {
@@ -292,10 +291,10 @@ void Boundaries<X, D>::set_pressures(const Spec& spec, const Plan& plan) {
     bool boxes = false;
     for (const BoundarySpec& s : spec.boundaries) {
         mirrored_walls_ = mirrored_walls_ || mpm::mirrors(s);
+        linear_surfaces_ = linear_surfaces_ || linear_surface(s);
         for (const SurfaceLaw& law : s.law) {
             linear_walls_ = linear_walls_ || law.linear;
             boxes = boxes || (law.linear && s.is_box);
-            linear_surfaces_ = linear_surfaces_ || (law.linear && !s.surface.keys.empty());
         }
     }
     std::vector<GroupPressure> found;
@@ -401,15 +400,19 @@ BlocksTogether Boundaries<X, D>::blocks_together(const BlockKeys<D>& keys_of) co
             if (sides.low != sides.high) planes.push_back(sides);
         }
     }
-    for (const auto& [block_of, axes] : line_axes_) {
-        std::int64_t b[D];
-        bool inside = axes != 0;
-        for (int a = 0; a < D; ++a) {
-            b[a] = block_of[std::size_t(a)];
-            const std::int64_t number = b[a] + BlockKeys<D>::rim;
-            inside = inside && number >= 0 && number < keys_of.counts[a];
-        }
-        if (inside) together.lines[keys_of.key(b)] = axes;
+    const auto surfaces = surfaces_.host();
+    for (const BoundaryRecord<D>& r : records_.host()) {
+        if (r.surface == 0 || !r.law[0].linear) continue;
+        const std::size_t number = std::size_t(r.surface - 1);
+        SurfaceRecord<D> s = surfaces[number];
+        if (s.path.given() || s.turn.given()) continue;
+        const auto keys = surface_keys_[number].host();
+        const auto places = surface_places_[number].host();
+        const auto values = surface_values_[number].host();
+        s.field.keys = keys.data();
+        s.field.place = places.data();
+        s.field.value = values.data();
+        add_lines(s, keys_of, together.lines);
     }
     return together;
 }

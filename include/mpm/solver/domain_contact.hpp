@@ -34,7 +34,7 @@ void Domain<X, T, D>::list_contacts() {
         while (next < keys.size() && keys[next] / fields == keys[slot] / fields) ++next;
         if (next - slot < 2) continue;
         if (share_ && !detail::holds(share_->reached[std::size_t(share_->rank())],
-                                     keys[slot] / fields * fields))
+                                     table_.keys_of.of_block(keys[slot])))
             continue;
         if (counts_slot(slot)) counted.push_back(std::int32_t(first.size()));
         first.push_back(std::int32_t(slot));

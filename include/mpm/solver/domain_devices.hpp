@@ -27,15 +27,7 @@ struct FlagBorder {
         bool found = all;
         for (int n = 0; n < Block<D>::neighbours && !found; ++n) {
             std::int64_t b[D];
-            int rest = n;
-            bool inside = true;
-            for (int a = D - 1; a >= 0; --a) {
-                b[a] = at[a] + rest % 3 - 1;
-                rest /= 3;
-                inside = inside && b[a] >= -BlockKeys<D>::rim &&
-                         b[a] + BlockKeys<D>::rim < keys_of.counts[a];
-            }
-            found = inside && cuts.owner(keys_of, keys_of.key(b)) != me;
+            found = keys_of.beside(at, n, b) && cuts.owner(keys_of, keys_of.key(b)) != me;
         }
         flag[slot] = found;
     }

@@ -63,8 +63,7 @@ void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) 
         checks::ascending_keys(keys, checks::keys_below(table_.keys_of),
                                [](std::uint64_t key) { return key; });
         for (std::uint64_t key : keys) {
-            if (!std::binary_search(wanted.begin(), wanted.end(),
-                                    key - std::uint64_t(table_.keys_of.field(key))))
+            if (!detail::holds(wanted, table_.keys_of.of_block(key)))
                 checks::refuse("with block " + std::to_string(key) + ", which no point reads");
             Told& t = out[key];
             t.sums.resize(sums);

@@ -55,8 +55,7 @@ void Domain<X, T, D>::tell_reached() {
         [&](const std::vector<std::uint64_t>& theirs, int) { checks::table_keys(theirs, below); });
     const std::size_t slots = std::size_t(table_.slots);
     for (std::size_t slot = 0; slot < slots; ++slot) {
-        const std::uint64_t block =
-            table_.keys[slot] - std::uint64_t(table_.keys_of.field(table_.keys[slot]));
+        const std::uint64_t block = table_.keys_of.of_block(table_.keys[slot]);
         int first = 0;
         while (first < s.ranks() && !detail::holds(s.reached[std::size_t(first)], block)) ++first;
         s.counts[slot] = first == s.rank();

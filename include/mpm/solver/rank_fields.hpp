@@ -24,7 +24,7 @@ template <int D>
 std::vector<std::uint64_t> blocks_of_slots(const BlockKeys<D>& keys_of,
                                            const std::vector<std::uint64_t>& keys) {
     std::vector<std::uint64_t> blocks;
-    for (const std::uint64_t key : keys) blocks.push_back(key - std::uint64_t(keys_of.field(key)));
+    for (const std::uint64_t key : keys) blocks.push_back(keys_of.of_block(key));
     std::sort(blocks.begin(), blocks.end());
     blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
     return blocks;
@@ -43,23 +43,13 @@ std::vector<std::uint64_t> table_of_fields(const BlockKeys<D>& keys_of,
         keys_of.block(key, at);
         for (int n = 0; n < Block<D>::neighbours; ++n) {
             std::int64_t b[D];
-            int rest = n;
-            bool inside = true;
-            for (int a = D - 1; a >= 0; --a) {
-                b[a] = at[a] + rest % 3 - 1;
-                rest /= 3;
-                inside = inside && b[a] >= -BlockKeys<D>::rim &&
-                         b[a] < keys_of.counts[a] - BlockKeys<D>::rim;
-            }
-            if (inside) around.push_back(keys_of.key(b));
+            if (keys_of.beside(at, n, b)) around.push_back(keys_of.key(b));
         }
     }
     std::sort(around.begin(), around.end());
     std::vector<std::uint64_t> table;
     for (const std::uint64_t key : all)
-        if (std::binary_search(around.begin(), around.end(),
-                               key - std::uint64_t(keys_of.field(key))))
-            table.push_back(key);
+        if (detail::holds(around, keys_of.of_block(key))) table.push_back(key);
     return table;
 }
 

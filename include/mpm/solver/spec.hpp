@@ -236,6 +236,10 @@ inline bool special(const BoundarySpec& b) {
                return law.response == Response::prescribed || law.linear;
            });
 }
+/// A surface of any shape beside which lines of nodes lead (kernels/surface_lines.hpp).
+inline bool linear_surface(const BoundarySpec& b) {
+    return !b.surface.keys.empty() && b.law[0].linear;
+}
 /// Whether nodes beside boundaries are moved apart from all others (kernels/wall_nodes.hpp).
 inline bool lists_wall_nodes(const std::vector<BoundarySpec>& all) {
     return std::any_of(all.begin(), all.end(), special) &&

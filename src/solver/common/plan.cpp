@@ -455,9 +455,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     if (backend.device && any_smooths) plan.memory_tables += slots * 8 * smoothing_sums;
 
     // Velocities, kinds, lines and places in two lists, of each node.
-    const bool surfaces = std::any_of(
-        spec.boundaries.begin(), spec.boundaries.end(),
-        [](const BoundarySpec& b) { return !b.surface.keys.empty() && b.law[0].linear; });
+    const bool surfaces =
+        std::any_of(spec.boundaries.begin(), spec.boundaries.end(), linear_surface);
     plan.memory_tables += estimate.touched * block_cells *
                           (D * (backend.grid_real() + 4) + 6 +
                            double(!surfaces ? 0

@@ -236,11 +236,7 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
         keys_of.block(keys[k], at);
         for (int n = 0; n < Block<D>::neighbours; ++n) {
             std::int64_t b[D];
-            int rest = n;
-            for (int a = D - 1; a >= 0; --a) {
-                b[a] = at[a] + rest % 3 - 1;
-                rest /= 3;
-            }
+            keys_of.beside(at, n, b);
             table.push_back(keys_of.key(b, keys_of.field(keys[k])));
         }
     }

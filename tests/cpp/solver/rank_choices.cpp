@@ -19,17 +19,10 @@ namespace {
 using test::expect_same_particles;
 using test::expect_same_samples;
 using test::go;
+using test::with_ranks;
 
 constexpr int steps = test::sanitized ? 30 : 80;
 constexpr double never = std::numeric_limits<double>::infinity();
-
-Spec with_ranks(Spec s, int ranks, int axis, double rebalance_above) {
-    s.threads = ranks;
-    s.ranks.count = ranks;
-    s.ranks.axis = axis;
-    s.ranks.rebalance_above = rebalance_above;
-    return s;
-}
 
 /// Body by body.
 std::vector<std::uint64_t> counts(const Spec& s) {

@@ -15,16 +15,9 @@ namespace {
 using test::expect_same_particles;
 using test::expect_same_samples;
 using test::go;
+using test::with_ranks;
 
 constexpr int half = test::sanitized ? 15 : 40;
-
-Spec with_ranks(Spec s, int ranks, int axis, double rebalance_above) {
-    s.threads = ranks;
-    s.ranks.count = ranks;
-    s.ranks.axis = axis;
-    s.ranks.rebalance_above = rebalance_above;
-    return s;
-}
 
 /// The busy scene, whose blocks fly towards each other and slip along water that they fall into.
 Spec touching(int dimension, bool single) {

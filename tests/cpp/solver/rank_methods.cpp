@@ -19,16 +19,9 @@ using test::expect_same_particles;
 using test::expect_same_samples;
 using test::forever;
 using test::go;
+using test::with_ranks;
 
 constexpr int half = test::sanitized ? 10 : 20;
-
-Spec with_ranks(Spec s, int ranks, int axis, double rebalance_above) {
-    s.threads = ranks;
-    s.ranks.count = ranks;
-    s.ranks.axis = axis;
-    s.ranks.rebalance_above = rebalance_above;
-    return s;
-}
 
 /// Water that runs under a solid block which falls, in a closed box; sensors of all kinds.
 Spec small_scene(int dimension, bool single) {

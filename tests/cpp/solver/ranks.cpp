@@ -21,17 +21,10 @@ using test::expect_same_particles;
 using test::expect_same_samples;
 using test::forever;
 using test::go;
+using test::with_ranks;
 
 constexpr int parts[] = {test::sanitized ? 17 : 37, test::sanitized ? 23 : 63};
 constexpr int whole_run = parts[0] + parts[1];
-
-Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {
-    s.threads = ranks;
-    s.ranks.count = ranks;
-    s.ranks.axis = axis;
-    s.ranks.rebalance_above = rebalance_above;
-    return s;
-}
 
 struct Kind {
     int dimension;

@@ -13,6 +13,15 @@
 
 namespace mpm::test {
 
+/// Axis -1: bricks.
+inline Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {
+    s.threads = ranks;
+    s.ranks.count = ranks;
+    s.ranks.axis = axis;
+    s.ranks.rebalance_above = rebalance_above;
+    return s;
+}
+
 inline RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
 
 /// Water with F-bar that runs under two solid blocks that fall, fast enough to cross the cuts.

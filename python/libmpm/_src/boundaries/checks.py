@@ -88,7 +88,7 @@ def check_responses(check: Checker, scene: SceneData, boundary: Boundary) -> Non
             )
         elif isinstance(given, Mapping):
             check.fail("response is Prescribed on faces; expected one for the whole region")
-        if boundary.motion is None and boundary.rotation is None:
+        if boundary.at_rest:
             check.fail(
                 "response is Prescribed without motion; expected the velocity of the region; give "
                 "motion=TimeTable(...) in m/s, or boundaries.Sticky() for a body at rest"

@@ -147,7 +147,7 @@ def _may_differ(one: _Part, two: _Part) -> bool:
 
 def _rule(part: _Part) -> str:
     """Return what a boundary asks for, in words."""
-    moving = part.boundary.motion is not None or part.boundary.rotation is not None
+    moving = not part.boundary.at_rest
     return f"{part.response!r}, {'moving' if moving else 'at rest'},"
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from libmpm._src.boundaries.responses import Mirror, Response
+from libmpm._src.boundaries.responses import Mirror
 
 if TYPE_CHECKING:
     from libmpm._src.methods.transfer import Transfer
@@ -62,23 +62,18 @@ def strains_linearly(
     something that moves may come within three cells: drops creep between the two there.
     `by_default` is `linear_by_default(scene)` where it is known already.
     """
-    given = boundary.response
-    response = given if isinstance(given, Response) else given[face or next(iter(given))]
-    cell = getattr(response, "cell", "held")
+    cell = getattr(boundary.response_at(face), "cell", "held")
     if cell != "auto":
         return bool(cell == "linear")
     plain = boundary.layer is None and boundary.within is None and not boundary.bodies
-    at_rest = boundary.motion is None and boundary.rotation is None
-    if not at_rest or not plain or not (face or boundary.is_surface):
+    if not boundary.at_rest or not plain or not (face or boundary.is_surface):
         return False
     return linear_by_default(scene) if by_default is None else by_default
 
 
 def by_caution(boundary: Boundary, face: str) -> bool:
     """Whether linear cells beside a face are by default, not by name."""
-    given = boundary.response
-    response = given if isinstance(given, Response) else given[face or next(iter(given))]
-    return getattr(response, "cell", "held") == "auto"
+    return getattr(boundary.response_at(face), "cell", "held") == "auto"
 
 
 def with_held_cells(scene: Mapping[str, Any], *, auto: bool = False) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from libmpm._src.base.time_tables import TimeTable, constant, engine_table
 from libmpm._src.base.values import warn
 from libmpm._src.boundaries.distance_field import lower_surface
 from libmpm._src.boundaries.flow_layers import flow_entries, keep_room, zones
-from libmpm._src.boundaries.responses import Prescribed, Response
+from libmpm._src.boundaries.responses import Prescribed
 from libmpm._src.boundaries.wall_cells import by_caution, linear_by_default, strains_linearly
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import placing
@@ -362,7 +362,7 @@ def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, A
     given = boundary.response
     # An outline or a surface has no faces: its one response stands under the first name.
     for face in (present := faces_present(scene, boundary)) or ("x-",):
-        response = given if isinstance(given, Response) else given[face]
+        response = boundary.response_at(face)
         static, dynamic = response.friction
         faces[face] = {
             "kind": response.kind,

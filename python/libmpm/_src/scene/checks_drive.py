@@ -23,7 +23,7 @@ def undriven(scene: SceneData) -> list[str]:
     if not fluids or np.any(gravity) or scene.flows or any(map(_moves, scene.bodies)):
         return []
     for boundary in scene.boundaries:
-        if boundary.motion is not None or boundary.rotation is not None:
+        if not boundary.at_rest:
             return []
         if any(isinstance(response, Prescribed) for response in boundary.responses):
             return []

@@ -53,8 +53,7 @@ def is_structure(scene: _Scene, boundary: Boundary) -> bool:
     A bed goes through the whole domain along each axis but that of gravity, up to a cell.
     """
     slips = any(isinstance(r, Slip | Separable) for r in boundary.responses)
-    moves = boundary.motion is not None or boundary.rotation is not None
-    if not isinstance(boundary.shape, Solid) or moves or not slips:
+    if not isinstance(boundary.shape, Solid) or not boundary.at_rest or not slips:
         return False
     if not isinstance(scene.gravity, tuple) or not any(scene.gravity):
         return True

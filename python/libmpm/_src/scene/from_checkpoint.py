@@ -82,14 +82,14 @@ def scene_from_checkpoint(
         sensors=len(before.sensors), time_step=header["time_step"], tiles=tiles,
         axis=axis if tiles > 1 else None,
     )  # fmt: skip
-    data = before.to_dict()
-    # What is added, a structure say, may not change what particles have kept so far.
-    data["method"]["transfer"] = before.transfer.to_dict()
+    data, transfer = before.to_dict(), before.transfer
     data.pop("start", None)
     if cut is not None:
         before, data, start = _cut_out(before, start, cut, read)
     if tiles > 1:
         data = _side_by_side(before, data, start, names.index(str(axis)))
+    # What is added, a structure say, may not change what particles have kept so far.
+    data["method"]["transfer"] = transfer.to_dict()
     return read(data | {"start": start.to_dict()})
 
 
@@ -113,8 +113,6 @@ def _cut_out(
         warn([f"Scene.from_checkpoint: {', '.join(said)} of the run lie outside of what is cut "
               "out of it and are left out"])  # fmt: skip
     data = before.to_dict()
-    # What is added, a load cell say, may not change what particles have kept so far.
-    data["method"]["transfer"] = before.transfer.to_dict()
     data.pop("start", None)
     data |= {"lower": lower, "upper": upper}
     # What stood on a wall may lie outside; the wall's cells stay as they were.

@@ -294,6 +294,16 @@ class Boundary(Value):
         given = self.response
         return tuple(given.values()) if isinstance(given, Mapping) else (given,)
 
+    def response_at(self, face: str = "") -> Response:
+        """Return the response of a face; its only one, or the first, where none is named."""
+        given = self.response
+        return given if isinstance(given, Response) else given[face or next(iter(given))]
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it neither moves nor turns, nor its faces run."""
+        return self.motion is None and self.rotation is None
+
     @property
     def window(self) -> tuple[float, float]:
         """Start and end of the time in which the boundary acts, in s; (0, inf) is always."""

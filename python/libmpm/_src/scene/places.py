@@ -129,7 +129,6 @@ def planes(scene: SceneData) -> list[Plane]:
     for boundary in scene.boundaries:
         if boundary.is_surface:
             continue  # exact wherever it is
-        given = boundary.response
         if isinstance(boundary.shape, Box):
             stated = (boundary.shape.lower, boundary.shape.upper)
             cells = snap(scene, boundary.shape)
@@ -140,7 +139,7 @@ def planes(scene: SceneData) -> list[Plane]:
             axis, end = "xyz".index(face[0]), int(face[1] == "+")
             effective = scene.lower[axis] + cells[end][axis] * scene.cell_size
             shift = (effective - stated[end][axis]) / scene.cell_size
-            response = given if isinstance(given, Response) else given[face]
+            response = boundary.response_at(face)
             cell = "mirror" if isinstance(response, Mirror) else "held"
             if strains_linearly(scene, boundary, face, linear):
                 cell = "linear"
