@@ -383,8 +383,13 @@ def bounded(seconds: float = PATIENCE, room: int = ROOM) -> Iterator[None]:
     processor.
     """
     began, waited = time.monotonic(), queued()
+    over = False
 
     def ring(number: int, frame: object) -> None:
+        # Python hears of a signal a little later, perhaps on the way out: an alarm that is set anew
+        # there would end the process once its handler is gone.
+        if over:
+            return
         had = time.monotonic() - began - (queued() - waited)
         if number == signal.SIGALRM and had < BUSY * seconds:
             signal.setitimer(signal.ITIMER_REAL, max(BUSY * seconds - had, 0.1))
@@ -400,6 +405,7 @@ def bounded(seconds: float = PATIENCE, room: int = ROOM) -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
+        over = True
         for number, timer in timers.items():
             signal.setitimer(timer, 0)
             signal.signal(number, before[number])
