@@ -36,7 +36,9 @@ SCHEMES: dict[str, Any] = {
 }
 
 
-def meeting(transfer: str, dimension: int, law: contacts.ContactLaw | None) -> libmpm.Scene:
+def meeting(
+    transfer: str, dimension: int, law: contacts.ContactLaw | None, cell: Any = "held"
+) -> libmpm.Scene:
     """Return three blocks of two materials, two of which are stepped as one, and water below."""
     d = dimension
     dx = 0.05
@@ -59,7 +61,7 @@ def meeting(transfer: str, dimension: int, law: contacts.ContactLaw | None) -> l
         )
     scene.add_boundary(
         name="walls", shape=shapes.DomainWalls(),
-        response=boundaries.Separable(static_friction=0.3, dynamic_friction=0.2, cell="held"),
+        response=boundaries.Separable(static_friction=0.3, dynamic_friction=0.2, cell=cell),
     )  # fmt: skip
     if law is not None:
         scene.add_contact(name="all", between=("*", "*"), law=law)
@@ -182,8 +184,9 @@ def test_row_of_dominoes_falls() -> None:
     assert all(math.degrees(angle) > 20 for angle in peak.values()), peak
 
 
-def test_block_floats_as_deep_as_it_weighs() -> None:
-    simulation = run(cases.floating(500.0))
+@pytest.mark.parametrize("cell", ["held", "linear"])
+def test_block_floats_as_deep_as_it_weighs(cell: str) -> None:
+    simulation = run(cases.floating(500.0, cell=cell))
     found = []
     while simulation.time < 1.2:
         simulation.run(until=simulation.time + 0.02)
@@ -243,8 +246,8 @@ def test_contact_takes_energy_and_friction_more() -> None:
     assert left[0.1] < left[0.0] - 0.03
 
 
-def slipping() -> libmpm.Scene:
-    scene = meeting("AFLIP", 2, None)
+def slipping(cell: Any = "held") -> libmpm.Scene:
+    scene = meeting("AFLIP", 2, None, cell)
     scene.add_contact(
         name="blocks", between=("block*", "block*"), law=contacts.Friction(static=0.3, dynamic=0.2)
     )

@@ -15,7 +15,7 @@ import pytest
 from python.test_contact import slipping
 
 import libmpm
-from libmpm import sensors
+from libmpm import boundaries, sensors, shapes
 from support import contact_scenes as cases
 from support import jobs
 
@@ -52,12 +52,23 @@ def blows() -> libmpm.Scene:
     return scene
 
 
+def beside_lines() -> libmpm.Scene:
+    """Return the same between linear walls and over a round sill, with the loads of both."""
+    scene = slipping("linear")
+    sill = shapes.Sphere(centre=(0.78, 0.0), radius=0.17)
+    scene.add_boundary(name="sill", shape=sill, response=boundaries.Separable(cell="linear"))
+    for name in ("walls", "sill"):
+        scene.add_sensor(name=name, sensor=sensors.LoadCell(boundary=name, interval=2e-3))
+    return scene
+
+
 #: Scene, time until which it is run, s, and precision.
 SCENES: dict[str, tuple[Callable[[], libmpm.Scene], float, str]] = {
     "stack": (stack, 0.06, "double"),
     "dominoes": (dominoes, 0.14, "single"),
     "floating": (floating, 0.04, "double"),
     "blows": (blows, 0.15, "double"),
+    "beside lines": (beside_lines, 0.15, "single"),
 }
 EXACT = (sensors.WaveGauge, sensors.VelocityProbe)
 _one: dict[str, libmpm.Simulation] = {}

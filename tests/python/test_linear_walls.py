@@ -21,6 +21,7 @@ SCENES = {
     "gap of two, separable": {"gap": 2, "separable": True},
     "wide gap": {"gap": 5},
     "thin": {"thin": True},
+    "on the floor, separable": {"separable": True, "walls_last": True},
 }
 
 
@@ -43,6 +44,34 @@ def test_as_the_naive_method(dimension, case, device):
         assert np.abs(scenes.by_id(machine, k, "velocity") - expected).max() < (
             REFERENCE * np.abs(expected).max()
         )
+
+
+@pytest.mark.parametrize("sunk", [0, 1, 2, 3])
+@pytest.mark.parametrize("other", ["floor", "slab"])
+@pytest.mark.parametrize("first", [True, False])
+def test_water_rests_beside_a_box_that_stands_on_something(first, other, sunk, device):
+    """Its lower face has nothing before it, and takes no node from the floor."""
+    dx = 1 / 32
+    scene = libmpm.Scene(
+        dimension=2, cell_size=dx, lower=(0, 0), upper=(1.0, 0.75), gravity=(0, -9.81)
+    )
+    response = libmpm.boundaries.Separable(cell="linear")
+    low = 0.0 if other == "floor" else 4 * dx
+    scene.add_body(
+        name="water", hydrostatic=0.25 + low, material=libmpm.materials.TaitFluid(bulk_modulus=1e5),
+        shape=libmpm.shapes.Box(lower=(0.5, low), upper=(1.0, 0.25 + low)),
+    )  # fmt: skip
+    post = libmpm.shapes.Box(lower=(0.5 - 3 * dx, low - sunk * dx), upper=(0.5, 0.75))
+    parts = {"post": post, "walls": libmpm.shapes.DomainWalls()}
+    if other == "slab":
+        parts["slab"] = libmpm.shapes.Box(lower=(0.0, 0.0), upper=(1.0, low))
+    for name in parts if first else reversed(parts):
+        scene.add_boundary(name=name, shape=parts[name], response=response)
+    sim = libmpm.Simulation(scene, device=device)
+    sim.step(1500)
+    water = sim.particles["water"]
+    assert np.asarray(water["position"])[:, 1].min() > low + 0.2 * dx
+    assert np.abs(np.asarray(water["velocity"])).max() < 3e-3 * np.sqrt(9.81 * 0.25)
 
 
 def flume(bed, transfer="APIC"):

@@ -246,7 +246,7 @@ def tilt(simulation: libmpm.Simulation, body: str, upper: Numbers, lower: Number
     return math.atan2(up[0], up[1])
 
 
-def floating(density: float, cells: int = 8) -> libmpm.Scene:
+def floating(density: float, cells: int = 8, cell: Any = "held") -> libmpm.Scene:
     """Return a block in water that is as deep as it floats."""
     dx = 0.1 / cells
     depth, side = 0.2, 0.1
@@ -270,8 +270,7 @@ def floating(density: float, cells: int = 8) -> libmpm.Scene:
         material=solid(1e5, 0.3, density),
         subtract_from=("water",),
     )
-    # As with contacts, where "auto" is "held": the scene is compared with and without.
-    walls = boundaries.Slip(cell="held")
+    walls = boundaries.Slip(cell=cell)
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=walls)
     scene.add_contact(name="wet", between=("block", "water"), law=contacts.Fluid())
     return scene

@@ -70,6 +70,8 @@ class LinesReference(Reference):
             for face in filter(lambda f, b=boundary: is_linear(b, f), self.masks[b]):
                 axis, plane, sign = plane_of(boundary, face, self.cells)
                 rows, covered = rows_of(boundary, axis, self.cells)
+                if boundary["kind"] == "box" and self._buried(b, axis, plane, sign, rows):
+                    continue
                 self.faces.append((b, face, axis, plane, sign, rows, covered))
 
     def _deep(self, boundary, face):
@@ -84,6 +86,21 @@ class LinesReference(Reference):
         ]  # fmt: skip
         least = np.min(depth, axis=0)
         return (depth[FACES.index(face)] == least) & (least >= 1)
+
+    def _buried(self, b, axis, plane, sign, rows):
+        """Whether a face lies beyond the domain, or in another box that goes on beyond its rows."""
+        before = plane if sign > 0 else plane - 1
+        for other in (o for k, o in enumerate(self.spec["boundaries"]) if k != b):
+            if other["kind"] == "domain":
+                if not 0 <= before < self.cells[axis]:
+                    return True
+                continue
+            theirs, _ = rows_of(other, axis, self.cells)
+            if other["lower"][axis] <= before < other["upper"][axis] and all(
+                low <= rows[t][0] and high >= rows[t][1] for t, (low, high) in theirs.items()
+            ):
+                return True
+        return False
 
     def _on_rows(self, rows, cell):
         return all(low <= cell[t] < high for t, (low, high) in rows.items())

@@ -262,10 +262,11 @@ def crowded(dimension, *, fbar="default", moving=False):
     return scene
 
 
-def narrow(dimension, *, separable=False, gap=3, thin=False):
+def narrow(dimension, *, separable=False, gap=3, thin=False, walls_last=False):
     """Water stirred between linear walls, a box on the floor and one above: edges and gaps.
 
     `gap` cells between the box on the floor and the wall beside it; a `thin` one is one cell thick.
+    With `walls_last` the box is asked before the floor on which it stands.
     """
     dx, n = 0.1, 12 if dimension == 2 else 9
     floor, width = (0.0,) * dimension, 1 if thin else 2
@@ -294,13 +295,17 @@ def narrow(dimension, *, separable=False, gap=3, thin=False):
         material=materials.TaitFluid(bulk_modulus=2e5, viscosity=0.5),
         velocity=(-0.3, 0.6, 0.2)[:dimension],
     )
-    scene.add_boundary(name="walls", shape=shapes.DomainWalls(faces="all"), response=response)
+    walls = {"name": "walls", "shape": shapes.DomainWalls(faces="all"), "response": response}
+    if not walls_last:
+        scene.add_boundary(**walls)
     for name, low, high in (
         ("post", (left * dx, 0.0, 0.2), ((n - gap) * dx, 0.5, n * dx)),
         ("deck", (0.2, 0.5, 0.1), (0.5, 0.7, 0.3)),
     ):
         shape = shapes.Box(lower=low[:dimension], upper=high[:dimension])
         scene.add_boundary(name=name, shape=shape, response=response)
+    if walls_last:
+        scene.add_boundary(**walls)
     for name in ("walls", "post", "deck"):
         scene.add_sensor(name=name, sensor=sensors.LoadCell(boundary=name))
     return scene

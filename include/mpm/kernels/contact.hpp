@@ -48,6 +48,8 @@ template <class T, class Sum, int D>
 struct NodeContact {
     NodeUpdate<T, Sum, D> node;
     ContactView contact;
+    KnownNodes<D> known = {};        // where nodes beside boundaries are listed
+    const WallNode* kind = nullptr;  // of these
 
     /// The fields that have mass at a node.
     struct Fields {
@@ -61,9 +63,10 @@ struct NodeContact {
         // Of the first of those that are stuck to each other, for all of them:
         T together[most_fields_at_node];
         Vec<T, D> velocity[most_fields_at_node];
-        bool pushed[most_fields_at_node];  // by another body
-        bool held[most_fields_at_node];    // by a boundary
-        bool several = false;              // are any stuck
+        Vec<T, D> lined[most_fields_at_node];  // as lines towards walls gave it
+        bool pushed[most_fields_at_node];      // by another body
+        bool held[most_fields_at_node];        // by a boundary
+        bool several = false;                  // are any stuck
     };
 
     MPM_CALL void find(std::int32_t first, std::int32_t count, int n, Fields& f) const {
@@ -129,6 +132,7 @@ struct NodeContact {
     /// Before any contact: as one body that all those stuck together make.
     template <class Seen>
     MPM_INLINE void begin(int n, Fields& f, int i, const Seen& seen) const {
+        if (on_lines(f.slot[i])) return begin_on_lines(n, f, i, seen);
         Vec<T, D> p{};
         T m = 0;
         for (int k = i; k < f.count; ++k) {
@@ -143,6 +147,38 @@ struct NodeContact {
             f.velocity[i][a] = p[a] * inverse + T(node.clock->dt * node.clock->gravity[a]);
         f.together[i] = m;
         respond_of(n, f, i, seen);
+    }
+    /// May lines of nodes towards linear walls go through a block?
+    MPM_INLINE bool on_lines(std::int32_t slot) const {
+        return node.touched[slot] && (node.boundaries.lines || node.boundaries.surface_lines);
+    }
+    /// Each field follows lines of its own, whose nodes have only its mass.
+    template <class Seen>
+    MPM_CALL void begin_on_lines(int n, Fields& f, int i, const Seen& seen) const {
+        const Reconverge at_return;
+        Vec<T, D> p{};
+        T m = 0;
+        for (int k = i; k < f.count; ++k) {
+            if (f.of[k] != i) continue;
+            const std::int64_t at = listed_at(f.slot[k], n);
+            const Vec<T, D> v = node.template wall_velocity<false>(
+                f.slot[k], n, f.mass[k], node.momentum(f.slot[k], n), known_at(at), at,
+                [&](int boundary, int face, const Vec<T, D>& before, const Vec<T, D>& after) {
+                    Changed<T, D>{&f.held[i]}(boundary, face, before, after);
+                    seen(k, boundary, face, before, after);
+                });
+            m += f.mass[k];
+            for (int a = 0; a < D; ++a) p[a] += f.mass[k] * v[a];
+        }
+        for (int a = 0; a < D; ++a) p[a] /= m;
+        f.velocity[i] = f.lined[i] = p;
+        f.together[i] = m;
+    }
+    MPM_INLINE std::int64_t listed_at(std::int32_t slot, int n) const {
+        return std::int64_t(node.touched[slot] - 1) * block_cells + n;
+    }
+    MPM_INLINE KnownNodes<D> known_at(std::int64_t at) const {
+        return kind && kind[at] != WallNode::unknown ? known : KnownNodes<D>{};
     }
     template <class Seen>
     MPM_INLINE void respond_of(int n, Fields& f, int i, const Seen& seen) const {
@@ -169,6 +205,11 @@ struct NodeContact {
             }
             return part < all ? part / all : 1.0;
         };
+        if (on_lines(f.slot[i])) {
+            const std::int64_t at = listed_at(f.slot[i], n);
+            FollowLines<NodeUpdate<T, Sum, D>, T, D>{node, known_at(at), at}.keep_on_lines(
+                c, f.lined[i], v, seen);
+        }
         apply_boundaries<true>(node.boundaries, c, v, seen, share);
     }
     /// The part, 0 to 1, of a change of velocity that boundaries let a field have.

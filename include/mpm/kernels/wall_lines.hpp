@@ -325,6 +325,62 @@ struct FollowLines {
         }
         seen(b, 0, before, v);
     }
+    /// What another body has made of the velocity of a node since its lines gave it `lined`. The
+    /// leader of a line hears of that in the next step; a node that is led goes no further towards
+    /// the wall than its line or the wall itself does, and not off it where it may not leave.
+    template <class Seen>
+    MPM_INLINE void keep_on_lines(const std::int64_t (&cell)[D], const Vec<T, D>& lined,
+                                  Vec<T, D>& v, const Seen& seen) const {
+        for (int a = 0; a < D && node.boundaries.lines; ++a) {
+            const WallLine line = line_of(a, cell);
+            if (line.form == WallLine::none || (line.form != WallLine::held && line.place > 0))
+                continue;
+            const Wall by = wall(line);
+            Vec<T, D> least = by.velocity;
+            const T off = T(line.sign) * (lined[a] - least[a]);
+            if (by.law.response != Response::separable || off < T(0)) least[a] = lined[a];
+            const Vec<T, D> before = v;
+            v = respond(by.law, a, T(line.sign), before, least);
+            seen(line.boundary, line.face, before, v);
+        }
+        for (int b = 0; b < node.boundaries.count && node.boundaries.surface_lines; ++b) {
+            const BoundaryRecord<D>& r = node.boundaries.records[b];
+            if (!r.active || r.surface == 0 || !r.law[0].linear) continue;
+            const SurfaceLine<D> line = surface_line_of(b, cell);
+            if (line.state == SurfaceLine<D>::away ||
+                (line.state == SurfaceLine<D>::on && line.leader == 0))
+                continue;
+            const SurfaceRecord<D>& s = node.boundaries.surfaces[r.surface - 1];
+            const Vec<T, D> before = v;
+            double x[D], moving[D];
+            node_position<D>(cell, node.boundaries.cell_size, x);
+            if (line.state == SurfaceLine<D>::held) {
+                Vec<T, D> wall;
+                for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
+                if (respond_to_surface<T, D>(s, r.law[0], x, wall, v)) seen(b, 0, before, v);
+                continue;
+            }
+            s.velocity_at(x, moving);
+            Vec<T, D> normal, least;
+            T off = 0;
+            for (int a = 0; a < D; ++a) {
+                normal[a] = T(line.normal[a]);
+                least[a] = T(moving[a] + r.velocity[a]);
+                off += normal[a] * (lined[a] - least[a]);
+            }
+            if (r.law[0].response != Response::separable || off < T(0))
+                for (int a = 0; a < D; ++a) least[a] += off * normal[a];
+            v = respond_along(r.law[0], normal, before, least);
+            seen(b, 0, before, v);
+        }
+    }
+    MPM_INLINE SurfaceLine<D> surface_line_of(int boundary, const std::int64_t (&cell)[D]) const {
+        if (known.surfaces) {
+            const SurfaceNode<D>& s = known.surfaces[listed_at];
+            return s.boundary == boundary ? s.line() : SurfaceLine<D>{};
+        }
+        return surface_line<D>(node.boundaries, boundary, cell);
+    }
     /// Coulomb friction: one tangential impulse on the whole line, by mass.
     template <class Seen>
     MPM_INLINE void rub(const WallLine (&lines)[D], int axis, const Vec<T, D>& slid, T pressed,

@@ -165,6 +165,36 @@ MPM_INLINE bool inside_surface(const BoundaryView<D>& all, const WallPlane<D>& w
     return false;
 }
 
+/// Does a face of a box lie inside another box, or outside the domain, on the row of a node?
+/// Nothing is before it there. Where the other's rows go on beyond its own its lines would take
+/// nodes that the other holds: of a box that stands on the floor those of the floor, which might
+/// then fall.
+template <int D>
+MPM_INLINE bool buried(const BoundaryView<D>& all, int boundary, const WallPlane<D>& wall, int axis,
+                       const std::int64_t (&cell)[D]) {
+    const BoundaryRecord<D>& own = all.records[boundary];
+    std::int64_t before[D];
+    for (int a = 0; a < D; ++a) before[a] = cell[a];
+    before[axis] = wall.sign > 0 ? wall.plane : wall.plane - 1;
+    for (int b = 0; b < all.count && own.is_box; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (b == boundary || !r.active || r.surface > 0 || r.share != 0 || r.limited ||
+            r.law[0].response == Response::prescribed)
+            continue;
+        const bool above = before[axis] >= r.lower[axis], below = before[axis] < r.upper[axis];
+        if (!r.is_box) {
+            if ((r.present[2 * axis] && !above) || (r.present[2 * axis + 1] && !below)) return true;
+            continue;
+        }
+        bool inside = above && below;
+        for (int t = 0; t < D; ++t)
+            inside = inside && (t == axis || (r.rows_lower[t] <= own.rows_lower[t] &&
+                                              r.rows_upper[t] >= own.rows_upper[t]));
+        if (inside) return true;
+    }
+    return false;
+}
+
 /// The line on which a node is across an axis. Where two claim it, the first that is defined does.
 template <int D>
 MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
@@ -174,7 +204,8 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
         const BoundaryRecord<D>& r = all.records[b];
         const std::int64_t place = wall.place(cell[axis]);
         if (place < -1 || place > 1) return false;
-        if (inside_surface(all, wall, axis, cell, place)) return false;
+        if (buried(all, b, wall, axis, cell) || inside_surface(all, wall, axis, cell, place))
+            return false;
         int room = room_before(all, wall, axis, cell);
         const double surface = surface_before(all, wall, axis, cell, place);
         if (surface < 3.5 && room > 3) room = 3;
@@ -214,7 +245,8 @@ MPM_INLINE SurfaceLine<D> surface_line(const BoundaryView<D>& all, int boundary,
                           });
 }
 
-/// The node some cells along an axis from one of a slot, and its slot, -1 where it is not active.
+/// The node some cells along an axis from one of a slot, of the same field, and its slot, -1 where
+/// it is not active.
 template <int D>
 MPM_INLINE std::int32_t node_beside(const BlockTableView<D>& table, std::int32_t slot,
                                     const std::int64_t (&cell)[D], int axis, std::int64_t by,
@@ -222,25 +254,26 @@ MPM_INLINE std::int32_t node_beside(const BlockTableView<D>& table, std::int32_t
     constexpr int edge = Block<D>::edge;
     std::int64_t there[D];
     moved_along<D>(cell, axis, by, there);
-    if (table.keys_of.fields == 1) {
-        // Blocks beside this one are listed; to search for one costs a read for each bit of the
-        // table's size, one after another.
-        int at[D], neighbour = 0;
-        bool near = true;
-        MPM_UNROLL for (int a = 0; a < D; ++a) {
-            const std::int64_t from = there[a] - table.corners[std::int64_t(slot) * D + a] + edge;
-            near = near && from >= 0 && from < 3 * edge;
-            at[a] = int(from % edge);
-            neighbour = neighbour * 3 + int(from / edge);
-        }
-        if (near) {
-            number = Block<D>::cell(at);
-            return neighbour == Block<D>::neighbours / 2
-                       ? slot
-                       : table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
-        }
+    // Blocks beside this one are listed; to search for one costs a read for each bit of the
+    // table's size, one after another.
+    int at[D], neighbour = 0;
+    bool near = true;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        const std::int64_t from = there[a] - table.corners[std::int64_t(slot) * D + a] + edge;
+        near = near && from >= 0 && from < 3 * edge;
+        at[a] = int(from % edge);
+        neighbour = neighbour * 3 + int(from / edge);
     }
-    return find_node<D>(table, there, number);
+    if (near) {
+        number = Block<D>::cell(at);
+        return neighbour == Block<D>::neighbours / 2
+                   ? slot
+                   : table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
+    }
+    std::int64_t block[D];
+    number = block_of_node<D>(there, block);
+    return find_block<D>(table, block,
+                         table.keys_of.fields == 1 ? 0 : table.keys_of.field(table.keys[slot]));
 }
 
 /// Rows beside the edge of a box do not vanish on the last half cell of its faces, and no node is

@@ -72,6 +72,8 @@ private:
     /// Nodes beyond a face of the domain that particles inside can reach.
     int reach() const { return wide_ ? 2 : 1; }
     SurfaceRecord<D> surface(const SurfaceSpec& spec);
+    static void lead_rows_into_others(const std::vector<BoundarySpec>& specs,
+                                      std::vector<BoundaryRecord<D>>& records);
     void add_lines(const SurfaceRecord<D>& at_rest, const BlockKeys<D>& keys_of,
                    std::map<std::uint64_t, unsigned>& lines) const;
     void set_pressures(const Spec& spec, const Plan& plan);
@@ -163,6 +165,7 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
         if (s.moves) r.motion = tables_.upload(s.motion, D);
         records.push_back(r);
     }
+    lead_rows_into_others(spec.boundaries, records);
     lists_ = lists_wall_nodes(spec.boundaries);
     set_pressures(spec, plan);
     if (linear_walls_ && mirrored_walls_)
@@ -372,6 +375,39 @@ void Boundaries<X, D>::touch_measured(int cell, const BlockTableView<D>& table,
                                       std::uint32_t* flag) {
     exec_.for_each(table.slots, TouchBoundaries<D>{table, measured_.data() + cell, 1,
                                                    surfaces_.data(), cell_size_, flag});
+}
+
+/// Rows of a box's faces that end where it stands on another box, which goes on beyond them, lead
+/// on into that one, as they do where the box ends with the domain: particles in the corner between
+/// the two reach nodes there.
+template <class X, int D>
+void Boundaries<X, D>::lead_rows_into_others(const std::vector<BoundarySpec>& specs,
+                                             std::vector<BoundaryRecord<D>>& records) {
+    const auto rests = [&](std::size_t b) {
+        const BoundaryRecord<D>& r = records[b];
+        return r.is_box && r.surface == 0 && !r.limited && r.share == 0 && !specs[b].moves &&
+               r.start <= 0 && r.end > 1e300;
+    };
+    for (std::size_t b = 0; b < records.size(); ++b) {
+        BoundaryRecord<D>& own = records[b];
+        for (std::size_t o = 0; o < records.size() && rests(b); ++o) {
+            if (o == b || !rests(o)) continue;
+            const BoundaryRecord<D>& other = records[o];
+            for (int t = 0; t < D; ++t) {
+                bool wider = true;
+                for (int a = 0; a < D; ++a)
+                    wider = wider && (a == t || (other.rows_lower[a] < own.lower[a] &&
+                                                 other.rows_upper[a] > own.upper[a]));
+                const auto holds = [&](int cell) {
+                    return wider && cell >= other.lower[t] && cell < other.upper[t];
+                };
+                if (holds(own.lower[t] - 1))
+                    own.rows_lower[t] = std::max(own.lower[t] - 4, other.lower[t]);
+                if (holds(own.upper[t]))
+                    own.rows_upper[t] = std::min(own.upper[t] + 4, other.upper[t]);
+            }
+        }
+    }
 }
 
 template <class X, int D>

@@ -86,11 +86,12 @@ ContactView Domain<X, T, D>::contact_view() {
 template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::resolve_contacts(const double* maxima, const Decided& decided) {
-    const ContactPass<X, Grid, Sum, D> contact{{node_update(parity()), contact_view()},
-                                               groups_.data(),
-                                               int(plan_.groups.size()),
-                                               plan_.kept,
-                                               crowded_.data()};
+    const ContactPass<X, Grid, Sum, D> contact{
+        {node_update(parity()), contact_view(), boundaries_.known(), wall_nodes().kind},
+        groups_.data(),
+        int(plan_.groups.size()),
+        plan_.kept,
+        crowded_.data()};
     exec_.template max_each<maxima_count>(
         std::int64_t(contact_blocks_) * block_cells, contact, [&](const double* found) {
             double all[maxima_count];

@@ -20,13 +20,7 @@ void check_contact(const Spec& spec, const BackendTraits& backend) {
                "use APIC or another transfer");
     if (spec.start.given) refuse("runs that continue from another", "start the scene afresh");
     for (const BoundarySpec& b : spec.boundaries) {
-        for (const SurfaceLaw& law : b.law) {
-            if (mirrors(law.response))
-                refuse("boundary '" + b.name + "', which mirrors", "use Slip or Sticky");
-            if (law.linear)
-                refuse("boundary '" + b.name + "', whose cells strain linearly",
-                       "use linear=False");
-        }
+        if (mirrors(b)) refuse("boundary '" + b.name + "', which mirrors", "use Slip or Sticky");
     }
     for (const BodySpec& b : spec.bodies) {
         if (b.smoothing == SmoothingForm::split)

@@ -42,7 +42,6 @@ def linear_by_default(scene: SceneData) -> bool:
     method = scene.method
     return (
         scene.grid is None
-        and not scene.contacts
         and method.kernel_choice.name == "quadratic"
         and not method.kernel_choice.boundary
         and scene.transfer.scheme not in FILTERS

@@ -294,7 +294,7 @@ def _check_scene(scene: SceneData, problems: list[str]) -> None:
     for boundary in scene.boundaries:
         check = Checker(f"boundary '{boundary.name}'")
         for response in boundary.responses:
-            if isinstance(response, Mirror) or response.asks_for_linear:
+            if isinstance(response, Mirror):
                 remedy = "use Slip(), or remove the contacts"
                 check.fail(
                     f"response is {response!r} with contacts, where it is not built for several "
