@@ -34,7 +34,11 @@ MARKS = "<!-- table: benchmarks/wall_loads.py --write -->", "<!-- end of wall lo
 
 WATER, GRAVITY = 1000.0, 9.81
 CELLS = ("held", "linear")
-TRANSFERS = ("APIC", "FLIP")
+TRANSFERS = {
+    "APIC": methods.Transfer(scheme="APIC"),
+    "FLIP": methods.Transfer(scheme="FLIP"),
+    "AFLIP 0.95": methods.Transfer(scheme="AFLIP", flip=0.95),
+}
 Values = dict[str, float]
 
 
@@ -42,7 +46,8 @@ def scene_of(
     upper: tuple[float, float], cell: float, transfer: str | methods.Transfer, **more: Any
 ) -> libmpm.Scene:
     """Return an empty scene from (0, 0) on under gravity."""
-    method = libmpm.Method(cfl=0.3, transfer=transfer, leaving="delete")
+    scheme = TRANSFERS[transfer] if isinstance(transfer, str) else transfer
+    method = libmpm.Method(cfl=0.3, transfer=scheme, leaving="delete")
     return libmpm.Scene(
         dimension=2, cell_size=cell, lower=more.get("lower", (0.0, 0.0)), upper=upper,
         gravity=(0.0, -GRAVITY), method=method,

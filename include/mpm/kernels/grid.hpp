@@ -23,7 +23,7 @@ struct NodeUpdate {
     const std::uint32_t* touched;  // per slot: may a boundary hold nodes of it
     double least_mass;             // of a particle, kg
     double light_mass;  // lighter nodes count by their part of it (kernels/clock.hpp), kg
-    const GroupPressure* pressures = nullptr;  // where boxes have linear faces
+    const GroupPressure* pressures = nullptr;  // where boxes or surfaces have linear cells
     int pressure_count = 0;
 
     MPM_INLINE const Sum* sums(std::int32_t slot, int node) const {
@@ -48,9 +48,9 @@ struct NodeUpdate {
         for (int a = 0; a < D; ++a) p[a] = s[(1 + a) * block_cells];
         return p;
     }
-    /// Of the bodies whose volume the grid averages, where they press, times the part of the node
-    /// that they fill, Pa.
-    MPM_INLINE double pressure(std::int32_t slot, int node) const {
+    /// Of the bodies whose volume the grid averages, where they press, times the part that they
+    /// fill of so much of the node, Pa.
+    MPM_INLINE double pressure(std::int32_t slot, int node, double room = 1) const {
         const Sum* s = sums(slot, node);
         double all = 0;
         for (int k = 0; k < pressure_count; ++k) {
@@ -60,7 +60,8 @@ struct NodeUpdate {
             if (!(mass > 0)) continue;
             const double j =
                 from_sum<double>(s[g.sum * block_cells], clock->unit_read[group_sum]) / mass;
-            if (j > 0 && j < 1) all += g.at(j) * (mass < g.full ? mass / g.full : 1.0);
+            const double full = room * g.full;
+            if (j > 0 && j < 1) all += g.at(j) * (mass < full ? mass / full : 1.0);
         }
         return all;
     }

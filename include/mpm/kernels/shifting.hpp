@@ -103,7 +103,7 @@ struct FindOverfull {
             std::int64_t cell[D], image[D];
             node.cell(slot, n, cell);
             if (image_before_walls<D>(node.boundaries, cell, image))
-                slot = find_node<D>(node.grid.table, image, n);
+                slot = node_of_field<D>(node.grid.table, slot, image, n);
             room = room_of_node<D>(node.boundaries, image);
         }
         if (slot < 0 || room < 0.1) return;

@@ -84,6 +84,23 @@ MPM_INLINE void moved_along(const std::int64_t (&cell)[D], int axis, std::int64_
     for (int a = 0; a < D; ++a) out[a] = cell[a] + (a == axis ? by : 0);
 }
 
+/// Does a node two cells or less along an axis from one see another face? `but`: an axis that does
+/// not count.
+template <int D>
+MPM_CALL bool near_edge(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                        const std::int64_t (&cell)[D], const SurfaceView<D>& here, int but = -1) {
+    const Reconverge at_return;
+    bool turned = false;
+    for (int t = 0; t < D; ++t)
+        for (int by = -2; by < 3; ++by) {
+            if (t == but) continue;
+            std::int64_t there[D];
+            moved_along<D>(cell, t, by, there);
+            turned = turned || SurfaceView<D>(all, s, there).turned_from(here);
+        }
+    return turned;
+}
+
 /// The line towards a surface on which a node is.
 template <int D>
 struct SurfaceLine {
@@ -131,8 +148,10 @@ struct SurfaceLine {
             lead = seen.distance;
             share = here.distance / lead;
             for (int a = 0; a < D; ++a) normal[a] = seen.normal[a];
-            // All nodes of a line ask at its leader.
-            if (cautious && (moving_near<D>(all, there, 3) || !level(all, s, there))) {
+            // All nodes of a line ask at its leader. In a corner of two faces it sees the other one
+            // where what is under the line does not.
+            if (near_edge<D>(all, s, there, seen, axis) ||
+                (cautious && (moving_near<D>(all, there, 3) || !level(all, s, there)))) {
                 state = otherwise;
                 return;
             }
@@ -218,6 +237,51 @@ struct PlaceOnLine {
     }
 };
 
+/// What a surface cuts of a node's spline: the integral of its gradient over the body, which is
+/// that of the spline times the normal over the surface, in faces of a cell, and the part before
+/// it. By four points a cell and axis.
+template <int D>
+struct CutSpline {
+    double area[D] = {}, before = 0;
+
+    CutSpline() = default;
+    MPM_CALL CutSpline(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                       const std::int64_t (&cell)[D]) {
+        const Reconverge at_return;
+        constexpr int points = 12;  // along an axis of the stencil
+        constexpr double width = 3.0 / points;
+        double centre[D];
+        node_position<D>(cell, all.cell_size, centre);
+        int count = 1;
+        for (int a = 0; a < D; ++a) count *= points;
+        for (int k = 0; k < count; ++k) {
+            double x[D], there[D], own[D], value[D], slope[D], distance, product = 1;
+            int rest = k;
+            for (int a = 0; a < D; ++a) {
+                const double t = (rest % points + 0.5) * width - 1.5, size = t < 0 ? -t : t;
+                rest /= points;
+                x[a] = centre[a] + t * all.cell_size;
+                value[a] = width * (size < 0.5 ? 0.75 - t * t : 0.5 * (1.5 - size) * (1.5 - size));
+                slope[a] = width * (size < 0.5 ? -2 * t : (t < 0 ? 1.5 - size : size - 1.5));
+                product *= value[a];
+            }
+            s.to_body(x, there);
+            // Across a point's own cell the body is cut evenly.
+            double wet = 1;
+            if (s.field.at(there, distance, own)) {
+                wet = 0.5 + distance / (width * all.cell_size);
+                wet = wet < 0 ? 0 : (wet > 1 ? 1 : wet);
+            }
+            before += product * wet;
+            for (int a = 0; a < D; ++a) {
+                double across = slope[a];
+                for (int t = 0; t < D; ++t) across *= t == a ? 1 : value[t];
+                area[a] += (1 - wet) * across;
+            }
+        }
+    }
+};
+
 /// What a node sees of the one linear surface near it, where both rest.
 template <int D>
 struct SurfaceNode {
@@ -225,8 +289,12 @@ struct SurfaceNode {
     std::int8_t state = 0, line_axis = 0, sign = 1, leader = 0;  // as in `SurfaceLine`
     std::int32_t boundary = -1;  // none is near, or more than one, or what is near moves
     double lead = 1, share = 1, normal[D];
+    // Beside an edge, where no line runs: what even pressure does to the node, which both faces
+    // give back.
+    CutSpline<D> cut;
 
     SurfaceNode() = default;
+    MPM_INLINE bool pushed() const { return cut.before > 0; }
     MPM_INLINE SurfaceNode(int b, const SurfaceView<D>& v, const SurfaceLine<D>& l)
         : place(v),
           state(std::int8_t(l.state)),

@@ -73,18 +73,32 @@ struct FollowLines {
         out.mass = node.mass(slot, number);
         if (!(out.mass > T(0))) return out;
         out.velocity = node.free_velocity(out.mass, node.momentum(slot, number));
-        if constexpr (!plain)
-            push_at_edges(slot, number, cell, out.mass, out.velocity, NothingSeen{});
+        if constexpr (!plain) push(slot, number, cell, out.mass, out.velocity, NothingSeen{});
         return out;
     }
     MPM_CALL Seat called_seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
         const Reconverge at_return;
         return seat(slot, number, cell);
     }
+    /// What faces give back at their edges to the nodes that no line leads.
+    template <class Seen>
+    MPM_INLINE void push(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
+                         Vec<T, D>& v, const Seen& seen) const {
+        if (node.pressure_count == 0) return;
+        push_at_edges(slot, number, cell, mass, v, seen);
+        if (!known.surfaces || known.listed[slot] == 0) return;
+        const SurfaceNode<D>& s =
+            known.surfaces[std::int64_t(known.listed[slot] - 1) * block_cells + number];
+        if (!s.pushed()) return;
+        const Vec<T, D> before = v;
+        double size = node.pressure(slot, number, s.cut.before) * node.clock->dt / double(mass);
+        for (int a = 1; a < D; ++a) size *= node.boundaries.cell_size;
+        for (int a = 0; a < D; ++a) v[a] += T(size * s.cut.area[a]);
+        seen(s.boundary, 0, before, v);
+    }
     template <class Seen>
     MPM_INLINE void push_at_edges(std::int32_t slot, int number, const std::int64_t (&cell)[D],
                                   T mass, Vec<T, D>& v, const Seen& seen) const {
-        if (node.pressure_count == 0) return;
         each_edge<D>(node.boundaries, cell, [&](int b, int face, int axis, double area) {
             double size = node.pressure(slot, number) * node.clock->dt * area;
             for (int a = 1; a < D; ++a) size *= node.boundaries.cell_size;
@@ -152,7 +166,7 @@ struct FollowLines {
     template <class Seen>
     MPM_INLINE void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
                                Vec<T, D>& v, const Seen& seen) const {
-        if constexpr (!plain) push_at_edges(slot, number, cell, mass, v, seen);
+        if constexpr (!plain) push(slot, number, cell, mass, v, seen);
         const Seat own{mass, v};
         WallLine lines[D];
         Vec<T, D> slid[D] = {};  // of the line's mass along the wall

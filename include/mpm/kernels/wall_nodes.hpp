@@ -68,9 +68,13 @@ struct ClassifyWallNodes {
             SurfaceNode<D> seen;
             if (near == 1 && !unknown) {
                 const BoundaryRecord<D>& r = boundaries.records[beside];
-                seen = SurfaceNode<D>(
-                    beside, SurfaceView<D>(boundaries, boundaries.surfaces[r.surface - 1], cell),
-                    surface_line<D>(boundaries, beside, cell));
+                const SurfaceRecord<D>& s = boundaries.surfaces[r.surface - 1];
+                const SurfaceView<D> view(boundaries, s, cell);
+                const SurfaceLine<D> line = surface_line<D>(boundaries, beside, cell);
+                seen = SurfaceNode<D>(beside, view, line);
+                if (line.state != SurfaceLine<D>::on && view.axis >= 0 && view.distance < 2.2 &&
+                    !view.deep() && near_edge<D>(boundaries, s, cell, view))
+                    seen.cut = CutSpline<D>(boundaries, s, cell);
             }
             surfaces[i] = seen;
         }

@@ -245,6 +245,17 @@ MPM_INLINE SurfaceLine<D> surface_line(const BoundaryView<D>& all, int boundary,
                           });
 }
 
+/// Slot of the node of a cell in the field of another slot, -1 where it is not active, and its
+/// number.
+template <int D>
+MPM_INLINE std::int32_t node_of_field(const BlockTableView<D>& table, std::int32_t slot,
+                                      const std::int64_t (&cell)[D], int& number) {
+    std::int64_t block[D];
+    number = block_of_node<D>(cell, block);
+    return find_block<D>(table, block,
+                         table.keys_of.fields == 1 ? 0 : table.keys_of.field(table.keys[slot]));
+}
+
 /// The node some cells along an axis from one of a slot, of the same field, and its slot, -1 where
 /// it is not active.
 template <int D>
@@ -270,10 +281,7 @@ MPM_INLINE std::int32_t node_beside(const BlockTableView<D>& table, std::int32_t
                    ? slot
                    : table.neighbours[std::int64_t(slot) * Block<D>::neighbours + neighbour];
     }
-    std::int64_t block[D];
-    number = block_of_node<D>(there, block);
-    return find_block<D>(table, block,
-                         table.keys_of.fields == 1 ? 0 : table.keys_of.field(table.keys[slot]));
+    return node_of_field<D>(table, slot, there, number);
 }
 
 /// Rows beside the edge of a box do not vanish on the last half cell of its faces, and no node is

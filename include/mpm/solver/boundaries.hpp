@@ -49,6 +49,7 @@ public:
     /// Whether nodes beside boundaries are moved apart from the others (`MoveWallNodes`).
     bool lists() const { return lists_; }
     bool has_mirrors() const { return mirrored_walls_; }
+    bool has_linear_surfaces() const { return linear_surfaces_; }
     const Buffer<X, std::int32_t>& blocks() const { return blocks_; }
     const Buffer<X, WallNode>& kinds() const { return kinds_; }
     const Buffer<X, std::uint32_t>& lines() const { return lines_; }  // of their nodes, packed
@@ -287,7 +288,7 @@ void Boundaries<X, D>::add_lines(const SurfaceRecord<D>& s, const BlockKeys<D>& 
     }
 }
 
-/// Which boundaries there are at all, and what edges of boxes with linear faces ask for: how much
+/// Which boundaries there are at all, and what edges of linear faces and surfaces ask for: how much
 /// each averaged group of bodies presses.
 template <class X, int D>
 void Boundaries<X, D>::set_pressures(const Spec& spec, const Plan& plan) {
@@ -301,7 +302,7 @@ void Boundaries<X, D>::set_pressures(const Spec& spec, const Plan& plan) {
         }
     }
     std::vector<GroupPressure> found;
-    for (std::size_t b = 0; b < spec.bodies.size() && boxes; ++b) {
+    for (std::size_t b = 0; b < spec.bodies.size() && (boxes || linear_surfaces_); ++b) {
         const GroupChannels& g = plan.bodies[b].group;
         const MaterialInfo& m = material(spec.bodies[b].material);
         const auto& values = spec.bodies[b].parameters;

@@ -3,6 +3,7 @@
 
 #include <numeric>
 
+#include "mpm/kernels/put_before.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
@@ -286,6 +287,11 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
 template <class X, class T, int D>
 void Domain<X, T, D>::find_cells(Body& body, std::uint32_t* occupied, std::uint32_t* cell,
                                  std::uint32_t* left) {
+    if (boundaries_.has_linear_surfaces()) {
+        const PutBeforeSurfaces<X, T, D> put{table_, body.view(), boundaries_.view(),
+                                             boundaries_.touched().data()};
+        exec_.for_each(std::int64_t(body.homes) * put.lanes, put);
+    }
     FindCells<X, T, D> find{table_, body.view(), {}, occupied, cell, left};
     for (int a = 0; a < D; ++a) find.cells[a] = std::int32_t(spec_.cells[a]);
     body.moves = Buffer<X, std::uint8_t>(exec_);

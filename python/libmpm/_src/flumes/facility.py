@@ -271,8 +271,8 @@ class Facility(Value):
     def bed_response(self) -> Slip:
         """Return what the bed does to water: held nodes in a calm slice, else linear cells.
 
-        Through a step or slope of linear cells a slice lost water; in space they halve the load on
-        a structure above the bed.
+        Before a step of linear cells slow water crowds, which a gauge there reads; in space they
+        halve the load on a structure above the bed.
         """
         return Slip(cell="held" if self.width == "slice" and not self.violent else "linear")
 

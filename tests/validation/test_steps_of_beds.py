@@ -1,0 +1,84 @@
+"""Water over a step of a bed with linear cells (design/walls.md, 7). Expected duration: 20 s."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm import boundaries, materials, shapes
+
+DX, LEVEL, STEP, LENGTH, GRAVITY = 0.1, 1.6, 0.226, 6.0, 9.81
+PLACE = 0.5 * LENGTH + 0.03  # of the step, m, which is not on a face of a cell
+
+
+def over_a_step(
+    cell: str, speed: float, transfer: str = "APIC", place: float = PLACE, step: float = STEP
+) -> libmpm.Simulation:
+    """Return water that is at rest, or that swings, at first with `speed` m/s in its middle."""
+    flip = {} if transfer == "APIC" else {"flip": 0.95}
+    method = libmpm.Method(transfer=libmpm.methods.Transfer(scheme=transfer, **flip))  # type: ignore[arg-type]
+    scene = libmpm.Scene(
+        dimension=2, cell_size=DX, lower=(0.0, -0.2), upper=(LENGTH, 2.4),
+        gravity=(0.0, -GRAVITY), method=method,
+    )  # fmt: skip
+    profile = [(-1, 0.0), (place, 0.0), (place + 0.005, step), (7, step), (7, -1), (-1, -1)]
+    bed = shapes.Extrusion(profile=profile)
+    room = shapes.Box(lower=(0.0, -0.2), upper=(LENGTH, 2.4))
+    k = np.pi / LENGTH
+    still = (0.0, 0.0)
+    moving = libmpm.Field(components=(
+        f"{speed!r} * sin({k!r} * x)", f"-{speed * k!r} * y * cos({k!r} * x)"
+    ))  # fmt: skip
+    scene.add_body(
+        name="water", shape=shapes.basin(level=LEVEL, bed=bed, within=room), hydrostatic=LEVEL,
+        material=materials.TaitFluid(bulk_modulus=2e6), sampling=shapes.Columns(),
+        velocity=moving if speed else still,
+    )  # fmt: skip
+    response = boundaries.Slip(cell=cell)  # type: ignore[arg-type]
+    scene.add_boundary(name="bed", shape=bed, response=response)
+    walls = boundaries.Slip(cell="linear")
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=walls)
+    return libmpm.Simulation(scene, device="cpu")
+
+
+def behind(x: np.ndarray) -> np.ndarray:
+    """Return how far particles are below the bed or beyond the face of its step, cells."""
+    over = np.where(x[:, 0] < PLACE, x[:, 1], np.minimum(x[:, 1] - STEP, 10))
+    inside = np.minimum(-over, np.where(x[:, 0] < PLACE, 10, x[:, 0] - PLACE))
+    return np.asarray(inside) / DX
+
+
+def rest(cell: str, place: float, step: float) -> float:
+    """Return the speed of water at rest within 1 m of a step after 2 s, of √(g h)."""
+    simulation = over_a_step(cell, 0.0, place=place, step=step)
+    simulation.run(until=2.0, progress=False)
+    water = simulation.particles["water"]
+    near = np.abs(np.asarray(water["position"])[:, 0] - place) < 1.0
+    square = (np.asarray(water["velocity"])[near] ** 2).sum(axis=1)
+    return float(np.sqrt(square.mean() / (GRAVITY * LEVEL)))
+
+
+@pytest.mark.parametrize(
+    ("place", "step"), [(3.0, 0.25), (3.025, 0.2), (3.05, 0.3), (3.025, 0.575)]
+)
+def test_water_at_rest_stays_at_rest_beside_a_step(place: float, step: float) -> None:
+    """As between held nodes, which do not move; lines into the corner stirred it with 0.02."""
+    held = rest("held", place, step)
+    for cell in ("linear", "auto"):
+        assert rest(cell, place, step) < 1.3 * held + 5e-4
+
+
+@pytest.mark.parametrize("transfer", ["APIC", "AFLIP"])
+@pytest.mark.parametrize("cell", ["linear", "auto"])
+def test_nothing_swings_through_a_step(cell: str, transfer: str) -> None:
+    simulation = over_a_step(cell, 0.5, transfer)
+    count = len(simulation.particles["water"]["position"])
+    deepest = 0.0
+    for time in np.arange(0.5, 6.1, 0.5):
+        simulation.run(until=float(time), progress=False)
+        x = np.asarray(simulation.particles["water"]["position"])
+        deepest = max(deepest, float(behind(x).max()))
+    assert len(x) == count
+    assert deepest < 0.25
+    assert (behind(x) > 0.05).sum() <= 2
