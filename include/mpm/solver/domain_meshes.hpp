@@ -61,13 +61,30 @@ void Domain<X, T, D>::tell_rest(Body& body) {
     Packer packer;
     packer.put(own);
     detail::put_places<T, D>(packer, mesh.rest_cell, mesh.rest_offset, own);
-    share_->comm->exchange_and_read(
-        std::vector<Bytes>(std::size_t(share_->ranks()), packer.take()), share_->comm->others(),
-        "places at rest", [&](int, Unpacker& from) {
-            const auto theirs = from.list<std::int32_t>();
-            checks::vertices(theirs, n);
-            detail::get_places<T, D>(from, mesh.rest_cell, mesh.rest_offset, theirs);
-        });
+    // Of a message that is refused nothing stays.
+    struct Told {
+        std::vector<std::int32_t> vertex, cells;
+        std::vector<T> offset;
+    };
+    std::vector<Told> told{std::size_t(share_->ranks())};
+    share_->comm->exchange_and_read(std::vector<Bytes>(told.size(), packer.take()),
+                                    share_->comm->others(), "places at rest",
+                                    [&](int r, Unpacker& from) {
+                                        Told theirs{from.list<std::int32_t>(), {}, {}};
+                                        checks::vertices(theirs.vertex, n);
+                                        theirs.cells.resize(theirs.vertex.size() * D);
+                                        theirs.offset.resize(theirs.cells.size());
+                                        from.get(theirs.cells.data(), theirs.cells.size());
+                                        from.get(theirs.offset.data(), theirs.offset.size());
+                                        checks::cells_of_vertices(theirs.cells);
+                                        told[std::size_t(r)] = std::move(theirs);
+                                    });
+    for (const Told& theirs : told)
+        for (std::size_t k = 0; k < theirs.cells.size(); ++k) {
+            const std::size_t to = std::size_t(theirs.vertex[k / D]) * D + k % D;
+            mesh.rest_cell[to] = theirs.cells[k];
+            mesh.rest_offset[to] = theirs.offset[k];
+        }
 }
 
 /// Who has which vertices, by body of elements. All ranks together.

@@ -12,6 +12,7 @@ from libmpm._src.base.values import keywords_only
 from libmpm._src.output.html import simulation_html
 from libmpm._src.run.device_arrays import DeviceArrays
 from libmpm._src.run.running import Running
+from libmpm._src.sensors.attributes import of_elements
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,7 +60,10 @@ class Shown:
         if found is None:
             return None
         order = np.argsort(found["id"])
-        return {name: np.asarray(array)[order] for name, array in found.items()}
+        return {
+            name: np.asarray(array) if of_elements(name) else np.asarray(array)[order]
+            for name, array in found.items()
+        }
 
     @keywords_only("Simulation.plot", 1, renamed={"color": "colour"})
     def plot(

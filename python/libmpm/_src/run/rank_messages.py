@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.errors import DeviceError
+from libmpm._src.sensors.attributes import of_elements
 
 __all__ = ["Link"]
 
@@ -86,7 +87,10 @@ class Link:
         return [sum(column) for column in zip(*self.tell(counts), strict=True)]
 
     def gather(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]] | None:
-        """Return the rows of all ranks one behind the other on rank 0; None on the others."""
+        """Return the rows of all ranks one behind the other on rank 0; None on the others.
+
+        Of attributes of elements all ranks have all rows, each is a number on one of them.
+        """
         buffer = io.BytesIO()
         given: dict[str, Any] = dict(arrays)
         np.savez(buffer, **given)
@@ -99,11 +103,23 @@ class Link:
             return {name: part[name] for name in arrays}
 
         parts = [_read(rank, "arrays", rows, text) for rank, text in enumerate(told)]
-        return {name: np.concatenate([part[name] for part in parts]) for name in arrays}
+        return {
+            name: _joined([part[name] for part in parts], elements=of_elements(name))
+            for name in arrays
+        }
 
     def stop(self, error: BaseException) -> None:
         """End the work of all: whoever waits, or will, gets this rank's error by name."""
         self.process.stop(f"rank {self.rank}: {type(error).__name__}: {error}")
+
+
+def _joined(parts: list[NDArray[Any]], *, elements: bool) -> NDArray[Any]:
+    if not elements:
+        return np.concatenate(parts)
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = np.where(np.isnan(whole), part, whole)
+    return whole
 
 
 def _read(rank: int, what: str, reader: Callable[[bytes], Any], text: bytes) -> Any:
