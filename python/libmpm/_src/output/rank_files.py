@@ -65,7 +65,6 @@ class _OfRanks(Writer):
             path = frames.frame_path(self._frames, body, index)
             frames.write_index(path, paths, counts, metadata)
 
-
     def _put_mesh(
         self,
         body: str,
