@@ -77,7 +77,8 @@ class _OfRanks(Writer):
     ) -> None:
         """Write a body of elements as one process does: its elements name rows of all ranks."""
         mine = self._simulation.particles[body]["id"]
-        whole = self._link.gather({"id": mine, "position": position, **attributes})
+        rows = [name for name in attributes if frames.of_elements(name)]
+        whole = self._link.gather({"id": mine, "position": position, **attributes}, rows)
         if whole is None:
             return
         order = np.argsort(whole.pop("id"))

@@ -56,7 +56,8 @@ class Shown:
         shared = self._shared
         with self.paused(), shared.together():
             read = dict(self.particles[body].read(["id", *names]))
-            found = read if shared.link is None else shared.link.gather(read)
+            rows = [name for name in read if of_elements(name)]
+            found = read if shared.link is None else shared.link.gather(read, rows)
         if found is None:
             return None
         order = np.argsort(found["id"])

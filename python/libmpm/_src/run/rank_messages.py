@@ -6,14 +6,13 @@ import functools
 import io
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.errors import DeviceError
-from libmpm._src.sensors.attributes import of_elements
 
 __all__ = ["Link"]
 
@@ -86,10 +85,12 @@ class Link:
         """Return the sums over all ranks."""
         return [sum(column) for column in zip(*self.tell(counts), strict=True)]
 
-    def gather(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]] | None:
+    def gather(
+        self, arrays: Mapping[str, NDArray[Any]], everywhere: Collection[str] = ()
+    ) -> dict[str, NDArray[Any]] | None:
         """Return the rows of all ranks one behind the other on rank 0; None on the others.
 
-        Of attributes of elements all ranks have all rows, each is a number on one of them.
+        Of those named in `everywhere` all ranks have all rows, and each is a number on one of them.
         """
         buffer = io.BytesIO()
         given: dict[str, Any] = dict(arrays)
@@ -104,7 +105,7 @@ class Link:
 
         parts = [_read(rank, "arrays", rows, text) for rank, text in enumerate(told)]
         return {
-            name: _joined([part[name] for part in parts], elements=of_elements(name))
+            name: _joined([part[name] for part in parts], everywhere=name in everywhere)
             for name in arrays
         }
 
@@ -113,8 +114,8 @@ class Link:
         self.process.stop(f"rank {self.rank}: {type(error).__name__}: {error}")
 
 
-def _joined(parts: list[NDArray[Any]], *, elements: bool) -> NDArray[Any]:
-    if not elements:
+def _joined(parts: list[NDArray[Any]], *, everywhere: bool) -> NDArray[Any]:
+    if not everywhere:
         return np.concatenate(parts)
     whole = parts[0]
     for part in parts[1:]:
