@@ -47,6 +47,11 @@ def beam() -> libmpm.Scene:
         cell = sensors.LoadCell(boundary=held, interval=2e-3)
         scene.add_sensor(name=f"load on {held}", sensor=cell)
     scene.add_sensor(name="energy", sensor=sensors.Energy(interval=2e-3))
+    for attribute, operation in (("element_von_mises", "max"), ("element_energy", "sum")):
+        of_elements = sensors.ParticleSensor(
+            body="beam", attribute=attribute, operation=operation, interval=5e-3
+        )
+        scene.add_sensor(name=attribute, sensor=of_elements)
     return scene
 
 
