@@ -225,7 +225,7 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
         loads.beam_under_water, {"modulus": e, "cells": n, "contact": True},
         [near("under_level_water", 1, 0.06)] if n >= 4 else [],
     )
-    for n, moduli in ((2, (1e6, 5e6)), (4, (2e5, 5e5, 1e6, 2e6, 5e6, 1e7, 5e7)), (8, (1e6,)))
+    for n, moduli in ((4, (2e5, 5e5, 1e6, 2e6, 5e6, 1e7, 5e7)), (8, (1e6,)))
     for e in moduli
 } | {
     f"five dominoes, {n} cells thick, {what}": (
