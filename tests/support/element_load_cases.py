@@ -324,13 +324,13 @@ def sunk_by(modulus: float, metres: float, dx: float) -> Numbers:
 
 def elastic_column(
     edge: float | None = 0.5, dx: float = 0.004, density: float = 2500.0, until: float = 0.4,
-    modulus: float = 1e6,
+    modulus: float = 1e6, give: float = 0.0,
 ) -> Numbers:  # fmt: skip
     """Return when a dam break meets an elastic column, and how far its tip goes and when.
 
     Walhorn et al. (2005): water 0.146 x 0.292 m, column 0.012 x 0.08 m from x = 0.286 m, tank
     0.584 m; E 1 MPa, ν 0. Bulk modulus of the water 1 MPa. `edge` in cells; None = particles. In
-    mm and s.
+    mm and s. `give`: what the foot seems longer by, in cells, and the column is shorter by.
     """
     gravity, deep = 9.81, 2
     n = round(0.584 / dx)
@@ -342,7 +342,7 @@ def elastic_column(
     )  # fmt: skip
     left = round(0.286 / dx) * dx
     # Free from the last node that is held, half a cell below the floor.
-    low, up = (left, floor - deep * dx), (left + 0.012, floor - 0.5 * dx + 0.08)
+    low, up = (left, floor - deep * dx), (left + 0.012, floor - (0.5 + give) * dx + 0.08)
     scene.add_body(
         name="column",
         shape=shapes.Box(lower=low, upper=up) if edge is None else mesh_of(low, up, edge * dx),
