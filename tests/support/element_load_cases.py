@@ -22,6 +22,7 @@ from support.element_cases import (
     mesh_of,
     timoshenko,
 )
+from support.sagging_beam import sunk_exactly
 
 #: Density and modulus of bars, kg/m³ and Pa.
 DENSITY, MODULUS = 1000.0, 1e6
@@ -257,13 +258,14 @@ def membrane(
 
 def beam_under_water(
     modulus: float = 5e7, cells: int = 4, edge: float | None = 0.5, grows: float = 6.0,
-    holds: float = 4.0,
+    holds: float = 4.0, contact: bool = False,
 ) -> Numbers:  # fmt: skip
     """Return how far a beam 10 x 1 m sinks under 0.5 m of water over `membrane`, plane strain.
 
     Density 100 kg/m³, ν 0, its weight counts; gravity grows as t² and stays at 9.81 m/s². `edge`
     in cells; None = particles. Ends are held at the last nodes of two regions, 10 m apart. The
-    mean of the second half of `holds`.
+    mean of the second half of `holds`. `contact`: the water has a field of velocities of its own
+    and runs along the beam; else both share one, where they share nodes.
     """
     dx, long, high, deep, gravity = 1.0 / cells, 10.0, 1.0, 0.5, 9.81
     n = round(long / dx) - 1  # cells between the faces of the regions
@@ -292,6 +294,8 @@ def beam_under_water(
                            motion=at_rest(2), bodies=("beam",))  # fmt: skip
         scene.add_boundary(name=f"wall {name}", shape=block, response=boundaries.Slip(),
                            bodies=("water",))  # fmt: skip
+    if contact:
+        scene.add_contact(name="wet", between=("beam", "water"), law=libmpm.contacts.Fluid())
     sim = libmpm.Simulation(scene, device="cpu", precision="double")
     beam = sim.particles["beam"]
     rest = beam["position"]
@@ -301,13 +305,18 @@ def beam_under_water(
     for k in range(1, _SAMPLES + 1):
         sim.run(until=grows + (0.5 + 0.5 * k / _SAMPLES) * holds, progress=False)
         sunk.append(float((rest[near, 1] - beam["position"][near, 1]).mean()))
-    return sunk_by(modulus, float(np.mean(sunk))) | {"steps": float(sim.steps)}
+    return sunk_by(modulus, float(np.mean(sunk)), dx) | {"steps": float(sim.steps)}
 
 
-def sunk_by(modulus: float, metres: float) -> Numbers:
-    """Return how far the beam under water sinks over theory; with ponding where no end is dry."""
+def sunk_by(modulus: float, metres: float, dx: float) -> Numbers:
+    """Return how far the beam under water sinks over theory.
+
+    Over the formula, whose water is spread evenly; with ponding where no end is dry; over the
+    beam under level water at any deflection.
+    """
     load = 9.81 * (1000.0 * 0.5 + 100.0)
-    found = {"sinks": metres / membrane(modulus, load), "metres": metres}
+    found = {"sinks": metres / membrane(modulus, load), "metres": metres,
+             "under_level_water": metres / sunk_exactly(modulus, dx)}  # fmt: skip
     if metres / 2 < 0.5:
         found["with_ponding"] = metres / membrane(modulus, load, ponding=9810.0)
     return found
@@ -315,13 +324,13 @@ def sunk_by(modulus: float, metres: float) -> Numbers:
 
 def elastic_column(
     edge: float | None = 0.5, dx: float = 0.004, density: float = 2500.0, until: float = 0.4,
-    modulus: float = 1e6,
+    modulus: float = 1e6, give: float = 0.0,
 ) -> Numbers:  # fmt: skip
     """Return when a dam break meets an elastic column, and how far its tip goes and when.
 
     Walhorn et al. (2005): water 0.146 x 0.292 m, column 0.012 x 0.08 m from x = 0.286 m, tank
     0.584 m; E 1 MPa, ν 0. Bulk modulus of the water 1 MPa. `edge` in cells; None = particles. In
-    mm and s.
+    mm and s. `give`: what the foot seems longer by, in cells, and the column is shorter by.
     """
     gravity, deep = 9.81, 2
     n = round(0.584 / dx)
@@ -333,7 +342,7 @@ def elastic_column(
     )  # fmt: skip
     left = round(0.286 / dx) * dx
     # Free from the last node that is held, half a cell below the floor.
-    low, up = (left, floor - deep * dx), (left + 0.012, floor - 0.5 * dx + 0.08)
+    low, up = (left, floor - deep * dx), (left + 0.012, floor - (0.5 + give) * dx + 0.08)
     scene.add_body(
         name="column",
         shape=shapes.Box(lower=low, upper=up) if edge is None else mesh_of(low, up, edge * dx),

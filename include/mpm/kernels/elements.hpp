@@ -53,11 +53,21 @@ struct VertexCarrier {
     }
 };
 
+/// What a loop goes over: all of so many, or those of a list.
+struct Chosen {
+    std::int64_t count = 0;
+    const std::int32_t* number = nullptr;  // null: all
+    MPM_INLINE std::int64_t operator[](std::int64_t k) const { return number ? number[k] : k; }
+};
+
 /// The mesh of one body, as kernels see it. Lengths of elements and displacements are in cells.
 template <class T, int D>
 struct ElementsView {
     static constexpr int corners = D + 1;
     std::int64_t elements, vertices;
+    // All, or of several ranks what this one works on: elements whose forces it finds, elements
+    // whose volumes it asks for, vertices whose pressures it does.
+    Chosen pushed, measured, pressed;
     // By element, in the mesh's order.
     const std::int32_t* vertex;  // (elements, D + 1), numbers
     const T* inverse;            // (elements, D, D): D_m^-1, 1/cells

@@ -177,8 +177,24 @@ private:
                       Attributes& out);
     double mean_volume_ratio(Body& body, int number);
     Fault describe_element(Body& body, Fault fault);
+    std::vector<T> kept_here(const Body& body) const;
+    void move_vertices(const std::vector<std::size_t>& moving);
     bool tears_mesh(const std::vector<std::uint32_t>& left, std::size_t b,
                     const Buffer<X, std::uint32_t>& cell);
+
+    // domain_meshes.hpp
+    bool has_meshes() const {
+        return std::any_of(bodies_.begin(), bodies_.end(),
+                           [](const Body& b) { return b.mesh != nullptr; });
+    }
+    template <class F>
+    void each_mesh(const F& f);
+    void tell_rest(Body& body);
+    void link_meshes(bool all_keep);
+    std::vector<std::vector<std::int32_t>> find_owners_of_vertices();
+    void tell_wanted(const std::vector<std::vector<std::int32_t>>& owner,
+                     const std::vector<std::vector<std::uint8_t>>& pushed, bool all_keep);
+    void swap_places();
 
     // domain_export.hpp
     DenseColumn make_column(char type, const std::vector<std::size_t>& shape);
@@ -461,6 +477,7 @@ private:
 #include "mpm/solver/domain_devices.hpp"
 #include "mpm/solver/domain_elements.hpp"
 #include "mpm/solver/domain_export.hpp"
+#include "mpm/solver/domain_meshes.hpp"
 #include "mpm/solver/domain_migrate.hpp"
 #include "mpm/solver/domain_migrate_devices.hpp"
 #include "mpm/solver/domain_parcels.hpp"

@@ -9,8 +9,9 @@ namespace mpm {
 template <class X, class T, int D>
 void Domain<X, T, D>::make_mesh(Body& body, const BodySpec& s) {
     if constexpr (!X::is_device) {
-        std::vector<double> position(std::size_t(s.count) * D);
-        s.position(0, s.count, position.data());
+        const std::uint64_t vertices = ids_of(s);
+        std::vector<double> position(std::size_t(vertices) * D);
+        (s.all_vertices ? s.all_vertices : s.position)(0, vertices, position.data());
         body.elements = element_ops<X, T, D>(s.material);
         body.mesh = std::make_unique<ElementMesh<X, T, D>>(
             exec_, s.name, position, s.elements, s.vertex_volumes, body.elements.kept,
@@ -30,6 +31,30 @@ void Domain<X, T, D>::place_mesh(Body& body) {
         for (std::size_t q = 0; q < id.size(); ++q) body.state[0].data()[q] = share[id[q]];
         body.elements.locate(pass(body, int(&body - bodies_.data()), parity()), body.mesh->view(),
                              true);
+        if (share_) tell_rest(body);
+    }
+}
+
+/// All vertices move before anyone asks where they are: those of other ranks too.
+template <class X, class T, int D>
+void Domain<X, T, D>::move_vertices(const std::vector<std::size_t>& moving) {
+    if constexpr (!X::is_device) {
+        if (!has_meshes()) return;
+        for (const std::size_t b : moving) {
+            Body& body = bodies_[b];
+            if (!body.mesh) continue;
+            Phase<X, T, D> p = phase(body, int(b), 1 - parity());
+            p.turns = true;
+            body.ops.respond(p);
+            after_respond(body, p);
+            body.elements.locate(p.pass, body.mesh->view(), false);
+        }
+        if (share_) swap_places();
+        for (const std::size_t b : moving) {
+            Body& body = bodies_[b];
+            if (body.mesh && body.mesh->vertex_volumes())
+                body.elements.volumes(pass(body, int(b), 1 - parity()), body.mesh->view());
+        }
     }
 }
 
@@ -74,9 +99,14 @@ void Domain<X, T, D>::push_elements(const Phase<X, T, D>& phase, Body& body, dou
         body.elements.forces(phase.pass, body.mesh->view());
         const std::uint64_t inverted = body.mesh->inverted();
         if (inverted == no_fault) return;
-        const auto vertex = std::uint32_t(body.mesh->view().number(std::int64_t(inverted), 0));
+        // Reported by the first of its vertices that is here.
+        const ElementsView<T, D> mesh = body.mesh->view();
         const std::uint32_t* id = body.id.data();
-        const auto place = std::uint32_t(std::find(id, id + body.count, vertex) - id);
+        std::uint32_t place = body.count;
+        for (int k = 0; k <= D && place == body.count; ++k)
+            place = std::uint32_t(std::find(id, id + body.count,
+                                            std::uint32_t(mesh.number(std::int64_t(inverted), k))) -
+                                  id);
         X::keep_smallest(phase.pass.fault_particle, fault_number(phase.pass.body_number, place));
     }
 }
@@ -98,7 +128,8 @@ void Domain<X, T, D>::spread_body(Body& body, const Phase<X, T, D>& phase, doubl
 }
 
 /// Attributes of elements, and of vertices what follows from theirs: means weighted by volume, and
-/// a share of each element's volume and energy.
+/// a share of each element's volume and energy. Of several ranks one has an element; on the others
+/// it is not a number.
 template <class X, class T, int D>
 void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std::string>& names,
                                    Attributes& out) {
@@ -114,9 +145,11 @@ void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std
         const ElementsView<T, D> mesh = body.mesh->view();
         const std::size_t elements = body.mesh->elements(), n = body.count;
         std::vector<ElementSeen<D>> seen(elements);
-        exec_.host_for(std::int64_t(elements), [&](std::int64_t e) {
+        exec_.host_for(mesh.pushed.count, [&](std::int64_t k) {
+            const std::int64_t e = mesh.pushed[k];
             seen[std::size_t(e)] = body.elements.see(mesh, e, body.parameters.data());
         });
+        const int rank = share_ ? share_->rank() : 0;
         const auto put = [&](const std::string& name, std::size_t rows,
                              std::vector<std::size_t> shape, const auto& value) {
             if (std::find(names.begin(), names.end(), name) == names.end()) return;
@@ -126,7 +159,14 @@ void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std
             a.shape = {rows};
             a.shape.insert(a.shape.end(), shape.begin(), shape.end());
             a.data.assign(rows * width, 0.0);
-            for (std::size_t k = 0; k < rows; ++k) value(k, a.data.data() + k * width);
+            const bool of_elements = is_of_elements(name);
+            for (std::size_t k = 0; k < rows; ++k) {
+                double* to = a.data.data() + k * width;
+                if (of_elements && !body.mesh->counts(std::int64_t(k), rank))
+                    std::fill_n(to, width, std::numeric_limits<double>::quiet_NaN());
+                else
+                    value(k, to);
+            }
         };
         const std::vector<std::size_t> square = {std::size_t(D), std::size_t(D)};
         put("element_stress", elements, square, [&](std::size_t e, double* to) {
@@ -184,21 +224,37 @@ void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std
     }
 }
 
-/// Of all elements, by their volume.
+/// Of all elements, by their volume. Of several ranks what gives that when it is weighted by their
+/// vertices: each has the elements that it counts.
 template <class X, class T, int D>
 double Domain<X, T, D>::mean_volume_ratio(Body& body, int number) {
     double now = 0, rest = 0;
     if constexpr (!X::is_device) {
         locate_elements(body, number);
         const ElementsView<T, D> mesh = body.mesh->view();
+        const int rank = share_ ? share_->rank() : 0;
         for (std::int64_t e = 0; e < mesh.elements; ++e) {
             const double v = double(mesh.volume[e]);
+            rest += v;
+            if (!body.mesh->counts(e, rank)) continue;
             now += v * (1 + volume_change(
                                 element_state<double>(mesh, element_inverse<double>(mesh, e), e)));
-            rest += v;
         }
+        if (share_) now *= double(mesh.vertices) / double(body.count);
     }
     return now / rest;
+}
+
+/// What elements keep of flow: of several ranks, of those that this one counts.
+template <class X, class T, int D>
+std::vector<T> Domain<X, T, D>::kept_here(const Body& body) const {
+    std::vector<T> out = body.mesh->kept_numbers();
+    const std::size_t width = body.mesh->kept();
+    for (std::size_t e = 0; share_ && e < body.mesh->elements(); ++e)
+        if (!body.mesh->counts(std::int64_t(e), share_->rank()))
+            std::fill_n(out.begin() + std::ptrdiff_t(e * width), width,
+                        std::numeric_limits<T>::quiet_NaN());
+    return out;
 }
 
 /// What `describe_fault` has said of the vertex that the fault was reported by, said of the

@@ -55,8 +55,10 @@ struct Emigrants {
 template <class X, class T, int D>
 bool Domain<X, T, D>::stops_here(const std::vector<std::uint32_t>& left,
                                  const std::vector<Buffer<X, std::uint32_t>>& cells) {
-    for (std::size_t b = 0; b < bodies_.size() && outflow_.stops(); ++b) {
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (left[b] == 0) continue;
+        if (bodies_[b].mesh) return true;  // it stays whole, whatever the policy
+        if (!outflow_.stops()) continue;
         for (const Leaver<D>& who : list_left(bodies_[b], left[b], cells[b]))
             if (outflow_.outlet_of(who) < 0) return true;
     }
@@ -247,6 +249,7 @@ bool Domain<X, T, D>::sort_among_ranks() {
     adopt_table_of_ranks(keys, after);
     list_homes(find_homes());
     link_ranks(std::move(after));
+    link_meshes(false);
     return end_of_sort(began);
 }
 

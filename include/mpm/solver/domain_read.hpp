@@ -384,6 +384,7 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
         out["rebalances"] = double(share_->rebalances);
         out["migrated"] = double(share_->migrated);
         out["bytes_of_sums"] = double(share_->bytes_of_sums);
+        if (has_meshes()) out["bytes_of_vertices"] = double(share_->bytes_of_vertices);
         out["shared_blocks"] =
             X::is_device ? double(share_->shared_blocks) : double(share_->shared.size());
         out["imbalance"] = imbalance(share_->loads);

@@ -99,6 +99,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     if constexpr (!X::is_device) {
         for (Body& body : bodies_)
             if (body.mesh) place_mesh(body);
+        if (share_) link_meshes(true);
     }
     first_deposit(spec_);
     exec_.trim();
@@ -106,6 +107,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         b.position = b.pressure = b.state = {};
         b.velocity = b.velocity_gradient = {};
         b.elements = {};
+        b.all_vertices = {};
         b.ids = {};
     }
     spec_.start = {};

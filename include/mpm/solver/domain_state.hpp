@@ -78,7 +78,7 @@ State Domain<X, T, D>::save() {
         s[p + "cell_start"] =
             detail::to_blob(body.cell_start.host(std::size_t(table_.slots) * block_cells + 1));
         if (body.mesh && body.mesh->kept() > 0)
-            s[p + "elements"] = detail::to_blob(body.mesh->kept_numbers());
+            s[p + "elements"] = detail::to_blob(kept_here(body));
         s[p + "frozen_id"] = detail::to_blob(body.frozen_id);
         s[p + "frozen_position"] = detail::to_blob(body.frozen_position);
         s[p + "frozen_state"] = detail::to_blob(body.frozen_state);
@@ -171,6 +171,9 @@ void Domain<X, T, D>::load(const State& whole) {
     link_table();
     link_homes();
     if (share_) link_sums();
+    if constexpr (!X::is_device) {
+        if (share_) link_meshes(true);
+    }
     push_clock();
     meet_hosts();
     dead_ = false;

@@ -232,6 +232,7 @@ void Domain<X, T, D>::run_bodies() {
         workers += workers_of(bodies_[b]);
     }
     collect_bodies(moving);
+    move_vertices(moving);
     if constexpr (X::is_device) {
         if (moving.empty()) exec_.single(turn_step());
         if (workers >= ~std::uint32_t(0))
@@ -274,13 +275,14 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
             break;
         case Pipeline::phased:
             p.turns = true;
-            body.ops.respond(p);
-            after_respond(body, p);
+            if (!body.mesh) {  // vertices have moved
+                body.ops.respond(p);
+                after_respond(body, p);
+            }
             double time = clock_.time;  // from which what is spread acts
             if constexpr (!X::is_device) {
                 const Clock& clock = *clock_buffer_.data();
                 time = clock.time + clock.dt;
-                if (body.mesh) locate_elements(body, number);
             }
             spread_body(body, p, time);
             break;

@@ -8,12 +8,14 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "mpm/core/error.hpp"
 #include "mpm/exec/buffer.hpp"
 #include "mpm/kernels/elements.hpp"
+#include "mpm/solver/mesh_share.hpp"
 
 namespace mpm {
 
@@ -63,6 +65,9 @@ public:
           load_(exec),
           inverted_(exec),
           energy_(exec),
+          pushed_(exec),
+          measured_(exec),
+          pressed_(exec),
           elements_(element.size() / corners),
           vertices_(position.size() / D),
           kept_reals_(std::size_t(kept)),
@@ -119,6 +124,14 @@ public:
         ElementsView<T, D> v{};
         v.elements = std::int64_t(elements_);
         v.vertices = std::int64_t(vertices_);
+        if (share_) {
+            v.pushed = {std::int64_t(share_->pushed.size()), pushed_.data()};
+            v.measured = {std::int64_t(share_->measured.size()), measured_.data()};
+            v.pressed = {std::int64_t(share_->pressed.size()), pressed_.data()};
+        } else {
+            v.pushed = v.measured = {v.elements};
+            v.pressed = {v.vertices};
+        }
         v.vertex = vertex_.data();
         v.inverse = inverse_.data();
         v.volume = volume_.data();
@@ -157,6 +170,24 @@ public:
         energy_.reserve_discard(elements_);
         return energy_.data();
     }
+    /// Of several ranks: what this one works on, and what it tells the others. Null on one.
+    MeshShare* share() { return share_.get(); }
+    const MeshShare* share() const { return share_.get(); }
+    /// By the present owners of its vertices.
+    void share_among(std::vector<std::int32_t> owner, int rank, int ranks) {
+        share_.reset();  // all are listed meanwhile
+        auto share = std::make_unique<MeshShare>();
+        share->owner = std::move(owner);
+        share->list(view(), rank, ranks);
+        pushed_.assign(share->pushed);
+        measured_.assign(share->measured);
+        pressed_.assign(share->pressed);
+        share_ = std::move(share);
+    }
+    /// Whether what counts each element once counts it on this rank.
+    bool counts(std::int64_t element, int rank) const {
+        return !share_ || share_->owner[std::size_t(view().number(element, 0))] == rank;
+    }
     /// The first element that was turned inside out, or `no_fault`; forgotten with `begin_anew`.
     std::uint64_t inverted() const { return inverted_.host()[0]; }
     void begin_anew() { inverted_.assign({no_fault}); }
@@ -165,7 +196,8 @@ public:
                corner_.bytes() + inverse_.bytes() + volume_.bytes() + force_.bytes() +
                grown_.bytes() + kept_.bytes() + rest_offset_.bytes() + beyond_.bytes() +
                vertex_volume_.bytes() + vertex_change_.bytes() + pressure_.bytes() + load_.bytes() +
-               inverted_.bytes() + energy_.bytes();
+               inverted_.bytes() + energy_.bytes() + pushed_.bytes() + measured_.bytes() +
+               pressed_.bytes() + (share_ ? share_->bytes() : 0);
     }
 
 private:
@@ -180,6 +212,8 @@ private:
     Buffer<X, T> rest_offset_, beyond_, vertex_volume_, vertex_change_, pressure_, load_;
     Buffer<X, std::uint64_t> inverted_;
     Buffer<X, double> energy_;
+    Buffer<X, std::int32_t> pushed_, measured_, pressed_;
+    std::unique_ptr<MeshShare> share_;
     std::size_t elements_, vertices_, kept_reals_;
     bool vertex_volumes_;
     std::vector<double> mass_;

@@ -88,6 +88,34 @@ void staged_parts(const std::vector<Staged>& parts, std::size_t common,
                std::to_string(twice->body));
 }
 
+/// Numbers of a mesh's vertices, in any order, none twice.
+inline void vertices(const std::vector<std::int32_t>& list, std::size_t below) {
+    if (list.size() > below) refuse("of " + std::to_string(list.size()) + " vertices");
+    std::vector<std::uint8_t> seen(below, 0);
+    for (const std::int32_t v : list) {
+        if (v < 0 || std::size_t(v) >= below || seen[std::size_t(v)])
+            refuse("with vertex " + std::to_string(v) + " of " + std::to_string(below) +
+                   ", or with that twice");
+        seen[std::size_t(v)] = 1;
+    }
+}
+/// What another rank asks this one for: ascending, and this one's to tell.
+template <class Mine>
+void wanted(const std::vector<std::int32_t>& list, std::size_t below, const char* what,
+            const Mine& mine) {
+    for (std::size_t k = 0; k < list.size(); ++k)
+        if (list[k] < (k == 0 ? 0 : list[k - 1] + 1) || std::size_t(list[k]) >= below ||
+            !mine(list[k]))
+            refuse("for " + std::string(what) + " " + std::to_string(list[k]) +
+                   ", which is not this rank's or out of order");
+}
+/// Of which differences are taken.
+inline void cells_of_vertices(const std::vector<std::int32_t>& cells) {
+    constexpr std::int32_t most = 1 << 28;
+    for (const std::int32_t c : cells)
+        if (c < -most || c > most) refuse("with a vertex in cell " + std::to_string(c));
+}
+
 /// Offsets are of cells that a particle was in the middle of, by a drift of one at most.
 inline constexpr double farthest_offset = 2;
 

@@ -11,6 +11,8 @@ namespace mpm {
 
 /// Rows of one array behind those of another.
 void append_rows(Array& to, const Array& from);
+/// What another rank has where this one has not a number: rows of elements, of which one has each.
+void take_numbers(Array& to, const Array& from);
 /// Particles of an engine, of all bodies.
 double particles_of(const Engine& engine, std::size_t bodies);
 

@@ -103,6 +103,7 @@ inline void put(Packer& to, const RunResult& r) {
     const Fault& f = r.fault;
     for (const std::string* text : {&f.code, &f.body, &f.message}) put(to, *text);
     put(to, f.ids);
+    put(to, f.element);
     put(to, f.step);
     put(to, f.grew_since);
     for (const double value : {f.time, f.value, f.speed}) put(to, value);
@@ -114,6 +115,7 @@ inline void get(Unpacker& from, RunResult& r) {
     Fault& f = r.fault;
     for (std::string* text : {&f.code, &f.body, &f.message}) get(from, *text);
     get(from, f.ids);
+    get(from, f.element);
     get(from, f.step);
     get(from, f.grew_since);
     for (double* value : {&f.time, &f.value, &f.speed}) get(from, *value);

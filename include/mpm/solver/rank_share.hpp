@@ -102,7 +102,7 @@ struct RankShare {
     bool wall_over = false;  // for any rank
 
     // Since the start.
-    std::uint64_t rebalances = 0, migrated = 0, bytes_of_sums = 0;
+    std::uint64_t rebalances = 0, migrated = 0, bytes_of_sums = 0, bytes_of_vertices = 0;
     // Devices: of the sums that others get in a step, at most.
     std::uint64_t bytes_a_step = 0;
     std::uint64_t shared_blocks = 0;           // devices

@@ -93,6 +93,7 @@ struct BodySpec {
     // of positive orientation; volumes of vertices in place of the elements' own.
     std::vector<std::int32_t> elements;
     bool vertex_volumes = false;
+    Rows all_vertices;  // of a rank of several: of the whole mesh, by id; else empty
     std::vector<TractionSpec> tractions;  // of elements, and on functions over cells
     // On functions over cells only:
     Rows volume;  // (count,) m^2, or empty: all alike, from the mass

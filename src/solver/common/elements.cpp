@@ -125,7 +125,6 @@ void check_elements(const Spec& spec, const BackendTraits& backend) {
         };
         if (!spec.functions.kind.empty()) refuse("grids of functions", "use square cells");
         if (backend.device) refuse(backend.name, "use device=\"cpu\"");
-        if (spec.ranks.count > 1) refuse(std::to_string(spec.ranks.count) + " ranks", "use one");
         if ((spec.kernel.kernel != Kernel::quadratic && spec.kernel.kernel != Kernel::cubic) ||
             spec.kernel.clamped)
             refuse("kernel '" + std::string(name_of(spec.kernel.kernel)) +

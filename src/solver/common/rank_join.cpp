@@ -1,6 +1,7 @@
 #include "mpm/solver/rank_join.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <set>
 
 #include "mpm/data/blocks.hpp"
@@ -26,7 +27,30 @@ struct Pieces {
     }
 };
 
+/// What another has where this is not a number.
+template <class E>
+void take_numbers(Blob& to, const Blob& from) {
+    for (std::size_t at = 0; at + sizeof(E) <= std::min(to.bytes.size(), from.bytes.size());
+         at += sizeof(E)) {
+        E own, other;
+        std::memcpy(&own, to.bytes.data() + at, sizeof own);
+        std::memcpy(&other, from.bytes.data() + at, sizeof other);
+        if (own != own) std::memcpy(to.bytes.data() + at, &other, sizeof other);
+    }
+}
+void take_numbers(Blob& to, const Blob& from) {
+    if (to.type == 'f')
+        take_numbers<float>(to, from);
+    else
+        take_numbers<double>(to, from);
+}
+
 }  // namespace
+
+void take_numbers(Array& to, const Array& from) {
+    for (std::size_t k = 0; k < std::min(to.data.size(), from.data.size()); ++k)
+        if (to.data[k] != to.data[k]) to.data[k] = from.data[k];
+}
 
 void append_rows(Array& to, const Array& from) {
     if (to.shape.empty()) {
@@ -52,12 +76,17 @@ RunResult join_results(const std::vector<RunResult>& ranks) {
         if (r.fault.code.empty()) continue;
         if (!told) {
             out.fault = r.fault;
-        } else if (out.fault.code == "left-domain" && r.fault.body == out.fault.body) {
+        } else if (out.fault.code == "left-domain" && r.fault.code == out.fault.code &&
+                   r.fault.body == out.fault.body) {
             out.fault.ids.insert(out.fault.ids.end(), r.fault.ids.begin(), r.fault.ids.end());
             out.fault.value += r.fault.value;
+            // Behind their number both say the same.
             out.fault.message = std::to_string(out.fault.ids.size()) +
-                                " particles left the domain, the first at step " +
-                                std::to_string(out.fault.step);
+                                out.fault.message.substr(std::min(out.fault.message.find(' '),
+                                                                  out.fault.message.size()));
+        } else if (out.fault.element >= 0 && r.fault.element >= 0 &&
+                   r.fault.body == out.fault.body && r.fault.element < out.fault.element) {
+            out.fault = r.fault;  // one rank names the first
         }
         told = true;
     }
@@ -219,6 +248,10 @@ State join_states(const std::vector<State>& ranks, std::size_t bodies) {
             Pieces joined;
             if (name == prefix + "cell_start") {
                 blob = detail::to_blob(cell_start);
+                continue;
+            }
+            if (name == prefix + "elements") {
+                for (const State& s : ranks) take_numbers(blob, detail::find(s, name));
                 continue;
             }
             if (name.rfind(prefix + "frozen", 0) == 0) {

@@ -131,6 +131,9 @@ void PartCheck::operator()(const State& theirs, const State& mine) const {
                     (frozen > 0 && blob.shape[0] % frozen != 0))
                     refuse("with " + std::to_string(blob.shape[0]) + " numbers in '" + name +
                            "' for " + std::to_string(frozen) + " ids");
+            } else if (name == p + "elements") {
+                if (!mine.contains(name) || blob.shape != mine.at(name).shape)
+                    refuse("whose '" + name + "' has another size");
             } else if (blob.shape.size() != 1 || blob.shape[0] != count) {
                 refuse("with " + std::to_string(blob.shape[0]) + " rows of '" + name + "' for " +
                        std::to_string(count) + " ids");

@@ -178,6 +178,7 @@ RankScenes<D>::RankScenes(const Spec& scene, int only) {
                                   own.ids[place + k] =
                                       body.ids.empty() ? std::uint32_t(row + k) : body.ids[row + k];
                           });
+            if (!body.elements.empty()) own.all_vertices = body.position;
             own.position = chosen_rows(body.position, rows[r], D);
             own.pressure = chosen_rows(body.pressure, rows[r], 1);
             own.state = chosen_rows(body.state, rows[r], body.state_width);
@@ -288,6 +289,8 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
             const bool frozen = column.rfind("frozen", 0) == 0;
             if (column == "cell_start")
                 s[name] = detail::to_blob(cell_start);
+            else if (column == "elements")
+                continue;  // all ranks take what elements keep, of all
             else if (!frozen)
                 s[name] = choose(name, of_particles, 1);
             else if (rank > 0)  // the first rank lists them

@@ -165,7 +165,12 @@ public:
         Attributes out = std::move(parts[0]);
         for (std::size_t r = 1; r < parts.size(); ++r) {
             out.id.insert(out.id.end(), parts[r].id.begin(), parts[r].id.end());
-            for (const auto& [name, array] : parts[r].values) append_rows(out.values[name], array);
+            for (const auto& [name, array] : parts[r].values) {
+                if (is_of_elements(name))
+                    take_numbers(out.values[name], array);
+                else
+                    append_rows(out.values[name], array);
+            }
         }
         return out;
     }

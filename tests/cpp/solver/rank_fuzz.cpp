@@ -14,6 +14,7 @@
 #include "mpm/exec/inbox.hpp"
 #include "mpm/solver/rank_messages.hpp"
 #include "mpm/solver/ranks.hpp"
+#include "support/meshes_of_elements.hpp"
 #include "support/mutate.hpp"
 #include "support/ranks.hpp"
 
@@ -101,6 +102,16 @@ Spec fuzz_scene(int dimension, int ranks) {
         cut(s.bodies[1], {2, 2, 4}, {6, 6, 6}, 1);
     }
     s.bodies[1].first_id = s.bodies[0].count;
+    // A mesh across the cuts, whose elements flow.
+    const double dx = s.cell_size;
+    const auto mesh =
+        flat ? test::box_of_elements({4 * dx, 14 * dx}, {20 * dx, 2 * dx}, {20, 2})
+             : test::box_of_elements({2 * dx, 2 * dx, 6.2 * dx}, {7 * dx, 2 * dx, dx}, {7, 2, 1});
+    const std::vector<double> solid = test::solid();
+    s.bodies.push_back(test::body_of_elements(
+        s, "mesh", "VonMises", {solid[0], solid[1], solid[2], 1e-3 * solid[1], 0}, mesh,
+        (flat ? 40 : 14) * std::pow(dx, dimension), true));
+    s.bodies.back().velocity[0] = 25;
     for (SensorSpec& sensor : s.sensors) {
         sensor.interval = std::min(sensor.interval, 0.001);
         if (sensor.kind == SensorKind::tracker) sensor.ids = {s.bodies[1].first_id};
@@ -175,7 +186,8 @@ TEST_P(RankFuzz, refused_messages_change_nothing) {
         }
     }
     for (const char* what : {"particles", "a table", "parts of shared blocks", "sums", "a vote",
-                             "weights of blocks", "blocks of points", "a state"})
+                             "weights of blocks", "blocks of points", "a state", "vertices",
+                             "places at rest", "wanted vertices", "places of vertices"})
         EXPECT_GT(counts[what].refused, 0u) << what;
     for (const auto& [what, c] : counts)
         std::printf("%-30s %9llu refused %9llu read\n", what.c_str(),

@@ -162,10 +162,11 @@ inline Spec busy_scene(int dimension, bool single) {
     return s;
 }
 
-/// Attributes of one body by id: id -> the numbers of all its attributes in a row.
+/// Attributes of one body by id: id -> the numbers of all its attributes in a row, without those of
+/// elements.
 inline std::map<std::uint64_t, std::vector<double>> table(Engine& engine, int body) {
     auto names = engine.attribute_names(body);
-    names.erase(std::remove(names.begin(), names.end(), std::string("id")), names.end());
+    std::erase_if(names, [](const std::string& n) { return n == "id" || is_of_elements(n); });
     const Attributes a = engine.attributes(body, names);
     std::map<std::uint64_t, std::vector<double>> out;
     for (std::size_t k = 0; k < a.id.size(); ++k) {

@@ -37,20 +37,23 @@ void locate_vertices(const Pass<Cpu, T, D>& pass, const ElementsView<T, D>& mesh
 template <class Material, class T, int D>
 void find_volumes(const Pass<Cpu, T, D>& pass, const ElementsView<T, D>& mesh) {
     const auto k = Material::template constants<T>(pass.parameters);
-#pragma omp parallel num_threads(element_threads(*pass.exec, mesh.elements))
+#pragma omp parallel num_threads(element_threads(*pass.exec, mesh.measured.count))
     {
 #pragma omp for schedule(static)
-        for (std::int64_t e = 0; e < mesh.elements; ++e) grow_element(mesh, e);
+        for (std::int64_t n = 0; n < mesh.measured.count; ++n) grow_element(mesh, mesh.measured[n]);
 #pragma omp for schedule(static)
-        for (std::int64_t v = 0; v < mesh.vertices; ++v) press_vertex<Material>(mesh, k, v);
+        for (std::int64_t n = 0; n < mesh.pressed.count; ++n)
+            press_vertex<Material>(mesh, k, mesh.pressed[n]);
     }
 }
 
 template <class Material, class T, int D>
 void find_forces(const Pass<Cpu, T, D>& pass, const ElementsView<T, D>& mesh) {
     const auto k = Material::template constants<T>(pass.parameters);
-#pragma omp parallel for schedule(static) num_threads(element_threads(*pass.exec, mesh.elements))
-    for (std::int64_t e = 0; e < mesh.elements; ++e) {
+#pragma omp parallel for schedule(static) \
+    num_threads(element_threads(*pass.exec, mesh.pushed.count))
+    for (std::int64_t n = 0; n < mesh.pushed.count; ++n) {
+        const std::int64_t e = mesh.pushed[n];
         if (!push_element<Material>(mesh, k, e))
             Cpu::keep_smallest(mesh.inverted, std::uint64_t(e));
     }
@@ -151,9 +154,12 @@ void element_energies(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& m
     const auto& pass = phase.pass;
     const auto k = Material::template constants<double>(pass.parameters);
     const double dx = 1 / pass.numbers->rate;
-#pragma omp parallel for schedule(static) num_threads(element_threads(*pass.exec, mesh.elements))
-    for (std::int64_t e = 0; e < mesh.elements; ++e)
+#pragma omp parallel for schedule(static) \
+    num_threads(element_threads(*pass.exec, mesh.pushed.count))
+    for (std::int64_t n = 0; n < mesh.pushed.count; ++n) {
+        const std::int64_t e = mesh.pushed[n];
         energy[e] = see_element<Material>(mesh, e, pass.parameters).own_energy / (D + 1);
+    }
 #pragma omp parallel for schedule(dynamic, 8) \
     num_threads(element_threads(*pass.exec, pass.body.count))
     for (std::int32_t h = 0; h < pass.body.homes; ++h) {

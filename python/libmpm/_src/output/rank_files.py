@@ -55,13 +55,40 @@ class _OfRanks(Writer):
         elements: NDArray[Any] | None,
     ) -> None:
         link = self._link
-        assert elements is None  # several ranks share no body of elements
+        if elements is not None:
+            self._put_mesh(body, index, position, attributes, metadata, real, elements)
+            return
         paths = [frames.part_path(self._frames, body, index, r) for r in range(link.ranks)]
         frames.write_frame(paths[link.rank], position, attributes, metadata, real=real)
         counts = link.tell(len(position))
         if link.first:
             path = frames.frame_path(self._frames, body, index)
             frames.write_index(path, paths, counts, metadata)
+
+    def _put_mesh(
+        self,
+        body: str,
+        index: int,
+        position: NDArray[np.float64],
+        attributes: Mapping[str, NDArray[Any]],
+        metadata: Mapping[str, Any],
+        real: type,
+        elements: NDArray[Any],
+    ) -> None:
+        """Write a body of elements as one process does: its elements name rows of all ranks."""
+        mine = self._simulation.particles[body]["id"]
+        rows = [name for name in attributes if frames.of_elements(name)]
+        whole = self._link.gather({"id": mine, "position": position, **attributes}, rows)
+        if whole is None:
+            return
+        order = np.argsort(whole.pop("id"))
+        arrays = {
+            name: array if frames.of_elements(name) else array[order]
+            for name, array in whole.items()
+        }
+        path = frames.frame_path(self._frames, body, index)
+        place = arrays.pop("position")
+        frames.write_frame(path, place, arrays, metadata, real=real, elements=elements)
 
 
 class _First(_OfRanks):

@@ -12,6 +12,7 @@ from libmpm._src.base.values import keywords_only
 from libmpm._src.output.html import simulation_html
 from libmpm._src.run.device_arrays import DeviceArrays
 from libmpm._src.run.running import Running
+from libmpm._src.sensors.attributes import of_elements
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,11 +56,15 @@ class Shown:
         shared = self._shared
         with self.paused(), shared.together():
             read = dict(self.particles[body].read(["id", *names]))
-            found = read if shared.link is None else shared.link.gather(read)
+            rows = [name for name in read if of_elements(name)]
+            found = read if shared.link is None else shared.link.gather(read, rows)
         if found is None:
             return None
         order = np.argsort(found["id"])
-        return {name: np.asarray(array)[order] for name, array in found.items()}
+        return {
+            name: np.asarray(array) if of_elements(name) else np.asarray(array)[order]
+            for name, array in found.items()
+        }
 
     @keywords_only("Simulation.plot", 1, renamed={"color": "colour"})
     def plot(

@@ -6,7 +6,7 @@ import functools
 import io
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -85,8 +85,13 @@ class Link:
         """Return the sums over all ranks."""
         return [sum(column) for column in zip(*self.tell(counts), strict=True)]
 
-    def gather(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]] | None:
-        """Return the rows of all ranks one behind the other on rank 0; None on the others."""
+    def gather(
+        self, arrays: Mapping[str, NDArray[Any]], everywhere: Collection[str] = ()
+    ) -> dict[str, NDArray[Any]] | None:
+        """Return the rows of all ranks one behind the other on rank 0; None on the others.
+
+        Of those named in `everywhere` all ranks have all rows, and each is a number on one of them.
+        """
         buffer = io.BytesIO()
         given: dict[str, Any] = dict(arrays)
         np.savez(buffer, **given)
@@ -99,11 +104,23 @@ class Link:
             return {name: part[name] for name in arrays}
 
         parts = [_read(rank, "arrays", rows, text) for rank, text in enumerate(told)]
-        return {name: np.concatenate([part[name] for part in parts]) for name in arrays}
+        return {
+            name: _joined([part[name] for part in parts], everywhere=name in everywhere)
+            for name in arrays
+        }
 
     def stop(self, error: BaseException) -> None:
         """End the work of all: whoever waits, or will, gets this rank's error by name."""
         self.process.stop(f"rank {self.rank}: {type(error).__name__}: {error}")
+
+
+def _joined(parts: list[NDArray[Any]], *, everywhere: bool) -> NDArray[Any]:
+    if not everywhere:
+        return np.concatenate(parts)
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = np.where(np.isnan(whole), part, whole)
+    return whole
 
 
 def _read(rank: int, what: str, reader: Callable[[bytes], Any], text: bytes) -> Any:

@@ -32,7 +32,8 @@ class BodyView(Mapping[str, NDArray[Any]]):
     units; ``id`` is uint64 and ``position`` is in world coordinates, m. Of a body of elements rows
     are its vertices; ``element_stress`` (m, dimension, dimension), ``element_pressure``,
     ``element_von_mises``, ``element_volume_ratio``, ``element_energy`` and, of laws that flow,
-    ``element_plastic_strain`` (m,) have one for each element, in the mesh's order.
+    ``element_plastic_strain`` (m,) have one for each element, in the mesh's order. Of ranks that
+    are processes one has an element; on the others its row is not a number (`Simulation.gather`).
     """
 
     def __init__(self, simulation: Running, index: int, name: str) -> None:
