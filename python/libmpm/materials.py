@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Any
 from libmpm._src.materials import generated as _generated
 from libmpm._src.materials.generated import *  # noqa: F403
 from libmpm._src.materials.material import Material
+from libmpm._src.materials.rigid import Rigid
 
 if TYPE_CHECKING:
     from libmpm._src.materials.compiled import from_header
 
-__all__ = [*_generated.__all__, "Material", "from_header"]
+__all__ = [*_generated.__all__, "Material", "Rigid", "from_header"]
 
 
 def __getattr__(name: str) -> Any:

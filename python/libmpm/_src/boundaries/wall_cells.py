@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.boundaries.responses import Mirror
+from libmpm._src.materials.rigid import Rigid
 
 if TYPE_CHECKING:
     from libmpm._src.methods.transfer import Transfer
@@ -43,6 +44,7 @@ def linear_by_default(scene: SceneData) -> bool:
     return (
         scene.grid is None
         and not scene.contacts
+        and not any(isinstance(body.material, Rigid) for body in scene.bodies)
         and method.kernel_choice.name == "quadratic"
         and not method.kernel_choice.boundary
         and scene.transfer.scheme not in FILTERS
