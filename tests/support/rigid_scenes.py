@@ -88,7 +88,7 @@ def incline(
         scene.add_boundary(
             name="plane",
             shape=shapes.Box(lower=(0.0, *zero, 0.0), upper=(4.0, *side, floor)),
-            response=boundaries.Separable(friction=friction),
+            response=boundaries.Separable(static_friction=friction, dynamic_friction=friction),
         )
     else:
         scene.add_body(
@@ -158,9 +158,7 @@ def floating(
             centre=(width / 2, bottom + 0.5), size=(2 * half, 1.0), angle=degrees
         )
     else:
-        shape = shapes.Box(
-            lower=(width / 2 - half, bottom), upper=(width / 2 + half, bottom + 1.0)
-        )
+        shape = shapes.Box(lower=(width / 2 - half, bottom), upper=(width / 2 + half, bottom + 1.0))
     # Celerity of ten times the fastest fall that there can be.
     bulk = 1000.0 * 100 * 2 * g * 1.0
     scene.add_body(
