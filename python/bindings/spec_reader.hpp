@@ -539,8 +539,9 @@ inline void read_contact(const py::dict& d, Spec& s) {
     }
     const auto of_body = d["of_body"].cast<std::vector<int>>();
     const std::size_t kinds = c.density.size();
-    bool fits = c.fields >= 1 && c.rigid >= 0 && c.rigid < c.fields && c.kind.size() == std::size_t(c.fields) &&
-                of_body.size() == s.bodies.size() && c.law_of.size() == kinds * kinds;
+    bool fits = c.fields >= 1 && c.rigid >= 0 && c.rigid < c.fields &&
+                c.kind.size() == std::size_t(c.fields) && of_body.size() == s.bodies.size() &&
+                c.law_of.size() == kinds * kinds;
     for (const int kind : c.kind) fits = fits && kind >= 0 && std::size_t(kind) < kinds;
     for (const int field : of_body) fits = fits && field >= 0 && field < c.fields;
     for (std::size_t k = 0; fits && k < kinds * kinds; ++k)

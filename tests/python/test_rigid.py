@@ -48,9 +48,9 @@ def test_flight_in_the_plane(precision: str) -> None:
     t = found.time[-1]
     # The state is kept in double precision whatever the particles have.
     close = {"rel": 1e-12, "abs": 1e-12}
-    assert found["position_x"][-1] == pytest.approx(1.5 + velocity[0] * t, **close)
+    assert found["centroid_x"][-1] == pytest.approx(1.5 + velocity[0] * t, **close)
     fall = 0.5 * g * t * (t + dt)  # a step's velocity is that at its end
-    assert found["position_y"][-1] == pytest.approx(1.5 + velocity[1] * t - fall, **close)
+    assert found["centroid_y"][-1] == pytest.approx(1.5 + velocity[1] * t - fall, **close)
     assert found["angle"][-1] == pytest.approx(spin * t, **close)
     assert np.all(found["angular_velocity"] == pytest.approx(spin, rel=1e-12))
     assert np.all(found.values[1:, -3:] == 0)  # nobody pushes it
@@ -80,7 +80,7 @@ def test_box_in_space_turns_as_an_euler_top() -> None:
     simulation.run(until=until)
     found = simulation.sensors["motion"]
     w = np.stack([found[f"angular_velocity_{x}"] for x in "xyz"], axis=1)
-    q = np.stack([found[f"turn_{x}"] for x in "wxyz"], axis=1)
+    q = np.stack([found[f"quaternion_{x}"] for x in "wxyz"], axis=1)
     r = rotations(q)
     momenta = np.einsum("nij,j,nkj,nk->ni", r, principal, r, w)
     scale = np.linalg.norm(principal * spin)
@@ -136,8 +136,8 @@ def test_given_inertia_and_held_degrees() -> None:
     simulation = run(scene)
     simulation.run(until=0.2)
     found = simulation.sensors["motion"]
-    assert np.all(found["position_y"] == pytest.approx(1.5, abs=1e-12))
-    assert found["position_x"][-1] == pytest.approx(1.5 + 0.2 * found.time[-1])
+    assert np.all(found["centroid_y"] == pytest.approx(1.5, abs=1e-12))
+    assert found["centroid_x"][-1] == pytest.approx(1.5 + 0.2 * found.time[-1])
     kinetic = simulation.sensors["energy"]["kinetic"]
     assert kinetic == pytest.approx(0.5 * 40 * 0.04 + 0.5 * 1.5 * 4.0, rel=1e-12)
 
@@ -154,7 +154,7 @@ def test_block_on_a_slope(friction: float) -> None:
     pull = 10.0 * (math.sin(math.pi / 6) - friction * math.cos(math.pi / 6))
     rate = -np.polyfit(found.time[200:], found["velocity_x"][200:], 1)[0]
     assert rate == pytest.approx(max(pull, 0.0), abs=1e-4)
-    assert np.abs(found["position_y"] - 0.75).max() < 1e-6
+    assert np.abs(found["centroid_y"] - 0.75).max() < 1e-6
     assert np.abs(found["angle"]).max() < 1e-5
     weight = 1000 * 0.5 * 10.0
     assert found["force_y"][-1] == pytest.approx(weight * math.cos(math.pi / 6), rel=1e-6)
@@ -172,7 +172,7 @@ def test_load_cell_hears_a_rigid_body() -> None:
     assert load["force_x"][1:] == pytest.approx(-0.3 * weight, rel=1e-5)
     # x f_y - y f_x about the corner, at the sole: friction, 0.25 m below the centre, tips the block
     # forward, and it presses by 0.3 * 0.25 m nearer to its front.
-    middle = np.interp(load.time[-1] - 0.025, found.time, found["position_x"])
+    middle = np.interp(load.time[-1] - 0.025, found.time, found["centroid_x"])
     arm = -weight * (middle - 0.3 * 0.25) + 0.3 * weight * 0.5
     assert load["moment_z"][-1] == pytest.approx(arm, rel=2e-3)
 

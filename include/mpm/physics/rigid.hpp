@@ -47,12 +47,12 @@ inline Vec<double, D> velocity_at(const Vec<double, D>& v, const double (&w)[spi
 /// Where a body is and how it moves.
 template <int D>
 struct RigidState {
-    Vec<double, D> centre;       // m
-    Vec<double, D> velocity;     // m/s
-    double momentum[spins<D>];   // of its turn, in space: kg m^2/s (2D: of a metre's thickness)
-    double turn[turns<D>];       // from the axes of the body, principal ones in space
-    double impulse[D];           // N s that others have given it since the start
-    double moment[spins<D>];     // N m s, the same about its centre
+    Vec<double, D> centre;      // m
+    Vec<double, D> velocity;    // m/s
+    double momentum[spins<D>];  // of its turn, in space: kg m^2/s (2D: of a metre's thickness)
+    double turn[turns<D>];      // from the axes of the body, principal ones in space
+    double impulse[D];          // N s that others have given it since the start
+    double moment[spins<D>];    // N m s, the same about its centre
 };
 
 /// What it is, in the axes of the body.
@@ -102,10 +102,9 @@ inline void turn_by(const double (&a)[4], const double (&b)[4], double (&out)[4]
 /// Of a matrix of axes with determinant 1.
 inline void quaternion_of(const Mat<double, 3>& r, double (&q)[4]) {
     // By the largest of the four squares, which is a quarter or more (Shepperd 1978).
-    const double square[4] = {1 + r.e[0][0] + r.e[1][1] + r.e[2][2],
-                              1 + r.e[0][0] - r.e[1][1] - r.e[2][2],
-                              1 - r.e[0][0] + r.e[1][1] - r.e[2][2],
-                              1 - r.e[0][0] - r.e[1][1] + r.e[2][2]};
+    const double square[4] = {
+        1 + r.e[0][0] + r.e[1][1] + r.e[2][2], 1 + r.e[0][0] - r.e[1][1] - r.e[2][2],
+        1 - r.e[0][0] + r.e[1][1] - r.e[2][2], 1 - r.e[0][0] - r.e[1][1] + r.e[2][2]};
     int k = 0;
     for (int i = 1; i < 4; ++i)
         if (square[i] > square[k]) k = i;

@@ -95,9 +95,7 @@ private:
     /// What of X components that know no precision are compiled for.
     using Base = ExecutorBase<X>;
     using Body = BodyStore<X, T, D>;
-    void list_measured() {
-        sensors_.measure(table_, boundaries_, counted_for_loads());
-    }
+    void list_measured() { sensors_.measure(table_, boundaries_, counted_for_loads()); }
 
     // domain_contact.hpp
     void set_contact();

@@ -80,10 +80,16 @@ std::size_t Domain<X, T, D>::end_of_fields(const std::vector<std::uint64_t>& key
 
 template <class X, class T, int D>
 ContactView Domain<X, T, D>::contact_view() {
-    return {
-        contact_laws_.data(),       law_of_.data(),        kind_of_.data(),       full_.data(),
-        std::int32_t(full_.size()), contact_first_.data(), contact_count_.data(), contact_blocks_,
-        std::int32_t(plan_.filled), std::int32_t(spec_.contact.bending())};
+    return {contact_laws_.data(),
+            law_of_.data(),
+            kind_of_.data(),
+            full_.data(),
+            std::int32_t(full_.size()),
+            contact_first_.data(),
+            contact_count_.data(),
+            contact_blocks_,
+            std::int32_t(plan_.filled),
+            std::int32_t(spec_.contact.bending())};
 }
 
 /// Contact after the grid update, whose maxima it joins with its own for `decided`.

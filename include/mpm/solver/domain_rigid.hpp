@@ -7,6 +7,12 @@
 
 namespace mpm {
 
+/// A rigid body holds the nodes of a fluid that it fills so much of, 0.72 cells from a flat face
+/// on. It is heavier than what it has at a node, so that nothing else says how much of the fluid
+/// there it may hold, and with nodes further out the fluid moves as if the body were larger
+/// (design/rigid.md).
+inline constexpr double least_of_rigid = 0.08;
+
 /// Calls f(home cell in the domain, particle) for the particles of a home block.
 template <class T, int D, class F>
 void for_each_in_block(const BodyView<T, D>& body, const BlockTableView<D>& table,
@@ -177,8 +183,7 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
                     free.mass = 0;
                     for (int k = i; k < f.count; ++k)
                         if (f.of[k] == i) free.mass += double(f.mass[k]);
-                    const Grid* v =
-                        node.grid.velocity + node.grid.velocity_place(f.slot[i], n);
+                    const Grid* v = node.grid.velocity + node.grid.velocity_place(f.slot[i], n);
                     for (int a = 0; a < D; ++a) {
                         free.velocity[a] = double(v[a]);
                         f.velocity[i][a] = v[a];
@@ -213,6 +218,7 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
                             return;
                         }
                         const ContactLaw& l = contact.laws[law];
+                        if (l.kind == ContactKind::fluid && part < least_of_rigid) return;
                         const double of_other = 1 / contact.full[its];
                         if (!approach_allowed<double>(l, part, fills * of_other, cells_per_step,
                                                       point.allowed))
@@ -293,8 +299,7 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
                         rigid_walls_.push_back(wall);
                     },
                     node.share(m.slot, m.node));
-                for (int a = 0; a < D; ++a)
-                    free.velocity[a] = held ? double(v[a]) : exact[a];
+                for (int a = 0; a < D; ++a) free.velocity[a] = held ? double(v[a]) : exact[a];
             }
             Grid* out = node.grid.velocity + node.grid.velocity_place(m.slot, m.node);
             const Grid mass = node.mass(m.slot, m.node);
@@ -336,8 +341,7 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
 /// Walls at a node of a rigid body, which fills `part` of it.
 template <class X, class T, int D>
 void Domain<X, T, D>::meet_walls(const NodeUpdate<Grid, Sum, D>& node, std::int32_t slot, int n,
-                                 const std::int64_t (&cell)[D], double part,
-                                 RigidPoint<D> point) {
+                                 const std::int64_t (&cell)[D], double part, RigidPoint<D> point) {
     if constexpr (!X::is_device) {
         const double cells_per_step = spec_.cell_size / clock_buffer_.data()->dt;
         Vec<Grid, D> outwards;
@@ -522,22 +526,22 @@ void Domain<X, T, D>::tell_rigid_loads() {
             for (const RigidPoint<D>& p : rigid_points_) {
                 if (p.boundary >= 0 || p.hold != RigidHold::push) continue;
                 const int low = p.fields[0] < p.fields[1] ? 0 : 1;
-                if (sensor.fields[0] >= 0 && (p.fields[low] != sensor.fields[0] ||
-                                              p.fields[1 - low] != sensor.fields[1]))
+                if (sensor.fields[0] >= 0 &&
+                    (p.fields[low] != sensor.fields[0] || p.fields[1 - low] != sensor.fields[1]))
                     continue;
-                const int side = sensors_.contact_sides()[sensor.sides +
-                                                          p.kinds[low] *
-                                                              std::int32_t(kind_count()) +
-                                                          p.kinds[1 - low]];
+                const int side =
+                    sensors_
+                        .contact_sides()[sensor.sides + p.kinds[low] * std::int32_t(kind_count()) +
+                                         p.kinds[1 - low]];
                 if (side == 0) continue;
                 // The impulse is that on the second of the point's own order.
                 const double sign = side * (low == 0 ? 1 : -1);
                 double push = 0, square = 0, work = 0;
                 const Vec<double, D> mine = rigid_.next_velocity(std::size_t(p.body), p.place),
-                                     theirs = p.other >= 0 ? rigid_.next_velocity(
-                                                                 std::size_t(p.other), p.place)
-                                                           : rigid_free_[std::size_t(p.free)]
-                                                                 .velocity;
+                                     theirs =
+                                         p.other >= 0
+                                             ? rigid_.next_velocity(std::size_t(p.other), p.place)
+                                             : rigid_free_[std::size_t(p.free)].velocity;
                 for (int a = 0; a < D; ++a) push += p.impulse[a] * p.normal[a];
                 for (int a = 0; a < D; ++a) {
                     const double across = p.impulse[a] - push * p.normal[a];
@@ -553,8 +557,8 @@ void Domain<X, T, D>::tell_rigid_loads() {
     }
 }
 
-/// A row of the motion of a body: place, velocity, rate of turn, orientation, and the mean force and
-/// moment of others on it since the row before.
+/// A row of the motion of a body: place, velocity, rate of turn, orientation, and the mean force
+/// and moment of others on it since the row before.
 template <class X, class T, int D>
 void Domain<X, T, D>::sample_rigid(Sensor<Base>& s, SensorRecord& record) {
     if constexpr (!X::is_device) {
@@ -564,21 +568,18 @@ void Domain<X, T, D>::sample_rigid(Sensor<Base>& s, SensorRecord& record) {
         const bool first = record.last_time < 0 || s.told.empty();
         if (s.told.empty()) s.told.assign(std::size_t(D + spins<D>), 0.0);
         double* row = open_row(record, time);
-        const auto put = [&](const double* from, int n) {
-            row = std::copy_n(from, n, row);
-        };
+        const auto put = [&](const double* from, int n) { row = std::copy_n(from, n, row); };
         put(b.state.centre.e, D);
         put(b.next.velocity.e, D);
         put(b.spin, spins<D>);
         const auto turn = rigid_.orientation(std::size_t(body.rigid));
         put(turn.data(), turns<D>);
-        for (int a = 0; a < D + spins<D>; ++a) {
-            const double now = a < D ? b.state.impulse[a] : b.state.moment[a - D];
-            double& told = s.told[std::size_t(a)];
+        std::vector<double> now(b.state.impulse, b.state.impulse + D);
+        now.insert(now.end(), b.state.moment, b.state.moment + spins<D>);
+        for (std::size_t a = 0; a < now.size(); ++a)
             *row++ = first || !(elapsed > 0) ? std::numeric_limits<double>::quiet_NaN()
-                                             : (now - told) / elapsed;
-            told = now;
-        }
+                                             : (now[a] - s.told[a]) / elapsed;
+        s.told = now;
         record.last_time = time;
     }
 }

@@ -12,7 +12,7 @@ template <class X, class T, int D>
 BodyOps<X, T, D> rigid_ops() {
     BodyOps<X, T, D> ops{};
     ops.channels = D;
-    ops.observe = [](const double*, const double (&)[D][D], const double*) {
+    ops.observe = [](const double*, const double(&)[D][D], const double*) {
         Observation<D> o{};
         o.volume_ratio = 1;
         for (int a = 0; a < D; ++a) o.deformation[a][a] = 1;

@@ -146,8 +146,7 @@ void Domain<X, T, D>::load(const State& whole) {
             body.mesh->keep(std::vector<T>(kept.begin(), kept.end()));
         }
         if (body.rigid >= 0)
-            rigid_.restore(std::size_t(body.rigid),
-                           detail::from_blob<double>(state, p + "rigid"));
+            rigid_.restore(std::size_t(body.rigid), detail::from_blob<double>(state, p + "rigid"));
         body.frozen_id = detail::from_blob<std::uint32_t>(state, p + "frozen_id");
         body.frozen_position = detail::from_blob<double>(state, p + "frozen_position");
         body.frozen_state = detail::from_blob<double>(state, p + "frozen_state");

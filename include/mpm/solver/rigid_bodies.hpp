@@ -1,6 +1,6 @@
 // The rigid bodies of a scene: what they are, where they are, and what becomes of their motion in a
-// step (design/rigid.md). Knows no precision and no grid: who steps hands it points where bodies are
-// held, and takes their velocities.
+// step (design/rigid.md). Knows no precision and no grid: who steps hands it points where bodies
+// are held, and takes their velocities.
 #pragma once
 
 #include <array>

@@ -483,8 +483,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     const bool mirrored = std::any_of(spec.boundaries.begin(), spec.boundaries.end(),
                                       [](const BoundarySpec& b) { return mirrors(b); });
     plan.kernels = {mirrored ? "update_grid (mirrors)" : "update_grid", "decide"};
-    if (spec.contact.rigid > 0)
-        plan.kernels.insert(plan.kernels.begin() + 1, "rigid bodies");
+    if (spec.contact.rigid > 0) plan.kernels.insert(plan.kernels.begin() + 1, "rigid bodies");
     if (spec.contact.bending() > 1) plan.kernels.insert(plan.kernels.begin() + 1, "contact");
     if (plan.sweeps > 0)
         plan.kernels.insert(plan.kernels.begin() + 1,

@@ -54,7 +54,7 @@ int RigidBodies<D>::add(const BodySpec& s, const std::vector<double>& position, 
     for (int a = 0; a < D; ++a) b.state.centre[a] /= double(n);
 
     Mat<double, 3> points{}, whole{};
-    const auto from_centre = [&](std::size_t k, double (&r)[D]) {
+    const auto from_centre = [&](std::size_t k, double(&r)[D]) {
         for (int a = 0; a < D; ++a) r[a] = position[k * D + std::size_t(a)] - b.state.centre[a];
     };
     for (std::size_t k = 0; k < n; ++k) {
@@ -71,8 +71,7 @@ int RigidBodies<D>::add(const BodySpec& s, const std::vector<double>& position, 
             whole.e[2][2] = s.rigid.inertia[0];
         } else {
             for (int a = 0; a < 3; ++a)
-                for (int c = 0; c < 3; ++c)
-                    whole.e[a][c] = s.rigid.inertia[std::size_t(3 * a + c)];
+                for (int c = 0; c < 3; ++c) whole.e[a][c] = s.rigid.inertia[std::size_t(3 * a + c)];
         }
     }
     Mat<double, D> axes{};
@@ -162,8 +161,9 @@ int RigidBodies<D>::add(const BodySpec& s, const std::vector<double>& position, 
     if (D == 3 && b.shape.held_turn)
         for (int a = 0; a < spins<D>; ++a)
             if (spin[a] != 0)
-                throw SceneError(who + " turns at the start and its rotation is held; expected one "
-                                       "that does not turn; leave \"rotation\" out of held");
+                throw SceneError(who +
+                                 " turns at the start and its rotation is held; expected one "
+                                 "that does not turn; leave \"rotation\" out of held");
     if constexpr (D == 2) {
         b.state.momentum[0] = b.shape.inertia[0] * spin[0];
     } else {
@@ -228,8 +228,8 @@ RigidSweeps RigidBodies<D>::solve(std::vector<RigidPoint<D>>& points,
     RigidSweeps out;
     if (points.empty()) return out;
     // Angular velocity of a body by an angular impulse.
-    const auto turned = [&](const Body& b, const double (&moment)[spins<D>],
-                            double (&spin)[spins<D>]) {
+    const auto turned = [&](const Body& b, const double(&moment)[spins<D>],
+                            double(&spin)[spins<D>]) {
         for (double& x : spin) x = 0;
         if (!b.shape.held_turn) spin_of<D>(b.shape, b.axes, moment, spin);
     };
@@ -271,10 +271,10 @@ RigidSweeps RigidBodies<D>::solve(std::vector<RigidPoint<D>>& points,
             for (int j = 0; j < D; ++j) {
                 k[i][j] = 0;
                 for (int s = 0; s < 2; ++s)
-                    if (of[s] >= 0) k[i][j] += response(of[s], row.arm[s], row.axis[j], row.axis[i]);
+                    if (of[s] >= 0)
+                        k[i][j] += response(of[s], row.arm[s], row.axis[j], row.axis[i]);
             }
-            if (p.free >= 0)
-                k[i][i] += i == 0 || p.hold == RigidHold::stick ? p.along : p.across;
+            if (p.free >= 0) k[i][i] += i == 0 || p.hold == RigidHold::stick ? p.along : p.across;
         }
         row.push = k[0][0];
         if (p.hold == RigidHold::stick) {
@@ -318,7 +318,7 @@ RigidSweeps RigidBodies<D>::solve(std::vector<RigidPoint<D>>& points,
         return w;
     };
     // Impulse j on what is met, by the row's axes.
-    const auto apply = [&](Row& row, const double (&j)[D]) {
+    const auto apply = [&](Row& row, const double(&j)[D]) {
         RigidPoint<D>& p = row.p;
         Vec<double, D> in_space{};
         for (int i = 0; i < D; ++i)

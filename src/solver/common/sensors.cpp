@@ -40,14 +40,14 @@ std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(con
             add("friction_power", flat ? "W/m" : "W");
             break;
         case SensorKind::rigid_motion:
-            for (const auto& a : axes) add("position_" + a, "m");
+            for (const auto& a : axes) add("centroid_" + a, "m");
             for (const auto& a : axes) add("velocity_" + a, "m/s");
             if (flat) {
                 add("angular_velocity", "rad/s");
                 add("angle", "rad");
             } else {
                 for (const auto& a : axes) add("angular_velocity_" + a, "rad/s");
-                for (const char* q : {"w", "x", "y", "z"}) add(std::string("turn_") + q, "1");
+                for (const char* q : {"w", "x", "y", "z"}) add(std::string("quaternion_") + q, "1");
             }
             for (const auto& a : axes) add("force_" + a, flat ? "N/m" : "N");
             if (flat)

@@ -1,5 +1,5 @@
-#include "mpm/solver/rigid_bodies.hpp"
 #include "mpm/solver/state_check.hpp"
+#include "mpm/solver/rigid_bodies.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -235,11 +235,11 @@ class RigidMotion(Sensor):
     ==========================  =====  =============================================================
     component                   unit   meaning
     ==========================  =====  =============================================================
-    position_x, ...             m      centre of mass, from the lower corner of the domain
+    centroid_x, ...             m      centre of mass, in the world
     velocity_x, ...             m/s    of the centre, with which the step that begins moves it
     angular_velocity            rad/s  in 3D angular_velocity_x, ..., on the axes of the scene
-    angle                       rad    since the start; in 3D turn_w, turn_x, turn_y, turn_z, the
-                                       unit quaternion of the turn since the start, turn_w >= 0
+    angle                       rad    since the start; in 3D quaternion_w, _x, _y and _z, the unit
+                                       quaternion of the turn since the start, quaternion_w >= 0
     force_x, ...                N      mean of all that pushed it since the sample before
     moment_z                    N·m    the same about its centre; in 3D moment_x, ...
     ==========================  =====  =============================================================
