@@ -348,6 +348,15 @@ def test_scene_file_and_schema(tmp_path: Path) -> None:
     jsonschema.validate(json.loads((tmp_path / "scene.json").read_text()), scene_schema())
 
 
+def test_scaled_inertia() -> None:
+    """kg m² at λ in similitude: λ⁵, of a metre's thickness λ⁴."""
+    flat = cases.flying((0.4, 0.2), (0.0, 0.0), (1.0,), inertia=2.0).scaled(0.25)
+    assert flat.bodies[0].material == materials.Rigid(density=500.0, inertia=2.0 * 0.25**4)
+    given = np.diag([2.0, 2.0, 3.0])
+    whole = cases.flying((0.4, 0.2, 0.2), (0.0,) * 3, (1.0, 0, 0), inertia=given).scaled(0.25)
+    assert np.array_equal(whole.bodies[0].material.inertia, given * 0.25**5)
+
+
 def test_plan_names_rigid_bodies() -> None:
     said = str(run(tub(contacts.Fluid())).plan)
     assert "rigid bodies" in said and "move:block" in said
