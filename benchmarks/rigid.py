@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from result_pages import append, filled, load, markdown
 
 import libmpm
-from libmpm import boundaries, contacts, materials, sensors, shapes
+from libmpm import contacts, materials, sensors
 from libmpm._src.cli import bench
 from support import rigid_scenes as scenes
 
@@ -128,17 +128,7 @@ def capsizes(stiff: float | None = None, cells: int = 8) -> Values:
 
 def momentum(law: bool) -> Values:
     """Return the largest change of momentum of a block and water without walls, by its own."""
-    scene = libmpm.Scene(dimension=2, cell_size=0.05, lower=(0, 0), upper=(2, 2))
-    scene.add_body(
-        name="water", shape=shapes.Box(lower=(0.6, 0.6), upper=(1.4, 1.0)),
-        material=materials.TaitFluid(bulk_modulus=1e5, viscosity=0.0),
-    )  # fmt: skip
-    scene.add_body(
-        name="block", shape=shapes.Box(lower=(0.8, 1.05), upper=(1.1, 1.35)),
-        material=materials.Rigid(density=500.0), velocity=(0.3, -2.0),
-    )  # fmt: skip
-    if law:
-        scene.add_contact(name="wet", between=("block", "water"), law=contacts.Fluid())
+    scene = scenes.tub(contacts.Fluid() if law else None)
     simulation = libmpm.Simulation(scene, device="cpu", precision="double")
     kept = []
     for until in (0.02, 0.06, 0.1, 0.14):
@@ -151,27 +141,6 @@ def momentum(law: bool) -> Values:
         )
     start = 45.0 * np.array([0.3, -2.0])
     return {"momentum": float(np.abs(np.array(kept) - start).max() / np.abs(start).max())}
-
-
-def _column(debris: Any, modulus: float, length: float, cells: int) -> libmpm.Scene:
-    """Return a bar of 0.6 m at 1 m/s before the end of an elastic one, which a wall holds."""
-    dx = 0.1 / cells
-    scene = libmpm.Scene(dimension=2, cell_size=dx, lower=(0, 0), upper=(2.6, 0.4))
-    scene.add_body(
-        name="column", shape=shapes.Box(lower=(2.6 - length, 0.1), upper=(2.6, 0.2)),
-        material=materials.NeoHookean(density=1000.0, youngs_modulus=modulus, poissons_ratio=0.0),
-    )  # fmt: skip
-    near = 2.6 - length - 0.1 * dx
-    scene.add_body(
-        name="debris", shape=shapes.Box(lower=(near - 0.6, 0.1), upper=(near, 0.2)),
-        material=debris, velocity=(1.0, 0.0),
-    )  # fmt: skip
-    scene.add_contact(name="blow", between=("debris", "column"), law=contacts.Friction())
-    scene.add_boundary(
-        name="end", shape=shapes.DomainWalls(faces=("x+",)), response=boundaries.Sticky()
-    )
-    scene.add_sensor(name="blow", sensor=sensors.ContactLoad(contact="blow", interval=2e-4))
-    return scene
 
 
 def strikes(
@@ -190,7 +159,7 @@ def strikes(
     )
     area, mass, length = 0.1, density * 0.06, 0.25 if short else 1.0
     began = time.process_time()
-    simulation = _run(_column(debris, column, length, cells), 0.04 if short else 0.016)
+    simulation = _run(scenes.column(debris, column, length, cells), 0.04 if short else 0.016)
     load = simulation.sensors["blow"]
     normal, at = load["normal"], load.time
     wave = math.sqrt(1000.0 * column) * area

@@ -193,28 +193,10 @@ def test_discs_exchange_momentum() -> None:
     assert abs(gap) < 0.1  # cells
 
 
-def tub(law: contacts.ContactLaw | None, density: float = 500.0) -> libmpm.Scene:
-    """Return water without walls or gravity, and a block that runs into it."""
-    scene = libmpm.Scene(dimension=2, cell_size=0.05, lower=(0, 0), upper=(2, 2))
-    scene.add_body(
-        name="water", shape=shapes.Box(lower=(0.6, 0.6), upper=(1.4, 1.0)),
-        material=materials.TaitFluid(bulk_modulus=1e5, viscosity=0.0),
-    )  # fmt: skip
-    scene.add_body(
-        name="block", shape=shapes.Box(lower=(0.8, 1.05), upper=(1.1, 1.35)),
-        material=materials.Rigid(density=density), velocity=(0.3, -2.0),
-    )  # fmt: skip
-    scene.add_sensor(name="motion", sensor=sensors.RigidMotion(body="block"))
-    if law is not None:
-        scene.add_contact(name="wet", between=("block", "water"), law=law)
-        scene.add_sensor(name="load", sensor=sensors.ContactLoad(contact="wet", interval=0.02))
-    return scene
-
-
 @pytest.mark.parametrize("law", [contacts.Fluid(), None])
 def test_momentum_of_a_body_and_water(law: contacts.ContactLaw | None) -> None:
     """Momentum and angular momentum of both are kept to rounding, by contact and as one."""
-    simulation = run(tub(law))
+    simulation = run(cases.tub(law))
     simulation.step(1)
     mass = 500 * 0.09
     kept = []
@@ -249,7 +231,7 @@ def test_block_floats() -> None:
 
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_resumed_run_and_threads_have_the_same_bits(tmp_path: Path, precision: str) -> None:
-    scene = tub(contacts.Fluid())
+    scene = cases.tub(contacts.Fluid())
     whole = run(scene, precision=precision, threads=1)
     whole.run(until=0.1)
     half = run(scene, precision=precision, threads=2)
@@ -268,7 +250,7 @@ def test_resumed_run_and_threads_have_the_same_bits(tmp_path: Path, precision: s
 
 @pytest.mark.parametrize("change", ["gone", "short", "infinite"])
 def test_state_without_the_motion_is_refused(change: str) -> None:
-    simulation = run(tub(contacts.Fluid()))
+    simulation = run(cases.tub(contacts.Fluid()))
     simulation.run(until=0.01)
     engine = simulation._assembly.engine
     state = engine.save()
@@ -300,7 +282,7 @@ def test_wrong_values(given: dict[str, Any], says: str) -> None:
 
 
 def test_unbuilt_is_refused_by_name() -> None:
-    scene = tub(contacts.Fluid())
+    scene = cases.tub(contacts.Fluid())
     for device in ("cuda", ["cpu", "cpu"]):
         with pytest.raises(libmpm.SceneError, match="'block'"):
             libmpm.Simulation(scene, device=device)
@@ -358,5 +340,5 @@ def test_scaled_inertia() -> None:
 
 
 def test_plan_names_rigid_bodies() -> None:
-    said = str(run(tub(contacts.Fluid())).plan)
+    said = str(run(cases.tub(contacts.Fluid())).plan)
     assert "rigid bodies" in said and "move:block" in said

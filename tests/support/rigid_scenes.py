@@ -173,3 +173,42 @@ def floating(
     scene.add_boundary(name="tank", shape=shapes.DomainWalls(), response=boundaries.Slip())
     scene.add_contact(name="wet", between=("block", "water"), law=contacts.Fluid())
     return scene
+
+
+def tub(law: contacts.ContactLaw | None, density: float = 500.0) -> libmpm.Scene:
+    """Return water without walls or gravity, and a block that runs into it."""
+    scene = libmpm.Scene(dimension=2, cell_size=0.05, lower=(0, 0), upper=(2, 2))
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(0.6, 0.6), upper=(1.4, 1.0)),
+        material=materials.TaitFluid(bulk_modulus=1e5, viscosity=0.0),
+    )  # fmt: skip
+    scene.add_body(
+        name="block", shape=shapes.Box(lower=(0.8, 1.05), upper=(1.1, 1.35)),
+        material=materials.Rigid(density=density), velocity=(0.3, -2.0),
+    )  # fmt: skip
+    scene.add_sensor(name="motion", sensor=sensors.RigidMotion(body="block"))
+    if law is not None:
+        scene.add_contact(name="wet", between=("block", "water"), law=law)
+        scene.add_sensor(name="load", sensor=sensors.ContactLoad(contact="wet", interval=0.02))
+    return scene
+
+
+def column(debris: Any, modulus: float, length: float, cells: int) -> libmpm.Scene:
+    """Return a bar of 0.6 m at 1 m/s before the end of an elastic one, which a wall holds."""
+    dx = 0.1 / cells
+    scene = libmpm.Scene(dimension=2, cell_size=dx, lower=(0, 0), upper=(2.6, 0.4))
+    scene.add_body(
+        name="column", shape=shapes.Box(lower=(2.6 - length, 0.1), upper=(2.6, 0.2)),
+        material=materials.NeoHookean(density=1000.0, youngs_modulus=modulus, poissons_ratio=0.0),
+    )  # fmt: skip
+    near = 2.6 - length - 0.1 * dx
+    scene.add_body(
+        name="debris", shape=shapes.Box(lower=(near - 0.6, 0.1), upper=(near, 0.2)),
+        material=debris, velocity=(1.0, 0.0),
+    )  # fmt: skip
+    scene.add_contact(name="blow", between=("debris", "column"), law=contacts.Friction())
+    scene.add_boundary(
+        name="end", shape=shapes.DomainWalls(faces=("x+",)), response=boundaries.Sticky()
+    )
+    scene.add_sensor(name="blow", sensor=sensors.ContactLoad(contact="blow", interval=2e-4))
+    return scene
