@@ -87,7 +87,7 @@ def test_box_in_space_turns_as_an_euler_top() -> None:
     assert np.abs(momenta - principal * spin).max() < 1e-11 * scale
     energies = 0.5 * np.einsum("ni,ni->n", momenta, w)
     assert np.ptp(energies) < 2e-6 * energies[0]
-    # Against Euler's equations of the same box, by steps of a tenth.
+    # Against Euler's equations of the same box, by steps of a half.
     turned = np.einsum("nji,nj->ni", r, w)[:, 1]  # about the body's middle axis
     reference = euler_top(principal, spin, found.time)
     assert turned.min() < -4.9
@@ -120,8 +120,8 @@ def euler_top(principal: Any, spin: Any, times: Any) -> Any:
         out.append(w.copy())
         if k + 1 == len(times):
             break
-        h = (times[k + 1] - t) / 10
-        for _ in range(10):
+        h = (times[k + 1] - t) / 2
+        for _ in range(2):
             k1 = rate(w)
             k2 = rate(w + h / 2 * k1)
             k3 = rate(w + h / 2 * k2)
@@ -179,7 +179,7 @@ def test_load_cell_hears_a_rigid_body() -> None:
 
 def test_discs_exchange_momentum() -> None:
     """Momentum is kept to rounding, and head on both go on with the mean velocity."""
-    simulation = run(cases.discs())
+    simulation = run(cases.discs(12.0))
     simulation.run(until=0.1)
     left, right = (simulation.sensors[name] for name in ("left", "right"))
     mass = [float(np.asarray(simulation.particles[n]["mass"]).sum()) for n in ("left", "right")]
@@ -189,7 +189,7 @@ def test_discs_exchange_momentum() -> None:
     assert left["velocity_x"][-1] == pytest.approx(together, abs=0.02)
     assert right["velocity_x"][-1] == pytest.approx(together, abs=0.02)
     first = int(np.argmax(np.abs(np.diff(left["velocity_x"])) > 1e-9))
-    gap = np.hypot(*(left.values[first, :2] - right.values[first, :2])) / 0.01 - 32
+    gap = np.hypot(*(left.values[first, :2] - right.values[first, :2])) / 0.01 - 24
     assert abs(gap) < 0.1  # cells
 
 
