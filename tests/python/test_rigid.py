@@ -342,3 +342,22 @@ def test_scaled_inertia() -> None:
 def test_plan_names_rigid_bodies() -> None:
     said = str(run(cases.tub(contacts.Fluid())).plan)
     assert "rigid bodies" in said and "move:block" in said
+
+
+def test_tradeoff_of_rigid_beside_elastic() -> None:
+    """The same scene with its debris as it is and rigid: error of the peak, steps."""
+    elastic = materials.NeoHookean(density=2000.0, youngs_modulus=1e9, poissons_ratio=0.0)
+    peak = math.sqrt(1e7 * 0.1 / 0.25 * 120.0)  # v √(k M)
+    table = libmpm.advice.tradeoff(
+        cases.column(elastic, 1e7, 0.25, 4), {"rigid": [("debris",), ()]}, until=0.02,
+        metrics="blow/normal/peak", reference=peak, device="cpu",
+        options={"precision": "double"}, progress=False,
+    )  # fmt: skip
+    rigid, bends = table.to_records()
+    assert abs(rigid["error"]) < 0.1 and abs(bends["error"]) < 0.15
+    assert rigid["steps"] * 6 < bends["steps"]
+    wrong = libmpm.advice.tradeoff(
+        cases.column(elastic, 1e7, 0.25, 4), {"rigid": [("debri",)]}, until=0.02,
+        metrics="blow/normal/peak", progress=False,
+    )  # fmt: skip
+    assert "'debri', which is no solid body" in wrong.to_records()[0]["failure"]
