@@ -217,6 +217,20 @@ def test_momentum_of_a_body_and_water(law: contacts.ContactLaw | None) -> None:
     assert np.abs(impulse - given).max() < 0.02 * np.abs(given).max()
 
 
+@pytest.mark.parametrize("scheme", ["PIC", "PIC-FLIP", "AFLIP"])
+def test_momentum_with_other_transfers(scheme: str) -> None:
+    """Of the nodes: particles store velocities that are a step behind what pushes them."""
+    flip = {} if scheme == "PIC" else {"flip": 0.95}
+    scene = cases.tub(contacts.Fluid())
+    given = scene.to_dict()
+    given["method"]["transfer"] = libmpm.methods.Transfer(scheme=scheme, **flip).to_dict()
+    simulation = run(libmpm.Scene.from_dict(given))
+    simulation.run(until=0.1)
+    nodes = simulation.grid
+    found = (np.asarray(nodes["mass"])[:, None] * np.asarray(nodes["velocity"])).sum(axis=0)
+    assert np.abs(found - 45 * np.array([0.3, -2.0])).max() < 1e-11
+
+
 def test_block_floats() -> None:
     """The draught of half the density, within 0.15 cells; it stays upright and where it is."""
     simulation = run(cases.floating(500.0, cells=6))

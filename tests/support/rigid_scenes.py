@@ -212,3 +212,48 @@ def column(debris: Any, modulus: float, length: float, cells: int) -> libmpm.Sce
     )
     scene.add_sensor(name="blow", sensor=sensors.ContactLoad(contact="blow", interval=2e-4))
     return scene
+
+
+def pile(count: int = 12, cells: int = 5, friction: float = 0.4) -> libmpm.Scene:
+    """Return rigid squares of `cells`, each turned by another angle, that fall on each other."""
+    dx = 0.1 / cells
+    scene = libmpm.Scene(
+        dimension=2, cell_size=dx, lower=(0, 0), upper=(0.8, 1.2), gravity=(0, -9.81),
+        method=libmpm.Method(time_step=5e-4),
+    )  # fmt: skip
+    for k in range(count):
+        scene.add_body(
+            name=f"block {k}",
+            shape=shapes.OrientedBox(
+                centre=(0.2 + 0.2 * (k % 3) + 0.013 * (k % 2), 0.15 + 0.18 * (k // 3)),
+                size=(0.1, 0.1), angle=(37.0 * k) % 90,
+            ),
+            material=materials.Rigid(density=500.0),
+        )  # fmt: skip
+    response = boundaries.Separable(static_friction=friction, dynamic_friction=friction)
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=response)
+    scene.add_contact(
+        name="pile", between=("block *", "block *"), law=contacts.Friction(static=friction)
+    )
+    scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.02))
+    return scene
+
+
+def pool(density: float, material: Any = None, cells: int = 6) -> libmpm.Scene:
+    """Return a cube of 0.1 m in water in space, as deep as it floats."""
+    dx, side, level = 0.1 / cells, 0.3, 0.2
+    low = level - density / 1000.0 * 0.1
+    scene = libmpm.Scene(
+        dimension=3, cell_size=dx, lower=(0, 0, 0), upper=(side,) * 3, gravity=(0, 0, -9.81)
+    )
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(0, 0, 0), upper=(side, side, level)),
+        material=materials.TaitFluid(bulk_modulus=1e5), hydrostatic=level,
+    )  # fmt: skip
+    scene.add_body(
+        name="block", shape=shapes.Box(lower=(0.1, 0.1, low), upper=(0.2, 0.2, low + 0.1)),
+        material=material or materials.Rigid(density=density), subtract_from=("water",),
+    )  # fmt: skip
+    scene.add_boundary(name="tank", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    scene.add_contact(name="wet", between=("block", "water"), law=contacts.Fluid())
+    return scene

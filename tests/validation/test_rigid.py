@@ -39,6 +39,38 @@ def test_draught(density: float, precision: str) -> None:
     assert np.abs(place["angle"]).max() < 0.01
 
 
+def test_draught_in_space() -> None:
+    """A cube of 6 cells: within 0.15 cells, upright, carried by its weight."""
+    scene = cases.pool(500.0)
+    scene.add_sensor(name="motion", sensor=sensors.RigidMotion(body="block", interval=0.01))
+    place = followed(scene, 0.5, 0.01, precision="single")
+    height = place["centroid_z"]
+    assert abs(height[place.time > 0.2].mean() - height[0]) * 60 < 0.15
+    simulation = libmpm.Simulation(scene, device="cpu", precision="single")
+    simulation.run(until=0.5)
+    found = simulation.sensors["motion"]
+    assert found["quaternion_w"].min() > 1 - 1e-6
+    assert found["force_z"][found.time > 0.2].mean() == pytest.approx(0.5 * 9.81, rel=0.02)
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_pile_comes_to_rest(precision: str) -> None:
+    """Turned squares fall on each other and on the floor: none leaves, energy only falls."""
+    simulation = libmpm.Simulation(cases.pile(), device="cpu", precision=precision)
+    simulation.run(until=1.5)
+    energy = simulation.sensors["energy"]
+    total = energy["kinetic"] + energy["potential"]
+    assert np.diff(total).max() < 1e-3 * total[0]
+    assert energy["kinetic"][-1] < 1e-4 * energy["kinetic"].max()
+    for body in simulation.scene.bodies:
+        position = np.asarray(simulation.particles[body.name]["position"])
+        assert position.min() > 0
+        # A square of 0.1 m still.
+        assert (
+            np.ptp(position @ np.linalg.svd(position - position.mean(0))[2].T, axis=0).max() < 0.13
+        )
+
+
 def half_period(place: Any) -> float:
     """Return the time of the lowest place after a release."""
     height = place["centroid_y"]

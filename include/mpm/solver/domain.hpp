@@ -184,8 +184,14 @@ private:
     void list_rigid();
     const std::uint8_t* counted_for_loads();
     void resolve_rigid(double (&maxima)[maxima_count]);
-    void meet_walls(const NodeUpdate<Grid, Sum, D>& node, std::int32_t slot, int n,
-                    const std::int64_t (&cell)[D], double part, RigidPoint<D> point);
+    bool is_wall_of(const BoundaryRecord<D>& boundary, int rigid) const;
+    void add_wall(RigidPoint<D> point, int boundary, int face, const Vec<double, D>& normal,
+                  double gap, const Vec<double, D>& velocity, const SurfaceLaw& law);
+    void meet_walls(const NodeUpdate<Grid, Sum, D>& node, std::int32_t slot, int n, double part,
+                    const RigidPoint<D>& point);
+    void keep_before_walls(std::size_t k);
+    void guide_rigid(const NodeUpdate<Grid, Sum, D>& node, std::int32_t slot, int n,
+                     const std::int64_t (&cell)[D], RigidPoint<D> point);
     template <class Meeting, class Fields>
     void held_beside(const Meeting& meeting, int n, const Fields& f, int i, RigidPoint<D>& point);
     void place_rigid(Body& body, const Phase<X, T, D>& phase, bool moves);

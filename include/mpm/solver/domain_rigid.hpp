@@ -73,23 +73,23 @@ const std::uint8_t* Domain<X, T, D>::counted_for_loads() {
 
 namespace detail {
 
-/// Calls f(face, outward normal, how deep a node lies in it in cells, its velocity, law) for each
-/// wall beside a node at whose cell a boundary acts.
+/// Calls f(face, outward normal, distance in m, velocity, law) for each wall of a boundary near a
+/// place; the distance is negative inside.
 template <int D, class F>
-void for_each_wall(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D], const F& f) {
+void for_each_wall(const BoundaryView<D>& all, int b, const Vec<double, D>& x, double near,
+                   const F& f) {
     const BoundaryRecord<D>& r = all.records[b];
     Vec<double, D> own;
     for (int a = 0; a < D; ++a) own[a] = r.velocity[a];
-    double x[D];
-    node_position<D>(cell, all.cell_size, x);
     for (int a = 0; a < D && r.limited; ++a)
         if (!(x[a] >= r.within_lower[a] && x[a] <= r.within_upper[a])) return;
     if (r.surface > 0) {
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
-        double there[D], normal[D], distance, wall[D];
-        s.to_body(x, there);
-        if (!s.field.at(there, distance, normal)) return;
-        s.velocity_at(x, wall);
+        double at[D], there[D], normal[D], distance, wall[D];
+        for (int a = 0; a < D; ++a) at[a] = x[a];
+        s.to_body(at, there);
+        if (!s.field.at(there, distance, normal) || !(distance < near)) return;
+        s.velocity_at(at, wall);
         Vec<double, D> n;
         double square = 0;
         for (int a = 0; a < D; ++a) {
@@ -100,36 +100,49 @@ void for_each_wall(const BoundaryView<D>& all, int b, const std::int64_t (&cell)
         }
         if (!(square > 0)) return;
         for (int a = 0; a < D; ++a) n[a] /= std::sqrt(square);
-        f(0, n, -distance / all.cell_size, own, r.law[0]);
+        f(0, n, distance, own, r.law[0]);
         return;
     }
-    const auto face = [&](int k, double sign, double depth) {
-        Vec<double, D> n{};
-        n[k / 2] = sign;
-        f(k, n, depth, own, r.law[k]);
-    };
     if (!r.is_box) {
         for (int k = 0; k < 2 * D; ++k) {
             if (!r.present[k]) continue;
             const int a = k / 2;
-            const double depth = k % 2 == 0 ? double(r.lower[a]) - (double(cell[a]) + 0.5)
-                                            : double(cell[a]) + 0.5 - double(r.upper[a]);
-            face(k, k % 2 == 0 ? 1 : -1, depth);
+            const double distance =
+                k % 2 == 0 ? x[a] - r.lower[a] * all.cell_size : r.upper[a] * all.cell_size - x[a];
+            if (!(distance < near)) continue;
+            Vec<double, D> n{};
+            n[a] = k % 2 == 0 ? 1 : -1;
+            f(k, n, distance, own, r.law[k]);
         }
         return;
     }
-    std::int64_t depth[2 * D], least = 0;
-    int outside = 0;
+    // Of a box its nearest point; inside, its nearest face.
+    Vec<double, D> beyond{};
+    double square = 0, least = 0;
+    int face = -1, nearest = 0;
     for (int a = 0; a < D; ++a) {
-        depth[2 * a] = cell[a] - r.lower[a];
-        depth[2 * a + 1] = r.upper[a] - 1 - cell[a];
-        const std::int64_t nearest = std::min(depth[2 * a], depth[2 * a + 1]);
-        outside += nearest < -1 ? 2 : (nearest < 0 ? 1 : 0);
-        if (a == 0 || nearest < least) least = nearest;
+        const double low = r.lower[a] * all.cell_size - x[a],
+                     high = x[a] - r.upper[a] * all.cell_size;
+        beyond[a] = low > 0 ? -low : (high > 0 ? high : 0.0);
+        square += beyond[a] * beyond[a];
+        if (beyond[a] != 0 && (face < 0 || std::abs(beyond[a]) > std::abs(beyond[face / 2])))
+            face = 2 * a + (high > 0 ? 1 : 0);
+        const double deep = std::max(low, high);
+        if (a == 0 || deep > least) {
+            least = deep;
+            nearest = 2 * a + (high > low ? 1 : 0);
+        }
     }
-    if (outside > 1) return;
-    for (int k = 0; k < 2 * D; ++k)
-        if (depth[k] == least) face(k, k % 2 == 0 ? -1 : 1, double(depth[k]) + 0.5);
+    const double distance = square > 0 ? std::sqrt(square) : least;
+    if (!(distance < near)) return;
+    Vec<double, D> n{};
+    if (square > 0) {
+        for (int a = 0; a < D; ++a) n[a] = beyond[a] / distance;
+    } else {
+        face = nearest;
+        n[face / 2] = face % 2 == 0 ? -1 : 1;
+    }
+    f(face, n, distance, own, r.law[face]);
 }
 
 }  // namespace detail
@@ -152,6 +165,7 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
         std::vector<RigidMeeting>& met = rigid_met_;
         met.clear();
         rigid_.begin(clock.gravity, clock.dt);
+        for (std::size_t k = 0; k < rigid_.count(); ++k) keep_before_walls(k);
 
         const auto field_of = [&](std::int32_t slot) {
             return std::int32_t(table_.keys_of.field(table_.keys[slot]));
@@ -205,7 +219,10 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
                     point.place = place;
                     point.fields[0] = own;
                     point.kinds[0] = kind;
-                    if (node.touched[slot]) meet_walls(node, slot, n, cell, part, point);
+                    if (node.touched[slot]) {
+                        meet_walls(node, slot, n, part, point);
+                        guide_rigid(node, slot, n, cell, point);
+                    }
                     const auto by_law = [&](std::int32_t other_slot, double fills) {
                         const std::int32_t other = field_of(other_slot),
                                            its = contact.kind_of[other];
@@ -338,39 +355,46 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
     }
 }
 
-/// Walls at a node of a rigid body, which fills `part` of it.
+/// A point of a wall, `gap` m from a body.
+template <class X, class T, int D>
+void Domain<X, T, D>::add_wall(RigidPoint<D> point, int b, int face, const Vec<double, D>& normal,
+                               double gap, const Vec<double, D>& velocity, const SurfaceLaw& law) {
+    point.boundary = b;
+    point.face = face;
+    point.allowed = gap > 0 ? gap / clock_buffer_.data()->dt : 0.0;
+    for (int a = 0; a < D; ++a) point.normal[a] = -normal[a];
+    point.wall = velocity;
+    const bool rough = law.response == Response::sticky;
+    point.static_friction = rough ? 1e30 : law.static_friction;
+    point.dynamic_friction = rough ? 1e30 : law.dynamic_friction;
+    rigid_points_.push_back(point);
+}
+
+/// Whether a boundary pushes a rigid body as a wall does.
+template <class X, class T, int D>
+bool Domain<X, T, D>::is_wall_of(const BoundaryRecord<D>& r, int rigid) const {
+    if (!r.active || (r.is_box && r.law[0].response == Response::prescribed)) return false;
+    if (r.share == 0) return true;
+    for (const Body& b : bodies_)
+        if (b.rigid == rigid && b.plan.group.weight >= 0)
+            return (r.share >> b.plan.group.weight & 1) != 0;
+    return false;
+}
+
+/// Walls at a node of a rigid body, which fills `part` of it: by the gap between the two.
 template <class X, class T, int D>
 void Domain<X, T, D>::meet_walls(const NodeUpdate<Grid, Sum, D>& node, std::int32_t slot, int n,
-                                 const std::int64_t (&cell)[D], double part, RigidPoint<D> point) {
+                                 double part, const RigidPoint<D>& point) {
     if constexpr (!X::is_device) {
-        const double cells_per_step = spec_.cell_size / clock_buffer_.data()->dt;
+        const double dx = spec_.cell_size;
         Vec<Grid, D> outwards;
         bool sloped = false, looked = false;
         for (int b = 0; b < node.boundaries.count; ++b) {
-            const BoundaryRecord<D>& r = node.boundaries.records[b];
-            if (!r.active) continue;
-            if (r.share != 0 && !(node.part_of(node.sums(slot, n), r.share) > 0)) continue;
-            point.boundary = b;
-            if (r.is_box && r.law[0].response == Response::prescribed) {
-                bool inside = true;
-                for (int a = 0; a < D; ++a)
-                    inside = inside && cell[a] >= r.lower[a] && cell[a] < r.upper[a];
-                for (int a = 0; a < D && inside; ++a) {
-                    if (!(r.law[0].axes >> a & 1)) continue;
-                    RigidPoint<D> guide = point;
-                    guide.hold = RigidHold::guide;
-                    guide.normal = {};
-                    guide.normal[a] = 1;
-                    for (int c = 0; c < D; ++c) guide.wall[c] = r.velocity[c];
-                    rigid_points_.push_back(guide);
-                }
-                continue;
-            }
+            if (!is_wall_of(node.boundaries.records[b], point.body)) continue;
             detail::for_each_wall<D>(
-                node.boundaries, b, cell,
-                [&](int face, const Vec<double, D>& normal, double depth,
+                node.boundaries, b, point.place, 1.5 * dx,
+                [&](int face, const Vec<double, D>& normal, double distance,
                     const Vec<double, D>& velocity, const SurfaceLaw& law) {
-                    if (!(depth > -1.5)) return;
                     if (!looked) {
                         looked = true;
                         const NodeContact<Grid, Sum, D> around{node, contact_view()};
@@ -381,17 +405,76 @@ void Domain<X, T, D>::meet_walls(const NodeUpdate<Grid, Sum, D>& node, std::int3
                     for (int a = 0; a < D && sloped; ++a)
                         towards -= normal[a] * double(outwards[a]);
                     if (sloped && !(towards > 0.3)) return;
-                    RigidPoint<D> wall = point;
-                    const double gap = contact_gap<double>(part, filled_at<double>(depth));
-                    wall.allowed = gap > 0 ? gap * cells_per_step : 0.0;
-                    wall.face = face;
-                    for (int a = 0; a < D; ++a) wall.normal[a] = -normal[a];
-                    wall.wall = velocity;
-                    const bool rough = law.response == Response::sticky;
-                    wall.static_friction = rough ? 1e30 : law.static_friction;
-                    wall.dynamic_friction = rough ? 1e30 : law.dynamic_friction;
-                    rigid_points_.push_back(wall);
+                    const double gap = contact_gap<double>(part, filled_at(-distance / dx));
+                    add_wall(point, b, face, normal, gap * dx, velocity, law);
                 });
+        }
+    }
+}
+
+/// Corners fill less of a node than faces, and come nearer to a wall before it pushes there: no
+/// particle comes nearer than a tenth of its edge.
+template <class X, class T, int D>
+void Domain<X, T, D>::keep_before_walls(std::size_t k) {
+    if constexpr (!X::is_device) {
+        const auto boundaries = boundaries_.view();
+        const auto& body = rigid_.at(k);
+        const double dt = clock_buffer_.data()->dt, least = 0.2 * body.half;
+        double speed = 0, turn = 0;
+        for (int a = 0; a < D; ++a) speed += body.next.velocity[a] * body.next.velocity[a];
+        for (const double w : body.spin) turn += w * w;
+        speed = std::sqrt(speed) + std::sqrt(turn) * body.furthest;
+        for (int b = 0; b < boundaries.count; ++b) {
+            const BoundaryRecord<D>& r = boundaries.records[b];
+            if (!is_wall_of(r, int(k))) continue;
+            double moves = 0;
+            for (int a = 0; a < D; ++a) moves += r.velocity[a] * r.velocity[a];
+            moves = std::sqrt(moves);
+            if (r.surface > 0) moves += 0.5 * spec_.cell_size / dt;  // no faster than particles
+            const double near = least + (speed + moves) * dt + 0.01 * spec_.cell_size;
+            for (const std::uint32_t number : body.outer) {
+                RigidPoint<D> point{};
+                point.body = std::int32_t(k);
+                for (int a = 0; a < D; ++a) {
+                    point.place[a] = body.state.centre[a];
+                    for (int i = 0; i < D; ++i)
+                        point.place[a] += body.axes.e[a][i] * body.places[number][std::size_t(i)];
+                }
+                detail::for_each_wall<D>(
+                    boundaries, b, point.place, near,
+                    [&](int face, const Vec<double, D>& normal, double distance,
+                        const Vec<double, D>& velocity, const SurfaceLaw& law) {
+                        add_wall(point, b, face, normal, distance - least, velocity, law);
+                    });
+            }
+        }
+    }
+}
+
+/// Regions of a prescribed velocity at a node of a rigid body.
+template <class X, class T, int D>
+void Domain<X, T, D>::guide_rigid(const NodeUpdate<Grid, Sum, D>& node, std::int32_t slot, int n,
+                                  const std::int64_t (&cell)[D], RigidPoint<D> point) {
+    if constexpr (!X::is_device) {
+        for (int b = 0; b < node.boundaries.count; ++b) {
+            const BoundaryRecord<D>& r = node.boundaries.records[b];
+            if (!r.active || !r.is_box || r.law[0].response != Response::prescribed) continue;
+            if (r.share != 0 && !(node.part_of(node.sums(slot, n), r.share) > 0)) continue;
+            bool inside = true;
+            for (int a = 0; a < D; ++a)
+                inside = inside && cell[a] >= r.lower[a] && cell[a] < r.upper[a] &&
+                         (!r.limited || (point.place[a] >= r.within_lower[a] &&
+                                         point.place[a] <= r.within_upper[a]));
+            for (int a = 0; a < D && inside; ++a) {
+                if (!(r.law[0].axes >> a & 1)) continue;
+                RigidPoint<D> guide = point;
+                guide.boundary = b;
+                guide.hold = RigidHold::guide;
+                guide.normal = {};
+                guide.normal[a] = 1;
+                for (int c = 0; c < D; ++c) guide.wall[c] = r.velocity[c];
+                rigid_points_.push_back(guide);
+            }
         }
     }
 }

@@ -79,6 +79,9 @@ public:
         RigidState<D> state, next;
         double begun[turns<D>];                     // its orientation at the start
         std::vector<std::array<double, D>> places;  // of particles, by number, from the centre, m
+        std::vector<std::uint32_t> outer;           // particles on its surface, by number
+        double half = 0;      // of a particle's edge, m: how far its surface is from these
+        double furthest = 0;  // of its particles from its centre, m
         std::int32_t field = 0;
         // Of `next`, while points are solved:
         Mat<double, D> axes;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "mpm/core/error.hpp"
 
@@ -34,6 +35,59 @@ void add_inertia(const double (&r)[D], double mass, Mat<double, 3>& sum) {
             for (int b = 0; b < 3; ++b)
                 sum.e[a][b] += mass * ((a == b ? square : 0.0) - r[a] * r[b]);
     }
+}
+
+/// Particles beside which there is none in some direction, of the 8 or 26 along axes and diagonals:
+/// within half of a right angle and 1.6 spacings.
+template <int D>
+std::vector<std::uint32_t> on_surface(const std::vector<std::array<double, D>>& places,
+                                      double spacing) {
+    constexpr double reach = 1.6, cosine = 0.7;
+    using Cell = std::array<std::int64_t, D>;
+    const double edge = reach * spacing;
+    std::map<Cell, std::vector<std::uint32_t>> cells;
+    const auto cell_of = [&](const std::array<double, D>& x) {
+        Cell c;
+        for (std::size_t a = 0; a < D; ++a) c[a] = std::int64_t(std::floor(x[a] / edge));
+        return c;
+    };
+    for (std::size_t k = 0; k < places.size(); ++k)
+        cells[cell_of(places[k])].push_back(std::uint32_t(k));
+    constexpr int around = D == 2 ? 9 : 27;
+    const auto offset = [](int n, std::size_t a) {
+        for (std::size_t b = 0; b < a; ++b) n /= 3;
+        return n % 3 - 1;
+    };
+    std::vector<std::uint32_t> out;
+    for (std::size_t k = 0; k < places.size(); ++k) {
+        bool seen[around] = {};
+        for (int n = 0; n < around; ++n) {
+            Cell c = cell_of(places[k]);
+            for (std::size_t a = 0; a < D; ++a) c[a] += offset(n, a);
+            const auto found = cells.find(c);
+            if (found == cells.end()) continue;
+            for (const std::uint32_t other : found->second) {
+                double d[D], square = 0;
+                for (std::size_t a = 0; a < D; ++a) {
+                    d[a] = places[other][a] - places[k][a];
+                    square += d[a] * d[a];
+                }
+                if (other == k || square > edge * edge) continue;
+                for (int way = 0; way < around; ++way) {
+                    double along = 0, size = 0;
+                    for (std::size_t a = 0; a < D; ++a) {
+                        along += d[a] * offset(way, a);
+                        size += offset(way, a) * offset(way, a);
+                    }
+                    seen[way] = seen[way] || along > cosine * std::sqrt(square * size);
+                }
+            }
+        }
+        seen[around / 2] = true;  // no direction
+        if (!std::all_of(seen, seen + around, [](bool s) { return s; }))
+            out.push_back(std::uint32_t(k));
+    }
+    return out;
 }
 
 }  // namespace
@@ -105,7 +159,12 @@ int RigidBodies<D>::add(const BodySpec& s, const std::vector<double>& position, 
             b.places[k][std::size_t(i)] = 0;
             for (int a = 0; a < D; ++a) b.places[k][std::size_t(i)] += axes.e[a][i] * r[a];
         }
+        double square = 0;
+        for (const double x : r) square += x * x;
+        b.furthest = std::max(b.furthest, std::sqrt(square));
     }
+    b.half = edge / 2;
+    b.outer = on_surface<D>(b.places, edge);
 
     // The rigid motion of what its particles are given.
     const auto given = [&](std::size_t k, int a) {
