@@ -53,15 +53,14 @@ def test_draught_in_space() -> None:
     assert found["force_z"][found.time > 0.2].mean() == pytest.approx(0.5 * 9.81, rel=0.02)
 
 
-@pytest.mark.parametrize("precision", ["double", "single"])
-def test_pile_comes_to_rest(precision: str) -> None:
+def test_pile_comes_to_rest() -> None:
     """Turned squares fall on each other and on the floor: none leaves, energy only falls."""
-    simulation = libmpm.Simulation(cases.pile(), device="cpu", precision=precision)
-    simulation.run(until=1.5)
+    simulation = libmpm.Simulation(cases.pile(), device="cpu", precision="double")
+    simulation.run(until=2.5)
     energy = simulation.sensors["energy"]
     total = energy["kinetic"] + energy["potential"]
     assert np.diff(total).max() < 1e-3 * total[0]
-    assert energy["kinetic"][-1] < 1e-4 * energy["kinetic"].max()
+    assert energy["kinetic"][-1] < 1e-5 * energy["kinetic"].max()
     for body in simulation.scene.bodies:
         position = np.asarray(simulation.particles[body.name]["position"])
         assert position.min() > 0
