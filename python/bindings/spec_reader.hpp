@@ -200,6 +200,13 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
                              "'; expected element or vertex");
         b.vertex_volumes = volumes == "vertex";
     }
+    if (d.contains("rigid")) {
+        const py::dict r = d["rigid"];
+        b.rigid.given = true;
+        b.rigid.inertia = doubles(r["inertia"]);
+        b.rigid.held = r["held"].cast<std::vector<int>>();
+        b.rigid.held_turn = r["held_turn"].cast<bool>();
+    }
     if (d.contains("volume"))
         b.volume = read_rows(d["volume"], b.count, {}, "body '" + b.name + "': volume");
     if (d.contains("stress")) {
@@ -430,7 +437,8 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
     const std::map<std::string, SensorKind> kinds = {
         {"load-cell", SensorKind::load_cell},           {"wave-gauge", SensorKind::wave_gauge},
         {"velocity-probe", SensorKind::velocity_probe}, {"tracker", SensorKind::tracker},
-        {"contact-load", SensorKind::contact_load},     {"energy", SensorKind::energy}};
+        {"contact-load", SensorKind::contact_load},     {"energy", SensorKind::energy},
+        {"rigid-motion", SensorKind::rigid_motion}};
     const auto it = kinds.find(d["kind"].cast<std::string>());
     if (it == kinds.end())
         throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() +
@@ -458,6 +466,12 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
     }
     if (d.contains("body")) s.body = d["body"].cast<int>();
     if (s.kind == SensorKind::tracker) check(s.body, spec.bodies.size(), "body");
+    if (s.kind == SensorKind::rigid_motion) {
+        check(s.body, spec.bodies.size(), "body");
+        if (!spec.bodies[std::size_t(s.body)].rigid.given)
+            throw SceneError("sensor '" + s.name + "': body '" +
+                             spec.bodies[std::size_t(s.body)].name + "' is not rigid");
+    }
     if (s.kind == SensorKind::tracker) s.ids = d["ids"].cast<std::vector<std::uint64_t>>();
     if (s.kind == SensorKind::contact_load) {
         s.sides = d["sides"].cast<std::vector<std::int32_t>>();
@@ -507,6 +521,7 @@ inline FunctionsSpec read_functions(const py::dict& d) {
 inline void read_contact(const py::dict& d, Spec& s) {
     ContactSpec& c = s.contact;
     c.fields = d["fields"].cast<int>();
+    if (d.contains("rigid")) c.rigid = d["rigid"].cast<int>();
     c.kind = d["kind"].cast<std::vector<int>>();
     c.density = doubles(d["density"]);
     c.law_of = d["law_of"].cast<std::vector<int>>();
@@ -524,8 +539,9 @@ inline void read_contact(const py::dict& d, Spec& s) {
     }
     const auto of_body = d["of_body"].cast<std::vector<int>>();
     const std::size_t kinds = c.density.size();
-    bool fits = c.fields >= 1 && c.kind.size() == std::size_t(c.fields) &&
-                of_body.size() == s.bodies.size() && c.law_of.size() == kinds * kinds;
+    bool fits = c.fields >= 1 && c.rigid >= 0 && c.rigid < c.fields &&
+                c.kind.size() == std::size_t(c.fields) && of_body.size() == s.bodies.size() &&
+                c.law_of.size() == kinds * kinds;
     for (const int kind : c.kind) fits = fits && kind >= 0 && std::size_t(kind) < kinds;
     for (const int field : of_body) fits = fits && field >= 0 && field < c.fields;
     for (std::size_t k = 0; fits && k < kinds * kinds; ++k)

@@ -1,9 +1,9 @@
 """Sensors.
 
 Evaluated by the engine, at hardly any cost: `LoadCell`, `ContactLoad`, `WaveGauge`,
-`VelocityProbe`, `ParticleTracker`, `Energy`. Evaluated in Python at their due times: `GridSensor`,
-`ParticleSensor`, `AttributeTracker`, `BodyTracker`, `ContactForce`, `PressureProbe`,
-`ElevationGauge`, `ColumnGauge`, `Custom`.
+`VelocityProbe`, `ParticleTracker`, `RigidMotion`, `Energy`. Evaluated in Python at their due
+times: `GridSensor`, `ParticleSensor`, `AttributeTracker`, `BodyTracker`, `ContactForce`,
+`PressureProbe`, `ElevationGauge`, `ColumnGauge`, `Custom`.
 """
 
 from libmpm._src.sensors.attributes import names as attribute_names
@@ -13,6 +13,7 @@ from libmpm._src.sensors.engine_sensors import (
     Energy,
     LoadCell,
     ParticleTracker,
+    RigidMotion,
     Sensor,
     VelocityProbe,
     WaveGauge,
@@ -30,5 +31,12 @@ from libmpm._src.sensors.python_sensors import (
 
 __all__ = ["AttributeTracker", "BodyTracker", "ColumnGauge", "ContactForce", "ContactLoad"]
 __all__ += ["Custom", "ElevationGauge", "Energy", "GridSensor"]
-__all__ += ["LoadCell", "ParticleSensor", "ParticleTracker", "PressureProbe", "Sensor"]
+__all__ += [
+    "LoadCell",
+    "ParticleSensor",
+    "ParticleTracker",
+    "PressureProbe",
+    "RigidMotion",
+    "Sensor",
+]
 __all__ += ["VelocityProbe", "WaveGauge", "attribute_names"]

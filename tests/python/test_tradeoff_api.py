@@ -250,7 +250,7 @@ def full():
 
 def test_choices_change_what_they_say_and_nothing_else(full):
     before = full.to_dict()
-    assert set(VALUES) | {"bulk_modulus"} == set(CHOICES)
+    assert set(VALUES) | {"bulk_modulus", "rigid"} == set(CHOICES)
     for name, (value, read) in VALUES.items():
         made = apply_choices(full, {name: value})
         assert read(made) == value, name
@@ -258,6 +258,9 @@ def test_choices_change_what_they_say_and_nothing_else(full):
     soft = apply_choices(full, {"bulk_modulus": 0.5})
     assert soft.bodies[0].material.bulk_modulus == 0.5 * MODULUS
     assert soft.bodies[1] == full.bodies[1]
+    stiff = apply_choices(full, {"rigid": ("block",)})
+    assert stiff.bodies[1].material == materials.Rigid(density=500.0)
+    assert stiff.bodies[0] == full.bodies[0] and apply_choices(full, {"rigid": ()}) == full
     assert full.to_dict() == before
 
 

@@ -27,19 +27,19 @@ struct ContactView {
     const std::int32_t* count;  // and how many slots
     std::int32_t blocks;
     std::int32_t filled;  // the sum by which what fills a node differs from its mass; -1: none
+    std::int32_t fields;  // but those of rigid bodies, which are the last (design/rigid.md)
 };
 
-/// The slots of the block that a slot is of, one for each field there.
+/// The slots of the block that a slot is of, one for each of the first `fields` fields there.
 template <int D>
 MPM_INLINE void find_siblings(const BlockTableView<D>& table, std::int32_t slot,
-                              std::int32_t& first, std::int32_t& count) {
+                              std::int32_t fields, std::int32_t& first, std::int32_t& count) {
     const std::uint64_t low =
         table.keys[slot] - std::uint64_t(table.keys_of.field(table.keys[slot]));
     first = slot;
     while (first > 0 && table.keys[first - 1] >= low) --first;
     std::int32_t last = slot + 1;
-    while (last < table.slots && table.keys[last] < low + std::uint64_t(table.keys_of.fields))
-        ++last;
+    while (last < table.slots && table.keys[last] < low + std::uint64_t(fields)) ++last;
     count = last - first;
 }
 
@@ -288,6 +288,21 @@ struct NodeContact {
         // At once, so that no other body is pushed by what a boundary does not let move.
         respond_of(n, f, a, seen);
         respond_of(n, f, b, seen);
+    }
+    /// Where a field's own mass falls off to.
+    MPM_INLINE bool outwards(std::int32_t slot, int n, Vec<T, D>& normal) const {
+        int at[D];
+        Block<D>::coordinates(n, at);
+        return descent<T, D>(
+            [&](const int(&k)[D]) {
+                int place[D], around, there;
+                for (int a = 0; a < D; ++a) place[a] = at[a] + k[a] - 1 + Block<D>::margin;
+                arena_node<D>(place, around, there);
+                const std::int32_t to =
+                    node.grid.table.neighbours[std::int64_t(slot) * Block<D>::neighbours + around];
+                return to < 0 ? T(0) : fills(to, there);
+            },
+            normal);
     }
     /// Normal from one field to the other, by the volume fractions of the nodes around.
     MPM_INLINE bool direction(std::int32_t slot_a, std::int32_t slot_b, T of_a, T of_b, int n,

@@ -65,7 +65,7 @@ struct MeasureLoads {
         };
         if constexpr (contact) {
             std::int32_t first, count;
-            find_siblings<D>(node.grid.table, slot, first, count);
+            find_siblings<D>(node.grid.table, slot, of_contact.fields, first, count);
             const NodeContact<T, Sum, D> all{node, of_contact};
             typename NodeContact<T, Sum, D>::Fields f;
             if (count > 1) all.find(first, count, n, f);

@@ -18,7 +18,8 @@ struct AddPacking {
         if (node.grid.table.keys_of.fields != 1) {
             // All that a node holds counts at the first of its fields.
             std::int32_t first, count;
-            find_siblings<D>(node.grid.table, slot, first, count);
+            find_siblings<D>(node.grid.table, slot, std::int32_t(node.grid.table.keys_of.fields),
+                             first, count);
             if (slot != first) return;
             for (std::int32_t k = 1; k < count; ++k)
                 m += double(node.mass(first + k, int(i % block_cells)));

@@ -39,6 +39,7 @@ struct BodyStore {
     // Of bodies of elements, whose vertices are the particles; their particle is the mean vertex.
     std::unique_ptr<ElementMesh<X, T, D>> mesh;
     ElementOps<X, T, D> elements{};
+    int rigid = -1;  // its number among the rigid bodies
 
     std::uint32_t count = 0;
     std::vector<Buffer<X, T>> offset;  // D columns

@@ -40,6 +40,7 @@
 #include "mpm/solver/look_ahead.hpp"
 #include "mpm/solver/outflow.hpp"
 #include "mpm/solver/rank_share.hpp"
+#include "mpm/solver/rigid_bodies.hpp"
 #include "mpm/solver/sensors.hpp"
 #include "mpm/solver/state_check.hpp"
 
@@ -94,9 +95,7 @@ private:
     /// What of X components that know no precision are compiled for.
     using Base = ExecutorBase<X>;
     using Body = BodyStore<X, T, D>;
-    void list_measured() {
-        sensors_.measure(table_, boundaries_, share_ ? counts_.data() : nullptr);
-    }
+    void list_measured() { sensors_.measure(table_, boundaries_, counted_for_loads()); }
 
     // domain_contact.hpp
     void set_contact();
@@ -195,6 +194,29 @@ private:
     void tell_wanted(const std::vector<std::vector<std::int32_t>>& owner,
                      const std::vector<std::vector<std::uint8_t>>& pushed, bool all_keep);
     void swap_places();
+    // domain_rigid.hpp
+    void make_rigid(Body& body, const BodySpec& spec);
+    void list_rigid();
+    const std::uint8_t* counted_for_loads();
+    void resolve_rigid(double (&maxima)[maxima_count]);
+    bool is_wall_of(const BoundaryRecord<D>& boundary, int rigid) const;
+    void add_wall(RigidPoint<D> point, int boundary, int face, const Vec<double, D>& normal,
+                  double gap, const Vec<double, D>& velocity, const SurfaceLaw& law);
+    void meet_walls(const NodeUpdate<Grid, Sum, D>& node, std::int32_t slot, int n, double part,
+                    const RigidPoint<D>& point);
+    void keep_before_walls(std::size_t k);
+    void guide_rigid(const NodeUpdate<Grid, Sum, D>& node, std::int32_t slot, int n,
+                     const std::int64_t (&cell)[D], RigidPoint<D> point);
+    template <class Meeting, class Fields>
+    void held_beside(const Meeting& meeting, int n, const Fields& f, int i, RigidPoint<D>& point);
+    void place_rigid(Body& body, const Phase<X, T, D>& phase, bool moves);
+    void move_rigid(Body& body, const Phase<X, T, D>& phase);
+    void add_rigid_energy(Body& body, const std::int32_t* due, double* partial);
+    void tell_rigid_loads();
+    void sample_rigid(Sensor<Base>& sensor, SensorRecord& record);
+    bool breaks_rigid(const std::vector<std::uint32_t>& left, std::size_t b,
+                      const Buffer<X, std::uint32_t>& cell);
+    std::size_t kind_count() const { return full_.size(); }
 
     // domain_export.hpp
     DenseColumn make_column(char type, const std::vector<std::size_t>& shape);
@@ -437,6 +459,17 @@ private:
     Buffer<X, std::uint8_t> near_contact_{exec_};  // (slots,) of scenes with elements too
     std::int32_t contact_blocks_ = 0;
 
+    // Rigid bodies, the blocks that their nodes are in, and what they met in this step.
+    RigidBodies<D> rigid_;
+    std::vector<RigidBlock> rigid_blocks_;
+    std::vector<std::int32_t> body_of_field_;  // (fields,): its number among them, or -1
+    std::vector<RigidPoint<D>> rigid_points_;
+    std::vector<FreeNode<D>> rigid_free_;
+    std::vector<RigidMeeting> rigid_met_;
+    std::vector<RigidWall<D>> rigid_walls_;
+    int rigid_most_sweeps_ = 0;
+    double rigid_left_ = 0;
+
     Inflow<Base, D> inflow_{exec_, spec_, plan_};
     Outflow<D> outflow_{spec_};
     std::vector<Flow> flows_;
@@ -486,6 +519,7 @@ private:
 #include "mpm/solver/domain_points.hpp"
 #include "mpm/solver/domain_ranks.hpp"
 #include "mpm/solver/domain_read.hpp"
+#include "mpm/solver/domain_rigid.hpp"
 #include "mpm/solver/domain_setup.hpp"
 #include "mpm/solver/domain_sort.hpp"
 #include "mpm/solver/domain_state.hpp"

@@ -58,6 +58,10 @@ void Domain<X, T, D>::assign(const Assignment& given) {
     const std::size_t n = given.id.size(), width = std::size_t(given.width);
     const bool states = !given.state.empty() || !given.pressure.empty();
     const bool two = body.plan.smoothing == Smoothing::two_volumes;
+    if (body.rigid >= 0)
+        throw SceneError(who +
+                         " are given values, but are of a rigid body, which moves as a whole; "
+                         "that is not built");
     if (states && body.mesh)
         throw SceneError(who +
                          " are given a state, but are vertices of elements, whose strain follows "

@@ -32,13 +32,17 @@ void Domain<X, T, D>::list_contacts() {
     std::vector<std::int32_t> first, count, counted;
     for (std::size_t slot = 0, next = 0; slot < keys.size(); slot = next) {
         while (next < keys.size() && keys[next] / fields == keys[slot] / fields) ++next;
-        if (next - slot < 2) continue;
+        // Rigid bodies, the last of the fields, meet others apart (design/rigid.md).
+        std::size_t bending = next;
+        while (bending > slot && int(keys[bending - 1] % fields) >= spec_.contact.bending())
+            --bending;
+        if (bending - slot < 2) continue;
         if (share_ && !detail::holds(share_->reached[std::size_t(share_->rank())],
                                      table_.keys_of.of_block(keys[slot])))
             continue;
         if (counts_slot(slot)) counted.push_back(std::int32_t(first.size()));
         first.push_back(std::int32_t(slot));
-        count.push_back(std::int32_t(next - slot));
+        count.push_back(std::int32_t(bending - slot));
     }
     contact_blocks_ = std::int32_t(first.size());
     contact_first_.assign(first);
@@ -76,10 +80,16 @@ std::size_t Domain<X, T, D>::end_of_fields(const std::vector<std::uint64_t>& key
 
 template <class X, class T, int D>
 ContactView Domain<X, T, D>::contact_view() {
-    return {
-        contact_laws_.data(),       law_of_.data(),        kind_of_.data(),       full_.data(),
-        std::int32_t(full_.size()), contact_first_.data(), contact_count_.data(), contact_blocks_,
-        std::int32_t(plan_.filled)};
+    return {contact_laws_.data(),
+            law_of_.data(),
+            kind_of_.data(),
+            full_.data(),
+            std::int32_t(full_.size()),
+            contact_first_.data(),
+            contact_count_.data(),
+            contact_blocks_,
+            std::int32_t(plan_.filled),
+            std::int32_t(spec_.contact.bending())};
 }
 
 /// Contact after the grid update, whose maxima it joins with its own for `decided`.
@@ -102,6 +112,7 @@ void Domain<X, T, D>::resolve_contacts(const double* maxima, const Decided& deci
                 clock.fault = FaultKind::crowded;
                 clock.fault_value = most_fields_at_node;
             }
+            if (rigid_.any()) resolve_rigid(all);
             decided(static_cast<const double*>(all));
         });
 }

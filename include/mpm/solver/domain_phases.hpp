@@ -50,7 +50,7 @@ void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
     const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
     const bool sweeps = plan_.sweep.residual > 0;
     if constexpr (!X::is_device) {
-        if (contact_blocks_ > 0) {
+        if (contact_blocks_ > 0 || rigid_.any()) {
             const auto then = [&](const double* maxima) { resolve_contacts(maxima, decided); };
             if (plan_.kept.any())
                 exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()),
@@ -209,7 +209,7 @@ template <class X, class T, int D>
 void Domain<X, T, D>::collect_bodies(const std::vector<std::size_t>& moving) {
     std::vector<std::size_t> phased, split;
     for (std::size_t b : moving) {
-        if (bodies_[b].plan.pipeline != Pipeline::phased) continue;
+        if (bodies_[b].plan.pipeline != Pipeline::phased || bodies_[b].rigid >= 0) continue;
         phased.push_back(b);
         if (bodies_[b].plan.group.split) split.push_back(b);
     }
@@ -230,7 +230,7 @@ void Domain<X, T, D>::collect_bodies(const std::vector<std::size_t>& moving) {
         for (std::size_t b : split) phase_ops_.collect(make(b));
     }
     for (std::size_t b : moving) {
-        if (bodies_[b].plan.pipeline == Pipeline::phased) {
+        if (bodies_[b].plan.pipeline == Pipeline::phased && bodies_[b].rigid < 0) {
             after_collect(bodies_[b], int(b), make(b));
         } else if constexpr (X::is_device) {
             if (bodies_[b].plan.cells.smooths()) smooth_on_device(bodies_[b], int(b), make(b));

@@ -217,7 +217,7 @@ double Domain<X, T, D>::steepest_deposit(const Spec& spec) const {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         const PhaseNumbers& n = bodies_[b].plan.phase;
         const std::vector<double>& gradient = spec.bodies[b].velocity_gradient;
-        if (!n.scheme.affine) continue;
+        if (!n.scheme.affine || bodies_[b].rigid >= 0) continue;
         const double reach = DepositBound::of(n.kernel, n.kernel.half_edge).reach;
         for (std::size_t row = 0; row < gradient.size(); row += D) {
             double slope = 0;
@@ -447,6 +447,14 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen, bool t
 template <class X, class T, int D>
 void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<double>& velocity,
                                    const std::vector<double>& gradient, bool tilted, int to) {
+    if (body.rigid >= 0) {
+        reserve_scratch(body);
+        const Phase<X, T, D> p = phase(body, number, to);
+        place_rigid(body, p, true);
+        phase_ops_.spread(p);
+        body.scratch = Buffer<X, Grid>(exec_);
+        return;
+    }
     const std::size_t n = body.count;
     const bool phases = body.plan.any_transfer(), by_columns = phases || tilted;
     if (by_columns)

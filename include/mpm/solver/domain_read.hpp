@@ -380,6 +380,11 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     }
     out["bytes"] = bytes;
     if (spec_.contact.any()) out["contact_blocks"] = double(contact_blocks_);
+    if (rigid_.any()) {
+        out["rigid_points"] = double(rigid_points_.size());
+        out["rigid_sweeps"] = double(rigid_most_sweeps_);  // the most of any step
+        out["rigid_left"] = rigid_left_;                   // m/s, the largest change of a last one
+    }
     if (share_) {
         out["rebalances"] = double(share_->rebalances);
         out["migrated"] = double(share_->migrated);

@@ -7,6 +7,20 @@
 
 namespace mpm {
 
+/// Of bodies whose particles are moved as a whole: nothing is done by particle.
+template <class X, class T, int D>
+BodyOps<X, T, D> rigid_ops() {
+    BodyOps<X, T, D> ops{};
+    ops.channels = D;
+    ops.observe = [](const double*, const double(&)[D][D], const double*) {
+        Observation<D> o{};
+        o.volume_ratio = 1;
+        for (int a = 0; a < D; ++a) o.deformation[a][a] = 1;
+        return o;
+    };
+    return ops;
+}
+
 template <class X, class T, int D>
 template <class FindOps>
 Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOps& find_ops,
@@ -39,7 +53,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         Body& body = bodies_.back();
         body.plan = plan_.bodies[b];
         body.material = &material(s.material);
-        body.ops = find_ops(s.material, body.plan.smoothing);
+        body.ops = s.rigid.given ? rigid_ops<X, T, D>() : find_ops(s.material, body.plan.smoothing);
         body.parameters = s.parameters;
         body.first_id = s.first_id;
         body.particle_mass = s.particle_mass;
@@ -52,6 +66,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
                 lightest = *std::min_element(body.mesh->mass().begin(), body.mesh->mass().end());
             }
         }
+        if (s.rigid.given) make_rigid(body, s);
         least_mass_ = std::min(least_mass_, lightest);
         constants.push_back({density, s.smoothing_time, s.smoothing_ratio});
     }

@@ -24,6 +24,7 @@ void Domain<X, T, D>::link_table() {
     if (share_) return;  // `link_ranks` does when it is known who counts what
     list_measured();
     list_contacts();
+    list_rigid();
 }
 
 template <class X, class T, int D>
@@ -191,6 +192,7 @@ bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
         if (left[b] == 0) continue;
         if constexpr (!X::is_device) {
             if (body.mesh && tears_mesh(left, b, cells[b])) return false;
+            if (body.rigid >= 0 && breaks_rigid(left, b, cells[b])) return false;
         }
         for (Way& way :
              outflow_.ways(int(b), body.first_id, clock_.step, list_left(body, left[b], cells[b])))

@@ -79,6 +79,8 @@ State Domain<X, T, D>::save() {
             detail::to_blob(body.cell_start.host(std::size_t(table_.slots) * block_cells + 1));
         if (body.mesh && body.mesh->kept() > 0)
             s[p + "elements"] = detail::to_blob(kept_here(body));
+        if (body.rigid >= 0)
+            s[p + "rigid"] = detail::to_blob(rigid_.saved(std::size_t(body.rigid)));
         s[p + "frozen_id"] = detail::to_blob(body.frozen_id);
         s[p + "frozen_position"] = detail::to_blob(body.frozen_position);
         s[p + "frozen_state"] = detail::to_blob(body.frozen_state);
@@ -143,6 +145,8 @@ void Domain<X, T, D>::load(const State& whole) {
             const auto kept = detail::numbers(state, p + "elements");
             body.mesh->keep(std::vector<T>(kept.begin(), kept.end()));
         }
+        if (body.rigid >= 0)
+            rigid_.restore(std::size_t(body.rigid), detail::from_blob<double>(state, p + "rigid"));
         body.frozen_id = detail::from_blob<std::uint32_t>(state, p + "frozen_id");
         body.frozen_position = detail::from_blob<double>(state, p + "frozen_position");
         body.frozen_state = detail::from_blob<double>(state, p + "frozen_state");

@@ -104,6 +104,7 @@ void Domain<X, T, D>::run_sensors() {
                                               sensors_.contact_sides()},
                 sensors_.take_contact(clock), sensors_.contact_partial(), 0, Nothing{});
     }
+    tell_rigid_loads();
     if (share_) {
         if constexpr (X::is_device)
             tell_points();
@@ -127,6 +128,9 @@ void Domain<X, T, D>::run_sensors() {
                     s.columns.data(), int(s.spec.ids.size()), spec_.cell_size});
         }
         if (s.spec.kind == SensorKind::energy) sample_energy(s, record);
+        if constexpr (!X::is_device) {
+            if (s.spec.kind == SensorKind::rigid_motion) sample_rigid(s, *record);
+        }
     }
 }
 
@@ -146,7 +150,9 @@ void Domain<X, T, D>::sample_energy(Sensor<Base>& s, SensorRecord* record) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         if (!chosen(b)) continue;
         double* partial = s.partial.data() + 3 * at;
-        if (bodies_[b].homes > 0 && bodies_[b].plan.any_transfer()) {
+        if (bodies_[b].homes > 0 && bodies_[b].rigid >= 0) {
+            add_rigid_energy(bodies_[b], &record->due, partial);
+        } else if (bodies_[b].homes > 0 && bodies_[b].plan.any_transfer()) {
             reserve_deposits(bodies_[b]);
             Phase<X, T, D> p = phase(bodies_[b], int(b), parity());
             p.due = &record->due;
@@ -274,6 +280,10 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
             body.ops.scatter(p.pass);
             break;
         case Pipeline::phased:
+            if (body.rigid >= 0) {
+                move_rigid(body, p);
+                break;
+            }
             p.turns = true;
             if (!body.mesh) {  // vertices have moved
                 body.ops.respond(p);

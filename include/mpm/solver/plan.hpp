@@ -76,6 +76,7 @@ struct BodyPlan {
     CellNumbers cells;   // and between its parts
     double spacing = 0;
     std::uint64_t elements = 0;  // whose vertices the particles are
+    bool rigid = false;          // moved as a whole
     bool vertex_volumes = false;
     int kept = 0;  // numbers an element
 };
@@ -123,6 +124,8 @@ bool stores_in_one_pass(const Spec& spec);
 void plan_cells(const Spec& spec, Plan& plan);
 /// Refuses what bodies of elements are not built for, by its name.
 void check_elements(const Spec& spec, const BackendTraits& backend);
+/// Refuses what rigid bodies are not built for, by its name.
+void check_rigid(const Spec& spec, const BackendTraits& backend);
 /// Adds to a plan whose bodies are there what the scene's transfer stores.
 void plan_phases(const Spec& spec, Plan& plan);
 

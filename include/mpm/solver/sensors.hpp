@@ -31,7 +31,8 @@ struct Sensor {
     Buffer<X, std::int32_t> columns;
     Buffer<X, double> partial;  // energy: of each home, then of the parts of their sum
     Buffer<X, SumSet> set;
-    std::int64_t homes = -1;  // that `set` and `partial` are for
+    std::int64_t homes = -1;   // that `set` and `partial` are for
+    std::vector<double> told;  // of a rigid body: its impulses at the sample before
     Samples drained;
     explicit Sensor(X& x) : times(x), values(x), first(x), ids(x), columns(x), partial(x), set(x) {}
 };
@@ -93,6 +94,7 @@ public:
                  const std::vector<double>& first, std::vector<double> impulse, const Clock& clock);
 
 private:
+    static constexpr std::size_t rigid_loads = D == 2 ? 3 : 6;  // forces, then moments
     std::vector<std::uint64_t> blocks_of(const BlockKeys<D>& keys_of,
                                          const std::vector<PointRecord<D>>& points) const;
 
@@ -339,6 +341,14 @@ void Sensors<X, D>::save(State& state) const {
         first.push_back(sensors_[k].first.host()[0]);
     }
     state["load_impulse"] = detail::to_blob(load_impulse_.host());
+    std::vector<double> told;
+    for (const auto& s : sensors_) {
+        if (s.spec.kind != SensorKind::rigid_motion) continue;
+        auto own = s.told;
+        own.resize(rigid_loads, std::numeric_limits<double>::quiet_NaN());
+        told.insert(told.end(), own.begin(), own.end());
+    }
+    if (!told.empty()) state["rigid_told"] = detail::to_blob(told);
     if (contact_count() > 0) state["contact_impulse"] = detail::to_blob(contact_impulse_.host());
     state["sensor_next"] = detail::to_blob(next);
     state["sensor_last"] = detail::to_blob(last);
@@ -351,6 +361,17 @@ void Sensors<X, D>::load(const State& state, const Clock& clock) {
             detail::from_blob<double>(state, "sensor_last"),
             detail::from_blob<double>(state, "sensor_first"),
             detail::from_blob<double>(state, "load_impulse"), clock);
+    if (state.contains("rigid_told")) {
+        const auto told = detail::from_blob<double>(state, "rigid_told");
+        auto from = told.begin();
+        for (auto& s : sensors_) {
+            if (s.spec.kind != SensorKind::rigid_motion) continue;
+            if (told.end() - from < std::ptrdiff_t(rigid_loads)) break;
+            s.told.assign(from, from + std::ptrdiff_t(rigid_loads));
+            if (std::isnan(s.told[0])) s.told.clear();
+            from += std::ptrdiff_t(rigid_loads);
+        }
+    }
     if (contact_count() == 0) return;
     std::vector<double> impulse;
     if (state.contains("contact_impulse"))

@@ -66,7 +66,17 @@ struct ContactSpec {
     std::vector<double> density;  // (kinds,) at rest, kg/m^3
     std::vector<ContactLaw> laws;
     std::vector<int> law_of;  // (kinds, kinds): which of the laws; -1: they move as one
+    int rigid = 0;            // the last so many fields are those of rigid bodies
+    int bending() const { return fields - rigid; }
     bool any() const { return fields > 1; }
+};
+
+/// Of bodies of the material Rigid (design/rigid.md).
+struct RigidSpec {
+    bool given = false;
+    std::vector<double> inertia;  // kg m^2 about the centre at the start, (1,) or (9,); or empty
+    std::vector<int> held;        // axes along which it moves on as it began
+    bool held_turn = false;
 };
 
 struct BodySpec {
@@ -94,6 +104,7 @@ struct BodySpec {
     std::vector<std::int32_t> elements;
     bool vertex_volumes = false;
     Rows all_vertices;  // of a rank of several: of the whole mesh, by id; else empty
+    RigidSpec rigid;
     std::vector<TractionSpec> tractions;  // of elements, and on functions over cells
     // On functions over cells only:
     Rows volume;  // (count,) m^2, or empty: all alike, from the mass
@@ -247,7 +258,15 @@ inline bool lists_wall_nodes(const std::vector<BoundarySpec>& all) {
            std::none_of(all.begin(), all.end(), [](const BoundarySpec& b) { return mirrors(b); });
 }
 
-enum class SensorKind { load_cell, wave_gauge, velocity_probe, tracker, energy, contact_load };
+enum class SensorKind {
+    load_cell,
+    wave_gauge,
+    velocity_probe,
+    tracker,
+    energy,
+    contact_load,
+    rigid_motion
+};
 
 struct SensorSpec {
     std::string name;

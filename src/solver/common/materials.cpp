@@ -3,6 +3,7 @@
 #include "mpm/core/error.hpp"
 #include "mpm/kernels/model_headers.inc"
 #include "mpm/physics/element.hpp"
+#include "mpm/physics/material/rigid.hpp"
 #include "mpm/solver/added_materials.hpp"
 #include "mpm/solver/plan.hpp"
 
@@ -13,6 +14,22 @@ namespace {
 /// Entries are pointed at, so that they may not move.
 constexpr std::size_t most_materials = 1024;
 
+/// No kernel has it: its bodies are moved as a whole.
+MaterialInfo rigid() {
+    MaterialInfo m{};
+    m.name = Rigid::name;
+    m.summary = Rigid::summary;
+    m.source = Rigid::source;
+    m.needs = Rigid::needs;
+    m.limits = Rigid::limits;
+    m.parameters = Rigid::parameters;
+    m.parameter_count = int(sizeof(Rigid::parameters) / sizeof(Parameter));
+    m.density = &Rigid::density;
+    m.wave_speed = &Rigid::wave_speed;
+    m.reals = [](int) { return 0; };
+    return m;
+}
+
 std::vector<MaterialInfo>& list() {
     static std::vector<MaterialInfo> all = [] {
         std::vector<MaterialInfo> built;
@@ -20,6 +37,7 @@ std::vector<MaterialInfo>& list() {
 #define MPM_MODEL(Model) built.push_back(describe_material<Model>());
 #include "mpm/kernels/models.inc"
 #undef MPM_MODEL
+        built.push_back(rigid());
         return built;
     }();
     return all;

@@ -21,7 +21,8 @@ constexpr std::uint64_t most_ids = (std::uint64_t(1) << 32) - 256;
 bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
     // Nothing has been checked yet: what does not fit is left for the plan to refuse.
     const std::size_t corners = 2 * std::size_t(dimension);
-    return a.elements.empty() == b.elements.empty() && a.vertex_volumes == b.vertex_volumes &&
+    return !a.rigid.given && !b.rigid.given &&  // each has a motion of its own
+           a.elements.empty() == b.elements.empty() && a.vertex_volumes == b.vertex_volumes &&
            a.elements.size() + b.elements.size() < most_ids && a.tractions.empty() &&
            b.tractions.empty() && (a.elements.empty() || ids_of(a) + ids_of(b) < most_ids / 2) &&
            a.restored == b.restored && a.bounds.size() == corners && b.bounds.size() == corners &&

@@ -150,6 +150,7 @@ bool stores_in_one_pass(const Spec& spec) {
 
 std::string needs_phases(const Spec& spec, const BodySpec& b, bool device) {
     if (!b.elements.empty()) return "elements work between the parts of a step";
+    if (b.rigid.given) return "rigid bodies move as a whole";
     const MaterialInfo& m = material(b.material);
     if (spec.transfer.scheme == "APIC" ? !m.fused : !m.fuses_memory)
         return "material " + b.material + " has no fused form" +
@@ -238,6 +239,11 @@ void plan_phases(const Spec& spec, Plan& plan) {
         p.phase.scheme = numbers_of(scheme, memory, body);
         // A shift would move vertices against the elements that hold them together.
         if (p.elements > 0) p.phase.scheme.rule = ShiftRule::none;
+        // What a rigid body's particles carry is its own motion, whatever the others do.
+        if (p.rigid) {
+            p.phase.scheme = {};
+            p.phase.scheme.affine = true;
+        }
         if (!body.guard || p.phase.scheme.rule == ShiftRule::none) p.phase.guard = -1;
         p.phase.channels = D + (p.smoothing == Smoothing::none ? 0 : 1);
         p.phase.lags =

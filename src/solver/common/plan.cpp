@@ -250,6 +250,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     check_pipeline(spec, backend);
     check_contact(spec, backend);
     check_elements(spec, backend);
+    check_rigid(spec, backend);
     const bool between =
         spec.deformed_nodes || spec.kernel.modified ||
         std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
@@ -374,6 +375,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                        : planned_mesh_bytes<3>(p.elements, p.particles, p.vertex_volumes, p.kept,
                                                loaded, real);
         } else {
+            p.rigid = body.rigid.given;
             p.state_columns = m.reals(D);
             for (int c = 0; c < m.column_count; ++c) {
                 const int n = m.columns[c].components[D - 2];
@@ -397,6 +399,12 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         }
         const double density = m.density(body.parameters.data());
         p.spacing = std::pow(body.particle_mass / density, 1.0 / D);
+        if (p.rigid) {
+            // It has no wave; where its particles are from its centre, in double.
+            plan.memory_particles += double(p.particles) * 8 * D;
+            plan.bodies.push_back(std::move(p));
+            continue;
+        }
         const double c = m.wave_speed(body.parameters.data());
         plan.wave_speed = std::max(plan.wave_speed, c);
         const double mu = m.viscosity ? m.viscosity(body.parameters.data()) : 0;
@@ -439,6 +447,10 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         plan.time_step = spec.time_step;
         plan.limited_by = "given by the caller";
     }
+    if (!(plan.time_step > 0))
+        throw SceneError(
+            "no body of the scene has a wave that a time step could follow from; rigid bodies "
+            "have none. Give a time_step in s");
 
     const EstimatedSlots estimate = D == 2 ? estimated_slots<2>(spec) : estimated_slots<3>(spec);
     const double slots = estimate.all;
@@ -471,7 +483,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     const bool mirrored = std::any_of(spec.boundaries.begin(), spec.boundaries.end(),
                                       [](const BoundarySpec& b) { return mirrors(b); });
     plan.kernels = {mirrored ? "update_grid (mirrors)" : "update_grid", "decide"};
-    if (spec.contact.any()) plan.kernels.insert(plan.kernels.begin() + 1, "contact");
+    if (spec.contact.rigid > 0) plan.kernels.insert(plan.kernels.begin() + 1, "rigid bodies");
+    if (spec.contact.bending() > 1) plan.kernels.insert(plan.kernels.begin() + 1, "contact");
     if (plan.sweeps > 0)
         plan.kernels.insert(plan.kernels.begin() + 1,
                             "sweep (" + std::to_string(plan.sweeps) + " times)");
@@ -487,6 +500,11 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     if (contacts) plan.kernels.push_back("measure_contacts");
     for (const auto& b : plan.bodies) {
         const bool phased = b.pipeline == Pipeline::phased;
+        if (b.rigid) {
+            plan.kernels.push_back("move:" + b.name);
+            plan.kernels.push_back("spread:" + b.name);
+            continue;
+        }
         if (phased) plan.kernels.push_back("collect:" + b.name);
         if (b.cells.smooths()) plan.kernels.push_back("smooth_cells:" + b.name);
         if (phased) {

@@ -1,5 +1,7 @@
 #include "mpm/solver/plan_checks.hpp"
 
+#include <algorithm>
+
 #include "mpm/core/error.hpp"
 
 namespace mpm {
@@ -34,6 +36,49 @@ void check_contact(const Spec& spec, const BackendTraits& backend) {
         if (!fields.empty() && fields[0].field != 0)
             refuse("inlet '" + inlet.name + "' into a body that a contact names",
                    "feed another body");
+    }
+}
+
+void check_rigid(const Spec& spec, const BackendTraits& backend) {
+    for (std::size_t k = 0; k < spec.bodies.size(); ++k) {
+        const BodySpec& b = spec.bodies[k];
+        if (!b.rigid.given) continue;
+        const auto refuse = [&](const std::string& what, const std::string& remedy) {
+            throw SceneError("rigid body '" + b.name + "' is not built for " + what + "; " +
+                             remedy + ", or give it an elastic material");
+        };
+        if (!spec.functions.kind.empty()) refuse("grids of functions", "use square cells");
+        if (backend.device) refuse(backend.name, "use device=\"cpu\"");
+        if (spec.ranks.count > 1) refuse(std::to_string(spec.ranks.count) + " ranks", "use one");
+        if (spec.start.given) refuse("runs that continue from another", "start the scene afresh");
+        if (b.restored || !b.ids.empty())
+            refuse("particles that are continued from another run", "start the scene afresh");
+        if (!b.elements.empty()) refuse("elements", "fill it with particles");
+        if (b.smoothing != SmoothingForm::none || works_between_parts(b))
+            refuse("F-bar, smoothing or assumed fields, numerical damping or placed forces",
+                   "leave them out");
+        if (b.pressure || b.state) refuse("a pressure or a stress to begin with", "leave it out");
+        for (const BoundarySpec& wall : spec.boundaries)
+            if (std::any_of(wall.law.begin(), wall.law.end(),
+                            [](const SurfaceLaw& law) { return law.linear; }))
+                refuse("boundary '" + wall.name + "', whose cells strain linearly",
+                       "use linear=False");
+        for (const InletSpec& inlet : spec.inlets)
+            if (std::size_t(inlet.body) == k)
+                refuse("inlet '" + inlet.name + "'", "feed another body");
+        const int own = b.fields.size() == 1 ? b.fields[0].field : -1;
+        if (spec.contact.rigid < 1 || own < spec.contact.bending())
+            throw SceneError("rigid body '" + b.name +
+                             "' has no field of velocities of its own among the last of them");
+        const std::size_t numbers = spec.dimension == 2 ? 1 : 9;
+        if (!b.rigid.inertia.empty() && b.rigid.inertia.size() != numbers)
+            throw SceneError("rigid body '" + b.name + "' has " +
+                             std::to_string(b.rigid.inertia.size()) +
+                             " numbers of inertia; expected " + std::to_string(numbers));
+        for (const int axis : b.rigid.held)
+            if (axis < 0 || axis >= spec.dimension)
+                throw SceneError("rigid body '" + b.name + "' is held along axis " +
+                                 std::to_string(axis) + " of " + std::to_string(spec.dimension));
     }
 }
 

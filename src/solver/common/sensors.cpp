@@ -39,6 +39,22 @@ std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(con
             for (const char* n : {"normal", "tangential"}) add(n, flat ? "N/m" : "N");
             add("friction_power", flat ? "W/m" : "W");
             break;
+        case SensorKind::rigid_motion:
+            for (const auto& a : axes) add("centroid_" + a, "m");
+            for (const auto& a : axes) add("velocity_" + a, "m/s");
+            if (flat) {
+                add("angular_velocity", "rad/s");
+                add("angle", "rad");
+            } else {
+                for (const auto& a : axes) add("angular_velocity_" + a, "rad/s");
+                for (const char* q : {"w", "x", "y", "z"}) add(std::string("quaternion_") + q, "1");
+            }
+            for (const auto& a : axes) add("force_" + a, flat ? "N/m" : "N");
+            if (flat)
+                add("moment_z", "N");
+            else
+                for (const auto& a : axes) add("moment_" + a, "N m");
+            break;
         case SensorKind::energy:
             for (const char* n : {"kinetic", "elastic", "potential", "dissipated"})
                 add(n, flat ? "J/m" : "J");

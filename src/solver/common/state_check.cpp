@@ -1,4 +1,5 @@
 #include "mpm/solver/state_check.hpp"
+#include "mpm/solver/rigid_bodies.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -112,6 +113,9 @@ private:
         if (plan.elements > 0) share = state_.numbers(p + "state0", ids.size(), largest_);
         if (plan.elements > 0 && plan.kept > 0)
             state_.numbers(p + "elements", plan.elements * std::size_t(plan.kept), most_flowed);
+        if (plan.rigid)
+            state_.numbers(p + "rigid", RigidBodies<D>::numbers,
+                           std::numeric_limits<double>::max());
         places(body, p, start, share);
         fields(body, p, start, ids);
 

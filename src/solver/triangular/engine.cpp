@@ -326,6 +326,7 @@ void FunctionsEngine::sample(std::size_t s) {
             break;
         }
         case SensorKind::contact_load:
+        case SensorKind::rigid_motion:
             throw SceneError("sensor '" + spec.name +
                              "': contacts are not built for grids of functions; leave it out");
         case SensorKind::wave_gauge:

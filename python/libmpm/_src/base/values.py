@@ -35,6 +35,7 @@ registry: dict[str, type[Value]] = {}
 
 #: Tags of values that `import libmpm` leaves alone, and the modules that define them.
 _LATE = {
+    "Rigid": "libmpm._src.materials.rigid",
     **dict.fromkeys(("DebrisField", "Placement"), "libmpm._src.studies.debris.field"),
     **dict.fromkeys(("SpreadAngles", "UniformAngles"), "libmpm._src.studies.debris.laws"),
     **dict.fromkeys(("Piece", "Prototype"), "libmpm._src.studies.debris.prototype"),

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.boundaries.responses import Mirror
+from libmpm._src.materials.rigid import Rigid
 
 if TYPE_CHECKING:
     from libmpm._src.methods.transfer import Transfer
@@ -42,6 +43,7 @@ def linear_by_default(scene: SceneData) -> bool:
     method = scene.method
     return (
         scene.grid is None
+        and not any(isinstance(body.material, Rigid) for body in scene.bodies)
         and method.kernel_choice.name == "quadratic"
         and not method.kernel_choice.boundary
         and scene.transfer.scheme not in FILTERS

@@ -10,7 +10,7 @@ from libmpm._src.base.log import LOG
 from libmpm._src.base.values import MOST
 from libmpm._src.errors import SceneError
 from libmpm._src.run import backends
-from libmpm._src.scene.contact_fields import device_of_contacts
+from libmpm._src.scene.contact_fields import device_of_contacts, rigid_bodies
 from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
@@ -67,6 +67,8 @@ def built_for_cpu(scene: SceneData) -> str:
     """
     if scene.grid is not None:
         return "a grid of functions"
+    if rigid := rigid_bodies(scene):
+        return f"rigid body '{rigid[0]}'"
     if scene.contacts:
         return "contacts"
     kernel = scene.method.kernel_choice

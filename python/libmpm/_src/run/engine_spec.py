@@ -24,6 +24,7 @@ from libmpm._src.grids import placing
 from libmpm._src.grids.shapes import Outline
 from libmpm._src.materials.initial_stress import stored_stress
 from libmpm._src.materials.material import wave_speed
+from libmpm._src.materials.rigid import Rigid
 from libmpm._src.methods.method import CROSSINGS, FBar
 from libmpm._src.run.choices import check_options, choose_precision
 from libmpm._src.run.element_spec import mesh_part
@@ -244,6 +245,7 @@ def _body(scene: SceneData, body: Body, first: int, with_particles: bool) -> dic
         | _velocity_gradient(scene, body, points.rows, points.count if with_particles else 0)
         | _over_cells(scene, body)
         | mesh_part(body, points)
+        | (body.material.rigid_part(scene.dimension) if isinstance(body.material, Rigid) else {})
     )
 
 

@@ -25,7 +25,7 @@ from libmpm._src.scene.checks_time_steps import (
     many_steps,
     shorter_than_step,
 )
-from libmpm._src.scene.contact_fields import contact_rows, field_of_bodies
+from libmpm._src.scene.contact_fields import contact_rows, field_of_bodies, has_fields
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -138,7 +138,7 @@ class Plan:
         spacings = {b["name"]: float(b["particle_spacing"]) for b in self._result["bodies"]}
         self._flows = flow_rows(scene, spacings)
         self._contacts = contact_rows(scene)
-        self._fields = 1 + max(field_of_bodies(scene)) if scene.contacts else 1
+        self._fields = 1 + max(field_of_bodies(scene)) if has_fields(scene) else 1
         self._scene: dict[str, Any] = {
             "name": scene.name,
             "dimension": scene.dimension,

@@ -239,11 +239,11 @@ def world_shift(
     shift = np.zeros(len(components))
     if description["kind"] == "wave-gauge":
         shift[:] = offset[description["axis"]]
-    elif description["kind"] == "tracker":
+    elif description["kind"] in ("tracker", "rigid-motion"):
         axes = "xyz"[: len(offset)]
         for i, name in enumerate(components):
             # Columns are called position_x:17 for particle 17.
             quantity, _, axis = name.partition(":")[0].rpartition("_")
-            if quantity == "position":
+            if quantity in ("position", "centroid"):
                 shift[i] = offset[axes.index(axis)]
     return shift

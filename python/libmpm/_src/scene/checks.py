@@ -34,9 +34,10 @@ from libmpm._src.scene.checks_bodies import (
 from libmpm._src.scene.checks_drive import undriven
 from libmpm._src.scene.checks_elements import check_continued
 from libmpm._src.scene.checks_loads import doubtful_loads
+from libmpm._src.scene.checks_rigid import check_rigid_step
 from libmpm._src.scene.checks_sizes import check_range
 from libmpm._src.scene.checks_viscous import smeared_flows
-from libmpm._src.scene.contact_fields import check_contact_load, check_contacts
+from libmpm._src.scene.contact_fields import check_contact_load, check_contacts, rigid_bodies
 from libmpm._src.scene.places import (
     body_counts,
     faces_present,
@@ -49,6 +50,7 @@ from libmpm._src.sensors.engine_sensors import (
     Energy,
     LoadCell,
     ParticleTracker,
+    RigidMotion,
     VelocityProbe,
     WaveGauge,
 )
@@ -125,6 +127,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
         check_flows(scene, problems, doubts)
         counts = ids_kept(scene, counts)
     check_contacts(scene, problems)
+    check_rigid_step(scene, problems)
     for sensor in scene.sensors:
         _check_sensor(scene, sensor, counts, problems)
         check_reaction(scene, sensor, doubts)
@@ -334,6 +337,11 @@ def _check_sensor(
         names = [b.name for b in scene.bodies]
         if sensor.body not in names:
             check.fail(f"body '{sensor.body}' is unknown; {nearest(sensor.body, names)}")
+    if isinstance(sensor, RigidMotion):
+        rigid = rigid_bodies(scene)
+        if sensor.body not in rigid:
+            known = nearest(sensor.body, rigid) if rigid else "the scene has no rigid body"
+            check.fail(f"body '{sensor.body}' is no rigid body; {known}")
     if isinstance(sensor, Sampled):
         from libmpm._src.sensors.checks import check_sampled
 

@@ -16,9 +16,11 @@ from libmpm._src.grids import checks as grid_checks
 from libmpm._src.grids import placing
 from libmpm._src.materials.initial_stress import check_stress
 from libmpm._src.materials.material import wave_speed
+from libmpm._src.materials.rigid import Rigid
 from libmpm._src.methods.method import FBar
 from libmpm._src.methods.transfer import SHIFTS
 from libmpm._src.scene.checks_elements import check_elements, check_mesh_overlaps
+from libmpm._src.scene.checks_rigid import check_rigid
 from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.boxes import Box, OrientedBox
 from libmpm._src.shapes.element_mesh import ElementMesh
@@ -181,6 +183,9 @@ def _at_the_middle(body: Body, field: Field, name: str) -> list[str]:
 
 def _check_material(check: Checker, scene: SceneData, body: Body) -> None:
     table = body.material.table
+    if isinstance(body.material, Rigid):
+        check_rigid(check, scene, body)
+        return
     speed = wave_speed(body.material)
     if speed is not None and not 0 < speed < math.inf:
         check.fail(

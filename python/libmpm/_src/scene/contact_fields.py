@@ -15,6 +15,7 @@ from libmpm._src.boundaries.contact_laws import Contact, Fluid, Friction, Stick
 from libmpm._src.boundaries.flows import Inflow
 from libmpm._src.boundaries.responses import Mirror
 from libmpm._src.errors import SceneError
+from libmpm._src.materials.rigid import Rigid
 from libmpm._src.sensors.engine_sensors import ContactLoad
 from libmpm._src.sensors.python_sensors import BodyTracker, ContactForce, GridSensor
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
 
 __all__ = ["check_contact_load", "check_contacts", "contact_entry", "contact_rows"]
-__all__ += ["contact_sides", "device_of_contacts", "field_of_bodies"]
+__all__ += ["contact_sides", "device_of_contacts", "field_of_bodies", "has_fields", "rigid_bodies"]
 
 #: Pair of names, in the order of the scene's bodies -> the contact that names it.
 Pairs = Mapping[tuple[str, str], Contact]
@@ -47,17 +48,34 @@ def _pairs(scene: SceneData) -> Pairs:
     return {pair: c for c in scene.contacts for pair in _pairs_of(c, names)}
 
 
+def rigid_bodies(scene: SceneData) -> list[str]:
+    """Return the names of the bodies that move as a whole."""
+    return [b.name for b in scene.bodies if isinstance(b.material, Rigid)]
+
+
+def has_fields(scene: SceneData) -> bool:
+    """Whether bodies have fields of velocities of their own: by contacts, or some are rigid."""
+    return bool(scene.contacts) or bool(rigid_bodies(scene))
+
+
 def field_of_bodies(scene: SceneData) -> list[int]:
-    """Return the field of each body: 0 of all that no contact names, else one of its own."""
-    named = {name for pair in _pairs(scene) for name in pair}
+    """Return the field of each body: 0 of all that no contact names, else one of its own.
+
+    Those of rigid bodies, which always have one, are the last.
+    """
+    rigid = set(rigid_bodies(scene))
+    named = {name for pair in _pairs(scene) for name in pair} - rigid
+    bending = len(scene.bodies) - len(rigid)
     # A field that nobody is in would cost nothing, but the first one named may as well have it.
-    next_one = 1 if len(named) < len(scene.bodies) else 0
-    fields = []
+    next_one = 1 if len(named) < bending or not bending else 0
+    field = {}
     for body in scene.bodies:
         own = body.name in named
-        fields.append(next_one if own else 0)
+        field[body.name] = next_one if own else 0
         next_one += own
-    return fields
+    for i, name in enumerate(b.name for b in scene.bodies if b.name in rigid):
+        field[name] = next_one + i
+    return [field[b.name] for b in scene.bodies]
 
 
 def _kinds(
@@ -81,7 +99,7 @@ def _kinds(
     for i, body in enumerate(scene.bodies):
         density = body.material.core_parameters(scene.dimension)["density"]
         key = ("field 0",) if fields[i] == 0 and fields.count(0) > 1 else (
-            density, *sides[body.name])  # fmt: skip
+            density, isinstance(body.material, Rigid), *sides[body.name])  # fmt: skip
         of = kinds.setdefault(key, len(kinds))
         if of == len(members):
             members.append([])
@@ -95,7 +113,7 @@ def contact_entry(scene: SceneData) -> dict[str, Any]:
 
     Fields of one kind meet all others by the same laws.
     """
-    if not scene.contacts:
+    if not has_fields(scene):
         return {}
     names = [b.name for b in scene.bodies]
     pairs = _pairs(scene)
@@ -126,6 +144,7 @@ def contact_entry(scene: SceneData) -> dict[str, Any]:
             "laws": [law.specification() for law in laws],
             "law_of": [of_kinds(a, b) for a in range(len(members)) for b in range(len(members))],
         }
+        | ({"rigid": len(rigid)} if (rigid := rigid_bodies(scene)) else {})
     }
 
 
@@ -166,6 +185,13 @@ def contact_rows(scene: SceneData) -> list[tuple[str, str, str, str]]:
 
 def device_of_contacts(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
     """Return the device of a scene on square cells: with contacts ranks on the CPU."""
+    if rigid := rigid_bodies(scene):
+        if isinstance(device, str) and device in ("auto", "cpu"):
+            return "cpu"
+        raise SceneError(
+            f"device is {shown(device)} with rigid body '{rigid[0]}', which is built for the CPU "
+            "and one rank; expected 'cpu' or 'auto'; use one of these, or an elastic material"
+        )
     if not scene.contacts:
         return device
     if isinstance(device, str) and device in ("auto", "cpu"):
@@ -208,7 +234,7 @@ def check_contacts(scene: SceneData, problems: list[str]) -> None:
                 break
         _check_law(check, contact, pairs, fluid)
         problems += check.problems
-    if scene.contacts and len(problems) == before:
+    if has_fields(scene) and len(problems) == before:
         _check_scene(scene, problems)
 
 
@@ -266,7 +292,9 @@ def _check_law(
 
 def _check_scene(scene: SceneData, problems: list[str]) -> None:
     """Refuse what contact is not built for."""
-    first = Checker(f"contact '{scene.contacts[0].name}'")
+    rigid = rigid_bodies(scene)
+    what = f"body '{rigid[0]}'" if rigid else f"contact '{scene.contacts[0].name}'"
+    first = Checker(what)
     kernel, transfer = scene.method.kernel_choice, scene.transfer
     if scene.grid is not None:
         first.fail(
@@ -290,7 +318,7 @@ def _check_scene(scene: SceneData, problems: list[str]) -> None:
             "contacts"
         )
     problems += first.problems
-    named = {name for pair in _pairs(scene) for name in pair}
+    named = {name for pair in _pairs(scene) for name in pair} | set(rigid)
     for boundary in scene.boundaries:
         check = Checker(f"boundary '{boundary.name}'")
         for response in boundary.responses:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from libmpm._src.base.values import Checker, plain, warn
 from libmpm._src.errors import SceneError
+from libmpm._src.scene.contact_fields import rigid_bodies
 from libmpm._src.scene.cut import cells_within, cut_parts, require_particles
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.old_defaults import with_old_defaults
@@ -64,6 +65,12 @@ def scene_from_checkpoint(
             f"the run has contact '{before.contacts[0].name}', and with it several velocities a "
             "node; expected a run without contacts; go on with Simulation.resume, or begin a scene "
             "of its own"
+        )
+    if rigid := rigid_bodies(before):
+        check.fail(
+            f"the run has rigid body '{rigid[0]}', which is not built for scenes that continue "
+            "from another; expected a run without any; go on with Simulation.resume, or begin a "
+            "scene of its own"
         )
     if within is not None:
         check.instance("within", within, (Box,), "a shapes.Box, or None for all of the run")

@@ -30,13 +30,16 @@ S = TypeVar("S", bound=SceneData)
 #: Unit of a volume: m³, of which a plane scene has m².
 VOLUME = "mᵈ"
 
+#: Unit of an inertia: kg·m², in a plane scene of a metre's thickness.
+INERTIA = "kg·m²"
+
 #: Twice the power of the length ratio λ that a quantity takes where density and gravity stay:
 #: m → λ, s → λ^½, kg → λ³.
 HALF_POWERS: dict[str, int] = {
     TEXT: 0, "1": 0, "%": 0, "°": 0, "degrees": 0, "rad": 0, "cells": 0,
     "m": 2, "m²": 4, "m³": 6, "m³/s": 5, "m²/s": 3, "1/m": -2,
     "s": 1, "1/s": -1, "rad/s": -1, "°/s": -1, "m/s": 1, "m/s²": 0, "rad/s²": -2,
-    "kg": 6, "kg/m": 4, "kg/m³": 0, "N": 6, "N/m": 4, "J": 8, "Pa": 2, "Pa/s": 1,
+    "kg": 6, "kg/m": 4, "kg/m³": 0, "N": 6, "N/m": 4, "J": 8, "kg·m²": 10, "Pa": 2, "Pa/s": 1,
 }  # fmt: skip
 
 #: Values that never are part of a scene: recipes that make bodies, and ratios.
@@ -88,6 +91,8 @@ class Scaling:
         """Return the factor of a quantity in `unit`, one of `HALF_POWERS`."""
         if unit == VOLUME:
             return self.power(2 * self.dimension)
+        if unit == INERTIA:
+            return self.power(2 * (self.dimension + 2))
         return self.power(HALF_POWERS[unit])
 
     def material(self, unit: str, index: float = 1.0) -> float:
@@ -175,9 +180,14 @@ class Scaling:
     def _material(self, item: Material) -> Material:
         have = item.parameters()
         index = have.get("index", 1.0)
-        scaled = {
+        scaled: dict[str, Any] = {
             p.name: have[p.name] * self.material(p.unit, index) for p in item.table.parameters
         }
+        # What a material has beside its table, as Rigid its inertia.
+        for name, says in declared(type(item)).items():
+            if name not in scaled:
+                label = f"{type(item).__name__}.{name}"
+                scaled[name] = self.item(getattr(item, name), says.scaled_as, label)
         return dataclasses.replace(item, **scaled)  # type: ignore[type-var]
 
     # Scenes ----------------------------------------------------------------------------------

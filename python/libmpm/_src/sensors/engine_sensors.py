@@ -14,7 +14,7 @@ from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.shapes.boxes import check_faces
 
 __all__ = ["ContactLoad", "Energy", "LoadCell", "ParticleTracker", "Sensor", "VelocityProbe"]
-__all__ += ["MEANS", "WaveGauge", "check_interval"]
+__all__ += ["MEANS", "RigidMotion", "WaveGauge", "check_interval"]
 
 #: Kinds of sensors whose samples are means since the sample before.
 MEANS = frozenset({"load-cell", "contact-load"})
@@ -222,6 +222,41 @@ class ParticleTracker(Sensor):
         return {
             "body": check.text("body", self.body),
             "ids": ids,
+            "interval": check_interval(check, self.interval),
+        }
+
+
+@value
+class RigidMotion(Sensor):
+    """Motion of a rigid body, and what acts on it beside gravity.
+
+    {fields}
+
+    ==========================  =====  =============================================================
+    component                   unit   meaning
+    ==========================  =====  =============================================================
+    centroid_x, ...             m      centre of mass, in the world
+    velocity_x, ...             m/s    of the centre, with which the step that begins moves it
+    angular_velocity            rad/s  in 3D angular_velocity_x, ..., on the axes of the scene
+    angle                       rad    since the start; in 3D quaternion_w, _x, _y and _z, the unit
+                                       quaternion of the turn since the start, quaternion_w >= 0
+    force_x, ...                N      mean of all that pushed it since the sample before
+    moment_z                    N·m    the same about its centre; in 3D moment_x, ...
+    ==========================  =====  =============================================================
+
+    Per metre of thickness in 2D. Force and moment are the change of momentum by contacts, walls and
+    bodies that it moves with as one, without gravity; NaN in the first sample. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "sensors.RigidMotion"
+    kind: ClassVar[str] = "rigid-motion"
+
+    body: str = given("a body of materials.Rigid", range="a name")
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        return {
+            "body": check.text("body", self.body),
             "interval": check_interval(check, self.interval),
         }
 

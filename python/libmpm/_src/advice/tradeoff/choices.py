@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from libmpm._src.base.values import Checker, nearest, plain, shown
+from libmpm._src.base.values import Checker, nearest, plain, sequence, shown
 from libmpm._src.boundaries.responses import DecayLayer
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.grids.shapes import Cells, Points
+from libmpm._src.materials.rigid import Rigid
 from libmpm._src.methods.method import FBar
 from libmpm._src.methods.transfer import as_kernel, as_transfer
 from libmpm._src.run import backends
@@ -161,6 +162,14 @@ def _fbar(check: Checker, name: str, value: Any) -> Any:
     return _within(check, name, lambda _: FBar(form=value))  # type: ignore[arg-type]
 
 
+def _names(check: Checker, name: str, value: Any) -> tuple[str, ...]:
+    items = (value,) if isinstance(value, str) else sequence(value)
+    if items is None or not all(isinstance(item, str) for item in items):
+        check.fail(f"{name} has {shown(value)}; expected names of bodies; give () for none")
+        return ()
+    return tuple(items)
+
+
 def _layer(check: Checker, name: str, value: Any) -> Any:
     if value is None:
         return value
@@ -208,6 +217,20 @@ def _put_layer(document: Document, scene: Scene, value: Any) -> None:
             part["layer"] = plain(value)
 
 
+def _put_rigid(document: Document, scene: Scene, value: tuple[str, ...]) -> None:
+    solids = {b.name for b in scene.bodies if not b.material.table.stores_volume}
+    for name in value:
+        if name not in solids:
+            raise SceneError(
+                f"tradeoff: rigid has '{name}', which is no solid body of the scene; "
+                f"{nearest(name, sorted(solids))}"
+            )
+    for part, body in zip(document["bodies"], scene.bodies, strict=True):
+        if body.name in value:
+            density = body.material.parameters()["density"]
+            part["material"] = Rigid(density=density).to_dict()
+
+
 _NEVER: Callable[[Scene], str] = lambda scene: ""  # noqa: E731
 
 #: Name -> choice, of the scene itself; options of `Simulation` come beside them.
@@ -223,6 +246,7 @@ CHOICES: Mapping[str, Choice] = {
     ),
     "solid_fbar": Choice(_fbar, _bar_solid, _put_bodies("fbar", _smooths_solid)),
     "layer": Choice(_layer, _bar_layer, _put_layer),
+    "rigid": Choice(_names, _on_functions, _put_rigid),
 }
 
 
