@@ -31,8 +31,8 @@ def check_rigid(check: Checker, scene: SceneData, body: Body) -> None:
     for boundary in scene.boundaries:
         if any(r.asks_for_linear for r in boundary.responses):
             check.fail(
-                f"Rigid beside boundary '{boundary.name}' with cell=\"linear\", of which its points "
-                'know nothing; expected held nodes; use cell="auto", or "held"'
+                f"Rigid beside boundary '{boundary.name}' with cell=\"linear\", of which its "
+                'points know nothing; expected held nodes; use cell="auto", or "held"'
             )
     given = {
         "fbar": (isinstance(body.fbar, FBar), body.fbar),
