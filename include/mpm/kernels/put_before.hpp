@@ -5,7 +5,7 @@
 
 namespace mpm {
 
-/// Puts particles of a body's home blocks that stand behind a linear surface at rest before it
+/// Puts particles of a fluid's home blocks that stand behind a linear surface at rest before it
 /// again, along its normal and by no more than a quarter of a cell. Between the lines of nodes
 /// towards two faces that meet, velocities do not vanish on either, and what comes through there
 /// goes with the field beyond the plane, whose normal velocities are those before it, reversed: it

@@ -289,7 +289,8 @@ void Domain<X, T, D>::permute(Body& body, const std::uint32_t* order) {
 template <class X, class T, int D>
 void Domain<X, T, D>::find_cells(Body& body, std::uint32_t* occupied, std::uint32_t* cell,
                                  std::uint32_t* left) {
-    if (boundaries_.has_linear_surfaces()) {
+    // A solid may be held where it reaches into a bed.
+    if (boundaries_.has_linear_surfaces() && body.material->volumetric) {
         const PutBeforeSurfaces<X, T, D> put{table_, body.view(), boundaries_.view(),
                                              boundaries_.touched().data()};
         exec_.for_each(std::int64_t(body.homes) * put.lanes, put);
