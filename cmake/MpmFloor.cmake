@@ -39,7 +39,8 @@ function(mpm_library name)
     add_library(${name} STATIC ${sources})
     set(hot ${sources})
     list(FILTER hot INCLUDE REGEX "/kernels/cpu/|/instantiate_cpu|/grid_passes\\.cpp$")
-    set_source_files_properties(${hot} PROPERTIES COMPILE_OPTIONS $<$<CONFIG:Release>:-O3>)
+    set_source_files_properties(${hot} PROPERTIES
+      COMPILE_OPTIONS "$<$<CONFIG:Release>:-O3>;${MPM_HOT_SANITIZED}")
     target_link_libraries(${name} PUBLIC mpm_flags ${arg_LINKS})
     add_dependencies(${name} mpm_floors)
   else() # headers only
