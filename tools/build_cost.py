@@ -29,7 +29,7 @@ COSTS = "unit_costs.jsonl"
 GROUPS = {
     "tests": r"tests/cpp/",
     "bindings": r"bindings/",
-    "triangular": r"triangular/",
+    "triangular": r"triangular/|unity_(solver_)?triangular",
     "materials, cuda": r"instantiate_cuda",
     "materials, cpu": r"instantiate_cpu",
     "domain, cuda": r"solver/cuda/",

@@ -3,7 +3,8 @@
 usage: check_headers.py [TREE] [--compiler g++] [--isystem DIR] [--include DIR] [--all]
 
 A header that a unit of the build includes first has been compiled alone there, with the same
-warnings: without `--all` it is not compiled again.
+warnings: without `--all` it is not compiled again. An installation compiles some units together
+(LIBMPM_TOGETHER); the build with sanitizers has each alone.
 """
 
 import argparse
