@@ -33,7 +33,7 @@ GROUPS = {
     "materials, cuda": r"instantiate_cuda",
     "materials, cpu": r"instantiate_cpu",
     "domain, cuda": r"solver/cuda/",
-    "domain, cpu": r"solver/cpu/",
+    "domain, cpu": r"solver/cpu/|unity_solver_cpu",
     "phases, cuda": r"kernels/cuda/(cell_)?phases",
     "phases, cpu": r"kernels/cpu/(cell_)?phases",
     "kernels": r"/kernels/",
