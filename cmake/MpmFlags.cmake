@@ -40,10 +40,12 @@ if(LIBMPM_SANITIZE)
   list(APPEND _mpm_host_flags -fsanitize=${LIBMPM_SANITIZE} -fno-sanitize-recover=all
        -fno-omit-frame-pointer)
   # Checks of pointers are the address sanitizer's, and those are calls: with both the solver's unit
-  # compiles in less than half the time.
+  # compiles in less than half the time. Not so in what runs once a particle or once a node
+  # (mpm_library): there calls take twice the time of tests, and save a fifth of compiling.
   if(LIBMPM_SANITIZE MATCHES address AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
     list(APPEND _mpm_host_flags -fno-sanitize=null,object-size,vptr
          --param=asan-instrumentation-with-call-threshold=0)
+    set(MPM_HOT_SANITIZED --param=asan-instrumentation-with-call-threshold=7000)
   endif()
   target_link_options(mpm_flags INTERFACE -fsanitize=${LIBMPM_SANITIZE})
   target_compile_definitions(mpm_flags INTERFACE LIBMPM_SANITIZED=1)

@@ -39,13 +39,38 @@ function(mpm_library name)
     add_library(${name} STATIC ${sources})
     set(hot ${sources})
     list(FILTER hot INCLUDE REGEX "/kernels/cpu/|/instantiate_cpu|/grid_passes\\.cpp$")
-    set_source_files_properties(${hot} PROPERTIES COMPILE_OPTIONS $<$<CONFIG:Release>:-O3>)
+    set_source_files_properties(${hot} PROPERTIES
+      COMPILE_OPTIONS "$<$<CONFIG:Release>:-O3>;${MPM_HOT_SANITIZED}")
     target_link_libraries(${name} PUBLIC mpm_flags ${arg_LINKS})
     add_dependencies(${name} mpm_floors)
   else() # headers only
     add_library(${name} INTERFACE)
     target_link_libraries(${name} INTERFACE mpm_flags ${arg_LINKS})
   endif()
+endfunction()
+
+# mpm_together(<library> <folder under src/> [<name> <regex>]) Where all is compiled anyway
+# (LIBMPM_TOGETHER), units of the folder, or those that the expression names, are compiled as one:
+# what they share is read and instantiated once. Units with options of their own stay alone.
+function(mpm_together library folder)
+  if(NOT LIBMPM_TOGETHER)
+    return()
+  endif()
+  set(name "${folder}")
+  set(which ".")
+  if(ARGC GREATER 2)
+    set(name "${folder}_${ARGV2}")
+    set(which "${ARGV3}")
+  endif()
+  string(REPLACE "/" "_" name "${name}")
+  get_target_property(sources ${library} SOURCES)
+  list(FILTER sources INCLUDE REGEX "/src/${folder}/[^/]*[.]cpp$")
+  list(FILTER sources INCLUDE REGEX "${which}")
+  if(NOT sources) # LIBMPM_DOMAINS
+    return()
+  endif()
+  set_source_files_properties(${sources} PROPERTIES UNITY_GROUP "${name}")
+  set_target_properties(${library} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
 # mpm_module(<name> SOURCE <under python/bindings/> LINKS <target>...)

@@ -1,6 +1,6 @@
 # mpm_add_tests(<folder> LINKS <target>...): every <folder>/<floor>/*.cpp becomes one executable and
 # one ctest entry named <floor>.<stem>, labelled with its floor; the target mpm_tests builds them
-# all.
+# all. What lies in <folder>/support is compiled once and linked to each.
 # mpm_check_headers(): a ctest entry that compiles every header alone.
 
 find_package(GTest QUIET)
@@ -15,20 +15,27 @@ function(mpm_add_tests folder)
   if(LIBMPM_SANITIZE)
     set(longest 900)
   endif()
+  file(GLOB support CONFIGURE_DEPENDS "${folder}/support/*.cpp")
+  add_library(mpm_test_support STATIC ${support})
+  set_source_files_properties(${support} PROPERTIES COMPILE_OPTIONS "${MPM_HOT_SANITIZED}")
+  target_include_directories(mpm_test_support PUBLIC "${folder}")
+  target_link_libraries(mpm_test_support PUBLIC ${arg_LINKS} mpm_flags)
+  add_dependencies(mpm_test_support mpm_floors)
   file(GLOB sources CONFIGURE_DEPENDS "${folder}/*/*.cpp")
+  list(FILTER sources EXCLUDE REGEX "/support/[^/]*$")
   foreach(source IN LISTS sources)
     cmake_path(GET source STEM stem)
     cmake_path(GET source PARENT_PATH floor)
     cmake_path(GET floor FILENAME floor)
     add_executable(test_${floor}_${stem} "${source}")
-    target_include_directories(test_${floor}_${stem} PRIVATE "${folder}")
     target_link_libraries(test_${floor}_${stem}
-      PRIVATE ${arg_LINKS} mpm_flags GTest::gtest GTest::gtest_main)
+      PRIVATE mpm_test_support GTest::gtest GTest::gtest_main)
     add_dependencies(test_${floor}_${stem} mpm_floors)
     add_dependencies(mpm_tests test_${floor}_${stem})
     add_test(NAME ${floor}.${stem} COMMAND test_${floor}_${stem})
+    # Threads that wait for others on busy cores take no time from them: an eighth of the whole.
     set_tests_properties(${floor}.${stem} PROPERTIES LABELS "unit;${floor}"
-      TIMEOUT ${longest})
+      TIMEOUT ${longest} ENVIRONMENT OMP_WAIT_POLICY=passive)
   endforeach()
 endfunction()
 

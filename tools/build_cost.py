@@ -29,11 +29,11 @@ COSTS = "unit_costs.jsonl"
 GROUPS = {
     "tests": r"tests/cpp/",
     "bindings": r"bindings/",
-    "triangular": r"triangular/",
+    "triangular": r"triangular/|unity_(solver_)?triangular",
     "materials, cuda": r"instantiate_cuda",
     "materials, cpu": r"instantiate_cpu",
     "domain, cuda": r"solver/cuda/",
-    "domain, cpu": r"solver/cpu/",
+    "domain, cpu": r"solver/cpu/|unity_solver_cpu",
     "phases, cuda": r"kernels/cuda/(cell_)?phases",
     "phases, cpu": r"kernels/cpu/(cell_)?phases",
     "kernels": r"/kernels/",

@@ -12,7 +12,7 @@ namespace mpm::triangular {
 namespace {
 
 /// A point this far outside, in barycentric coordinates, is still inside: rounding on a side.
-constexpr double rounding = 1e-12;
+constexpr double on_side = 1e-12;
 /// Smallest height of a triangle, as a part of its longest side, that counts as one.
 constexpr double flat = 1e-9;
 
@@ -175,7 +175,7 @@ int Mesh::search(const Point& x) const {
     for (int k = bin_start_[bin]; k < bin_start_[bin + 1]; ++k) {
         const int t = bin_triangles_[std::size_t(k)];
         const auto b = barycentric(corners(t), x);
-        if (std::min({b[0], b[1], b[2]}) >= -rounding) return t;
+        if (std::min({b[0], b[1], b[2]}) >= -on_side) return t;
     }
     return -1;
 }
@@ -187,7 +187,7 @@ int Mesh::locate(const Point& x, int guess) const {
     for (int step = 0; step < 8; ++step) {
         const auto b = barycentric(corners(t), x);
         const auto k = std::size_t(std::min_element(b.begin(), b.end()) - b.begin());
-        if (b[k] >= -rounding) return t;
+        if (b[k] >= -on_side) return t;
         const Edge& e = edges_[std::size_t(edge_of(t, int(k + 1) % 3))];
         if (e.outer()) break;  // perhaps around a corner that sticks in
         t = e.sides[e.sides[0].triangle == t ? 1 : 0].triangle;

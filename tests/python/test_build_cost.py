@@ -13,6 +13,7 @@ LOG = """# ninja log v6
 0\t4000\t1\tsrc/CMakeFiles/mpm_cpu.dir/solver/cpu/single.cpp.o\ta
 1000\t7000\t1\tsrc/CMakeFiles/mpm_cuda.dir/__/generated/instantiate_cuda_tait_fluid.cu.o\tb
 4000\t9000\t1\ttests/cpp/CMakeFiles/test_solver_engine.dir/solver/engine.cpp.o\tc
+4000\t6000\t1\tsrc/CMakeFiles/mpm_cpu.dir/Unity/unity_solver_triangular_cxx.cxx.o\te
 9000\t9500\t1\tpython/libmpm/_core.so\td
 """
 
@@ -30,8 +31,13 @@ def test_groups_of_units(tmp_path: Path) -> None:
     (tmp_path / ".ninja_log").write_text(LOG)
     row = report(tmp_path, "--note", "shared")
     assert row["time"] == "wall"
-    assert row["groups"] == {"tests": 5, "materials, cuda": 6, "domain, cpu": 4}
-    assert (row["units_s"], row["without_tests_s"], row["wall_s"]) == (15, 10, 10)
+    assert row["groups"] == {
+        "tests": 5,
+        "materials, cuda": 6,
+        "domain, cpu": 4,
+        "triangular": 2,
+    }
+    assert (row["units_s"], row["without_tests_s"], row["wall_s"]) == (17, 12, 10)
     assert row["note"] == "shared"
 
 

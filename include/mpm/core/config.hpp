@@ -11,6 +11,13 @@
 #define MPM_UNROLL
 #define MPM_NO_UNROLL
 #endif
+#elif defined(LIBMPM_SANITIZED)
+// Accesses are checked whether a function is inlined or not, and a unit of a material compiles in a
+// fifth of the time.
+#define MPM_HD
+#define MPM_INLINE inline
+#define MPM_UNROLL
+#define MPM_NO_UNROLL
 #else
 #define MPM_HD
 // Packs live in registers of a width that the surrounding clone decides, so they must never cross a
@@ -52,7 +59,7 @@ struct [[maybe_unused]] Reconverge {
 
 // For lambdas in functions that are compiled for several instruction sets (kernels/cpu/levels.hpp):
 // one that stays a call there is compiled for the lowest of them, and was called wrongly.
-#if defined(__CUDACC__)
+#if defined(__CUDACC__) || defined(LIBMPM_SANITIZED)
 #define MPM_INLINE_LAMBDA
 #else
 #define MPM_INLINE_LAMBDA __attribute__((always_inline))

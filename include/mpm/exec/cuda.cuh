@@ -3,15 +3,13 @@
 // stop for it.
 #pragma once
 
+// Every unit for devices reads this, three times over: <algorithm>, <functional> and
+// <unordered_map> would be a third of what it reads.
 #include <cuda_runtime.h>
 
-#include <algorithm>
 #include <cstdint>
-#include <functional>
 #include <memory>
-#include <unordered_map>
 #include <utility>
-#include <vector>
 
 #include "mpm/core/config.hpp"
 #include "mpm/core/error.hpp"
@@ -338,7 +336,11 @@ public:
     template <class F>
     void for_each_next(std::int64_t n, const F& f);
     /// Host work on host copies.
-    void host_for(std::int64_t n, const std::function<void(std::int64_t)>& f);
+    template <class F>
+    void host_for(std::int64_t n, const F& f) {
+        host_each(n, &f,
+                  [](const void* each, std::int64_t i) { (*static_cast<const F*>(each))(i); });
+    }
 
     /// then(maxima), with maxima[m] = max over i of what f(i, local) leaves in local[m], at least
     /// 0.
@@ -347,7 +349,8 @@ public:
     /// Parts in which `sum_each` adds up n items: they depend on n and the device alone.
     std::int64_t sum_parts(std::int64_t n) const {
         const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
-        return std::clamp<std::int64_t>(blocks, 1, 2 * multiprocessors());
+        const std::int64_t most = 2 * multiprocessors();
+        return blocks < 1 ? 1 : (blocks < most ? blocks : most);
     }
 
     /// then(s, sums) for each set s, with sums[w] = sum over its items i of what f(i, s, local)
@@ -424,7 +427,7 @@ private:
     }
     struct Context {
         Context(int device, bool shared);
-        ~Context() { close(); }
+        ~Context();
         void close() noexcept;
         int device;
         bool shared;
@@ -441,23 +444,16 @@ private:
             return yes;
         }
         cudaMemPool_t pool = nullptr;
-        // Large pieces bypass the pool, which rounds up what it takes: 3.05e9 bytes held for 2.78e9
-        // in use at 64 M particles. Those freed are kept for the next of about their size.
-        struct Kept {
-            void* p;
-            std::size_t bytes;
-            int missed;  // times that it did not fit what was asked for
-        };
-        std::vector<Kept> kept;
-        std::unordered_map<void*, std::size_t> given;  // what large pieces in use really have
-        Peak now, most;                                // of large pieces
-        void* staging = nullptr;                       // pinned, for small downloads
+        struct Pieces;
+        std::unique_ptr<Pieces> pieces;  // that are large
+        void* staging = nullptr;         // pinned, for small downloads
         double* maxima = nullptr;
         std::uint32_t* arrivals = nullptr;
     };
     static constexpr std::size_t staging_bytes = 1 << 16, large = std::size_t(64) << 20;
     static constexpr int max_maxima = 8;
     static constexpr int most_missed = 4;
+    static void host_each(std::int64_t n, const void* f, void (*call)(const void*, std::int64_t));
     void* allocate_large(std::size_t bytes);
     void free_kept(int missed);
     [[noreturn]] void out_of_memory(std::size_t bytes);

@@ -23,6 +23,14 @@ std::unique_ptr<triangular::Law> make_law(const std::string& material,
 
 triangular::Point table_at(const TableSpec& table, double time);
 
+/// Points from pairs of coordinates.
+inline std::vector<triangular::Point> points_of(const std::vector<double>& numbers) {
+    std::vector<triangular::Point> out;
+    for (std::size_t k = 0; k + 1 < numbers.size(); k += 2)
+        out.emplace_back(numbers[k], numbers[k + 1]);
+    return out;
+}
+
 class FunctionsEngine final : public Engine {
 public:
     explicit FunctionsEngine(const Spec& spec);

@@ -80,7 +80,7 @@ Clock clock_of_fields(const SavedState& state) {
     return clock;
 }
 
-std::string number(double x) {
+std::string all_digits(double x) {
     char text[32];
     std::snprintf(text, sizeof text, "%.17g", x);
     return text;
@@ -91,8 +91,8 @@ void check_clock(const Clock& c) {
     constexpr double infinity = std::numeric_limits<double>::infinity();
     const auto within = [](const char* name, double x, double low, double high) {
         if (!(x >= low && x <= high))
-            refuse_entry("clock_" + std::string(name), "is " + number(x),
-                         number(low) + " to " + number(high));
+            refuse_entry("clock_" + std::string(name), "is " + all_digits(x),
+                         all_digits(low) + " to " + all_digits(high));
     };
     within("time", c.time, 0, most);
     if (c.step < 0 || c.step >= std::int64_t(1) << 60)
@@ -100,8 +100,8 @@ void check_clock(const Clock& c) {
     within("dt_stable", c.dt_stable, std::numeric_limits<double>::min(), most);
     within("dt", c.dt, std::numeric_limits<double>::min(), c.dt_stable * (1 + 1e-12));
     if (!(c.time + c.dt > c.time))
-        refuse_entry("clock_time", "is " + number(c.time),
-                     "a time that a step of " + number(c.dt) + " s advances");
+        refuse_entry("clock_time", "is " + all_digits(c.time),
+                     "a time that a step of " + all_digits(c.dt) + " s advances");
     within("drift", c.drift, 0, 1 + 1e-9);
     within("speed", c.speed, 0, most);
     for (int q = 0; q < quantities; ++q) {
@@ -110,7 +110,7 @@ void check_clock(const Clock& c) {
              {std::pair("unit_read", c.unit_read[q]), std::pair("scale_write", c.scale_write[q])}) {
             int exponent = 0;
             if (!(x > 0 && x <= most) || std::frexp(x, &exponent) != 0.5 || !std::isfinite(1 / x))
-                refuse_entry("clock_" + std::string(name), "has " + number(x), "powers of two");
+                refuse_entry("clock_" + std::string(name), "has " + all_digits(x), "powers of two");
         }
         within("deposited", c.deposited[q], 0, most);
         within("deposited_before", c.deposited_before[q], 0, most);

@@ -14,17 +14,6 @@ namespace mpm {
 
 using triangular::Point;
 
-namespace {
-
-std::vector<Point> points_of(const std::vector<double>& numbers) {
-    std::vector<Point> out;
-    for (std::size_t k = 0; k + 1 < numbers.size(); k += 2)
-        out.emplace_back(numbers[k], numbers[k + 1]);
-    return out;
-}
-
-}  // namespace
-
 std::unique_ptr<triangular::Basis> make_basis(const FunctionsSpec& spec) {
     if (spec.kind == "splines") {
         return std::make_unique<triangular::TensorSpline>(

@@ -19,12 +19,6 @@ Blob points_blob(const std::vector<Point>& points) {
     for (const Point& p : points) numbers.insert(numbers.end(), {p[0], p[1]});
     return detail::to_blob(numbers);
 }
-std::vector<Point> points_of(const std::vector<double>& numbers) {
-    std::vector<Point> out;
-    for (std::size_t k = 0; k + 1 < numbers.size(); k += 2)
-        out.emplace_back(numbers[k], numbers[k + 1]);
-    return out;
-}
 
 template <class E>
 Blob one(E value) {

@@ -71,7 +71,8 @@ protected:
         T r[M::template reals<D>] = {};
     };
     template <int D>
-    State<double, D> advanced(State<double, D> s, const Mat<double, D>& strain, double by = 1) {
+    [[gnu::noinline]] State<double, D> advanced(State<double, D> s, const Mat<double, D>& strain,
+                                                double by = 1) {
         Mat<double, D> e = strain;
         for (auto& row : e.e)
             for (double& x : row) x *= by;
@@ -79,12 +80,20 @@ protected:
         return s;
     }
     template <int D>
-    Mat<double, D> stress(const State<double, D>& s, const Mat<double, D>& rate = {}) {
+    [[gnu::noinline]] Mat<double, D> stress(const State<double, D>& s,
+                                            const Mat<double, D>& rate = {}) {
         return M::template kirchhoff<double, D, double>(s.r, rate,
                                                         M::template constants<double>(q()));
     }
+    /// Compiled once for all properties that ask for it, as those of double precision are.
     template <int D>
-    Observation<D> observe(const State<double, D>& s, const Mat<double, D>& rate = {}) {
+    [[gnu::noinline]] static Mat<float, D> stress_in_single(
+        const State<float, D>& s, const typename M::template Constants<float>& constants) {
+        return M::template kirchhoff<float, D, float>(s.r, Mat<float, D>{}, constants);
+    }
+    template <int D>
+    [[gnu::noinline]] Observation<D> observe(const State<double, D>& s,
+                                             const Mat<double, D>& rate = {}) {
         return M::template observe<D>(s.r, rate.e, q());
     }
     template <int D>
@@ -155,8 +164,7 @@ protected:
         const auto o = observe<D>(s);
         const auto tau = stress<D>(s);
         const State<float, D> single;
-        const auto rough = M::template kirchhoff<float, D, float>(
-            single.r, Mat<float, D>{}, M::template constants<float>(q()));
+        const auto rough = stress_in_single<D>(single, M::template constants<float>(q()));
         for (int a = 0; a < D; ++a)
             for (int b = 0; b < D; ++b) {
                 EXPECT_EQ(tau(a, b), 0);
@@ -231,8 +239,7 @@ protected:
                 for (int r = 0; r < M::template reals<D>; ++r) {
                     wide.r[r] = single.r[r] = float(drawn.r[r]);
                 }
-                const auto found = M::template kirchhoff<float, D, float>(
-                    single.r, Mat<float, D>{}, M::template constants<float>(q()));
+                const auto found = stress_in_single<D>(single, M::template constants<float>(q()));
                 const auto exact = stress<D>(wide);
                 const double scale = M::volumetric ? test::largest<D>(exact) : stiffness() * size;
                 for (int a = 0; a < D; ++a)
@@ -266,8 +273,7 @@ protected:
             const auto good = M::template admissible<V, D>(packed);
             for (int l = 0; l < 8; ++l) {
                 EXPECT_TRUE(good[l]);
-                const auto one =
-                    M::template kirchhoff<float, D, float>(alone[l].r, Mat<float, D>{}, constants);
+                const auto one = stress_in_single<D>(alone[l], constants);
                 double scale = 0;
                 for (auto& row : one.e)
                     for (float x : row) scale = std::fmax(scale, std::fabs(x));
@@ -293,10 +299,16 @@ protected:
         Mat<V, D> still;
         for (auto& row : still.e)
             for (V& x : row) x = V(T(0));
-        for (int step = 0; step < 2; ++step) M::template advance<V, D, T>(state, strain, constants);
-        return {M::template kirchhoff<V, D, T>(state, still, constants),
-                M::template kirchhoff<V, D, T>(state, strain, constants),
-                M::template admissible<V, D>(state)};
+        // What is inlined into the functions below is long: once each.
+        MPM_NO_UNROLL for (int step = 0; step < 2; ++step)
+            M::template advance<V, D, T>(state, strain, constants);
+        Answer<V, D> out;
+        MPM_NO_UNROLL for (int k = 0; k < 2; ++k) {
+            Mat<V, D>& to = k == 0 ? out.stress : out.rated;
+            to = M::template kirchhoff<V, D, T>(state, k == 0 ? still : strain, constants);
+        }
+        out.admissible = M::template admissible<V, D>(state);
+        return out;
     }
     // Packs of single precision as the passes over particles are compiled: for any processor, and
     // for those that have more.

@@ -5,35 +5,15 @@
 #include <gtest/gtest.h>
 
 #include "mpm/core/error.hpp"
-#include "mpm/physics/material/linear_elastic.hpp"
-#include "mpm/physics/material/tait_fluid.hpp"
-#include "mpm/solver/domain.hpp"
 #include "support/scene.hpp"
-#include "support/slow_device.hpp"
+#include "support/slow_engine.hpp"
 
 namespace mpm {
 namespace {
 
 using test::forever;
 
-template <int D>
-BodyOps<SlowDevice, float, D> find_ops(const std::string& name, Smoothing) {
-    return name == TaitFluid::name ? test::slow_ops<TaitFluid, Smoothing::none, D>()
-                                   : test::slow_ops<LinearElastic, Smoothing::none, D>();
-}
-
-template <int D>
-std::unique_ptr<Engine> on_device(const Spec& s) {
-    BackendTraits traits;
-    traits.device = true;
-    traits.name = "slow";
-    traits.precision = Precision::single;
-    return std::make_unique<Domain<SlowDevice, float, D>>(s, make_plan(s, traits), SlowDevice(),
-                                                          find_ops<D>);
-}
-std::unique_ptr<Engine> on_device(const Spec& s) {
-    return s.dimension == 2 ? on_device<2>(s) : on_device<3>(s);
-}
+std::unique_ptr<Engine> on_device(const Spec& s) { return test::make_slow_engine(s); }
 
 struct Form {
     const char* name;

@@ -7,18 +7,30 @@
 
 #include "mpm/kernels/cpu/body_pass.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
-#include "mpm/solver/domain.hpp"
+#include "mpm/solver/added_materials.hpp"
 #include "support/scene.hpp"
 
 namespace mpm {
 namespace {
 
 struct BranchingFluid : TaitFluid {
+    static constexpr const char* name = "BranchingFluid";
     static constexpr bool lane_wise = true;
 };
 static_assert(lane_wise<BranchingFluid> && !lane_wise<TaitFluid>);
 
-Spec puddle() {
+/// What the puddle's step calls, and no other instance of the law.
+BodyOps<Cpu, double, 2> branching_ops(Smoothing s) {
+    EXPECT_EQ(s, Smoothing::one_volume);
+    constexpr Smoothing one = Smoothing::one_volume;
+    BodyOps<Cpu, double, 2> ops{};
+    ops.fused = &cpu::run_body<BranchingFluid, one, double, 2, cpu::Stage::fused>;
+    ops.initial = &cpu::run_body<BranchingFluid, one, double, 2, cpu::Stage::initial>;
+    cpu::add_phases<BranchingFluid, one, double, 2>(ops);
+    return ops;
+}
+
+Spec puddle(const char* material) {
     Spec s;
     s.dimension = 2;
     s.precision = Precision::double_;
@@ -28,7 +40,7 @@ Spec puddle() {
     s.gravity = {{0.0}, {0.0, -9.81}, TableEnd::hold};
     BodySpec b;
     b.name = "water";
-    b.material = "TaitFluid";
+    b.material = material;
     b.parameters = {1000, 1e6, 7, 0.001};
     std::vector<double> position;
     for (int i = 0; i < 14; ++i)
@@ -53,15 +65,10 @@ Spec puddle() {
     return s;
 }
 
-template <class Material>
-std::vector<double> run() {
-    const Spec spec = puddle();
-    const Plan plan = make_plan(spec, cpu_traits(Precision::double_));
-    Domain<Cpu, double, 2> domain(spec, plan, Cpu(1), [](const std::string&, Smoothing s) {
-        return cpu_body_ops<double, 2, Material>(s);
-    });
-    EXPECT_EQ(domain.run(400, 1e300, 1e300).reason, "steps");
-    const Attributes a = domain.attributes(0, {"position"});
+std::vector<double> run(const Spec& spec) {
+    const auto engine = make_cpu_engine(spec);
+    EXPECT_EQ(engine->run(400, 1e300, 1e300).reason, "steps");
+    const Attributes a = engine->attributes(0, {"position"});
     std::vector<double> by_id(a.values.at("position").data.size());
     for (std::size_t k = 0; k < a.id.size(); ++k)
         for (int c = 0; c < 2; ++c)
@@ -70,9 +77,12 @@ std::vector<double> run() {
 }
 
 TEST(LaneWise, AgreesWithThePacks) {
-    const auto packs = run<TaitFluid>(), alone = run<BranchingFluid>();
+    add_material(describe_material<BranchingFluid>());
+    added_ops<Cpu, double, 2>()[BranchingFluid::name] = branching_ops;
+    const Spec s = puddle(TaitFluid::name);
+    const auto packs = run(s), alone = run(puddle(BranchingFluid::name));
     double apart = 0, moved = 0;
-    const auto start = test::positions(puddle().bodies[0], 2);
+    const auto start = test::positions(s.bodies[0], 2);
     for (std::size_t k = 0; k < packs.size(); ++k) {
         apart = std::max(apart, std::abs(packs[k] - alone[k]));
         moved = std::max(moved, std::abs(packs[k] - start[k]));

@@ -6,13 +6,9 @@
 #include <random>
 
 #include "mpm/exec/cpu.hpp"
-#include "mpm/physics/material/fixed_corotated.hpp"
-#include "mpm/physics/material/tait_fluid.hpp"
-#include "mpm/solver/domain.hpp"
-#include "mpm/solver/make_domain.hpp"
 #include "support/ranks.hpp"
 #include "support/scene.hpp"
-#include "support/slow_device.hpp"
+#include "support/slow_engine.hpp"
 
 namespace mpm {
 namespace {
@@ -28,25 +24,10 @@ constexpr const char* third = "0.3333333333333333";
 
 enum class On { cpu, device };
 
-template <int D>
-BodyOps<SlowDevice, float, D> find_ops(const std::string& name, Smoothing s) {
-    if (name == "FixedCorotated") return test::slow_ops<FixedCorotated, Smoothing::none, D>();
-    return s == Smoothing::none ? test::slow_ops<TaitFluid, Smoothing::none, D>()
-                                : test::slow_ops<TaitFluid, Smoothing::one_volume, D>();
-}
-template <int D>
-std::unique_ptr<Engine> make_slow(const Spec& s) {
-    BackendTraits traits;
-    traits.device = true;
-    traits.name = "slow";
-    traits.precision = Precision::single;
-    return std::make_unique<Domain<SlowDevice, float, D>>(s, make_plan(s, traits), SlowDevice(),
-                                                          find_ops<D>);
-}
 std::unique_ptr<Engine> make(const Spec& s, On on, const char* share = third) {
     const LookingAhead looking(share);
     if (on == On::cpu) return make_cpu_engine(s);
-    return s.dimension == 2 ? make_slow<2>(s) : make_slow<3>(s);
+    return test::make_slow_engine(s);
 }
 RunResult step(Engine& e) { return e.run(1, forever, forever); }
 
@@ -149,7 +130,7 @@ TEST_P(LookAhead, keeps_particles_within_their_tiles) {
     Spec s = test::busy_scene(dimension, true);
     s.bodies[0].velocity[0] = 5;
     if (dimension == 2) s.bodies[1].velocity[0] = -20;  // against the wall
-    const double limit = on == On::cpu ? Cpu::drift_limit : SlowDevice::drift_limit;
+    const double limit = on == On::cpu ? Cpu::drift_limit : test::slow_drift_limit;
     const auto e = make(s, on), other = make(s, on);
     double most = 0;
     for (int k = 0; k < (test::sanitized ? 30 : 120); ++k) {
@@ -174,7 +155,7 @@ TEST_P(LookAhead, keeps_a_jet_within_its_tiles) {
     std::vector<int> lower(std::size_t(dimension), 30), upper(std::size_t(dimension), 44);
     s.bodies.push_back(test::body(s, "rest", "TaitFluid", test::fluid(),
                                   test::lattice(s, lower, upper, 2), std::pow(2, dimension)));
-    const double limit = on == On::cpu ? Cpu::drift_limit : SlowDevice::drift_limit;
+    const double limit = on == On::cpu ? Cpu::drift_limit : test::slow_drift_limit;
     const auto e = make(s, on);
     double most = 0;
     for (int k = 0; k < 60; ++k) {

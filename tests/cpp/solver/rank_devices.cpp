@@ -8,15 +8,9 @@
 #include <set>
 
 #include "mpm/core/error.hpp"
-#include "mpm/physics/material/fixed_corotated.hpp"
-#include "mpm/physics/material/tait_fluid.hpp"
-#include "mpm/solver/domain.hpp"
-#include "mpm/solver/make_domain.hpp"
-#include "mpm/solver/rank_scene.hpp"
-#include "mpm/solver/ranks.hpp"
 #include "support/ranks.hpp"
 #include "support/scene.hpp"
-#include "support/slow_device.hpp"
+#include "support/slow_engine.hpp"
 
 namespace mpm {
 namespace {
@@ -25,14 +19,6 @@ using test::expect_same_particles;
 using test::expect_same_samples;
 using test::forever;
 using test::go;
-
-template <int D>
-BodyOps<SlowDevice, float, D> find_ops(const std::string& name, Smoothing s) {
-    if (name == "FixedCorotated") return test::slow_ops<FixedCorotated, Smoothing::none, D>();
-    if (s == Smoothing::two_volumes) return test::slow_ops<TaitFluid, Smoothing::two_volumes, D>();
-    return s == Smoothing::none ? test::slow_ops<TaitFluid, Smoothing::none, D>()
-                                : test::slow_ops<TaitFluid, Smoothing::one_volume, D>();
-}
 
 Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {
     s.ranks.count = ranks;
@@ -46,30 +32,8 @@ Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05)
 /// one piece, or everything is sent.
 enum class Way { packed, parcels };
 
-template <int D>
-std::unique_ptr<Engine> make(const Spec& s, Way way) {
-    BackendTraits traits;
-    traits.device = true;
-    traits.name = "slow";
-    traits.precision = Precision::single;
-    const Plan plan = make_plan(s, traits);
-    if (s.ranks.count == 1)
-        return std::make_unique<Domain<SlowDevice, float, D>>(s, plan, SlowDevice(), find_ops<D>);
-    check_ranks(s, plan);
-    check_devices(s);
-    auto threads = std::make_unique<RankThreads>(s.ranks.count);
-    std::vector<std::unique_ptr<Engine>> engines(std::size_t(s.ranks.count));
-    const RankScenes<D> scenes(s);
-    threads->together([&](int r) {
-        const RankLink<D> link{&threads->of(r), scenes.partition, s.ranks.rebalance_above};
-        engines[std::size_t(r)] = std::make_unique<Domain<SlowDevice, float, D>>(
-            scenes.spec[std::size_t(r)], plan, SlowDevice(way != Way::parcels), find_ops<D>, link);
-    });
-    return join_ranks(s, std::move(threads), std::move(engines));
-}
-
 std::unique_ptr<Engine> make(const Spec& s, Way way = Way::packed) {
-    return s.dimension == 2 ? make<2>(s, way) : make<3>(s, way);
+    return test::make_slow_engine(s, way != Way::parcels);
 }
 
 class RankDevices : public ::testing::TestWithParam<std::tuple<int, Way>> {

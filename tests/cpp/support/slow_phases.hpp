@@ -9,6 +9,7 @@
 #include "mpm/kernels/respond.hpp"
 #include "mpm/kernels/transfers.hpp"
 #include "support/slow_device.hpp"
+#include "support/slow_engine.hpp"
 
 namespace mpm::test {
 
@@ -92,9 +93,6 @@ template <int D>
 void add_at(const CellTask<D>& task, int column, std::int64_t c, std::int64_t x) {
     SlowDevice::add_integer(reinterpret_cast<std::int64_t*>(&task.cells.at(column, c)), x);
 }
-
-/// In which order particles add to cells; whatever it is, the bits are the same.
-inline bool cells_backwards = true;
 
 template <int W, int D>
 void smooth_slowly(const SlowPhase<D>& phase, const CellTask<D>& task) {
