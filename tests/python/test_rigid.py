@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm import contacts, materials, sensors, shapes
+from libmpm import boundaries, contacts, materials, sensors, shapes
 from support import rigid_scenes as cases
 
 G = 9.81
@@ -158,6 +158,39 @@ def test_block_on_a_slope(friction: float) -> None:
     assert np.abs(found["angle"]).max() < 1e-5
     weight = 1000 * 0.5 * 10.0
     assert found["force_y"][-1] == pytest.approx(weight * math.cos(math.pi / 6), rel=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_block_on_a_surface_that_slopes(friction: float) -> None:
+    """The same on a boundary of any shape, across the cells; its load is that of the block."""
+    turn, weight = math.radians(20.0), 5000.0
+    normal = np.array([-math.sin(turn), math.cos(turn)])
+    along = np.array([math.cos(turn), math.sin(turn)])
+    scene = libmpm.Scene(
+        dimension=2, cell_size=1 / 12, lower=(0, 0), upper=(5, 4), gravity=(0, -10),
+        method=libmpm.Method(time_step=5e-4),
+    )  # fmt: skip
+    response = boundaries.Separable(static_friction=friction, dynamic_friction=friction)
+    plane = shapes.HalfSpace(point=(0.0, 0.5), normal=tuple(normal))
+    scene.add_boundary(name="slope", shape=plane, response=response)
+    centre = np.array([0.0, 0.5]) + 3.5 * along + 0.25 * normal
+    scene.add_body(
+        name="block", shape=shapes.OrientedBox(centre=tuple(centre), size=(1, 0.5), angle=20.0),
+        material=materials.Rigid(density=1000.0),
+    )  # fmt: skip
+    scene.add_sensor(name="motion", sensor=sensors.RigidMotion(body="block"))
+    scene.add_sensor(name="load", sensor=sensors.LoadCell(boundary="slope", interval=0.05))
+    simulation = run(scene)
+    simulation.run(until=0.3)
+    found = simulation.sensors["motion"]
+    speed = -(found.values[:, 2:4] @ along)
+    rate = np.polyfit(found.time[200:], speed[200:], 1)[0]
+    pull = 10.0 * (math.sin(turn) - friction * math.cos(turn))
+    assert rate == pytest.approx(pull, abs=1e-5)
+    assert np.ptp(found.values[:, :2] @ normal) < 1e-6
+    load = simulation.sensors["load"].values[-1, :2]
+    assert load @ normal == pytest.approx(-weight * math.cos(turn), rel=1e-5)
+    assert load @ along == pytest.approx(-friction * weight * math.cos(turn), abs=0.1)
 
 
 def test_load_cell_hears_a_rigid_body() -> None:

@@ -77,15 +77,16 @@ class Rigid(Material):
 
     def _check(self, check: Checker) -> dict[str, Any]:
         found = super()._check(check)
-        held = (self.held,) if isinstance(self.held, str) else sequence(self.held)
+        names = (self.held,) if isinstance(self.held, str) else sequence(self.held)
         known = (*AXES, ROTATION)
-        if held is None or any(name not in known for name in held) or len(set(held)) < len(held):
+        held = tuple(names or ())
+        if names is None or any(name not in known for name in held) or len(set(held)) < len(held):
             check.fail(
                 f"held is {shown(self.held)}; expected some of {', '.join(known)}, each once; "
                 'give ("rotation",), or leave it out'
             )
             held = ()
-        return found | {"held": tuple(held), "inertia": self._inertia(check)}
+        return found | {"held": held, "inertia": self._inertia(check)}
 
     def _inertia(self, check: Checker) -> float | tuple[tuple[float, ...], ...] | None:
         given_ = self.inertia
