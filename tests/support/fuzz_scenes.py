@@ -408,6 +408,29 @@ def _touching() -> libmpm.Scene:
     return scene
 
 
+def _rigid() -> libmpm.Scene:
+    """2D: a rigid block that floats, and one that a degree of freedom holds."""
+    scene = _scene(2, gravity=(0, -9.81), name="rigid")
+    scene.add_body(
+        name="water", shape=_box(0, 0, 1, 0.3), material=WATER, particles_per_cell=4
+    )  # fmt: skip
+    for name, left, given in (
+        ("log", 0.2, {}),
+        ("held log", 0.6, {"held": ("x", "rotation"), "inertia": 2.0}),
+    ):
+        scene.add_body(
+            name=name, shape=_box(left, 0.2, left + 0.2, 0.4), subtract_from=("water",),
+            material=materials.Rigid(density=500.0, **given), velocity=(0.1, 0.0),
+        )  # fmt: skip
+    scene.add_contact(name="afloat", between=("*log", "water"), law=contacts.Fluid())
+    scene.add_boundary(
+        name="walls", shape=shapes.DomainWalls(), response=boundaries.Separable()
+    )  # fmt: skip
+    path = sensors.RigidMotion(body="log", interval=0.01)
+    scene.add_sensor(name="path", sensor=path)
+    return scene
+
+
 def small_scenes(folder: Path) -> list[libmpm.Scene]:
     """Valid scenes with every kind of value, whose files lie in the folder."""
     scenes = [
@@ -417,6 +440,7 @@ def small_scenes(folder: Path) -> list[libmpm.Scene]:
         _elements(3),
         _watched(),
         _touching(),
+        _rigid(),
         *_methods(),
         *_functions(),
         *_files(folder),
