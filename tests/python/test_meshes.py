@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -209,3 +210,30 @@ def test_files_that_are_no_meshes_are_refused(tmp_path: Path) -> None:
         shapes.SurfaceMesh(file=tmp_path / "text.vtk")
     with pytest.raises(libmpm.SceneError, match=r"choose|did you mean"):
         shapes.SurfaceMesh(file=tmp_path / "text.vtk", heal="wind")
+
+
+_BROKEN_PIPE = """
+import ctypes, os, signal, sys, threading
+from libmpm._src.base.signals import ignore_broken_pipes
+ctypes.CDLL(None).signal(int(signal.SIGPIPE), ctypes.c_void_p(0))  # as gmsh.initialize leaves it
+if sys.argv[1] == "main":
+    ignore_broken_pipes()
+else:
+    thread = threading.Thread(target=ignore_broken_pipes)
+    thread.start()
+    thread.join()
+reading, writing = os.pipe()
+os.close(reading)
+try:
+    os.write(writing, b"x")
+except BrokenPipeError:
+    print("an error")
+"""
+
+
+@pytest.mark.parametrize("thread", ["main", "another"])
+def test_a_broken_pipe_is_an_error_after_gmsh(thread):
+    """In the C library gmsh makes it the end of the process."""
+    call = [sys.executable, "-c", _BROKEN_PIPE, thread]
+    found = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert found.stdout == "an error\n", found

@@ -85,13 +85,21 @@ def test_a_mirror_holds_all_other_walls():
     assert {plane.cell for plane in scene.plan().boundaries} == {"mirror", "held"}
 
 
-def test_contacts_hold_walls():
+def test_contacts_leave_walls_linear():
     def contact(scene):
         block = shapes.Box(lower=(0.4, 0.8), upper=(0.8, 1.0))
         scene.add_body(name="block", shape=block, material=BLOCK)
         scene.add_contact(name="rub", between=("block", "body"), law=contacts.Fluid())
 
-    assert not linear(basin(more=contact))
+    assert linear(basin(more=contact))
+
+
+def test_rigid_bodies_hold_walls():
+    def rigid(scene):
+        block = shapes.Box(lower=(0.4, 0.8), upper=(0.8, 1.0))
+        scene.add_body(name="block", shape=block, material=materials.Rigid(density=500.0))
+
+    assert not linear(basin(more=rigid))
 
 
 def states(scene, cell, steps=60):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from libmpm._src.base.optional_packages import need
+from libmpm._src.base.signals import ignore_broken_pipes
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.boxes import Box, OrientedBox
 from libmpm._src.shapes.combined import Difference, Intersection, Union
@@ -118,6 +119,7 @@ def _session(gmsh: Any) -> Iterator[None]:
     opened = not gmsh.isInitialized()
     if opened:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
+        ignore_broken_pipes()
     before = None if opened else gmsh.model.getCurrent()
     names = [*_OPTIONS, "Mesh.MeshSizeMax"]
     kept = {name: gmsh.option.getNumber(name) for name in names}

@@ -14,6 +14,7 @@ from multiprocessing import connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from libmpm._src.base.signals import ignore_broken_pipes
 from libmpm._src.errors import SceneError
 from libmpm._src.run import backends
 from libmpm._src.studies.study import worker
@@ -99,6 +100,7 @@ class SpawnPool:
 
     def __init__(self, workers: int) -> None:
         """Start nothing yet."""
+        ignore_broken_pipes()  # the queues of workers that die are such
         self.capacity = workers
         self._pools: list[ProcessPoolExecutor | None] = [None] * workers
         self._futures: list[Future[Any] | None] = [None] * workers
