@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 import json
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 Line = dict[str, Any]
+
+
+def chosen(doc: str | None, results: Path, cases: Iterable[str]) -> tuple[Namespace, list[str]]:
+    """Return what a command line says, and the cases that it asks for and the file lacks."""
+    parser = ArgumentParser(description=doc, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("--output", type=Path, default=results)
+    parser.add_argument("--only", default="", help="cases whose names begin so")
+    parser.add_argument("--again", action="store_true", help="cases that are in the file too")
+    parser.add_argument("--write", action="store_true", help="the table of the page")
+    arguments = parser.parse_args()
+    done = set() if arguments.again else {x["case"] for x in load(arguments.output)}
+    return arguments, [c for c in cases if c.startswith(arguments.only) and c not in done]
 
 
 def load(path: Path) -> list[Line]:

@@ -10,7 +10,6 @@ JSON line a case goes to benchmarks/results/rigid.jsonl.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
@@ -23,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from result_pages import append, filled, load, markdown
+from result_pages import append, chosen, filled, load, markdown
 
 import libmpm
 from libmpm import contacts, materials, sensors
@@ -245,18 +244,10 @@ def table(lines: list[dict[str, Any]]) -> str:
 
 def main() -> int:
     """Do what the command line says."""
-    form = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
-    parser.add_argument("--output", type=Path, default=RESULTS)
-    parser.add_argument("--only", default="", help="cases whose names begin so")
-    parser.add_argument("--again", action="store_true", help="cases that are in the file too")
-    parser.add_argument("--write", action="store_true", help="the table of the page")
-    arguments = parser.parse_args()
-    done = set() if arguments.again else {x["case"] for x in load(arguments.output)}
+    arguments, names = chosen(__doc__, RESULTS, CASES)
     missed = 0
-    for name, (case, given, bounds) in CASES.items():
-        if not name.startswith(arguments.only) or name in done:
-            continue
+    for name in names:
+        case, given, bounds = CASES[name]
         began = time.time()
         values = case(**given) | {"seconds": round(time.time() - began, 1)}
         met = [bool(abs(values[k]) <= b) for k, b in bounds]

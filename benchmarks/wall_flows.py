@@ -27,9 +27,9 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import wall_loads
 from result_pages import Line, append, filled, load, markdown
 from wall_loads import CELLS, GRAVITY, PAGE, WATER, run, scene_of, water
+from wall_loads import TRANSFERS as BESIDE_WALLS
 
 import libmpm
 from libmpm import boundaries, materials, methods, sensors, shapes
@@ -38,7 +38,7 @@ from libmpm._src.cli import bench
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks/results/wall_flows.jsonl"
 MARKS = "<!-- table: benchmarks/wall_flows.py --write -->", "<!-- end of wall flows -->"
 
-TRANSFERS = {name: wall_loads.TRANSFERS[name] for name in ("APIC", "AFLIP 0.95")}
+TRANSFERS = {name: BESIDE_WALLS[name] for name in ("APIC", "AFLIP 0.95")}
 Values = dict[str, float]
 Array = npt.NDArray[np.float64]
 

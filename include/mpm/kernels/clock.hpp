@@ -134,6 +134,9 @@ struct BoundaryRecord {
     // Evaluated each step:
     int active;
     double velocity[D];
+
+    /// Whether it acts from the start to the end of any run.
+    MPM_HD bool always() const { return start <= 0 && end > 1e300; }
 };
 
 struct SensorRecord {

@@ -291,36 +291,37 @@ struct NodeContact {
     }
     /// Where a field's own mass falls off to.
     MPM_INLINE bool outwards(std::int32_t slot, int n, Vec<T, D>& normal) const {
-        int at[D];
-        Block<D>::coordinates(n, at);
-        return descent<T, D>(
-            [&](const int(&k)[D]) {
-                int place[D], around, there;
-                for (int a = 0; a < D; ++a) place[a] = at[a] + k[a] - 1 + Block<D>::margin;
-                arena_node<D>(place, around, there);
-                const std::int32_t to =
-                    node.grid.table.neighbours[std::int64_t(slot) * Block<D>::neighbours + around];
-                return to < 0 ? T(0) : fills(to, there);
-            },
-            normal);
+        return descent_around(
+            n, [&](int around, int there) { return fills_beside(slot, around, there); }, normal);
     }
     /// Normal from one field to the other, by the volume fractions of the nodes around.
     MPM_INLINE bool direction(std::int32_t slot_a, std::int32_t slot_b, T of_a, T of_b, int n,
                               Vec<T, D>& normal) const {
+        return descent_around(
+            n,
+            [&](int around, int there) {
+                return fills_beside(slot_a, around, there) * of_a -
+                       fills_beside(slot_b, around, there) * of_b;
+            },
+            normal);
+    }
+    /// What fills a node of a block around a slot's.
+    MPM_INLINE T fills_beside(std::int32_t slot, int around, int there) const {
+        const std::int32_t to =
+            node.grid.table.neighbours[std::int64_t(slot) * Block<D>::neighbours + around];
+        return to < 0 ? T(0) : fills(to, there);
+    }
+    /// `descent` of value(number of the block around, node there) over the nodes around one.
+    template <class Value>
+    MPM_INLINE static bool descent_around(int n, const Value& value, Vec<T, D>& normal) {
         int at[D];
         Block<D>::coordinates(n, at);
-        const auto fraction = [&](std::int32_t slot, T of_full, int around, int there) {
-            const std::int32_t to =
-                node.grid.table.neighbours[std::int64_t(slot) * Block<D>::neighbours + around];
-            return to < 0 ? T(0) : fills(to, there) * of_full;
-        };
         return descent<T, D>(
             [&](const int(&k)[D]) {
                 int place[D], around, there;
                 for (int a = 0; a < D; ++a) place[a] = at[a] + k[a] - 1 + Block<D>::margin;
                 arena_node<D>(place, around, there);
-                return fraction(slot_a, of_a, around, there) -
-                       fraction(slot_b, of_b, around, there);
+                return value(around, there);
             },
             normal);
     }

@@ -18,20 +18,14 @@ struct PutBeforeSurfaces {
     BoundaryView<D> boundaries;
     const std::uint32_t* touched;  // per slot: may a boundary hold nodes of it
 
-    static constexpr int lanes = X::is_device ? 256 : block_cells;
+    static constexpr int lanes = home_lanes<X>;
     static constexpr double most = 0.25, deepest = 1.5;  // cells
 
     MPM_INLINE void operator()(std::int64_t i) const {
         const std::int32_t slot = body.home[i / lanes];
         if (!touched[slot]) return;
-        const int lane = int(i % lanes);
-        const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
-        if constexpr (X::is_device) {
-            for (std::uint32_t p = start[0] + lane; p < start[block_cells]; p += lanes)
-                put(p, body.cell[p], slot);
-        } else {
-            for (std::uint32_t p = start[lane]; p < start[lane + 1]; ++p) put(p, lane, slot);
-        }
+        for_each_of_lane<X>(body, slot, int(i % lanes),
+                            [&](std::uint32_t p, int cell) { put(p, cell, slot); });
     }
     MPM_INLINE void put(std::uint32_t p, int cell, std::int32_t slot) const {
         int home[D];
@@ -46,7 +40,7 @@ struct PutBeforeSurfaces {
             if (!r.active || r.surface == 0 || !r.law[0].linear || r.share != 0 || r.limited)
                 continue;
             const SurfaceRecord<D>& s = boundaries.surfaces[r.surface - 1];
-            if (s.path.given() || s.turn.given()) continue;
+            if (!s.at_rest()) continue;
             double normal[D], distance;
             if (!s.field.at(x, distance, normal)) continue;
             const double behind = -distance / boundaries.cell_size;

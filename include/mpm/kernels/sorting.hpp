@@ -57,22 +57,13 @@ struct FindCells {
 
     static constexpr std::uint32_t outside = ~0u;
 
-    /// Workers of a home block. On a device each has a particle or two, as it takes them one after
-    /// another; on the CPU a cell.
-    static constexpr int lanes = X::is_device ? 256 : block_cells;
+    static constexpr int lanes = home_lanes<X>;
 
     MPM_INLINE void operator()(std::int64_t i) const {
         const std::int32_t slot = body.home[i / lanes];
-        const int lane = int(i % lanes);
-        const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
         const std::int32_t* corner = table.corners + std::int64_t(slot) * D;
-        if constexpr (X::is_device) {
-            for (std::uint32_t p = start[0] + lane; p < start[block_cells]; p += lanes)
-                find(p, body.cell[p], slot, corner);
-        } else {
-            for (std::uint32_t p = start[lane]; p < start[lane + 1]; ++p)
-                find(p, lane, slot, corner);
-        }
+        for_each_of_lane<X>(body, slot, int(i % lanes),
+                            [&](std::uint32_t p, int cell) { find(p, cell, slot, corner); });
     }
 
     MPM_INLINE void find(std::uint32_t p, int cell, std::int32_t slot,
@@ -230,8 +221,7 @@ struct TouchBoundaries {
     /// Whether a body at rest reaches nodes of a block; of one that moves its whole way counts.
     MPM_INLINE bool near(const SurfaceRecord<D>& s, const std::int64_t (&block)[D]) const {
         const double span = Block<D>::edge * cell_size;
-        if (s.path.given() || s.turn.given() || s.field.per_metre * span > DistanceField<D>::edge)
-            return true;
+        if (!s.at_rest() || s.field.per_metre * span > DistanceField<D>::edge) return true;
         // Its blocks are no smaller than these, so one of the outermost nodes lies in any that
         // matters, also where the edges of both coincide and rounding decides whose they are.
         for (int corner = 0; corner < (1 << D); ++corner) {

@@ -62,6 +62,7 @@ struct SurfaceRecord {
     // Evaluated each step:
     double moved[D], velocity[D], spin[3], rotation[D][D];
 
+    MPM_HD bool at_rest() const { return !path.given() && !turn.given(); }
     MPM_HD void set(double time) {
         for (int a = 0; a < D; ++a) moved[a] = velocity[a] = 0;
         if (path.given()) path.at(time, moved, velocity);

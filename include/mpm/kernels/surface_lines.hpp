@@ -73,7 +73,7 @@ MPM_INLINE bool moving_near(const BoundaryView<D>& all, const std::int64_t (&cel
         const BoundaryRecord<D>& r = all.records[b];
         if (r.surface == 0) continue;
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
-        if ((s.path.given() || s.turn.given()) && near_cells(r, cell, cells)) return true;
+        if (!s.at_rest() && near_cells(r, cell, cells)) return true;
     }
     return false;
 }
@@ -327,11 +327,13 @@ struct KnownNodes {
     const SurfaceNode<D>* surfaces = nullptr;  // null: no surface is linear
     const std::uint32_t* listed = nullptr;     // by slot, 1 + number of the listed block
 
-    MPM_INLINE const SurfaceNode<D>* of(std::int32_t slot, int node, int boundary) const {
+    MPM_INLINE const SurfaceNode<D>* of(std::int32_t slot, int node) const {
         if (!surfaces || slot < 0 || listed[slot] == 0) return nullptr;
-        const SurfaceNode<D>* found =
-            surfaces + (std::int64_t(listed[slot] - 1) * block_cells + node);
-        return found->boundary == boundary ? found : nullptr;
+        return surfaces + (std::int64_t(listed[slot] - 1) * block_cells + node);
+    }
+    MPM_INLINE const SurfaceNode<D>* of(std::int32_t slot, int node, int boundary) const {
+        const SurfaceNode<D>* found = of(slot, node);
+        return found && found->boundary == boundary ? found : nullptr;
     }
 };
 

@@ -78,4 +78,34 @@ MPM_INLINE T from_sum(Sum s, double unit) {
     }
 }
 
+/// On the host: f(home cell, particle) for the particles of a home block.
+template <class T, int D, class F>
+MPM_INLINE void for_each_of_block(const BodyView<T, D>& body, std::int32_t slot, const F& f) {
+    const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
+    for (int c = 0; c < block_cells; ++c) {
+        if (start[c] == start[c + 1]) continue;
+        int home[D];
+        Block<D>::coordinates(c, home);
+        for (std::uint32_t q = start[c]; q < start[c + 1]; ++q) f(home, q);
+    }
+}
+
+/// Workers of a home block where each takes single particles: on a device a particle or two each,
+/// as it takes them one after another; on the CPU those of a cell.
+template <class X>
+inline constexpr int home_lanes = X::is_device ? 256 : block_cells;
+
+/// f(particle, number of its home cell) for those of one worker.
+template <class X, class T, int D, class F>
+MPM_INLINE void for_each_of_lane(const BodyView<T, D>& body, std::int32_t slot, int lane,
+                                 const F& f) {
+    const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
+    if constexpr (X::is_device) {
+        for (std::uint32_t p = start[0] + lane; p < start[block_cells]; p += home_lanes<X>)
+            f(p, int(body.cell[p]));
+    } else {
+        for (std::uint32_t p = start[lane]; p < start[lane + 1]; ++p) f(p, lane);
+    }
+}
+
 }  // namespace mpm

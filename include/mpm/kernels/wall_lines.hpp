@@ -86,15 +86,13 @@ struct FollowLines {
                          Vec<T, D>& v, const Seen& seen) const {
         if (node.pressure_count == 0) return;
         push_at_edges(slot, number, cell, mass, v, seen);
-        if (!known.surfaces || known.listed[slot] == 0) return;
-        const SurfaceNode<D>& s =
-            known.surfaces[std::int64_t(known.listed[slot] - 1) * block_cells + number];
-        if (!s.pushed()) return;
+        const SurfaceNode<D>* s = known.of(slot, number);
+        if (!s || !s->pushed()) return;
         const Vec<T, D> before = v;
-        double size = node.pressure(slot, number, s.cut.before) * node.clock->dt / double(mass);
+        double size = node.pressure(slot, number, s->cut.before) * node.clock->dt / double(mass);
         for (int a = 1; a < D; ++a) size *= node.boundaries.cell_size;
-        for (int a = 0; a < D; ++a) v[a] += T(size * s.cut.area[a]);
-        seen(s.boundary, 0, before, v);
+        for (int a = 0; a < D; ++a) v[a] += T(size * s->cut.area[a]);
+        seen(s->boundary, 0, before, v);
     }
     template <class Seen>
     MPM_INLINE void push_at_edges(std::int32_t slot, int number, const std::int64_t (&cell)[D],
@@ -240,6 +238,19 @@ struct FollowLines {
         v[axis] = before[axis] - onto;
         seen(line.boundary, line.face, before, v);
     }
+    /// A node that no line leads, as a held surface has it.
+    template <class Seen>
+    MPM_INLINE void hold_at_surface(int b, const std::int64_t (&cell)[D], Vec<T, D>& v,
+                                    const Seen& seen) const {
+        const BoundaryRecord<D>& r = node.boundaries.records[b];
+        const Vec<T, D> before = v;
+        double x[D];
+        node_position<D>(cell, node.boundaries.cell_size, x);
+        Vec<T, D> wall;
+        for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
+        if (respond_to_surface<T, D>(node.boundaries.surfaces[r.surface - 1], r.law[0], x, wall, v))
+            seen(b, 0, before, v);
+    }
     /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.
     template <class Seen>
     MPM_INLINE void follow_surface(int b, std::int32_t slot, const std::int64_t (&cell)[D],
@@ -251,14 +262,7 @@ struct FollowLines {
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
         const SurfaceLaw& law = r.law[0];
         const Vec<T, D> before = v;
-        const auto hold = [&] {
-            double x[D];
-            node_position<D>(cell, all.cell_size, x);
-            Vec<T, D> wall;
-            for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
-            if (respond_to_surface<T, D>(s, law, x, wall, v)) seen(b, 0, before, v);
-        };
-        if (line.state == SurfaceLine<D>::held) return hold();
+        if (line.state == SurfaceLine<D>::held) return hold_at_surface(b, cell, v, seen);
         if (line.state != SurfaceLine<D>::on) return;
         T mass = 0, led = 0, push = 0, inert = 0, leader = 0;
         T last = 0, last_share = 0, in_plane = 0;  // velocities along the normal
@@ -306,7 +310,8 @@ struct FollowLines {
         }
         // As at walls on cell faces: `operator()`, `let_go`.
         const bool leads = line.leader == 0;
-        if (!(leader > T(least_leader) * mass)) return leads ? void() : hold();
+        if (!(leader > T(least_leader) * mass))
+            return leads ? void() : hold_at_surface(b, cell, v, seen);
         const T lead = push / inert;
         T along = 0, is = 0, open = 0;
         for (int a = 0; a < D; ++a) {
@@ -364,17 +369,14 @@ struct FollowLines {
             if (line.state == SurfaceLine<D>::away ||
                 (line.state == SurfaceLine<D>::on && line.leader == 0))
                 continue;
-            const SurfaceRecord<D>& s = node.boundaries.surfaces[r.surface - 1];
+            if (line.state == SurfaceLine<D>::held) {
+                hold_at_surface(b, cell, v, seen);
+                continue;
+            }
             const Vec<T, D> before = v;
             double x[D], moving[D];
             node_position<D>(cell, node.boundaries.cell_size, x);
-            if (line.state == SurfaceLine<D>::held) {
-                Vec<T, D> wall;
-                for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
-                if (respond_to_surface<T, D>(s, r.law[0], x, wall, v)) seen(b, 0, before, v);
-                continue;
-            }
-            s.velocity_at(x, moving);
+            node.boundaries.surfaces[r.surface - 1].velocity_at(x, moving);
             Vec<T, D> normal, least;
             T off = 0;
             for (int a = 0; a < D; ++a) {

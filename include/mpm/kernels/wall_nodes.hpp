@@ -88,7 +88,7 @@ struct ClassifyWallNodes {
     /// Is a node within the reach of a boundary that acts for a time?
     MPM_INLINE bool may_change(int b, const std::int64_t (&cell)[D]) const {
         const BoundaryRecord<D>& r = boundaries.records[b];
-        return !(r.start <= 0 && r.end > 1e300) && near_cells(r, cell, far_off);
+        return !r.always() && near_cells(r, cell, far_off);
     }
     static constexpr int far_off = 12;  // further than lines look for other walls
 };

@@ -387,7 +387,7 @@ void Boundaries<X, D>::lead_rows_into_others(const std::vector<BoundarySpec>& sp
     const auto rests = [&](std::size_t b) {
         const BoundaryRecord<D>& r = records[b];
         return r.is_box && r.surface == 0 && !r.limited && r.share == 0 && !specs[b].moves &&
-               r.start <= 0 && r.end > 1e300;
+               r.always();
     };
     for (std::size_t b = 0; b < records.size(); ++b) {
         BoundaryRecord<D>& own = records[b];
@@ -442,7 +442,7 @@ BlocksTogether Boundaries<X, D>::blocks_together(const BlockKeys<D>& keys_of) co
         if (r.surface == 0 || !r.law[0].linear) continue;
         const std::size_t number = std::size_t(r.surface - 1);
         SurfaceRecord<D> s = surfaces[number];
-        if (s.path.given() || s.turn.given()) continue;
+        if (!s.at_rest()) continue;
         const auto keys = surface_keys_[number].host();
         const auto places = surface_places_[number].host();
         const auto values = surface_values_[number].host();

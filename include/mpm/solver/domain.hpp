@@ -178,8 +178,6 @@ private:
     Fault describe_element(Body& body, Fault fault);
     std::vector<T> kept_here(const Body& body) const;
     void move_vertices(const std::vector<std::size_t>& moving);
-    bool tears_mesh(const std::vector<std::uint32_t>& left, std::size_t b,
-                    const Buffer<X, std::uint32_t>& cell);
 
     // domain_meshes.hpp
     bool has_meshes() const {
@@ -199,6 +197,9 @@ private:
     void list_rigid();
     const std::uint8_t* counted_for_loads();
     void resolve_rigid(double (&maxima)[maxima_count]);
+    void return_velocities(double (&maxima)[maxima_count]);
+    void move_rigid_nodes(double (&maxima)[maxima_count]);
+    Vec<double, D> place_of_node(const std::int64_t (&cell)[D]) const;
     bool is_wall_of(const BoundaryRecord<D>& boundary, int rigid) const;
     void add_wall(RigidPoint<D> point, int boundary, int face, const Vec<double, D>& normal,
                   double gap, const Vec<double, D>& velocity, const SurfaceLaw& law);
@@ -211,11 +212,10 @@ private:
     void held_beside(const Meeting& meeting, int n, const Fields& f, int i, RigidPoint<D>& point);
     void place_rigid(Body& body, const Phase<X, T, D>& phase, bool moves);
     void move_rigid(Body& body, const Phase<X, T, D>& phase);
+    // domain_rigid_loads.hpp
     void add_rigid_energy(Body& body, const std::int32_t* due, double* partial);
     void tell_rigid_loads();
     void sample_rigid(Sensor<Base>& sensor, SensorRecord& record);
-    bool breaks_rigid(const std::vector<std::uint32_t>& left, std::size_t b,
-                      const Buffer<X, std::uint32_t>& cell);
     std::size_t kind_count() const { return full_.size(); }
 
     // domain_export.hpp
@@ -244,6 +244,8 @@ private:
     bool end_of_sort(double began);
     std::vector<Leaver<D>> list_left(const Body& body, std::uint32_t count,
                                      const Buffer<X, std::uint32_t>& cell);
+    bool stop_for_left(const Body& body, const std::vector<std::uint64_t>& ids,
+                       const std::string& who, const std::string& why = {});
     bool remove_left(const std::vector<std::uint32_t>& left,
                      const std::vector<Buffer<X, std::uint32_t>>& cells);
     void adopt_table(Buffer<X, std::uint64_t>& keys);
@@ -520,6 +522,7 @@ private:
 #include "mpm/solver/domain_ranks.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_rigid.hpp"
+#include "mpm/solver/domain_rigid_loads.hpp"
 #include "mpm/solver/domain_setup.hpp"
 #include "mpm/solver/domain_sort.hpp"
 #include "mpm/solver/domain_state.hpp"

@@ -279,26 +279,4 @@ Fault Domain<X, T, D>::describe_element(Body& body, Fault fault) {
     return fault;
 }
 
-/// Vertices have left the domain: whatever the policy, their elements cannot go on without them.
-template <class X, class T, int D>
-bool Domain<X, T, D>::tears_mesh(const std::vector<std::uint32_t>& left, std::size_t b,
-                                 const Buffer<X, std::uint32_t>& cell) {
-    const Body& body = bodies_[b];
-    std::vector<std::uint64_t> ids;
-    for (const Leaver<D>& who : list_left(body, left[b], cell))
-        ids.push_back(body.first_id + who.id);
-    fault_ = Fault{"left-domain",
-                   body.plan.name,
-                   ids,
-                   clock_.step,
-                   clock_.time,
-                   double(ids.size()),
-                   clock_.speed,
-                   growth_start(clock_),
-                   std::to_string(ids.size()) + " vertices left the domain, the first at step " +
-                       std::to_string(clock_.step) +
-                       "; a body of elements stays whole, so that no policy takes them out"};
-    return true;
-}
-
 }  // namespace mpm

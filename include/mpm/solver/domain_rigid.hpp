@@ -2,8 +2,9 @@
 // them there is solved for body by body, and particles go where their bodies are (design/rigid.md).
 #pragma once
 
-#include "mpm/kernels/phase.hpp"
+#include "mpm/kernels/respond.hpp"
 #include "mpm/solver/domain.hpp"
+#include "mpm/solver/wall_distances.hpp"
 
 namespace mpm {
 
@@ -12,21 +13,6 @@ namespace mpm {
 /// there it may hold, and with nodes further out the fluid moves as if the body were larger
 /// (design/rigid.md).
 inline constexpr double least_of_rigid = 0.08;
-
-/// Calls f(home cell in the domain, particle) for the particles of a home block.
-template <class T, int D, class F>
-void for_each_in_block(const BodyView<T, D>& body, const BlockTableView<D>& table,
-                       std::int32_t slot, const F& f) {
-    const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
-    for (int c = 0; c < block_cells; ++c) {
-        if (start[c] == start[c + 1]) continue;
-        int home[D];
-        std::int64_t cell[D];
-        Block<D>::coordinates(c, home);
-        for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + home[a];
-        for (std::uint32_t q = start[c]; q < start[c + 1]; ++q) f(cell, q);
-    }
-}
 
 template <class X, class T, int D>
 void Domain<X, T, D>::make_rigid(Body& body, const BodySpec& s) {
@@ -71,82 +57,6 @@ const std::uint8_t* Domain<X, T, D>::counted_for_loads() {
     return counts_.data();
 }
 
-namespace detail {
-
-/// Calls f(face, outward normal, distance in m, velocity, law) for each wall of a boundary near a
-/// place; the distance is negative inside.
-template <int D, class F>
-void for_each_wall(const BoundaryView<D>& all, int b, const Vec<double, D>& x, double near,
-                   const F& f) {
-    const BoundaryRecord<D>& r = all.records[b];
-    Vec<double, D> own;
-    for (int a = 0; a < D; ++a) own[a] = r.velocity[a];
-    for (int a = 0; a < D && r.limited; ++a)
-        if (!(x[a] >= r.within_lower[a] && x[a] <= r.within_upper[a])) return;
-    if (r.surface > 0) {
-        const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
-        double at[D], there[D], normal[D], distance, wall[D];
-        for (int a = 0; a < D; ++a) at[a] = x[a];
-        s.to_body(at, there);
-        if (!s.field.at(there, distance, normal) || !(distance < near)) return;
-        s.velocity_at(at, wall);
-        Vec<double, D> n;
-        double square = 0;
-        for (int a = 0; a < D; ++a) {
-            n[a] = 0;
-            for (int c = 0; c < D; ++c) n[a] += s.rotation[a][c] * normal[c];
-            square += n[a] * n[a];
-            own[a] += wall[a];
-        }
-        if (!(square > 0)) return;
-        for (int a = 0; a < D; ++a) n[a] /= std::sqrt(square);
-        f(0, n, distance, own, r.law[0]);
-        return;
-    }
-    if (!r.is_box) {
-        for (int k = 0; k < 2 * D; ++k) {
-            if (!r.present[k]) continue;
-            const int a = k / 2;
-            const double distance =
-                k % 2 == 0 ? x[a] - r.lower[a] * all.cell_size : r.upper[a] * all.cell_size - x[a];
-            if (!(distance < near)) continue;
-            Vec<double, D> n{};
-            n[a] = k % 2 == 0 ? 1 : -1;
-            f(k, n, distance, own, r.law[k]);
-        }
-        return;
-    }
-    // Of a box its nearest point; inside, its nearest face.
-    Vec<double, D> beyond{};
-    double square = 0, least = 0;
-    int face = -1, nearest = 0;
-    for (int a = 0; a < D; ++a) {
-        const double low = r.lower[a] * all.cell_size - x[a],
-                     high = x[a] - r.upper[a] * all.cell_size;
-        beyond[a] = low > 0 ? -low : (high > 0 ? high : 0.0);
-        square += beyond[a] * beyond[a];
-        if (beyond[a] != 0 && (face < 0 || std::abs(beyond[a]) > std::abs(beyond[face / 2])))
-            face = 2 * a + (high > 0 ? 1 : 0);
-        const double deep = std::max(low, high);
-        if (a == 0 || deep > least) {
-            least = deep;
-            nearest = 2 * a + (high > low ? 1 : 0);
-        }
-    }
-    const double distance = square > 0 ? std::sqrt(square) : least;
-    if (!(distance < near)) return;
-    Vec<double, D> n{};
-    if (square > 0) {
-        for (int a = 0; a < D; ++a) n[a] = beyond[a] / distance;
-    } else {
-        face = nearest;
-        n[face / 2] = face % 2 == 0 ? -1 : 1;
-    }
-    f(face, n, distance, own, r.law[face]);
-}
-
-}  // namespace detail
-
 /// What walls and other bodies leave of the motions of rigid bodies in this step; velocities of
 /// their nodes, and of those that they push. From sums and velocities that nobody else changes, so
 /// that it may be done again.
@@ -178,10 +88,7 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
                 if (!any) continue;
                 std::int64_t cell[D];
                 node.cell(block.first, n, cell);
-                double at[D];
-                node_position<D>(cell, dx, at);
-                Vec<double, D> place;
-                for (int a = 0; a < D; ++a) place[a] = at[a];
+                const Vec<double, D> place = place_of_node(cell);
                 // Bodies that bend, those that are stuck to each other as one.
                 Fields f;
                 if (block.bending > 0) meeting.find(block.first, block.bending, n, f);
@@ -286,18 +193,26 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
         rigid_most_sweeps_ = std::max(rigid_most_sweeps_, sweeps.sweeps);
         rigid_left_ = std::max(rigid_left_, sweeps.left);
 
-        // Boundaries once more on what was pushed, and velocities back.
+        return_velocities(maxima);
+        move_rigid_nodes(maxima);
+    }
+}
+
+/// Boundaries once more on what rigid bodies have pushed, and velocities back to their nodes.
+template <class X, class T, int D>
+void Domain<X, T, D>::return_velocities(double (&maxima)[maxima_count]) {
+    if constexpr (!X::is_device) {
+        const auto node = node_update(parity());
         rigid_walls_.clear();
-        for (std::size_t k = 0; k < met.size(); ++k) {
-            const RigidMeeting& m = met[k];
+        for (std::size_t k = 0; k < rigid_met_.size(); ++k) {
+            const RigidMeeting& m = rigid_met_[k];
             FreeNode<D>& free = rigid_free_[std::size_t(m.free)];
             if (!free.pushed) continue;
-            const bool first = k == 0 || met[k - 1].free != m.free;
+            const bool first = k == 0 || rigid_met_[k - 1].free != m.free;
             if (first && node.touched[m.slot]) {
                 std::int64_t cell[D];
                 node.cell(m.slot, m.node, cell);
-                double at[D];
-                node_position<D>(cell, dx, at);
+                const Vec<double, D> at = place_of_node(cell);
                 Vec<Grid, D> v;
                 for (int a = 0; a < D; ++a) v[a] = Grid(free.velocity[a]);
                 const Vec<double, D> exact = free.velocity;
@@ -330,20 +245,25 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
             if (p.boundary < 0) continue;
             rigid_walls_.push_back({p.boundary, p.face, p.place, p.impulse});
         }
+    }
+}
+
+/// The velocities of the nodes of rigid bodies, by their new motions.
+template <class X, class T, int D>
+void Domain<X, T, D>::move_rigid_nodes(double (&maxima)[maxima_count]) {
+    if constexpr (!X::is_device) {
+        const auto node = node_update(parity());
         for (const RigidBlock& block : rigid_blocks_) {
             for (std::int32_t k = block.bending; k < block.all; ++k) {
                 const std::int32_t slot = block.first + k;
-                const auto body = std::size_t(body_of_field_[std::size_t(field_of(slot))]);
+                const auto body = std::size_t(
+                    body_of_field_[std::size_t(table_.keys_of.field(table_.keys[slot]))]);
                 for (int n = 0; n < block_cells; ++n) {
                     const Grid mass = node.mass(slot, n);
                     if (!(mass > Grid(0))) continue;
                     std::int64_t cell[D];
                     node.cell(slot, n, cell);
-                    double at[D];
-                    node_position<D>(cell, dx, at);
-                    Vec<double, D> place;
-                    for (int a = 0; a < D; ++a) place[a] = at[a];
-                    const Vec<double, D> v = rigid_.next_velocity(body, place);
+                    const Vec<double, D> v = rigid_.next_velocity(body, place_of_node(cell));
                     Grid* out = node.grid.velocity + node.grid.velocity_place(slot, n);
                     for (int a = 0; a < D; ++a) {
                         out[a] = Grid(v[a]);
@@ -353,6 +273,16 @@ void Domain<X, T, D>::resolve_rigid(double (&maxima)[maxima_count]) {
             }
         }
     }
+}
+
+/// Where a node is, m.
+template <class X, class T, int D>
+Vec<double, D> Domain<X, T, D>::place_of_node(const std::int64_t (&cell)[D]) const {
+    double at[D];
+    node_position<D>(cell, spec_.cell_size, at);
+    Vec<double, D> place;
+    for (int a = 0; a < D; ++a) place[a] = at[a];
+    return place;
 }
 
 /// A point of a wall, `gap` m from a body.
@@ -391,23 +321,23 @@ void Domain<X, T, D>::meet_walls(const NodeUpdate<Grid, Sum, D>& node, std::int3
         bool sloped = false, looked = false;
         for (int b = 0; b < node.boundaries.count; ++b) {
             if (!is_wall_of(node.boundaries.records[b], point.body)) continue;
-            detail::for_each_wall<D>(
-                node.boundaries, b, point.place, 1.5 * dx,
-                [&](int face, const Vec<double, D>& normal, double distance,
-                    const Vec<double, D>& velocity, const SurfaceLaw& law) {
-                    if (!looked) {
-                        looked = true;
-                        const NodeContact<Grid, Sum, D> around{node, contact_view()};
-                        sloped = around.outwards(slot, n, outwards);
-                    }
-                    // Which of several faces it is that the body turns to.
-                    double towards = 0;
-                    for (int a = 0; a < D && sloped; ++a)
-                        towards -= normal[a] * double(outwards[a]);
-                    if (sloped && !(towards > 0.3)) return;
-                    const double gap = contact_gap<double>(part, filled_at(-distance / dx));
-                    add_wall(point, b, face, normal, gap * dx, velocity, law);
-                });
+            for_each_wall<D>(node.boundaries, b, point.place, 1.5 * dx,
+                             [&](int face, const Vec<double, D>& normal, double distance,
+                                 const Vec<double, D>& velocity, const SurfaceLaw& law) {
+                                 if (!looked) {
+                                     looked = true;
+                                     const NodeContact<Grid, Sum, D> around{node, contact_view()};
+                                     sloped = around.outwards(slot, n, outwards);
+                                 }
+                                 // Which of several faces it is that the body turns to.
+                                 double towards = 0;
+                                 for (int a = 0; a < D && sloped; ++a)
+                                     towards -= normal[a] * double(outwards[a]);
+                                 if (sloped && !(towards > 0.3)) return;
+                                 const double gap =
+                                     contact_gap<double>(part, filled_at(-distance / dx));
+                                 add_wall(point, b, face, normal, gap * dx, velocity, law);
+                             });
         }
     }
 }
@@ -440,12 +370,12 @@ void Domain<X, T, D>::keep_before_walls(std::size_t k) {
                     for (int i = 0; i < D; ++i)
                         point.place[a] += body.axes.e[a][i] * body.places[number][std::size_t(i)];
                 }
-                detail::for_each_wall<D>(
-                    boundaries, b, point.place, near,
-                    [&](int face, const Vec<double, D>& normal, double distance,
-                        const Vec<double, D>& velocity, const SurfaceLaw& law) {
-                        add_wall(point, b, face, normal, distance - least, velocity, law);
-                    });
+                for_each_wall<D>(boundaries, b, point.place, near,
+                                 [&](int face, const Vec<double, D>& normal, double distance,
+                                     const Vec<double, D>& velocity, const SurfaceLaw& law) {
+                                     add_wall(point, b, face, normal, distance - least, velocity,
+                                              law);
+                                 });
             }
         }
     }
@@ -522,37 +452,37 @@ void Domain<X, T, D>::place_rigid(Body& body, const Phase<X, T, D>& phase, bool 
             for (int c = 0; c < D; ++c) slope[c][a] = of[c];
         }
         exec_.host_for(std::int64_t(body.homes), [&](std::int64_t h) {
-            for_each_in_block<T, D>(
-                view, table_, view.home[h], [&](const std::int64_t(&cell)[D], std::uint32_t q) {
-                    const auto& own = b.places[view.id[q]];
-                    Vec<double, D> r;
-                    bool sound = true, far = false;
+            const std::int32_t slot = view.home[h];
+            const std::int32_t* corner = table_.corners + std::int64_t(slot) * D;
+            for_each_of_block<T, D>(view, slot, [&](const int(&home)[D], std::uint32_t q) {
+                const auto& own = b.places[view.id[q]];
+                Vec<double, D> r;
+                bool sound = true, far = false;
+                for (int a = 0; a < D; ++a) {
+                    r[a] = 0;
+                    for (int k = 0; k < D; ++k) r[a] += axes.e[a][k] * own[std::size_t(k)];
+                    const double offset =
+                        (b.state.centre[a] + r[a]) / dx - (double(corner[a] + home[a]) + 0.5);
+                    if (moves) view.offset[a][q] = T(offset);
+                    sound = sound && std::abs(offset) <= 1.75;
+                    far = far || std::abs(offset) > far_from_home;
+                }
+                if (!sound)
+                    X::keep_smallest(phase.pass.fault_particle,
+                                     fault_number(phase.pass.body_number, q));
+                if (far) __atomic_store_n(phase.pass.strays, ~std::uint64_t(0), __ATOMIC_RELAXED);
+                const Vec<double, D> v = velocity_at<D>(b.state.velocity, b.spin, r);
+                for (int c = 0; c < D; ++c) {
+                    const auto put = [&](int at, double number) {
+                        phase.pass.scratch[std::size_t(at) * count + q] = Grid(number);
+                    };
+                    put(column.value(c), v[c]);
                     for (int a = 0; a < D; ++a) {
-                        r[a] = 0;
-                        for (int k = 0; k < D; ++k) r[a] += axes.e[a][k] * own[std::size_t(k)];
-                        const double offset =
-                            (b.state.centre[a] + r[a]) / dx - (double(cell[a]) + 0.5);
-                        if (moves) view.offset[a][q] = T(offset);
-                        sound = sound && std::abs(offset) <= 1.75;
-                        far = far || std::abs(offset) > 1.0;
+                        put(column.slope(a, c), slope[c][a] * dx);
+                        put(column.stress(a, c), 0);
                     }
-                    if (!sound)
-                        X::keep_smallest(phase.pass.fault_particle,
-                                         std::uint64_t(phase.pass.body_number) << 40 | q);
-                    if (far)
-                        __atomic_store_n(phase.pass.strays, ~std::uint64_t(0), __ATOMIC_RELAXED);
-                    const Vec<double, D> v = velocity_at<D>(b.state.velocity, b.spin, r);
-                    for (int c = 0; c < D; ++c) {
-                        const auto put = [&](int at, double number) {
-                            phase.pass.scratch[std::size_t(at) * count + q] = Grid(number);
-                        };
-                        put(column.value(c), v[c]);
-                        for (int a = 0; a < D; ++a) {
-                            put(column.slope(a, c), slope[c][a] * dx);
-                            put(column.stress(a, c), 0);
-                        }
-                    }
-                });
+                }
+            });
         });
     }
 }
@@ -566,128 +496,6 @@ void Domain<X, T, D>::move_rigid(Body& body, const Phase<X, T, D>& phase) {
         place_rigid(body, phase, true);
         phase_ops_.spread(phase);
     }
-}
-
-/// Kinetic and potential energy of a rigid body, in the first of its homes.
-template <class X, class T, int D>
-void Domain<X, T, D>::add_rigid_energy(Body& body, const std::int32_t* due, double* partial) {
-    if constexpr (!X::is_device) {
-        if (!*due) return;
-        std::fill_n(partial, std::size_t(body.homes) * 3, 0.0);
-        const auto& b = rigid_.at(std::size_t(body.rigid));
-        partial[0] = kinetic_energy<D>(b.shape, b.next);
-        for (int a = 0; a < D; ++a)
-            partial[2] -= b.shape.mass * clock_buffer_.data()->gravity[a] * b.state.centre[a];
-    }
-}
-
-/// What load cells and sensors of contacts hear of rigid bodies in this step.
-template <class X, class T, int D>
-void Domain<X, T, D>::tell_rigid_loads() {
-    if constexpr (!X::is_device) {
-        if (!rigid_.any() || clock_buffer_.data()->halt != Halt::none) return;
-        const auto loads = sensors_.take_load(clock_buffer_.data());
-        for (int k = 0; k < sensors_.load_count(); ++k) {
-            const LoadCellRecord<D>& cell = sensors_.load_cells()[k];
-            double* sum = loads.impulse + k * load_columns<D>;
-            for (const RigidWall<D>& w : rigid_walls_) {
-                if (w.boundary != cell.boundary || !(cell.faces >> w.face & 1)) continue;
-                Vec<double, D> arm;
-                double moment[spins<D>] = {};
-                for (int a = 0; a < D; ++a) {
-                    sum[a] += w.impulse[a];
-                    arm[a] = w.place[a] - cell.reference[a];
-                }
-                add_moment<D>(arm, w.impulse, 1, moment);
-                for (int a = 0; a < spins<D>; ++a) sum[D + a] += moment[a];
-            }
-        }
-        const auto contacts = sensors_.take_contact(clock_buffer_.data());
-        for (int k = 0; k < sensors_.contact_count(); ++k) {
-            const ContactLoadRecord& sensor = sensors_.contact_loads()[k];
-            double* sum = contacts.impulse + k * contact_columns<D>;
-            for (const RigidPoint<D>& p : rigid_points_) {
-                if (p.boundary >= 0 || p.hold != RigidHold::push) continue;
-                const int low = p.fields[0] < p.fields[1] ? 0 : 1;
-                if (sensor.fields[0] >= 0 &&
-                    (p.fields[low] != sensor.fields[0] || p.fields[1 - low] != sensor.fields[1]))
-                    continue;
-                const int side =
-                    sensors_
-                        .contact_sides()[sensor.sides + p.kinds[low] * std::int32_t(kind_count()) +
-                                         p.kinds[1 - low]];
-                if (side == 0) continue;
-                // The impulse is that on the second of the point's own order.
-                const double sign = side * (low == 0 ? 1 : -1);
-                double push = 0, square = 0, work = 0;
-                const Vec<double, D> mine = rigid_.next_velocity(std::size_t(p.body), p.place),
-                                     theirs =
-                                         p.other >= 0
-                                             ? rigid_.next_velocity(std::size_t(p.other), p.place)
-                                             : rigid_free_[std::size_t(p.free)].velocity;
-                for (int a = 0; a < D; ++a) push += p.impulse[a] * p.normal[a];
-                for (int a = 0; a < D; ++a) {
-                    const double across = p.impulse[a] - push * p.normal[a];
-                    square += across * across;
-                    work += across * (mine[a] - theirs[a]);
-                    sum[a] += sign * p.impulse[a];
-                }
-                sum[D] += push;
-                sum[D + 1] += std::sqrt(square);
-                sum[D + 2] += work;
-            }
-        }
-    }
-}
-
-/// A row of the motion of a body: place, velocity, rate of turn, orientation, and the mean force
-/// and moment of others on it since the row before.
-template <class X, class T, int D>
-void Domain<X, T, D>::sample_rigid(Sensor<Base>& s, SensorRecord& record) {
-    if constexpr (!X::is_device) {
-        const Body& body = bodies_.at(std::size_t(s.spec.body));
-        const auto& b = rigid_.at(std::size_t(body.rigid));
-        const double time = clock_buffer_.data()->time, elapsed = time - record.last_time;
-        const bool first = record.last_time < 0 || s.told.empty();
-        if (s.told.empty()) s.told.assign(std::size_t(D + spins<D>), 0.0);
-        double* row = open_row(record, time);
-        const auto put = [&](const double* from, int n) { row = std::copy_n(from, n, row); };
-        put(b.state.centre.e, D);
-        put(b.next.velocity.e, D);
-        put(b.spin, spins<D>);
-        const auto turn = rigid_.orientation(std::size_t(body.rigid));
-        put(turn.data(), turns<D>);
-        std::vector<double> now(b.state.impulse, b.state.impulse + D);
-        now.insert(now.end(), b.state.moment, b.state.moment + spins<D>);
-        for (std::size_t a = 0; a < now.size(); ++a)
-            *row++ = first || !(elapsed > 0) ? std::numeric_limits<double>::quiet_NaN()
-                                             : (now[a] - s.told[a]) / elapsed;
-        s.told = now;
-        record.last_time = time;
-    }
-}
-
-/// Particles of a rigid body have left the domain: whatever the policy, it stays whole.
-template <class X, class T, int D>
-bool Domain<X, T, D>::breaks_rigid(const std::vector<std::uint32_t>& left, std::size_t b,
-                                   const Buffer<X, std::uint32_t>& cell) {
-    const Body& body = bodies_[b];
-    std::vector<std::uint64_t> ids;
-    for (const Leaver<D>& who : list_left(body, left[b], cell))
-        ids.push_back(body.first_id + who.id);
-    fault_ = Fault{"left-domain",
-                   body.plan.name,
-                   ids,
-                   clock_.step,
-                   clock_.time,
-                   double(ids.size()),
-                   clock_.speed,
-                   growth_start(clock_),
-                   std::to_string(ids.size()) +
-                       " particles of a rigid body left the domain, the first at step " +
-                       std::to_string(clock_.step) +
-                       "; it stays whole, so that no policy takes them out"};
-    return true;
 }
 
 }  // namespace mpm

@@ -178,6 +178,23 @@ std::vector<Leaver<D>> Domain<X, T, D>::list_left(const Body& body, std::uint32_
     return out;
 }
 
+/// The fault of a run that particles of a body, `who`, have left. Returns false.
+template <class X, class T, int D>
+bool Domain<X, T, D>::stop_for_left(const Body& body, const std::vector<std::uint64_t>& ids,
+                                    const std::string& who, const std::string& why) {
+    fault_ = Fault{"left-domain",
+                   body.plan.name,
+                   ids,
+                   clock_.step,
+                   clock_.time,
+                   double(ids.size()),
+                   clock_.speed,
+                   growth_start(clock_),
+                   std::to_string(ids.size()) + " " + who + " left the domain, the first at step " +
+                       std::to_string(clock_.step) + why};
+    return false;
+}
+
 /// Takes particles that have left out of the computation: through outlets, and elsewhere as the
 /// policy has it. Returns false when the policy is to stop; nothing has changed then.
 template <class X, class T, int D>
@@ -190,28 +207,20 @@ bool Domain<X, T, D>::remove_left(const std::vector<std::uint32_t>& left,
         Body& body = bodies_[b];
         mass_and_volume.push_back({body.particle_mass, body.particle_volume});
         if (left[b] == 0) continue;
-        if constexpr (!X::is_device) {
-            if (body.mesh && tears_mesh(left, b, cells[b])) return false;
-            if (body.rigid >= 0 && breaks_rigid(left, b, cells[b])) return false;
+        const std::vector<Leaver<D>> leavers = list_left(body, left[b], cells[b]);
+        if (body.mesh || body.rigid >= 0) {  // stays whole, whatever the policy
+            std::vector<std::uint64_t> ids;
+            for (const Leaver<D>& who : leavers) ids.push_back(body.first_id + who.id);
+            return body.mesh ? stop_for_left(body, ids, "vertices",
+                                             "; a body of elements stays whole, so that no policy "
+                                             "takes them out")
+                             : stop_for_left(body, ids, "particles of a rigid body",
+                                             "; it stays whole, so that no policy takes them out");
         }
-        for (Way& way :
-             outflow_.ways(int(b), body.first_id, clock_.step, list_left(body, left[b], cells[b])))
+        for (Way& way : outflow_.ways(int(b), body.first_id, clock_.step, leavers))
             ways.push_back(std::move(way));
         const auto& ids = ways.back().removed.ids;
-        if (outflow_.stops() && !ids.empty()) {
-            fault_ = Fault{"left-domain",
-                           body.plan.name,
-                           ids,
-                           clock_.step,
-                           clock_.time,
-                           double(ids.size()),
-                           clock_.speed,
-                           growth_start(clock_),
-                           std::to_string(ids.size()) +
-                               " particles left the domain, the first at step " +
-                               std::to_string(clock_.step)};
-            return false;
-        }
+        if (outflow_.stops() && !ids.empty()) return stop_for_left(body, ids, "particles");
     }
     for (const Way& way : ways) {
         if (!outflow_.freezes(way) || way.id.empty()) continue;

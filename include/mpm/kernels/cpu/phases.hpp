@@ -12,18 +12,6 @@ inline int phase_threads(const Cpu& exec, std::uint32_t particles) {
     return particles > 2048 ? exec.threads() : 1;
 }
 
-/// Calls f(slot, home cell, particle) for the particles of a home block.
-template <class T, int D, class F>
-MPM_INLINE void for_each_of_block(const BodyView<T, D>& body, std::int32_t slot, const F& f) {
-    const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
-    for (int c = 0; c < block_cells; ++c) {
-        if (start[c] == start[c + 1]) continue;
-        int home[D];
-        Block<D>::coordinates(c, home);
-        for (std::uint32_t q = start[c]; q < start[c + 1]; ++q) f(home, q);
-    }
-}
-
 /// Sorting is due, whatever the drift.
 inline void call_for_sort(std::uint64_t* strays) {
     __atomic_store_n(strays, ~std::uint64_t(0), __ATOMIC_RELAXED);
