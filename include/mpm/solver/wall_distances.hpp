@@ -1,5 +1,5 @@
-// How far places are from walls of the domain, boxes and surfaces: for rigid bodies, which meet them
-// at points.
+// How far places are from walls of the domain, boxes and surfaces: for rigid bodies, which meet
+// them at points.
 #pragma once
 
 #include <algorithm>
