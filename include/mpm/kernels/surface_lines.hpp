@@ -111,13 +111,15 @@ struct SurfaceLine {
     double lead = 1;          // distance of the leader, cells
     double share = 1;
     double normal[D] = {};  // at the leader
+    // The surface is a plane that leans, and gravity is along the line: its nodes move along the
+    // plane as one (`FollowLines::follow_surface`).
+    bool slides = false;
 
     SurfaceLine() = default;
-    /// `room(cell)`: of a node that stands right before another wall across the axis, true.
-    /// `cautious`: as `SurfaceLaw` has it.
-    template <class Room>
+    /// `walls`: as `OtherWalls`. `cautious`: as `SurfaceLaw` has it.
+    template <class Walls>
     MPM_INLINE SurfaceLine(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
-                           const std::int64_t (&cell)[D], bool cautious, const Room& room) {
+                           const std::int64_t (&cell)[D], bool cautious, const Walls& walls) {
         const SurfaceView<D> here(all, s, cell);
         if (!here.known || here.distance >= 2) return;
         if (here.axis < 0 || here.deep()) {
@@ -132,7 +134,7 @@ struct SurfaceLine {
             state = otherwise;
             return;
         }
-        const double before = before_wall(all, s, cell, here, room);
+        const double before = before_wall(all, s, cell, here, walls);
         if (before < 1.5) {
             state = otherwise;
             return;
@@ -150,8 +152,11 @@ struct SurfaceLine {
             for (int a = 0; a < D; ++a) normal[a] = seen.normal[a];
             // All nodes of a line ask at its leader. In a corner of two faces it sees the other one
             // where what is under the line does not.
+            const bool flat = plane(all, s, there, seen);
+            slides = flat && leans() && axis == all.down;
+            const bool right = leans() ? slides && !walls.near(there, normal, axis) : flat;
             if (near_edge<D>(all, s, there, seen, axis) ||
-                (cautious && (moving_near<D>(all, there, 3) || !level(all, s, there)))) {
+                (cautious && (moving_near<D>(all, there, 3) || !right))) {
                 state = otherwise;
                 return;
             }
@@ -165,20 +170,24 @@ struct SurfaceLine {
         }
         state = otherwise;
     }
-    /// Is the surface across the axis, to a degree, for two cells around? Cut cells of a slope
-    /// integrate stresses unevenly: water at rest on linear ones is stirred.
-    MPM_CALL bool level(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
-                        const std::int64_t (&cell)[D]) const {
+    static constexpr double one_degree = 0.99985;
+    /// Is the surface not across the axis?
+    MPM_INLINE bool leans() const { return !(normal[axis] * sign > one_degree); }
+    /// Is the surface a plane, to a degree, for two cells around a leader, and no other part of it
+    /// before it?
+    MPM_CALL bool plane(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                        const std::int64_t (&cell)[D], const SurfaceView<D>& here) const {
         const Reconverge at_return;
         bool flat = true;
         for (int t = 0; t < D; ++t)
-            for (int by = -2; by < 3; by += 2) {
-                if (t == axis ? by != 0 : by == 0) continue;
+            for (int by = -2; by < 3; by += 4) {
+                if (t == axis && by * sign < 0) continue;
                 std::int64_t there[D];
                 moved_along<D>(cell, t, by, there);
                 const SurfaceView<D> seen(all, s, there);
-                flat = flat && seen.known && seen.axis == axis &&
-                       seen.normal[axis] * seen.away > 0.99985;
+                double along = 0;
+                for (int a = 0; a < D; ++a) along += seen.normal[a] * here.normal[a];
+                flat = flat && (seen.known ? along > one_degree : t == axis);
             }
         return flat;
     }
@@ -204,14 +213,14 @@ struct SurfaceLine {
         return false;
     }
     /// Distance of the first node on the way out that stands right before another wall, up to 4.
-    template <class Room>
+    template <class Walls>
     MPM_INLINE double before_wall(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
                                   const std::int64_t (&cell)[D], const SurfaceView<D>& here,
-                                  const Room& room) const {
+                                  const Walls& walls) const {
         for (int step = -4; step <= 6; ++step) {
             std::int64_t there[D];
             moved_along<D>(cell, axis, step * sign, there);
-            if (!room(there, axis, -sign)) continue;
+            if (!walls.right_before(there, axis, -sign)) continue;
             const SurfaceView<D> seen(all, s, there);
             if (seen.along(here) && seen.distance > 0 && seen.distance < 4) return seen.distance;
         }
@@ -287,6 +296,7 @@ template <int D>
 struct SurfaceNode {
     PlaceOnLine place;
     std::int8_t state = 0, line_axis = 0, sign = 1, leader = 0;  // as in `SurfaceLine`
+    bool slides = false;
     std::int32_t boundary = -1;  // none is near, or more than one, or what is near moves
     double lead = 1, share = 1, normal[D];
     // Beside an edge, where no line runs: what even pressure does to the node, which both faces
@@ -301,6 +311,7 @@ struct SurfaceNode {
           line_axis(std::int8_t(l.axis)),
           sign(std::int8_t(l.sign)),
           leader(std::int8_t(l.leader)),
+          slides(l.slides),
           boundary(b),
           lead(l.lead),
           share(l.share) {
@@ -312,6 +323,7 @@ struct SurfaceNode {
         l.axis = line_axis;
         l.sign = sign;
         l.leader = leader;
+        l.slides = slides;
         l.lead = lead;
         l.share = share;
         for (int a = 0; a < D; ++a) l.normal[a] = normal[a];

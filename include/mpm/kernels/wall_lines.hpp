@@ -328,9 +328,18 @@ struct FollowLines {
             seen(b, 0, before, v);
             return;
         }
-        const T change = (T(line.share) * lead - is) / open;
+        // Along a slope the splines of a line's nodes are cut by particles' volumes unevenly, those
+        // of all of them together hardly: what is too much for one is too little for another.
+        Vec<T, D> lag{};
+        T off = 0;
+        for (int a = 0; a < D && line.slides; ++a) {
+            if (bound[a]) continue;
+            lag[a] = momentum[a] / mass - (own.velocity[a] - here[a]);
+            off += T(line.normal[a]) * lag[a];
+        }
+        const T change = (T(line.share) * lead - is - off) / open;
         for (int a = 0; a < D; ++a)
-            if (!bound[a]) v[a] += change * T(line.normal[a]);
+            if (!bound[a]) v[a] += lag[a] + change * T(line.normal[a]);
         if (law.static_friction > 0 || law.dynamic_friction > 0) {
             T speed = 0;
             for (int a = 0; a < D; ++a) {

@@ -233,16 +233,55 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
     return line;
 }
 
+/// What lines towards a surface ask of other walls.
+template <int D>
+struct OtherWalls {
+    const BoundaryView<D>& all;
+    int boundary;  // the surface's
+
+    /// Does a node stand right before another wall across the axis?
+    MPM_INLINE bool right_before(const std::int64_t (&cell)[D], int axis, int sign) const {
+        return before_face<D>(all, cell, axis, sign);
+    }
+    /// Is the leader of a line towards a surface that leans near to another one, or to a wall that
+    /// is not along the normal? The splines of the line's nodes end at both, and of an even
+    /// pressure neither line gives back what the other's wall does.
+    MPM_CALL bool near(const std::int64_t (&leader)[D], const double (&normal)[D], int axis) const {
+        const Reconverge at_return;
+        bool found = false;
+        for (int b = 0; b < all.count; ++b) {
+            const BoundaryRecord<D>& r = all.records[b];
+            if (b == boundary || !r.active) continue;
+            if (r.surface > 0) {
+                const SurfaceView<D> other(all, all.surfaces[r.surface - 1], leader);
+                found = found || (other.known && other.distance < 3);
+                continue;
+            }
+            for (int f = 0; f < 2 * D; ++f) {
+                const int a = f / 2;
+                const bool pushed_along = normal[a] > 0.0175 || normal[a] < -0.0175;  // a degree
+                if (!r.present[f] || !pushed_along) continue;
+                bool beside = true;
+                for (int t = 0; t < D; ++t)
+                    beside =
+                        beside && (t == a || !r.is_box ||
+                                   (leader[t] >= r.lower[t] - 3 && leader[t] < r.upper[t] + 3));
+                // A line ends three cells behind its surface.
+                const std::int64_t place = WallPlane<D>(r, f).place(leader[a]);
+                found = found || (beside && place >= -3 && place < (a == axis ? 4 : 2));
+            }
+        }
+        return found;
+    }
+};
+
 /// The line towards a linear surface on which a node is.
 template <int D>
 MPM_INLINE SurfaceLine<D> surface_line(const BoundaryView<D>& all, int boundary,
                                        const std::int64_t (&cell)[D]) {
     const BoundaryRecord<D>& r = all.records[boundary];
     const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
-    return SurfaceLine<D>(all, s, cell, r.law[0].cautious,
-                          [&](const std::int64_t(&at)[D], int axis, int sign) {
-                              return before_face<D>(all, at, axis, sign);
-                          });
+    return SurfaceLine<D>(all, s, cell, r.law[0].cautious, OtherWalls<D>{all, boundary});
 }
 
 /// Slot of the node of a cell in the field of another slot, -1 where it is not active, and its

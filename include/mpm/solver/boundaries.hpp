@@ -31,8 +31,8 @@ public:
     Boundaries& operator=(const Boundaries&) = delete;
 
     BoundaryView<D> view() const {
-        return {records_.data(), int(records_.size()), surfaces_.data(), cell_size_,
-                reach(),         linear_walls_,        linear_surfaces_, mirrored_walls_};
+        return {records_.data(), int(records_.size()), surfaces_.data(), cell_size_, reach(),
+                linear_walls_,   linear_surfaces_,     mirrored_walls_,  down_};
     }
     /// Gravity and boundaries of the moment of a clock.
     BeginStep<D> begin_step(Clock* clock) const {
@@ -87,6 +87,7 @@ private:
     bool linear_walls_ = false;  // kernels/wall_lines.hpp
     bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
+    int down_ = -1;  // as `BoundaryView` has it
     TimeTables<X> tables_{exec_};
     TimeTableView gravity_{};
     std::vector<Buffer<X, std::uint64_t>> surface_keys_;
@@ -108,6 +109,14 @@ template <class X, int D>
 Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
     : exec_(exec), cell_size_(spec.cell_size), wide_(kernel_width(spec.kernel.kernel) == 5) {
     gravity_ = tables_.upload(spec.gravity, D);
+    double most = 0;
+    for (int a = 0; a < D; ++a) {
+        double pull = 0;
+        for (std::size_t k = std::size_t(a); k < spec.gravity.value.size(); k += D)
+            pull += std::abs(spec.gravity.value[k]);
+        if (pull > most) down_ = a;
+        most = std::max(most, pull);
+    }
     std::vector<BoundaryRecord<D>> records, measured;
     std::vector<SurfaceRecord<D>> surfaces;
     for (std::size_t k = 0; k < spec.boundaries.size(); ++k) {
