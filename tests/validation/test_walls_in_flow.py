@@ -55,8 +55,13 @@ class Drop:
         self.time = time
 
 
-def tilted_drop(cells, device, tmp_path, *, angle=0.0, offset=0.0, transfer="APIC"):
-    """The same on a `HalfSpace`, at an angle in degrees or `offset` cells above a cell face."""
+def tilted_drop(cells, device, tmp_path, *, angle=0.0, offset=0.0, transfer="APIC", slope=False):
+    """The same on a `HalfSpace`, at an angle in degrees or `offset` cells above a cell face.
+
+    `slope`: with a gravity that does nothing but say which way is down, so that nodes move as on
+    slopes.
+    """
+    weight = (0.0, -1e-9 if slope else 0.0)
     dx = 1.0 / cells
     along = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
     normal = np.array([-along[1], along[0]])
@@ -68,7 +73,7 @@ def tilted_drop(cells, device, tmp_path, *, angle=0.0, offset=0.0, transfer="API
     file = tmp_path / "drop.npy"
     np.save(file, origin + x[inside][:, None] * along + y[inside][:, None] * normal)
     scene = libmpm.Scene(
-        dimension=2, cell_size=dx, lower=(-2.8, -2.8), upper=(2.8, 2.8), gravity=(0.0, 0.0),
+        dimension=2, cell_size=dx, lower=(-2.8, -2.8), upper=(2.8, 2.8), gravity=weight,
         method=libmpm.Method(cfl=0.3, transfer=transfer),
     )  # fmt: skip
     scene.add_body(
@@ -159,13 +164,17 @@ def test_half_drop_in_single_precision_and_with_a_wall_that_lets_go(device):
     assert np.abs(force).max() <= 0.015
 
 
-PLANES = [(0.0, 0.0), (0.0, 0.25), (0.0, 0.4), (0.0, 0.5), (30.0, 0.0), (45.0, 0.0)]
+PLANES = [(0.0, 0.0, False), (0.0, 0.25, False), (0.0, 0.4, False), (0.0, 0.5, False)]
+PLANES += [(30.0, 0.0, False), (45.0, 0.0, False)]
+PLANES += [(5.0, 0.0, True), (15.0, 0.0, True), (30.0, 0.0, True), (40.0, 0.0, True)]
 
 
-@pytest.mark.parametrize(("angle", "offset"), PLANES)
-def test_half_drop_on_a_surface(angle, offset, device, tmp_path):
+@pytest.mark.parametrize(("angle", "offset", "slope"), PLANES)
+def test_half_drop_on_a_surface(angle, offset, slope, device, tmp_path):
     """A plane by its signed distance, wherever it lies in the cells and at any angle."""
-    pressure, force, a, b = tilted_drop(20, device, tmp_path, angle=angle, offset=offset)
+    pressure, force, a, b = tilted_drop(
+        20, device, tmp_path, angle=angle, offset=offset, slope=slope
+    )
     assert np.abs(pressure).max() <= 0.03
     assert np.abs(force).max() <= 0.015
     assert np.abs(a).max() <= 0.005

@@ -264,7 +264,7 @@ struct FollowLines {
         const Vec<T, D> before = v;
         if (line.state == SurfaceLine<D>::held) return hold_at_surface(b, cell, v, seen);
         if (line.state != SurfaceLine<D>::on) return;
-        T mass = 0, led = 0, push = 0, inert = 0, leader = 0;
+        T mass = 0, led = 0, push = 0, inert = 0, leader = 0, arm = 0;
         T last = 0, last_share = 0, in_plane = 0;  // velocities along the normal
         bool across = false;
         Vec<T, D> momentum{}, here{};
@@ -304,6 +304,7 @@ struct FollowLines {
             last = along;
             last_share = seat_here.mass > T(0) ? t : T(0);
             mass += seat_here.mass;
+            arm -= T(step * line.sign) * seat_here.mass;
             led += t * seat_here.mass;
             inert += t * t * seat_here.mass;
             push += t * seat_here.mass * along;
@@ -328,13 +329,16 @@ struct FollowLines {
             seen(b, 0, before, v);
             return;
         }
-        // Along a slope the splines of a line's nodes are cut by particles' volumes unevenly, those
-        // of all of them together hardly: what is too much for one is too little for another.
+        // Of cut cells particles integrate what pushes along a slope unevenly between the nodes of a
+        // line, over all of them hardly: they move as one, but for what the flow is drawn out along
+        // the slope as it is pressed across it.
         Vec<T, D> lag{};
         T off = 0;
+        const T drawn = lead / T(line.lead) * (T(line.leader) + arm / mass);
         for (int a = 0; a < D && line.slides; ++a) {
             if (bound[a]) continue;
-            lag[a] = momentum[a] / mass - (own.velocity[a] - here[a]);
+            const T along_axis = T(a == line.axis) - T(line.normal[a] * line.normal[line.axis]);
+            lag[a] = momentum[a] / mass - (own.velocity[a] - here[a]) + drawn * along_axis;
             off += T(line.normal[a]) * lag[a];
         }
         const T change = (T(line.share) * lead - is - off) / open;
