@@ -39,8 +39,8 @@ struct SurfaceLaw {
     // Slip and separable faces of boxes and of the domain: the cells beside them strain linearly
     // (kernels/wall_lines.hpp), in place of nodes that are held one by one.
     bool linear = false;
-    // Linear by default and not by name: held where that is not known to be right, on slopes and
-    // within reach of what moves (kernels/wall_places.hpp).
+    // Linear by default and not by name: held where that is not known to be right, beside round
+    // and steep surfaces and within reach of what moves (kernels/surface_lines.hpp).
     bool cautious = false;
 };
 

@@ -70,8 +70,9 @@ class Slip(Response):
         'their pressure in a flow is wrong. "linear": the velocity towards the wall is '
         "linear in its cell and meets the wall's in the plane of the wall "
         '(`design/walls.md`, 7), with quadratic functions. "auto": "linear" for walls, boxes '
-        "and level surfaces that rest, three cells and more from where something that moves may "
-        'come, in a scene with a fluid whose method allows it, else "held", as for slopes.',
+        "and planes of surfaces, level or less than 45 degrees steep, that rest, three cells and "
+        "more from where something that moves may come, in a scene with a fluid whose method "
+        'allows it, else "held", as for round surfaces.',
         default="auto",
         range='"auto", "held" or "linear"',
     )

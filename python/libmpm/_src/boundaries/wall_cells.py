@@ -59,8 +59,9 @@ def strains_linearly(
 ) -> bool:
     """Whether the cells beside a face ("" where there is none) of a boundary strain linearly.
 
-    Where "auto" stands for that (`by_caution`), the engine still holds nodes on slopes and where
-    something that moves may come within three cells: drops creep between the two there.
+    Where "auto" stands for that (`by_caution`), the engine still holds nodes beside surfaces that
+    are round or steep, in corners of a slope and a wall, and where something that moves may come
+    within three cells: drops creep between the two there.
     `by_default` is `linear_by_default(scene)` where it is known already.
     """
     cell = getattr(boundary.response_at(face), "cell", "held")
