@@ -186,8 +186,9 @@ struct SurfaceLine {
                 moved_along<D>(cell, t, by, there);
                 const SurfaceView<D> seen(all, s, there);
                 double along = 0;
-                for (int a = 0; a < D; ++a) along += seen.normal[a] * here.normal[a];
-                flat = flat && (seen.known ? along > one_degree : t == axis);
+                for (int a = 0; a < D && seen.known; ++a) along += seen.normal[a] * here.normal[a];
+                // What is before it may be too far off to be known.
+                flat = flat && (along > one_degree || (!seen.known && t == axis));
             }
         return flat;
     }

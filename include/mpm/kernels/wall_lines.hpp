@@ -329,9 +329,9 @@ struct FollowLines {
             seen(b, 0, before, v);
             return;
         }
-        // Of cut cells particles integrate what pushes along a slope unevenly between the nodes of a
-        // line, over all of them hardly: they move as one, but for what the flow is drawn out along
-        // the slope as it is pressed across it.
+        // Of cut cells particles integrate what pushes along a slope unevenly between the nodes of
+        // a line, over all of them hardly: they move as one, but for what the flow is drawn out
+        // along the slope as it is pressed across it.
         Vec<T, D> lag{};
         T off = 0;
         const T drawn = lead / T(line.lead) * (T(line.leader) + arm / mass);
