@@ -14,30 +14,31 @@ pytestmark = pytest.mark.validation
 WATER, GRAVITY = 1000.0, 9.81
 
 
-def basin(degrees, cells, transfer="APIC", cell="auto"):
-    """Water 1 m deep between two slopes that meet, which its surface ends on."""
-    dx, rise = 1.0 / cells, np.tan(np.deg2rad(degrees))
-    half = np.ceil(1 / rise / dx + 4) * dx
-    lower, upper = (-half, -4 * dx), (half, 1 + 6 * dx)
+def over(bed, dx, lower, upper, transfer="APIC", walls=True):
+    """Water of level 1 m over a bed, by default in a tank."""
     scene = libmpm.Scene(
-        dimension=2, cell_size=dx, lower=lower, upper=upper, gravity=(0.0, -GRAVITY),
-        method=libmpm.Method(transfer=transfer),
+        dimension=len(lower), cell_size=dx, lower=lower, upper=upper,
+        gravity=(*(0.0,) * (len(lower) - 1), -GRAVITY), method=libmpm.Method(transfer=transfer),
     )  # fmt: skip
-    bed = shapes.Union(
-        parts=tuple(
-            shapes.HalfSpace(point=(0.0, 0.0), normal=(side * rise, 1.0)) for side in (-1.0, 1.0)
-        )
-    )
     room = shapes.Box(lower=lower, upper=upper)
+    water = materials.TaitFluid(density=WATER, bulk_modulus=200 * WATER * GRAVITY, viscosity=0.0)
     scene.add_body(
         name="water", shape=shapes.basin(level=1.0, bed=bed, within=room), hydrostatic=1.0,
-        material=materials.TaitFluid(
-            density=WATER, bulk_modulus=200 * WATER * GRAVITY, viscosity=0.0
-        ),
-        sampling=shapes.Columns(),
+        material=water, sampling=shapes.Columns(),
     )  # fmt: skip
-    scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip(cell=cell))
+    scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip())
+    if walls:
+        scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
     return scene
+
+
+def basin(degrees, cells, transfer="APIC"):
+    """Between two slopes that meet, which the water's surface ends on."""
+    dx, rise = 1.0 / cells, np.tan(np.deg2rad(degrees))
+    half = np.ceil(1 / rise / dx + 4) * dx
+    sides = [shapes.HalfSpace(point=(0.0, 0.0), normal=(s * rise, 1.0)) for s in (-1.0, 1.0)]
+    bed = shapes.Union(parts=tuple(sides))
+    return over(bed, dx, (-half, -4 * dx), (half, 1 + 6 * dx), transfer, walls=False)
 
 
 def stirred(sim):
@@ -73,30 +74,12 @@ def test_with_a_transfer_that_keeps_velocities(device):
 
 @pytest.mark.parametrize("across", ["x", "y"])
 def test_in_space_between_side_walls(across, device):
-    """A slope of three to one between walls along it, along either axis."""
-    dx, rise = 1.0 / 8, 1.0 / 3
+    """A slope of one in three between walls along it, along either axis."""
     along = 0 if across == "y" else 1
-    size = [4.0, 4.0, 1.5]
-    size[1 - along] = 1.0
-    normal = [0.0, 0.0, 1.0]
-    normal[along] = -rise
-    point = [0.0, 0.0, 0.0]
-    point[along] = 0.5
+    size, normal, point = [4.0, 4.0, 1.5], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]
+    size[1 - along], normal[along], point[along] = 1.0, -1.0 / 3, 0.5
     bed = shapes.HalfSpace(point=tuple(point), normal=tuple(normal))
-    scene = libmpm.Scene(
-        dimension=3, cell_size=dx, lower=(0.0, 0.0, 0.0), upper=tuple(size),
-        gravity=(0.0, 0.0, -GRAVITY),
-    )  # fmt: skip
-    room = shapes.Box(lower=(0.0, 0.0, 0.0), upper=tuple(size))
-    scene.add_body(
-        name="water", shape=shapes.basin(level=1.0, bed=bed, within=room), hydrostatic=1.0,
-        material=materials.TaitFluid(
-            density=WATER, bulk_modulus=200 * WATER * GRAVITY, viscosity=0.0
-        ),
-        sampling=shapes.Columns(),
-    )  # fmt: skip
-    scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip())
-    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    scene = over(bed, 1.0 / 8, (0.0, 0.0, 0.0), tuple(size))
     sim = run(scene, device, 1_000)
     water = sim.particles["water"]
     place, speed = water["position"], water["velocity"] / np.sqrt(GRAVITY)
@@ -109,21 +92,8 @@ def test_in_space_between_side_walls(across, device):
 def test_beside_a_wall_that_the_slope_runs_to(device):
     """Held nodes stir it by 0.004 after 8 s, lines up to the wall start a roller in the corner."""
     dx, rise = 1.0 / 16, np.tan(np.deg2rad(2.386))
-    scene = libmpm.Scene(
-        dimension=2, cell_size=dx, lower=(-8.0, -4 * dx), upper=(8.0, 1 + 6 * dx),
-        gravity=(0.0, -GRAVITY), method=libmpm.Method(transfer="APIC"),
-    )  # fmt: skip
     bed = shapes.HalfSpace(point=(0.0, 0.3), normal=(-rise, 1.0))
-    room = shapes.Box(lower=scene.lower, upper=scene.upper)
-    scene.add_body(
-        name="water", shape=shapes.basin(level=1.0, bed=bed, within=room), hydrostatic=1.0,
-        material=materials.TaitFluid(
-            density=WATER, bulk_modulus=200 * WATER * GRAVITY, viscosity=0.0
-        ),
-        sampling=shapes.Columns(),
-    )  # fmt: skip
-    scene.add_boundary(name="bed", shape=bed, response=boundaries.Slip())
-    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    scene = over(bed, dx, (-8.0, -4 * dx), (8.0, 1 + 6 * dx))
     water = run(scene, device, 8_000).particles["water"]
     corner = (water["position"] < (-7.0, 0.25)).all(axis=1)
     assert np.abs(water["velocity"][corner, 0].mean()) / np.sqrt(GRAVITY) <= 1.5e-3
