@@ -8,6 +8,9 @@
 
 namespace mpm {
 
+/// Planes that differ by less than a degree are one.
+inline constexpr double cos_of_a_degree = 0.99985, sin_of_a_degree = 0.0175;
+
 /// What a node sees of a surface.
 template <int D>
 struct SurfaceView {
@@ -43,11 +46,15 @@ struct SurfaceView {
     MPM_INLINE bool along(const SurfaceView& other) const {
         return known && axis >= 0 && axis == other.axis && away == other.away;
     }
+    /// Cosine of the angle between the normals, where both are known.
+    MPM_INLINE double cosine(const SurfaceView& other) const {
+        double along = 0;
+        for (int a = 0; a < D; ++a) along += normal[a] * other.normal[a];
+        return along;
+    }
     /// Does it see another face? Neighbours before a round body see normals that differ by less.
     MPM_INLINE bool turned_from(const SurfaceView& other) const {
-        double along = 0;
-        for (int a = 0; known && a < D; ++a) along += normal[a] * other.normal[a];
-        return known && along < 0.8;
+        return known && cosine(other) < 0.8;
     }
     /// No particle before the surface reaches a node further behind it.
     MPM_INLINE bool deep() const {
@@ -152,11 +159,9 @@ struct SurfaceLine {
             for (int a = 0; a < D; ++a) normal[a] = seen.normal[a];
             // All nodes of a line ask at its leader. In a corner of two faces it sees the other one
             // where what is under the line does not.
-            const bool flat = plane(all, s, there, seen);
-            slides = flat && leans() && axis == all.down;
-            const bool right = leans() ? slides && !walls.near(there, normal, axis) : flat;
+            slides = leans() && axis == all.down && plane(all, s, there, seen);
             if (near_edge<D>(all, s, there, seen, axis) ||
-                (cautious && (moving_near<D>(all, there, 3) || !right))) {
+                (cautious && !accepted(all, s, there, seen, walls))) {
                 state = otherwise;
                 return;
             }
@@ -170,9 +175,16 @@ struct SurfaceLine {
         }
         state = otherwise;
     }
-    static constexpr double one_degree = 0.99985;
+    /// Is a line with this leader one of those that were measured to be right?
+    template <class Walls>
+    MPM_INLINE bool accepted(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                             const std::int64_t (&there)[D], const SurfaceView<D>& seen,
+                             const Walls& walls) const {
+        if (moving_near<D>(all, there, 3)) return false;
+        return leans() ? slides && !walls.near(there, normal, axis) : plane(all, s, there, seen);
+    }
     /// Is the surface not across the axis?
-    MPM_INLINE bool leans() const { return !(normal[axis] * sign > one_degree); }
+    MPM_INLINE bool leans() const { return !(normal[axis] * sign > cos_of_a_degree); }
     /// Is the surface a plane, to a degree, for two cells around a leader, and no other part of it
     /// before it?
     MPM_CALL bool plane(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
@@ -185,10 +197,8 @@ struct SurfaceLine {
                 std::int64_t there[D];
                 moved_along<D>(cell, t, by, there);
                 const SurfaceView<D> seen(all, s, there);
-                double along = 0;
-                for (int a = 0; a < D && seen.known; ++a) along += seen.normal[a] * here.normal[a];
                 // What is before it may be too far off to be known.
-                flat = flat && (along > one_degree || (!seen.known && t == axis));
+                flat = flat && (seen.known ? seen.cosine(here) > cos_of_a_degree : t == axis);
             }
         return flat;
     }

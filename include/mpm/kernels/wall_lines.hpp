@@ -329,21 +329,22 @@ struct FollowLines {
             seen(b, 0, before, v);
             return;
         }
-        // Of cut cells particles integrate what pushes along a slope unevenly between the nodes of
-        // a line, over all of them hardly: they move as one, but for what the flow is drawn out
-        // along the slope as it is pressed across it.
-        Vec<T, D> lag{};
-        T off = 0;
-        const T drawn = lead / T(line.lead) * (T(line.leader) + arm / mass);
-        for (int a = 0; a < D && line.slides; ++a) {
-            if (bound[a]) continue;
-            const T along_axis = T(a == line.axis) - T(line.normal[a] * line.normal[line.axis]);
-            lag[a] = momentum[a] / mass - (own.velocity[a] - here[a]) + drawn * along_axis;
-            off += T(line.normal[a]) * lag[a];
+        if (line.slides) {
+            // Of cut cells particles integrate what pushes along a slope unevenly between the nodes
+            // of a line, over all of them hardly: they move as one, but for what the flow is drawn
+            // out along the slope as it is pressed across it.
+            const T drawn = lead / T(line.lead) * (T(line.leader) + arm / mass);
+            for (int a = 0; a < D; ++a) {
+                if (bound[a]) continue;
+                const T steep = T(a == line.axis) - T(line.normal[a] * line.normal[line.axis]);
+                const T lag = momentum[a] / mass - (own.velocity[a] - here[a]) + drawn * steep;
+                v[a] += lag;
+                is += T(line.normal[a]) * lag;
+            }
         }
-        const T change = (T(line.share) * lead - is - off) / open;
+        const T change = (T(line.share) * lead - is) / open;
         for (int a = 0; a < D; ++a)
-            if (!bound[a]) v[a] += lag[a] + change * T(line.normal[a]);
+            if (!bound[a]) v[a] += change * T(line.normal[a]);
         if (law.static_friction > 0 || law.dynamic_friction > 0) {
             T speed = 0;
             for (int a = 0; a < D; ++a) {

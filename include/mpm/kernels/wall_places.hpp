@@ -259,7 +259,8 @@ struct OtherWalls {
             }
             for (int f = 0; f < 2 * D; ++f) {
                 const int a = f / 2;
-                const bool pushed_along = normal[a] > 0.0175 || normal[a] < -0.0175;  // a degree
+                const bool pushed_along =
+                    normal[a] > sin_of_a_degree || normal[a] < -sin_of_a_degree;
                 if (!r.present[f] || !pushed_along) continue;
                 bool beside = true;
                 for (int t = 0; t < D; ++t)
