@@ -1,4 +1,5 @@
 """`sensors.ContactLoad`: weights, impulses and friction against closed forms; bits, refusals."""
+# ruff: noqa: F811  the fixture `device` is imported
 
 from __future__ import annotations
 
@@ -12,13 +13,20 @@ import pytest
 import libmpm
 from libmpm import contacts, sensors
 from support import contact_scenes as cases
+from support.contact_scenes import Runner
+from support.devices import device  # noqa: F401
 
 G = 9.81
 
 
-def run(scene: libmpm.Scene, **options: Any) -> libmpm.Simulation:
-    """Return a simulation on the CPU, in double precision unless said."""
-    return libmpm.Simulation(scene, device="cpu", **({"precision": "double"} | options))
+@pytest.fixture
+def run(device: str) -> Runner:
+    """Return what makes a simulation on a device, in double precision unless said."""
+
+    def made(scene: libmpm.Scene, **options: Any) -> libmpm.Simulation:
+        return libmpm.Simulation(scene, device=device, **({"precision": "double"} | options))
+
+    return made
 
 
 def mean_of(simulation: libmpm.Simulation, name: str, component: str, start: float) -> float:
@@ -33,7 +41,7 @@ def momentum(simulation: libmpm.Simulation, body: str) -> Any:
     return (np.asarray(mass)[:, None] * np.asarray(velocity)).sum(axis=0)
 
 
-def test_stack_presses_with_its_weight() -> None:
+def test_stack_presses_with_its_weight(run: Runner) -> None:
     weight = 0.01 * 1000 * G  # of one block, N/m
     scene = cases.stack()
     for name, pair in (
@@ -70,7 +78,7 @@ def test_stack_presses_with_its_weight() -> None:
 
 
 @pytest.mark.parametrize("interval", [0.0, 3e-3])
-def test_blow_changes_momentum_by_its_impulse(interval: float) -> None:
+def test_blow_changes_momentum_by_its_impulse(run: Runner, interval: float) -> None:
     speed = 0.02 * cases.sound_speed(1e6, 0.3)
     scene = cases.discs(8, speed, impact=0.5, friction=0.2)
     scene.add_sensor(name="blow", sensor=sensors.ContactLoad(contact="discs", interval=interval))
@@ -94,7 +102,7 @@ def test_blow_changes_momentum_by_its_impulse(interval: float) -> None:
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_sliding_block_has_coulomb_friction(dimension: int) -> None:
+def test_sliding_block_has_coulomb_friction(run: Runner, dimension: int) -> None:
     friction, angle, g = 0.3, math.radians(30), 10.0
     scene = cases.slope(dimension, friction, cells=12 if dimension == 2 else 8)
     scene.add_sensor(name="sole", sensor=sensors.ContactLoad(contact="sole", interval=0.01))
@@ -118,7 +126,7 @@ def test_sliding_block_has_coulomb_friction(dimension: int) -> None:
     assert told("force_x") == pytest.approx(-friction * normal, rel=0.08)
 
 
-def test_energy_lost_is_what_friction_takes() -> None:
+def test_energy_lost_is_what_friction_takes(run: Runner) -> None:
     scene = cases.slope(2, 0.3)
     scene.add_sensor(name="sole", sensor=sensors.ContactLoad(contact="sole", interval=0.01))
     scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.01))
@@ -134,7 +142,7 @@ def test_energy_lost_is_what_friction_takes() -> None:
     assert taken == pytest.approx(lost, rel=0.05)
 
 
-def test_water_carries_what_floats() -> None:
+def test_water_carries_what_floats(run: Runner) -> None:
     scene = cases.floating(500.0)
     scene.add_sensor(name="lift", sensor=sensors.ContactLoad(contact="wet", interval=0.01))
     simulation = run(scene)
@@ -147,7 +155,7 @@ def test_water_carries_what_floats() -> None:
 
 @pytest.mark.parametrize("precision", ["single", "double"])
 def test_series_of_split_and_resumed_runs_have_the_same_bits(
-    tmp_path: Path, precision: str
+    run: Runner, device: str, tmp_path: Path, precision: str
 ) -> None:
     def scene() -> libmpm.Scene:
         made = cases.dominoes(3)
@@ -159,13 +167,13 @@ def test_series_of_split_and_resumed_runs_have_the_same_bits(
     first = run(scene(), precision=precision, threads=2)
     first.run(until=0.0613)  # between two samples
     first.save_checkpoint(tmp_path / "half.h5")
-    second = libmpm.Simulation.resume(tmp_path / "half.h5", device="cpu")
+    second = libmpm.Simulation.resume(tmp_path / "half.h5", device=device)
     second.run(until=0.12)
     assert np.abs(whole.sensors["tips"].values).max() > 0
     assert np.array_equal(whole.sensors["tips"].values, second.sensors["tips"].values)
 
 
-def test_first_and_second_are_those_of_the_contact() -> None:
+def test_first_and_second_are_those_of_the_contact(run: Runner) -> None:
     """Whichever was added first, the force is that on the second name's bodies."""
     found = []
     for between in (("left", "right"), ("right", "left")):

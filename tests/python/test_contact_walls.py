@@ -2,6 +2,7 @@
 
 Closed forms and balances of momentum; on ranks: test_contact_ranks.py. Expected duration: 30 s.
 """
+# ruff: noqa: F811  the fixture `device` is imported
 
 from __future__ import annotations
 
@@ -13,15 +14,21 @@ import pytest
 import libmpm
 from libmpm import boundaries, contacts, materials, sensors, shapes
 from support import contact_scenes as cases
+from support.contact_scenes import Runner
+from support.devices import device  # noqa: F401
 
 GRAVITY, WATER = 9.81, 1000.0
 
 
-def run(scene: libmpm.Scene, **options: Any) -> libmpm.Simulation:
-    """Return a simulation on one thread, in double precision unless said."""
-    return libmpm.Simulation(
-        scene, device="cpu", **({"precision": "double", "threads": 1} | options)
-    )
+@pytest.fixture
+def run(device: str) -> Runner:
+    """Return what makes a simulation on a device, in double precision on one thread unless said."""
+
+    def made(scene: libmpm.Scene, **options: Any) -> libmpm.Simulation:
+        given = {"precision": "double", "threads": 1} | options
+        return libmpm.Simulation(scene, device=device, **given)
+
+    return made
 
 
 def response(cell: str, separable: bool = True, **rub: float) -> boundaries.Response:
@@ -66,7 +73,7 @@ def pushed_water(cell: str, block: float | None) -> libmpm.Scene:
     return scene
 
 
-def thrust(scene: libmpm.Scene) -> float:
+def thrust(run: Runner, scene: libmpm.Scene) -> float:
     """Return the mean force on the piston of a bore that has formed, of ½ ρ g h₂²."""
     speed, low, high = 0.1 * np.sqrt(GRAVITY), 1.0, 2.0
     for _ in range(60):
@@ -80,16 +87,16 @@ def thrust(scene: libmpm.Scene) -> float:
     return float(-np.asarray(load["force_x"])[late].mean() / (0.5 * WATER * GRAVITY * low**2))
 
 
-def test_the_load_of_a_bore_is_that_without_contact() -> None:
+def test_the_load_of_a_bore_is_that_without_contact(run: Runner) -> None:
     """Far off, a block that floats changes nothing of what linear cells are for."""
-    assert abs(thrust(pushed_water("linear", None)) - 1) < 0.02
-    assert abs(thrust(pushed_water("linear", 4.0)) - 1) < 0.02
-    assert thrust(pushed_water("held", 4.0)) > 1.2
+    assert abs(thrust(run, pushed_water("linear", None)) - 1) < 0.02
+    assert abs(thrust(run, pushed_water("linear", 4.0)) - 1) < 0.02
+    assert thrust(run, pushed_water("held", 4.0)) > 1.2
 
 
-def test_a_floating_block_before_the_piston_carries_its_part() -> None:
+def test_a_floating_block_before_the_piston_carries_its_part(run: Runner) -> None:
     """In still water what floats presses on a wall beside it as the water that it stands for."""
-    assert abs(thrust(pushed_water("linear", 0.0)) - 1) < 0.06
+    assert abs(thrust(run, pushed_water("linear", 0.0)) - 1) < 0.06
 
 
 def thrown(law: contacts.ContactLaw) -> libmpm.Scene:
@@ -123,7 +130,7 @@ def thrown(law: contacts.ContactLaw) -> libmpm.Scene:
 
 
 @pytest.mark.parametrize("law", [contacts.Friction(static=0.3), contacts.Stick()], ids=str)
-def test_momentum_goes_to_the_wall_and_nowhere_else(law: contacts.ContactLaw) -> None:
+def test_momentum_goes_to_the_wall_and_nowhere_else(run: Runner, law: contacts.ContactLaw) -> None:
     simulation = run(thrown(law))
 
     def momentum() -> Any:
@@ -144,7 +151,7 @@ def test_momentum_goes_to_the_wall_and_nowhere_else(law: contacts.ContactLaw) ->
     np.testing.assert_allclose(start - momentum(), given, rtol=0, atol=1e-11 * np.abs(start).max())
 
 
-def test_blocks_on_a_linear_floor_stand_and_weigh_what_they_weigh() -> None:
+def test_blocks_on_a_linear_floor_stand_and_weigh_what_they_weigh(run: Runner) -> None:
     scene = libmpm.Scene(
         dimension=2, cell_size=0.1 / 6, lower=(0, 0), upper=(0.5, 0.4), gravity=(0, -GRAVITY)
     )

@@ -14,6 +14,9 @@ from libmpm import boundaries, contacts, materials, shapes
 
 Numbers = NDArray[np.float64]
 
+#: Makes a simulation of a scene on the device of a test.
+Runner = Callable[..., libmpm.Simulation]
+
 DENSITY = 1000.0
 
 
@@ -126,7 +129,7 @@ def slope(dimension: int, friction: float, cells: int = 12, degrees: float = 30.
 
 def acceleration(scene: libmpm.Scene, start: float, until: float, **options: Any) -> float:
     """Return the acceleration of the block down the slope by a line through its velocities."""
-    simulation = libmpm.Simulation(scene, device="cpu", **options)
+    simulation = libmpm.Simulation(scene, **({"device": "cpu"} | options))
     simulation.run(until=start)
     times, speeds = [], []
 

@@ -90,10 +90,17 @@ def test_in_space_between_side_walls(across, device):
 
 
 def test_beside_a_wall_that_the_slope_runs_to(device):
-    """Held nodes stir it by 0.004 after 8 s, lines up to the wall start a roller in the corner."""
+    """Held nodes stir it by 0.0058, lines up to the wall start a roller of 0.02 to 0.1 there.
+
+    Where those of the bed are held and those of the wall lead, neither opens the other's plane: a
+    bed that changed velocities across the wall let water creep through it by 4 mm/s.
+    """
     dx, rise = 1.0 / 16, np.tan(np.deg2rad(2.386))
     bed = shapes.HalfSpace(point=(0.0, 0.3), normal=(-rise, 1.0))
     scene = over(bed, dx, (-8.0, -4 * dx), (8.0, 1 + 6 * dx))
-    water = run(scene, device, 8_000).particles["water"]
+    sim = run(scene, device, 8_000)
+    water = sim.particles["water"]
+    assert stirred(sim) <= 3e-3
+    assert water["position"][:, 0].min() >= -8.0
     corner = (water["position"] < (-7.0, 0.25)).all(axis=1)
-    assert np.abs(water["velocity"][corner, 0].mean()) / np.sqrt(GRAVITY) <= 1.5e-3
+    assert np.abs(water["velocity"][corner, 0].mean()) / np.sqrt(GRAVITY) <= 4e-3

@@ -29,7 +29,8 @@ MPM_INLINE void node_position(const std::int64_t (&cell)[D], double cell_size, d
 /// Boundaries that only some scenes have; true where the record is one of them and done with.
 template <class T, int D, class Seen>
 MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
-                            const Vec<T, D>& wall, Vec<T, D>& v, const Seen& seen) {
+                            const Vec<T, D>& wall, const BoundAxes<D>& bound, Vec<T, D>& v,
+                            const Seen& seen) {
     const Reconverge at_return;
     const BoundaryRecord<D>& r = all.records[b];
     double x[D];
@@ -39,7 +40,8 @@ MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_
     if (r.surface > 0) {
         if (r.law[0].linear) return true;  // wall_lines.hpp
         const Vec<T, D> before = v;
-        if (respond_to_surface<T, D>(all.surfaces[r.surface - 1], r.law[0], x, wall, v))
+        if (respond_to_surface<T, D>(all.surfaces[r.surface - 1], r.law[0], x, wall, bound,
+                                     all.cell_size, v))
             seen(b, 0, before, v);
         return true;
     }
@@ -54,12 +56,12 @@ MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_
 
 template <bool special, class T, int D, class Seen>
 MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
-                               Vec<T, D>& v, const Seen& seen) {
+                               const BoundAxes<D>& bound, Vec<T, D>& v, const Seen& seen) {
     const BoundaryRecord<D>& r = all.records[b];
     Vec<T, D> wall;
     for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
     if constexpr (special) {
-        if (apply_special<T, D>(all, b, cell, wall, v, seen)) return;
+        if (apply_special<T, D>(all, b, cell, wall, bound, v, seen)) return;
     }
     if (!r.is_box) {
         // The wall of face x- lies at the lower side of cell 0: nodes 0 and beyond it are held.
@@ -114,10 +116,11 @@ struct WholeShare {
 
 /// `seen(boundary, face, before, after)` hears of every response. `share(channels)` is the part of
 /// the node's mass that a boundary acts on: the impulse of one that is for some bodies alone is
-/// that of their mass.
+/// that of their mass. `bound`: by lines towards walls.
 template <bool special, class T, int D, class Seen, class Share = WholeShare>
 MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t (&cell)[D],
-                                 Vec<T, D>& v, const Seen& seen, const Share& share = {}) {
+                                 Vec<T, D>& v, const Seen& seen, const Share& share = {},
+                                 const BoundAxes<D>& bound = {}) {
     for (int b = 0; b < all.count; ++b) {
         if (!all.records[b].active) continue;
         if constexpr (special) {
@@ -130,7 +133,7 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
                     return out;
                 };
                 const Vec<T, D> before = v;
-                apply_boundary<true>(all, b, cell, v,
+                apply_boundary<true>(all, b, cell, bound, v,
                                      [&](int k, int face, const Vec<T, D>& x, const Vec<T, D>& y) {
                                          seen(k, face, x, of_part(x, y));
                                      });
@@ -138,7 +141,7 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
                 continue;
             }
         }
-        apply_boundary<special>(all, b, cell, v, seen);
+        apply_boundary<special>(all, b, cell, bound, v, seen);
     }
 }
 

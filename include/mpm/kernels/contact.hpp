@@ -110,6 +110,24 @@ struct NodeContact {
             if (f.of[k] == b) f.of[k] = a;
     }
 
+    /// Of one body, or of all that stick: what hears of boundaries. One type for all who ask, or each
+    /// would compile the boundaries once more. `seen` may be null.
+    template <class Seen>
+    struct Told {
+        bool* changed;
+        const Seen* seen;
+        const Fields* f;
+        int first, last;  // of the fields, those that stick to `of`
+        int of;
+
+        MPM_INLINE void operator()(int boundary, int face, const Vec<T, D>& before,
+                                   const Vec<T, D>& after) const {
+            Changed<T, D>{changed}(boundary, face, before, after);
+            for (int k = first; k < last && seen; ++k)
+                if (f->of[k] == of) (*seen)(k, boundary, face, before, after);
+        }
+    };
+
     /// Velocities after gravity, contact and boundaries; `seen(i, boundary, face, before, after)`
     /// hears of every response of a boundary on field i's mass, and `met(i, j, impulse, normal, w,
     /// mass)` of every impulse on field j, minus that on i: at the approach w = v_i - v_j before
@@ -163,10 +181,7 @@ struct NodeContact {
             const std::int64_t at = listed_at(f.slot[k], n);
             const Vec<T, D> v = node.template wall_velocity<false>(
                 f.slot[k], n, f.mass[k], node.momentum(f.slot[k], n), known_at(at), at,
-                [&](int boundary, int face, const Vec<T, D>& before, const Vec<T, D>& after) {
-                    Changed<T, D>{&f.held[i]}(boundary, face, before, after);
-                    seen(k, boundary, face, before, after);
-                });
+                Told<Seen>{&f.held[i], &seen, &f, k, k + 1, i});
             m += f.mass[k];
             for (int a = 0; a < D; ++a) p[a] += f.mass[k] * v[a];
         }
@@ -182,17 +197,12 @@ struct NodeContact {
     }
     template <class Seen>
     MPM_INLINE void respond_of(int n, Fields& f, int i, const Seen& seen) const {
-        const auto of_all = [&](int boundary, int face, const Vec<T, D>& before,
-                                const Vec<T, D>& after) {
-            Changed<T, D>{&f.held[i]}(boundary, face, before, after);
-            for (int k = i; k < f.count; ++k)
-                if (f.of[k] == i) seen(k, boundary, face, before, after);
-        };
-        respond(n, f, i, f.velocity[i], of_all);
+        respond(n, f, i, f.velocity[i], Told<Seen>{&f.held[i], &seen, &f, i, f.count, i});
     }
     /// What boundaries make of a velocity of a field, and of all that is stuck to it.
     template <class Seen>
-    MPM_INLINE void respond(int n, const Fields& f, int i, Vec<T, D>& v, const Seen& seen) const {
+    MPM_CALL void respond(int n, const Fields& f, int i, Vec<T, D>& v, const Seen& seen) const {
+        const Reconverge at_return;
         if (!node.touched[f.slot[i]]) return;
         std::int64_t c[D];
         node.cell(f.slot[i], n, c);
@@ -213,11 +223,13 @@ struct NodeContact {
         apply_boundaries<true>(node.boundaries, c, v, seen, share);
     }
     /// The part, 0 to 1, of a change of velocity that boundaries let a field have.
-    MPM_INLINE T part_given(int n, const Fields& f, int i, const Vec<T, D>& along, T by) const {
+    template <class Seen>
+    MPM_INLINE T part_given(int n, const Fields& f, int i, const Vec<T, D>& along, T by,
+                            const Seen*) const {
         bool changed = false;
         Vec<T, D> v = f.velocity[i];
         for (int x = 0; x < D; ++x) v[x] += by * along[x];
-        respond(n, f, i, v, Changed<T, D>{&changed});
+        respond(n, f, i, v, Told<Seen>{&changed, nullptr, &f, 0, 0, i});
         if (!changed || by == T(0)) return T(1);
         T got = 0;
         for (int x = 0; x < D; ++x) got += (v[x] - f.velocity[i][x]) * along[x];
@@ -226,12 +238,13 @@ struct NodeContact {
     }
     /// The reduced mass of two fields along a direction, in which they approach at `speed`: where a
     /// boundary holds one of them that is the mass of the other. `mass`: of both as if free.
+    template <class Seen>
     MPM_INLINE T mass_beside_boundaries(int n, const Fields& f, int a, int b,
-                                        const Vec<T, D>& along, T speed, T mass,
-                                        bool& limited) const {
+                                        const Vec<T, D>& along, T speed, T mass, bool& limited,
+                                        const Seen* told) const {
         const T push = mass * speed;
-        const T of_a = part_given(n, f, a, along, -push / f.together[a]),
-                of_b = part_given(n, f, b, along, push / f.together[b]);
+        const T of_a = part_given(n, f, a, along, -push / f.together[a], told),
+                of_b = part_given(n, f, b, along, push / f.together[b], told);
         if (of_a == T(1) && of_b == T(1)) return mass;
         limited = true;
         const T inverse = of_a / f.together[a] + of_b / f.together[b];
@@ -271,10 +284,12 @@ struct NodeContact {
                 across += slide[x] * slide[x];
             }
             across = square_root(across);
-            mass_along = mass_beside_boundaries(n, f, a, b, normal, along - allowed, mass, limited);
+            mass_along =
+                mass_beside_boundaries(n, f, a, b, normal, along - allowed, mass, limited, &seen);
             if (across > T(0)) {
                 for (int x = 0; x < D; ++x) slide[x] /= across;
-                mass_across = mass_beside_boundaries(n, f, a, b, slide, across, mass, limited);
+                mass_across =
+                    mass_beside_boundaries(n, f, a, b, slide, across, mass, limited, &seen);
             }
         }
         if (!contact_impulse<T, D>(l, normal, w, mass_along, mass_across, allowed, impulse)) return;
@@ -386,6 +401,27 @@ struct ContactPass {
                 spread(c.average, weight > T(0) ? sum(c.sum, group_sum) / weight : T(0));
             }
         }
+    }
+};
+
+/// What one thread does after contact: as if the grid update had found its maxima, too.
+template <class Decided>
+struct AfterContact {
+    Decided decided;
+    const double* of_grid;
+    const std::uint32_t* crowded;  // raised: more fields meet at a node than are kept apart
+    Clock* clock;
+
+    MPM_HD void operator()(const double* maxima) const {
+        double all[maxima_count];
+        for (int m = 0; m < maxima_count; ++m)
+            all[m] = maxima[m] > of_grid[m] ? maxima[m] : of_grid[m];
+        if (*crowded != 0 && clock->halt == Halt::none) {
+            clock->halt = Halt::fault;
+            clock->fault = FaultKind::crowded;
+            clock->fault_value = most_fields_at_node;
+        }
+        decided(static_cast<const double*>(all));
     }
 };
 

@@ -105,9 +105,11 @@ struct NodeUpdate {
         if constexpr (plain) {
             FollowLines<NodeUpdate, T, D, true>{*this, known, at}(slot, node, c, m, v, seen);
         } else {
+            BoundAxes<D> bound;
             if (boundaries.lines)
-                FollowLines<NodeUpdate, T, D>{*this, known, at}.called(slot, node, c, m, v, seen);
-            apply_boundaries<true>(boundaries, c, v, seen, share(slot, node));
+                bound = FollowLines<NodeUpdate, T, D>{*this, known, at}.called(slot, node, c, m, v,
+                                                                               seen);
+            apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), bound);
         }
         return v;
     }
@@ -121,6 +123,11 @@ struct NodeUpdate {
             const Images<D> images(boundaries, c);
             if (images.mirrored) return mirrored_velocity(images, free_velocity(m, p), seen);
         }
+        return unmirrored_velocity(slot, node, m, p, seen);
+    }
+    template <class Seen>
+    MPM_INLINE Vec<T, D> unmirrored_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
+                                             const Seen& seen) const {
         return touched[slot] ? wall_velocity<false>(slot, node, m, p, {}, 0, seen)
                              : free_velocity(m, p);
     }

@@ -77,8 +77,10 @@ struct MeasureLoads {
                           });
                 return;
             }
+            node.unmirrored_velocity(slot, n, m, node.momentum(slot, n), seen);
+        } else {
+            node.velocity(slot, n, m, node.momentum(slot, n), seen);
         }
-        node.velocity(slot, n, m, node.momentum(slot, n), seen);
     }
 };
 

@@ -101,11 +101,49 @@ struct SurfaceRecord {
     }
 };
 
+/// Across which axes lines of nodes towards walls on cell faces have a node
+/// (kernels/wall_lines.hpp). Another boundary that changed it there would open the plane of the
+/// wall: the field in it is zero only if all nodes of the line follow it.
+template <int D>
+struct BoundAxes {
+    bool on[D] = {};
+    double off[D] = {};  // of the node from the plane, along its normal, m
+    int sign[D] = {};    // of the normal
+
+    MPM_INLINE void bind(int axis, int side, double from_plane) {
+        on[axis] = true;
+        off[axis] = from_plane;
+        sign[axis] = side;
+    }
+    /// Without walls that lie behind a surface which faces the same way.
+    template <class V>
+    MPM_INLINE BoundAxes before(const V& normal, double distance, double cell_size) const {
+        BoundAxes out = *this;
+        for (int a = 0; a < D; ++a) {
+            const bool hidden = double(normal[a]) * sign[a] > 0.7;
+            if (hidden && distance < off[a] - 0.05 * cell_size) out.on[a] = false;
+        }
+        return out;
+    }
+    /// Square of the part of a unit vector that is free.
+    template <class V>
+    MPM_INLINE double open(const V& n) const {
+        double part = 0;
+        for (int a = 0; a < D; ++a)
+            if (!on[a]) part += double(n[a]) * double(n[a]);
+        return part;
+    }
+};
+/// With less of a surface's normal than this free, a node can't follow the surface.
+inline constexpr double least_open = 0.1;
+
 /// What a surface leaves of the velocity of a node at `x`; false where it does not reach it. `own`
-/// is a velocity that its face has beside its motion.
+/// is a velocity that its face has beside its motion. What lines towards walls have of a node is
+/// theirs; the rest of it changes as if that were at rest, which gives the node no energy.
 template <class T, int D>
 MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
-                                 const double (&x)[D], const Vec<T, D>& own, Vec<T, D>& v) {
+                                 const double (&x)[D], const Vec<T, D>& own,
+                                 const BoundAxes<D>& walls, double cell_size, Vec<T, D>& v) {
     const Reconverge at_return;
     double there[D], normal[D], distance, wall[D];
     s.to_body(x, there);
@@ -127,8 +165,14 @@ MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& la
     // Where there is no direction to leave by, deep inside, nothing moves against the body.
     SurfaceLaw as = law;
     if (!(length > 0) && law.response != Response::prescribed) as.response = Response::sticky;
-    const Vec<T, D> held = respond_along(as, n, v, w);
-    for (int a = 0; a < D; ++a) v[a] = v[a] - T(share) * (v[a] - held[a]);
+    const bool slides = as.response == Response::slip || as.response == Response::separable;
+    const BoundAxes<D> bound = slides ? walls.before(n, distance, cell_size) : BoundAxes<D>{};
+    Vec<T, D> open = v;
+    for (int a = 0; a < D; ++a)
+        if (bound.on[a]) open[a] = w[a];
+    const Vec<T, D> held = respond_along(as, n, open, w);
+    for (int a = 0; a < D; ++a)
+        if (!bound.on[a]) v[a] = v[a] - T(share) * (v[a] - held[a]);
     return true;
 }
 

@@ -155,20 +155,21 @@ struct FollowLines {
         return WallLine::unpacked(known.lines[listed_at * D + axis]);
     }
     template <class Seen>
-    MPM_CALL void called(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
-                         Vec<T, D>& v, const Seen& seen) const {
+    MPM_CALL BoundAxes<D> called(std::int32_t slot, int number, const std::int64_t (&cell)[D],
+                                 T mass, Vec<T, D>& v, const Seen& seen) const {
         const Reconverge at_return;
-        (*this)(slot, number, cell, mass, v, seen);
+        return (*this)(slot, number, cell, mass, v, seen);
     }
-    /// `v` is the node's velocity by itself.
+    /// `v` is the node's velocity by itself. Returns across which axes walls on cell faces have it.
     template <class Seen>
-    MPM_INLINE void operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
-                               Vec<T, D>& v, const Seen& seen) const {
+    MPM_INLINE BoundAxes<D> operator()(std::int32_t slot, int number, const std::int64_t (&cell)[D],
+                                       T mass, Vec<T, D>& v, const Seen& seen) const {
         if constexpr (!plain) push(slot, number, cell, mass, v, seen);
         const Seat own{mass, v};
         WallLine lines[D];
         Vec<T, D> slid[D] = {};  // of the line's mass along the wall
         T pressed[D] = {};       // speed that the wall takes from the line's mass by pressing
+        BoundAxes<D> bound;
         MPM_UNROLL for (int a = 0; a < D; ++a) {
             WallLine& line = lines[a] = line_of(a, cell);
             pressed[a] = 0;
@@ -198,6 +199,7 @@ struct FollowLines {
                 continue;
             }
             v[a] = by.velocity[a] + line.template share<T>(line.place) * s.lead();
+            bind(bound, a, line);
             seen(line.boundary, line.face, before, v);
             if (impulse > T(0)) pressed[a] = impulse / s.mass;
             for (int c = 0; c < D; ++c) slid[a][c] = c == a ? T(0) : s.momentum[c] / s.mass;
@@ -205,22 +207,22 @@ struct FollowLines {
         MPM_UNROLL for (int a = 0; a < D; ++a) if (lines[a].form != WallLine::none)
             rub(lines, a, slid[a], pressed[a], v, seen);
         if constexpr (!plain) {
-            if (!node.boundaries.surface_lines) return;
-            bool bound[D];
-            for (int a = 0; a < D; ++a) bound[a] = lines[a].form != WallLine::none;
-            if (known.surfaces) {
-                const SurfaceNode<D>& s = known.surfaces[listed_at];
-                if (s.boundary >= 0)
-                    follow_surface(s.boundary, slot, cell, own, bound, s.line(), v, seen);
-                return;
-            }
-            for (int b = 0; b < node.boundaries.count; ++b) {
+            if (!node.boundaries.surface_lines) return bound;
+            const SurfaceNode<D>* is = known.surfaces ? known.surfaces + listed_at : nullptr;
+            const int count = !is ? node.boundaries.count : is->boundary >= 0 ? 1 : 0;
+            for (int k = 0; k < count; ++k) {
+                const int b = is ? is->boundary : k;
                 const BoundaryRecord<D>& r = node.boundaries.records[b];
-                if (!r.active || r.surface == 0 || !r.law[0].linear) continue;
-                const SurfaceLine<D> line = surface_line<D>(node.boundaries, b, cell);
+                if (!is && (!r.active || r.surface == 0 || !r.law[0].linear)) continue;
+                const SurfaceLine<D> line =
+                    is ? is->line() : surface_line<D>(node.boundaries, b, cell);
                 follow_surface(b, slot, cell, own, bound, line, v, seen);
             }
         }
+        return bound;
+    }
+    MPM_INLINE void bind(BoundAxes<D>& bound, int axis, const WallLine& line) const {
+        bound.bind(axis, line.sign, (line.place + 0.5) * node.boundaries.cell_size);
     }
     /// No wall pulls where material may leave it. But drops beside the plane that fall while others
     /// on the line rise would pass it if its nodes were free: what these give a drop in the plane
@@ -240,21 +242,22 @@ struct FollowLines {
     }
     /// A node that no line leads, as a held surface has it.
     template <class Seen>
-    MPM_INLINE void hold_at_surface(int b, const std::int64_t (&cell)[D], Vec<T, D>& v,
-                                    const Seen& seen) const {
+    MPM_INLINE void hold_at_surface(int b, const std::int64_t (&cell)[D], const BoundAxes<D>& bound,
+                                    Vec<T, D>& v, const Seen& seen) const {
         const BoundaryRecord<D>& r = node.boundaries.records[b];
         const Vec<T, D> before = v;
         double x[D];
         node_position<D>(cell, node.boundaries.cell_size, x);
         Vec<T, D> wall;
         for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
-        if (respond_to_surface<T, D>(node.boundaries.surfaces[r.surface - 1], r.law[0], x, wall, v))
+        if (respond_to_surface<T, D>(node.boundaries.surfaces[r.surface - 1], r.law[0], x, wall,
+                                     bound, node.boundaries.cell_size, v))
             seen(b, 0, before, v);
     }
     /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.
     template <class Seen>
     MPM_INLINE void follow_surface(int b, std::int32_t slot, const std::int64_t (&cell)[D],
-                                   const Seat& own, const bool (&bound)[D],
+                                   const Seat& own, const BoundAxes<D>& walls,
                                    const SurfaceLine<D>& line, Vec<T, D>& v,
                                    const Seen& seen) const {
         const BoundaryView<D>& all = node.boundaries;
@@ -262,8 +265,10 @@ struct FollowLines {
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
         const SurfaceLaw& law = r.law[0];
         const Vec<T, D> before = v;
-        if (line.state == SurfaceLine<D>::held) return hold_at_surface(b, cell, v, seen);
+        if (line.state == SurfaceLine<D>::held) return hold_at_surface(b, cell, walls, v, seen);
         if (line.state != SurfaceLine<D>::on) return;
+        const double size = all.cell_size;
+        const BoundAxes<D> bound = walls.before(line.normal, line.share * line.lead * size, size);
         T mass = 0, led = 0, push = 0, inert = 0, leader = 0, arm = 0;
         T last = 0, last_share = 0, in_plane = 0;  // velocities along the normal
         bool across = false;
@@ -312,20 +317,20 @@ struct FollowLines {
         // As at walls on cell faces: `operator()`, `let_go`.
         const bool leads = line.leader == 0;
         if (!(leader > T(least_leader) * mass))
-            return leads ? void() : hold_at_surface(b, cell, v, seen);
+            return leads ? void() : hold_at_surface(b, cell, bound, v, seen);
         const T lead = push / inert;
-        T along = 0, is = 0, open = 0;
+        T along = 0, is = 0;
         for (int a = 0; a < D; ++a) {
             along += T(line.normal[a]) * momentum[a];
             is += T(line.normal[a]) * (v[a] - here[a]);
-            if (!bound[a]) open += T(line.normal[a] * line.normal[a]);
         }
         const T impulse = lead * led - along;
-        if (!(open > T(0.1))) return;
+        const T open = T(bound.open(line.normal));
+        if (!(open > T(least_open))) return;
         if (law.response == Response::separable && !(impulse > T(0))) {
             if (leads || !across || !(in_plane < T(0))) return;
             for (int a = 0; a < D; ++a)
-                if (!bound[a]) v[a] -= in_plane / open * T(line.normal[a]);
+                if (!bound.on[a]) v[a] -= in_plane / open * T(line.normal[a]);
             seen(b, 0, before, v);
             return;
         }
@@ -335,7 +340,7 @@ struct FollowLines {
             // out along the slope as it is pressed across it.
             const T drawn = lead / T(line.lead) * (T(line.leader) + arm / mass);
             for (int a = 0; a < D; ++a) {
-                if (bound[a]) continue;
+                if (bound.on[a]) continue;
                 const T steep = T(a == line.axis) - T(line.normal[a] * line.normal[line.axis]);
                 const T lag = momentum[a] / mass - (own.velocity[a] - here[a]) + drawn * steep;
                 v[a] += lag;
@@ -344,7 +349,7 @@ struct FollowLines {
         }
         const T change = (T(line.share) * lead - is) / open;
         for (int a = 0; a < D; ++a)
-            if (!bound[a]) v[a] += change * T(line.normal[a]);
+            if (!bound.on[a]) v[a] += change * T(line.normal[a]);
         if (law.static_friction > 0 || law.dynamic_friction > 0) {
             T speed = 0;
             for (int a = 0; a < D; ++a) {
@@ -354,7 +359,7 @@ struct FollowLines {
             const T pressed = impulse > T(0) ? impulse / mass : T(0);
             const T lost = T(1) - kept_of_sliding<T>(law, square_root(speed), pressed);
             for (int a = 0; a < D; ++a)
-                if (!bound[a]) v[a] -= lost * momentum[a];
+                if (!bound.on[a]) v[a] -= lost * momentum[a];
         }
         seen(b, 0, before, v);
     }
@@ -364,6 +369,7 @@ struct FollowLines {
     template <class Seen>
     MPM_INLINE void keep_on_lines(const std::int64_t (&cell)[D], const Vec<T, D>& lined,
                                   Vec<T, D>& v, const Seen& seen) const {
+        BoundAxes<D> bound;
         for (int a = 0; a < D && node.boundaries.lines; ++a) {
             const WallLine line = line_of(a, cell);
             if (line.form == WallLine::none || (line.form != WallLine::held && line.place > 0))
@@ -375,6 +381,7 @@ struct FollowLines {
             const Vec<T, D> before = v;
             v = respond(by.law, a, T(line.sign), before, least);
             seen(line.boundary, line.face, before, v);
+            if (line.form != WallLine::held && v[a] == least[a]) bind(bound, a, line);
         }
         for (int b = 0; b < node.boundaries.count && node.boundaries.surface_lines; ++b) {
             const BoundaryRecord<D>& r = node.boundaries.records[b];
@@ -384,7 +391,7 @@ struct FollowLines {
                 (line.state == SurfaceLine<D>::on && line.leader == 0))
                 continue;
             if (line.state == SurfaceLine<D>::held) {
-                hold_at_surface(b, cell, v, seen);
+                hold_at_surface(b, cell, bound, v, seen);
                 continue;
             }
             const Vec<T, D> before = v;

@@ -458,6 +458,7 @@ private:
     Buffer<X, double> full_{exec_};
     Buffer<X, std::int32_t> contact_first_{exec_}, contact_count_{exec_};
     Buffer<X, std::uint32_t> crowded_{exec_};
+    Buffer<X, double> grid_maxima_{exec_};         // devices: before contact
     Buffer<X, std::uint8_t> near_contact_{exec_};  // (slots,) of scenes with elements too
     std::int32_t contact_blocks_ = 0;
 

@@ -20,6 +20,7 @@ void Domain<X, T, D>::set_contact() {
     kind_of_.assign(std::vector<std::int32_t>(c.kind.begin(), c.kind.end()));
     full_.assign(full);
     crowded_.assign({0});
+    if constexpr (X::is_device) grid_maxima_.reserve_discard(maxima_count);
 }
 
 /// The blocks of the present table with several fields: of several ranks those that this one's
@@ -96,25 +97,15 @@ ContactView Domain<X, T, D>::contact_view() {
 template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::resolve_contacts(const double* maxima, const Decided& decided) {
-    const ContactPass<X, Grid, Sum, D> contact{
+    const ContactPass<Base, Grid, Sum, D> contact{
         {node_update(parity()), contact_view(), boundaries_.known(), wall_nodes().kind},
         groups_.data(),
         int(plan_.groups.size()),
         plan_.kept,
         crowded_.data()};
     exec_.template max_each<maxima_count>(
-        std::int64_t(contact_blocks_) * block_cells, contact, [&](const double* found) {
-            double all[maxima_count];
-            for (int m = 0; m < maxima_count; ++m) all[m] = std::max(maxima[m], found[m]);
-            Clock& clock = *clock_buffer_.data();
-            if (*crowded_.data() != 0 && clock.halt == Halt::none) {
-                clock.halt = Halt::fault;
-                clock.fault = FaultKind::crowded;
-                clock.fault_value = most_fields_at_node;
-            }
-            if (rigid_.any()) resolve_rigid(all);
-            decided(static_cast<const double*>(all));
-        });
+        std::int64_t(contact_blocks_) * block_cells, contact,
+        AfterContact<Decided>{decided, maxima, crowded_.data(), clock_buffer_.data()});
 }
 
 }  // namespace mpm

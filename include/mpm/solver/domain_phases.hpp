@@ -49,23 +49,33 @@ template <bool mirrors, class Decided>
 void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
     const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
     const bool sweeps = plan_.sweep.residual > 0;
-    if constexpr (!X::is_device) {
-        if (contact_blocks_ > 0 || rigid_.any()) {
-            const auto then = [&](const double* maxima) { resolve_contacts(maxima, decided); };
-            if (plan_.kept.any())
-                exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()),
-                                                      then);
-            else
-                exec_.template max_each<maxima_count>(nodes, grid_update<false, mirrors>(parity()),
-                                                      then);
+    const auto update = [&](const auto& then) {
+        if (plan_.kept.any())
+            exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()),
+                                                  then);
+        else
+            exec_.template max_each<maxima_count>(nodes, grid_update<false, mirrors>(parity()),
+                                                  then);
+    };
+    if constexpr (X::is_device) {
+        if (contact_blocks_ > 0) {
+            update(AfterGrid<D>::keeping(grid_maxima_.data()));
+            resolve_contacts(grid_maxima_.data(), decided);
             return;
         }
+    } else if (contact_blocks_ > 0 || rigid_.any()) {
+        update([&](const double* maxima) {
+            resolve_contacts(maxima, [&](const double* all) {
+                double found[maxima_count];
+                for (int m = 0; m < maxima_count; ++m) found[m] = all[m];
+                if (rigid_.any()) resolve_rigid(found);
+                decided(static_cast<const double*>(found));
+            });
+        });
+        return;
     }
-    if (!sweeps && !plan_.kept.any()) {
-        exec_.template max_each<maxima_count>(nodes, grid_update<false, mirrors>(parity()),
-                                              decided);
-    } else if (!sweeps) {
-        exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()), decided);
+    if (!sweeps) {
+        update(decided);
     } else {
         exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()),
                                               NothingAfter{});

@@ -71,39 +71,31 @@ void Domain<X, T, D>::run_sensors() {
     const auto node = node_update(parity());
     Clock* clock = clock_buffer_.data();
     const SamplePoints<Grid, Sum, D> points = sample_points();
-    bool measured = sensors_.load_count() == 0;
-    if constexpr (!X::is_device) {
-        if (!measured && contact_blocks_ > 0) {
-            measured = true;
-            exec_.template sum_each<load_columns<D>>(
-                sensors_.measured(),
-                MeasureLoads<Grid, Sum, D, true>{node, sensors_.measured_slots(),
-                                                 sensors_.load_cells(), spec_.cell_size,
-                                                 contact_view()},
-                sensors_.take_load(clock), sensors_.load_partial(),
-                share_ ? 0 : sensors_.point_count(), points);
-        }
-    }
-    if (!measured) {
+    const bool loads = sensors_.load_count() > 0;
+    if (loads && contact_blocks_ > 0)
+        exec_.template sum_each<load_columns<D>>(
+            sensors_.measured(),
+            MeasureLoads<Grid, Sum, D, true>{node, sensors_.measured_slots(), sensors_.load_cells(),
+                                             spec_.cell_size, contact_view()},
+            sensors_.take_load(clock), sensors_.load_partial(), 0, Nothing{});
+    if (loads && contact_blocks_ == 0) {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D>{node, sensors_.measured_slots(), sensors_.load_cells(),
                                        spec_.cell_size},
             sensors_.take_load(clock), sensors_.load_partial(), share_ ? 0 : sensors_.point_count(),
             points);
-    } else if (sensors_.load_count() == 0 && sensors_.point_count() > 0 && !share_) {
+    } else if (sensors_.point_count() > 0 && !share_) {
         exec_.for_each_large(sensors_.point_count(), points);
     }
-    if constexpr (!X::is_device) {
-        if (sensors_.contact_count() > 0)
-            exec_.template sum_each<contact_columns<D>>(
-                sensors_.met(),
-                MeasureContacts<Grid, Sum, D>{{node, contact_view()},
-                                              sensors_.met_blocks(),
-                                              sensors_.contact_loads(),
-                                              sensors_.contact_sides()},
-                sensors_.take_contact(clock), sensors_.contact_partial(), 0, Nothing{});
-    }
+    if (sensors_.contact_count() > 0)
+        exec_.template sum_each<contact_columns<D>>(
+            sensors_.met(),
+            MeasureContacts<Grid, Sum, D>{{node, contact_view()},
+                                          sensors_.met_blocks(),
+                                          sensors_.contact_loads(),
+                                          sensors_.contact_sides()},
+            sensors_.take_contact(clock), sensors_.contact_partial(), 0, Nothing{});
     tell_rigid_loads();
     if (share_) {
         if constexpr (X::is_device)

@@ -174,15 +174,18 @@ struct TellVote {
 /// that find the maxima are the largest there are, and a type each would compile them three times.
 template <int D>
 struct AfterGrid {
-    enum class Kind : int { nothing, decide, tell } kind = Kind::nothing;
+    enum class Kind : int { nothing, decide, tell, keep } kind = Kind::nothing;
     Decide<D> decide{};
     TellVote tell{};
+    double* kept = nullptr;  // for `AfterContact`
 
     static AfterGrid deciding(const Decide<D>& d) { return {Kind::decide, d, {}}; }
     static AfterGrid telling(const TellVote& t) { return {Kind::tell, {}, t}; }
+    static AfterGrid keeping(double* to) { return {Kind::keep, {}, {}, to}; }
     MPM_HD void operator()(const double* maxima) const {
         if (kind == Kind::decide) decide(maxima);
         if (kind == Kind::tell) tell(maxima);
+        for (int m = 0; m < maxima_count && kind == Kind::keep; ++m) kept[m] = maxima[m];
     }
 };
 

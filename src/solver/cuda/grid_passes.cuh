@@ -27,6 +27,24 @@
     prefix template void Cuda::for_each_large<SamplePoints<T, Cuda::Sum<T>, D>>(              \
         std::int64_t, const SamplePoints<T, Cuda::Sum<T>, D>&);
 
+// Beside the first ones in units of their own: a scene without contacts never launches them.
+#define MPM_CONTACT_PASSES_IN(prefix, T, D)                                                        \
+    prefix template void Cuda::max_each<maxima_count, ContactPass<Cuda, T, Cuda::Sum<T>, D>,       \
+                                        AfterContact<AfterGrid<D>>>(                               \
+        std::int64_t, const ContactPass<Cuda, T, Cuda::Sum<T>, D>&,                                \
+        const AfterContact<AfterGrid<D>>&);                                                        \
+    prefix template void                                                                           \
+    Cuda::sum_each<load_columns<D>, MeasureLoads<T, Cuda::Sum<T>, D, true>, TakeLoad<D>, Nothing>( \
+        const SumSets&, const MeasureLoads<T, Cuda::Sum<T>, D, true>&, const TakeLoad<D>&,         \
+        double*, std::int64_t, const Nothing&);                                                    \
+    prefix template void Cuda::sum_each<contact_columns<D>, MeasureContacts<T, Cuda::Sum<T>, D>,   \
+                                        TakeContact<D>, Nothing>(                                  \
+        const SumSets&, const MeasureContacts<T, Cuda::Sum<T>, D>&, const TakeContact<D>&,         \
+        double*, std::int64_t, const Nothing&);
+#define MPM_CONTACT_PASSES(prefix, T)   \
+    MPM_CONTACT_PASSES_IN(prefix, T, 2) \
+    MPM_CONTACT_PASSES_IN(prefix, T, 3)
+
 #define MPM_GRID_PASSES(prefix, T)   \
     MPM_GRID_PASSES_IN(prefix, T, 2) \
     MPM_GRID_PASSES_IN(prefix, T, 3)
@@ -44,6 +62,8 @@ namespace mpm {
 
 MPM_GRID_PASSES(extern, float)
 MPM_GRID_PASSES(extern, double)
+MPM_CONTACT_PASSES(extern, float)
+MPM_CONTACT_PASSES(extern, double)
 MPM_TURNS(extern)
 
 }  // namespace mpm

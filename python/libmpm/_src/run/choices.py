@@ -69,8 +69,6 @@ def built_for_cpu(scene: SceneData) -> str:
         return "a grid of functions"
     if rigid := rigid_bodies(scene):
         return f"rigid body '{rigid[0]}'"
-    if scene.contacts:
-        return "contacts"
     kernel = scene.method.kernel_choice
     if kernel.name in ("cpdi", "ddmp") or kernel.modified or kernel.moved_nodes:
         changed = "modified " if kernel.modified else ""

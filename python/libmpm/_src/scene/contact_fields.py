@@ -184,7 +184,7 @@ def contact_rows(scene: SceneData) -> list[tuple[str, str, str, str]]:
 
 
 def device_of_contacts(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
-    """Return the device of a scene on square cells: with contacts ranks on the CPU."""
+    """Return the device of a scene on square cells: with contacts any, and ranks on the CPU."""
     if rigid := rigid_bodies(scene):
         if isinstance(device, str) and device in ("auto", "cpu"):
             return "cpu"
@@ -192,14 +192,11 @@ def device_of_contacts(scene: SceneData, device: str | Sequence[str]) -> str | S
             f"device is {shown(device)} with rigid body '{rigid[0]}', which is built for the CPU "
             "and one rank; expected 'cpu' or 'auto'; use one of these, or an elastic material"
         )
-    if not scene.contacts:
-        return device
-    if isinstance(device, str) and device in ("auto", "cpu"):
-        return "cpu"
-    if isinstance(device, str) or any(one != "cpu" for one in device):
+    if scene.contacts and not isinstance(device, str) and any(one != "cpu" for one in device):
         raise SceneError(
-            f"device is {shown(device)} with contacts, which are built for the CPU; expected "
-            "'cpu', 'auto' or ranks ['cpu', 'cpu']; use these, or remove the contacts"
+            f"device is {shown(device)} with contacts, which are built for one CUDA device or "
+            "ranks on the CPU; expected 'cuda' or ranks ['cpu', 'cpu']; use these, or remove the "
+            "contacts"
         )
     return device
 
