@@ -7,7 +7,7 @@ fields without a law move as one (`design/contact.md`).
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence, Set
 from typing import TYPE_CHECKING, Any
 
 from libmpm._src.base.values import Checker, nearest, shown
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["check_contact_load", "check_contacts", "contact_entry", "contact_rows"]
 __all__ += ["contact_sides", "device_of_contacts", "field_of_bodies", "has_fields", "rigid_bodies"]
 
-#: Pair of names, in the order of the scene's bodies -> the contact that names it.
-Pairs = Mapping[tuple[str, str], Contact]
-
 
 def _named(pattern: str, names: list[str]) -> list[str]:
     # Brackets and question marks are parts of names, as elsewhere in a scene.
@@ -35,17 +32,69 @@ def _named(pattern: str, names: list[str]) -> list[str]:
     return [name for name in names if fnmatch.fnmatchcase(name, plain)]
 
 
-def _pairs_of(contact: Contact, names: list[str]) -> list[tuple[str, str]]:
-    """Return the pairs of a contact, each once, in the order of the scene's bodies."""
-    first, second = (_named(pattern, names) for pattern in contact.between)
-    order = {name: i for i, name in enumerate(names)}
-    found = {(a, b) if order[a] < order[b] else (b, a) for a in first for b in second if a != b}
-    return sorted(found, key=lambda pair: (order[pair[0]], order[pair[1]]))
+class Groups:
+    """Bodies that nothing in a scene's contacts tells apart: pairs of thousands are never listed.
 
+    sides: of each body, (contact, 0 or 1) for each name of a contact's `between` that fits it.
+    members: of each group, its bodies in the order of the scene; fluids are not among solids.
+    """
 
-def _pairs(scene: SceneData) -> Pairs:
-    names = [b.name for b in scene.bodies]
-    return {pair: c for c in scene.contacts for pair in _pairs_of(c, names)}
+    def __init__(self, scene: SceneData) -> None:
+        self.names = [b.name for b in scene.bodies]
+        self.order = {name: i for i, name in enumerate(self.names)}
+        self.contacts = list(scene.contacts)
+        found: list[list[tuple[int, int]]] = [[] for _ in self.names]
+        for i, contact in enumerate(self.contacts):
+            for side, pattern in enumerate(contact.between):
+                for name in _named(pattern, self.names):
+                    found[self.order[name]].append((i, side))
+        self.sides = [frozenset(of) for of in found]
+        members: dict[Any, list[int]] = {}
+        for i, body in enumerate(scene.bodies):
+            members.setdefault((self.sides[i], body.material.table.stores_volume), []).append(i)
+        self.members = list(members.values())
+        self.fluid = [fluid for _, fluid in members]
+
+    def meet(self, contact: int, a: int, b: int) -> bool:
+        """Whether a contact names two bodies, by their numbers, one on each side."""
+        one, other = self.sides[a], self.sides[b]
+        return a != b and (
+            ((contact, 0) in one and (contact, 1) in other)
+            or ((contact, 1) in one and (contact, 0) in other)
+        )
+
+    def pairs(self, contact: int) -> list[tuple[int, int, int, int]]:
+        """Return, for each two groups that a contact names, the first two bodies and the groups.
+
+        In the order of these bodies, the first two of a contact's pairs first.
+        """
+        found = []
+        for g, of in enumerate(self.members):
+            for h, others in enumerate(self.members[g:], g):
+                if g == h and len(of) < 2:
+                    continue
+                a, b = (of[0], of[1]) if g == h else sorted((of[0], others[0]))
+                if self.meet(contact, a, b):
+                    found.append((a, b, *((g, h) if a == of[0] else (h, g))))
+        return sorted(found)
+
+    def count(self, contact: int) -> int:
+        """Return of how many pairs a contact is."""
+        on = [sum((contact, side) in of for of in self.sides) for side in (0, 1)]
+        both = sum({(contact, 0), (contact, 1)} <= of for of in self.sides)
+        return on[0] * on[1] - both - both * (both - 1) // 2
+
+    def named(self) -> set[str]:
+        """Return the bodies of all pairs."""
+        found: set[int] = set()
+        for i in range(len(self.contacts)):
+            for _, _, g, h in self.pairs(i):
+                found.update(self.members[g], self.members[h])
+        return {self.names[i] for i in found}
+
+    def text(self, a: int, b: int) -> tuple[str, str]:
+        """Return the names of two bodies."""
+        return self.names[a], self.names[b]
 
 
 def rigid_bodies(scene: SceneData) -> list[str]:
@@ -64,7 +113,7 @@ def field_of_bodies(scene: SceneData) -> list[int]:
     Those of rigid bodies, which always have one, are the last.
     """
     rigid = set(rigid_bodies(scene))
-    named = {name for pair in _pairs(scene) for name in pair} - rigid
+    named = Groups(scene).named() - rigid
     bending = len(scene.bodies) - len(rigid)
     # A field that nobody is in would cost nothing, but the first one named may as well have it.
     next_one = 1 if len(named) < bending or not bending else 0
@@ -80,32 +129,27 @@ def field_of_bodies(scene: SceneData) -> list[int]:
 
 def _kinds(
     scene: SceneData,
-) -> tuple[list[int], list[int], list[list[int]], dict[str, list[tuple[int, int]]]]:
-    """Return the field of each body, the kind of each field, the bodies of each kind, and sides.
+) -> tuple[list[int], list[int], list[list[int]], Groups]:
+    """Return the field of each body, the kind of each field, the bodies of each kind, and groups.
 
-    Bodies are of one kind where nothing in the list of contacts tells them apart; the sides of a
-    body are (contact, 0 or 1) for each name of a contact's `between` that fits it.
+    Bodies are of one kind where neither the list of contacts nor their densities tell them apart.
     """
-    names = [b.name for b in scene.bodies]
     fields = field_of_bodies(scene)
-    sides: dict[str, list[tuple[int, int]]] = {name: [] for name in names}
-    for i, contact in enumerate(scene.contacts):
-        for side, pattern in enumerate(contact.between):
-            for name in _named(pattern, names):
-                sides[name].append((i, side))
+    groups = Groups(scene)
+    shared = fields.count(0) > 1
     kinds: dict[tuple[Any, ...], int] = {}
     kind = [0] * (max(fields) + 1)
     members: list[list[int]] = []
     for i, body in enumerate(scene.bodies):
         density = body.material.core_parameters(scene.dimension)["density"]
-        key = ("field 0",) if fields[i] == 0 and fields.count(0) > 1 else (
-            density, isinstance(body.material, Rigid), *sides[body.name])  # fmt: skip
+        key = ("field 0",) if fields[i] == 0 and shared else (
+            density, isinstance(body.material, Rigid), groups.sides[i])  # fmt: skip
         of = kinds.setdefault(key, len(kinds))
         if of == len(members):
             members.append([])
         members[of].append(i)
         kind[fields[i]] = of
-    return fields, kind, members, sides
+    return fields, kind, members, groups
 
 
 def contact_entry(scene: SceneData) -> dict[str, Any]:
@@ -115,15 +159,15 @@ def contact_entry(scene: SceneData) -> dict[str, Any]:
     """
     if not has_fields(scene):
         return {}
-    names = [b.name for b in scene.bodies]
-    pairs = _pairs(scene)
-    fields, kind, members, _ = _kinds(scene)
+    fields, kind, members, groups = _kinds(scene)
     laws = [c.law for c in scene.contacts if not isinstance(c.law, Stick)]
     number = {law: i for i, law in reversed(list(enumerate(laws)))}
 
     def law_of(a: int, b: int) -> int:
-        contact = pairs.get((names[min(a, b)], names[max(a, b)]))
-        return -1 if contact is None else number.get(contact.law, -1)
+        for i, contact in enumerate(scene.contacts):
+            if groups.meet(i, a, b):
+                return number.get(contact.law, -1)
+        return -1
 
     def of_kinds(a: int, b: int) -> int:
         for i in members[a]:
@@ -156,7 +200,7 @@ def contact_sides(scene: SceneData, sensor: ContactLoad) -> dict[str, Any]:
     """
     names = [b.name for b in scene.bodies]
     number = [c.name for c in scene.contacts].index(sensor.contact)
-    fields, kind, members, sides = _kinds(scene)
+    fields, kind, members, groups = _kinds(scene)
     count = len(members)
     table = [0] * (count * count)
     if sensor.pair is not None:
@@ -164,7 +208,7 @@ def contact_sides(scene: SceneData, sensor: ContactLoad) -> dict[str, Any]:
         low, high = sorted((first, second))
         table[kind[low] * count + kind[high]] = 1 if low == first else -1
         return {"sides": table, "fields": [low, high]}
-    of = [set(sides[names[m[0]]]) if m else set() for m in members]
+    of: list[Set[tuple[int, int]]] = [groups.sides[m[0]] if m else set() for m in members]
     for a in range(count):
         for b in range(count):
             if {(number, 0)} <= of[a] and {(number, 1)} <= of[b]:
@@ -176,10 +220,10 @@ def contact_sides(scene: SceneData, sensor: ContactLoad) -> dict[str, Any]:
 
 def contact_rows(scene: SceneData) -> list[tuple[str, str, str, str]]:
     """Return (contact, between, law, pairs) of each contact, for tables."""
-    names = [b.name for b in scene.bodies]
+    groups = Groups(scene)
     return [
-        (c.name, " and ".join(c.between), repr(c.law), str(len(_pairs_of(c, names))))
-        for c in scene.contacts
+        (c.name, " and ".join(c.between), repr(c.law), str(groups.count(i)))
+        for i, c in enumerate(scene.contacts)
     ]
 
 
@@ -206,30 +250,32 @@ def device_of_contacts(scene: SceneData, device: str | Sequence[str]) -> str | S
 
 def check_contacts(scene: SceneData, problems: list[str]) -> None:
     """Refuse contacts that name nothing, contradict each other, or meet what they cannot."""
-    names = [b.name for b in scene.bodies]
     before = len(problems)
-    fluid = {b.name for b in scene.bodies if b.material.table.stores_volume}
-    by: dict[tuple[str, str], Contact] = {}
-    for contact in scene.contacts:
+    groups = Groups(scene)
+    by: dict[tuple[int, int], Contact] = {}
+    for i, contact in enumerate(scene.contacts):
         check = Checker(f"contact '{contact.name}'")
         for pattern in contact.between:
-            if not _named(pattern, names):
-                check.fail(f"between has '{pattern}', which is no body; {nearest(pattern, names)}")
-        pairs = _pairs_of(contact, names)
+            if not _named(pattern, groups.names):
+                check.fail(
+                    f"between has '{pattern}', which is no body; {nearest(pattern, groups.names)}"
+                )
+        pairs = groups.pairs(i)
         if not check.problems and not pairs:
             check.fail(
                 f"between is {contact.between}, a body with itself; expected two bodies; a body "
                 "has one field of velocities; make it several bodies"
             )
-        for pair in pairs:
-            other = by.setdefault(pair, contact)
+        for a, b, *_ in pairs:
+            other = by.setdefault((a, b), contact)
             if other is not contact:
+                one, two = groups.text(a, b)
                 check.fail(
-                    f"between has '{pair[0]}' and '{pair[1]}', a pair of contact '{other.name}' "
+                    f"between has '{one}' and '{two}', a pair of contact '{other.name}' "
                     "too; expected one law for a pair; narrow one of the patterns"
                 )
                 break
-        _check_law(check, contact, pairs, fluid)
+        _check_law(check, contact, groups, pairs)
         problems += check.problems
     if has_fields(scene) and len(problems) == before:
         _check_scene(scene, problems)
@@ -256,8 +302,7 @@ def check_contact_load(check: Checker, scene: SceneData, sensor: ContactLoad) ->
     if unknown:
         check.fail(f"pair has '{unknown[0]}', which is no body; {nearest(unknown[0], names)}")
         return
-    pairs = _pairs_of(contact, names)
-    if tuple(sensor.pair) not in pairs and tuple(reversed(sensor.pair)) not in pairs:
+    if not Groups(scene).meet(scene.contacts.index(contact), *map(names.index, sensor.pair)):
         check.fail(
             f"pair is {tuple(sensor.pair)}, which contact '{contact.name}' between "
             f"{contact.between} does not name; expected two of its bodies; correct the pair or the "
@@ -266,13 +311,14 @@ def check_contact_load(check: Checker, scene: SceneData, sensor: ContactLoad) ->
 
 
 def _check_law(
-    check: Checker, contact: Contact, pairs: list[tuple[str, str]], fluid: set[str]
+    check: Checker, contact: Contact, groups: Groups, pairs: list[tuple[int, int, int, int]]
 ) -> None:
-    for a, b in pairs:
-        fluids = [name for name in (a, b) if name in fluid]
+    for a, b, g, h in pairs:
+        one, two = groups.text(a, b)
+        fluids = [name for name, of in ((one, g), (two, h)) if groups.fluid[of]]
         if isinstance(contact.law, Friction) and fluids:
             check.fail(
-                f"law is {contact.law!r} between '{a}' and '{b}', of which '{fluids[0]}' is a "
+                f"law is {contact.law!r} between '{one}' and '{two}', of which '{fluids[0]}' is a "
                 "fluid; expected two solids; name the solids alone and use contacts.Fluid() for "
                 "the fluid"
             )
@@ -280,7 +326,7 @@ def _check_law(
         if isinstance(contact.law, Fluid) and len(fluids) != 1:
             what = "neither" if not fluids else "each"
             check.fail(
-                f"law is {contact.law!r} between '{a}' and '{b}', of which {what} is a fluid; "
+                f"law is {contact.law!r} between '{one}' and '{two}', of which {what} is a fluid; "
                 "expected a solid and a fluid; use contacts.Friction for solids, and leave fluids "
                 "to share their velocities"
             )
@@ -315,7 +361,7 @@ def _check_scene(scene: SceneData, problems: list[str]) -> None:
             "contacts"
         )
     problems += first.problems
-    named = {name for pair in _pairs(scene) for name in pair} | set(rigid)
+    named = Groups(scene).named() | set(rigid)
     for boundary in scene.boundaries:
         check = Checker(f"boundary '{boundary.name}'")
         for response in boundary.responses:
