@@ -110,8 +110,8 @@ struct NodeContact {
             if (f.of[k] == b) f.of[k] = a;
     }
 
-    /// Of one body, or of all that stick: what hears of boundaries. One type for all who ask, or each
-    /// would compile the boundaries once more. `seen` may be null.
+    /// Of one body, or of all that stick: what hears of boundaries. One type for all who ask, or
+    /// each would compile the boundaries once more. `seen` may be null.
     template <class Seen>
     struct Told {
         bool* changed;
