@@ -223,9 +223,9 @@ struct NodeContact {
         apply_boundaries<true>(node.boundaries, c, v, seen, share);
     }
     /// The part, 0 to 1, of a change of velocity that boundaries let a field have.
-    template <class Seen>
+    template <class Seen = NothingSeen>
     MPM_INLINE T part_given(int n, const Fields& f, int i, const Vec<T, D>& along, T by,
-                            const Seen*) const {
+                            const Seen* = nullptr) const {
         bool changed = false;
         Vec<T, D> v = f.velocity[i];
         for (int x = 0; x < D; ++x) v[x] += by * along[x];
