@@ -173,9 +173,9 @@ def doubts_of_linear(scene: SceneData) -> list[str]:
     if transfer := keeps_whole_velocity(scene):
         found.append(
             f"boundary '{linear[0]}': linear cells with transfer '{transfer.scheme}', of which "
-            "particles keep their whole velocity: in a flume of 70 m single ones left through a "
-            "step of the bed after 22 s in cells of 0.1 m; expected 'APIC', or 'AFLIP' with "
-            "flip=0.95, or Guard(...) to watch it"
+            "particles keep their whole velocity: one flume of 70 m has run to its end with it, in "
+            "cells of 0.1 m, and earlier releases lost particles at a step of its bed; expected "
+            "'APIC', or 'AFLIP' with flip=0.95, or Guard(...) to watch it"
         )
     return found
 

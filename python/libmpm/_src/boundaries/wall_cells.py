@@ -23,8 +23,8 @@ __all__ += ["strains_linearly", "with_held_cells"]
 
 #: Transfers that filter velocities over the grid and do not know lines of nodes.
 FILTERS = ("XPIC", "FMPM")
-#: Share of its velocity that a particle may keep beside linear cells: of those that keep more,
-#: single ones have left a flume through a step of its bed.
+#: Share of its velocity that a particle may keep beside linear cells by default: with those that
+#: keep more one flume alone has been run.
 KEPT = 0.99
 
 
