@@ -296,6 +296,7 @@ def test_resumed_run_and_threads_have_the_same_bits(
 
 def test_plan_says_fields_and_pairs() -> None:
     plan = cases.dominoes(6).plan(device="cpu")
+    assert plan.device == "cpu"
     told = plan.to_dict()
     assert told["fields"] == 6
     assert told["contacts"][0]["pairs"] == "15"

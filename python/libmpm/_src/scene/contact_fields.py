@@ -41,13 +41,13 @@ class Groups:
 
     def __init__(self, scene: SceneData) -> None:
         self.names = [b.name for b in scene.bodies]
-        self.order = {name: i for i, name in enumerate(self.names)}
-        self.contacts = list(scene.contacts)
+        order = {name: i for i, name in enumerate(self.names)}
+        self.contacts = len(scene.contacts)
         found: list[list[tuple[int, int]]] = [[] for _ in self.names]
-        for i, contact in enumerate(self.contacts):
+        for i, contact in enumerate(scene.contacts):
             for side, pattern in enumerate(contact.between):
                 for name in _named(pattern, self.names):
-                    found[self.order[name]].append((i, side))
+                    found[order[name]].append((i, side))
         self.sides = [frozenset(of) for of in found]
         members: dict[Any, list[int]] = {}
         for i, body in enumerate(scene.bodies):
@@ -87,14 +87,10 @@ class Groups:
     def named(self) -> set[str]:
         """Return the bodies of all pairs."""
         found: set[int] = set()
-        for i in range(len(self.contacts)):
+        for i in range(self.contacts):
             for _, _, g, h in self.pairs(i):
                 found.update(self.members[g], self.members[h])
         return {self.names[i] for i in found}
-
-    def text(self, a: int, b: int) -> tuple[str, str]:
-        """Return the names of two bodies."""
-        return self.names[a], self.names[b]
 
 
 def rigid_bodies(scene: SceneData) -> list[str]:
@@ -112,8 +108,12 @@ def field_of_bodies(scene: SceneData) -> list[int]:
 
     Those of rigid bodies, which always have one, are the last.
     """
+    return _fields(scene, Groups(scene))
+
+
+def _fields(scene: SceneData, groups: Groups) -> list[int]:
     rigid = set(rigid_bodies(scene))
-    named = Groups(scene).named() - rigid
+    named = groups.named() - rigid
     bending = len(scene.bodies) - len(rigid)
     # A field that nobody is in would cost nothing, but the first one named may as well have it.
     next_one = 1 if len(named) < bending or not bending else 0
@@ -134,8 +134,8 @@ def _kinds(
 
     Bodies are of one kind where neither the list of contacts nor their densities tell them apart.
     """
-    fields = field_of_bodies(scene)
     groups = Groups(scene)
+    fields = _fields(scene, groups)
     shared = fields.count(0) > 1
     kinds: dict[tuple[Any, ...], int] = {}
     kind = [0] * (max(fields) + 1)
@@ -269,7 +269,7 @@ def check_contacts(scene: SceneData, problems: list[str]) -> None:
         for a, b, *_ in pairs:
             other = by.setdefault((a, b), contact)
             if other is not contact:
-                one, two = groups.text(a, b)
+                one, two = groups.names[a], groups.names[b]
                 check.fail(
                     f"between has '{one}' and '{two}', a pair of contact '{other.name}' "
                     "too; expected one law for a pair; narrow one of the patterns"
@@ -278,7 +278,7 @@ def check_contacts(scene: SceneData, problems: list[str]) -> None:
         _check_law(check, contact, groups, pairs)
         problems += check.problems
     if has_fields(scene) and len(problems) == before:
-        _check_scene(scene, problems)
+        _check_scene(scene, groups, problems)
 
 
 def check_contact_load(check: Checker, scene: SceneData, sensor: ContactLoad) -> None:
@@ -314,7 +314,7 @@ def _check_law(
     check: Checker, contact: Contact, groups: Groups, pairs: list[tuple[int, int, int, int]]
 ) -> None:
     for a, b, g, h in pairs:
-        one, two = groups.text(a, b)
+        one, two = groups.names[a], groups.names[b]
         fluids = [name for name, of in ((one, g), (two, h)) if groups.fluid[of]]
         if isinstance(contact.law, Friction) and fluids:
             check.fail(
@@ -333,7 +333,7 @@ def _check_law(
             return
 
 
-def _check_scene(scene: SceneData, problems: list[str]) -> None:
+def _check_scene(scene: SceneData, groups: Groups, problems: list[str]) -> None:
     """Refuse what contact is not built for."""
     rigid = rigid_bodies(scene)
     what = f"body '{rigid[0]}'" if rigid else f"contact '{scene.contacts[0].name}'"
@@ -361,7 +361,7 @@ def _check_scene(scene: SceneData, problems: list[str]) -> None:
             "contacts"
         )
     problems += first.problems
-    named = Groups(scene).named() | set(rigid)
+    named = groups.named() | set(rigid)
     for boundary in scene.boundaries:
         check = Checker(f"boundary '{boundary.name}'")
         for response in boundary.responses:
