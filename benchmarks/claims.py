@@ -194,9 +194,12 @@ SMALL: Mapping[str, Mapping[str, Any]] = {
 class Timed:
     """Makes simulations that end at a time of the clock; knows whether one did."""
 
-    def __init__(self, device: str, deadline: float, checkpoint: Path | None) -> None:
+    def __init__(
+        self, device: str, deadline: float, checkpoint: Path | None, threads: int = 1
+    ) -> None:
         """`deadline` as of `time.time`; with a checkpoint the run goes on from it."""
         self.device, self.deadline, self.checkpoint = device, deadline, checkpoint
+        self.threads = threads
         self.late = False
         self.sim: Any = None
 
@@ -215,7 +218,9 @@ class Timed:
                 timed.late = timed.late or not done
                 return True
 
-        how: dict[str, Any] = {"shared_device": True} if self.device != "cpu" else {"threads": 1}
+        how: dict[str, Any] = {"shared_device": True}
+        if self.device == "cpu":
+            how = {"threads": self.threads}
         self.sim = None
         if self.checkpoint is not None and self.checkpoint.exists():
             self.sim = Ending.resume(self.checkpoint)
@@ -226,14 +231,17 @@ class Timed:
         return self.sim  # type: ignore[no-any-return]
 
 
-def measure(job: Job, device: str, until: float, keep: Path | None) -> dict[str, Any]:
+def measure(
+    job: Job, device: str, until: float, keep: Path | None, threads: int
+) -> dict[str, Any]:
     """Run a job until a time of the clock at most, and return its line."""
     warnings.simplefilter("ignore")  # partial histories, and what the source's scenes are like
     began = time.time()
     if began >= until:
         return {"name": job.name, "claim": job.scene, "complete": False, "reached": 0.0}
     checkpoint = keep / f"{job.name.replace(' ', '-')}.npz" if keep and job.goes_on else None
-    timed = Timed(device if job.on_device else "cpu", min(until, began + job.limit), checkpoint)
+    deadline = min(until, began + job.limit)
+    timed = Timed(device if job.on_device else "cpu", deadline, checkpoint, threads)
     line: dict[str, Any] = {
         "name": job.name, "claim": job.scene, "parameters": dict(job.parameters),
         "source": job.source, "band": {k: list(v) for k, v in job.band.items()},
@@ -297,6 +305,7 @@ def main() -> int:
     parser.add_argument("--device", default="cuda", help="cpu, cuda or cuda:N")
     parser.add_argument("--workers", type=int, default=8, help="runs at once on the device")
     parser.add_argument("--processes", type=int, default=12, help="at once on the CPU")
+    parser.add_argument("--threads", type=int, default=1, help="of each run on the CPU")
     parser.add_argument("--budget", type=float, default=330.0, help="s of wall time")
     parser.add_argument("--output", type=Path, default=RESULTS)
     parser.add_argument("--keep", type=Path, help="folder of checkpoints")
@@ -344,7 +353,7 @@ def main() -> int:
         on_cores = cores if a.device != "cpu" else None
         waiting = [
             (device if job.on_device and on_cores else cores).submit(
-                measure, job, a.device, until, a.keep
+                measure, job, a.device, until, a.keep, a.threads
             )
             for job in chosen
         ]

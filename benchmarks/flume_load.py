@@ -88,16 +88,21 @@ def main() -> int:
     parser.add_argument("--until", type=float, default=27.0, help="run time, s")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--budget", type=float, default=math.inf, help="of the clock, s")
+    parser.add_argument("--keep", type=Path, help="checkpoint of a run whose budget ended")
     parser.add_argument("--output", type=Path, default=RESULTS)
     given = parser.parse_args()
     bed = given.bed or given.walls
-    sim = libmpm.Simulation(
-        scene(given.cell, given.transfer, given.walls, bed), device=given.device
-    )
+    if given.keep and given.keep.exists():
+        sim = libmpm.Simulation.resume(given.keep)
+    else:
+        made = scene(given.cell, given.transfer, given.walls, bed)
+        sim = libmpm.Simulation(made, device=given.device)
     failed, begun = "", time.monotonic()
     try:
         while sim.time < given.until and time.monotonic() - begun < given.budget:
             sim.run(until=min(sim.time + 0.5, given.until), progress=False)
+        if given.keep and sim.time < given.until:
+            sim.save_checkpoint(given.keep)
     except libmpm.Error as error:
         failed = str(error)
     series = sim.sensors["load"]
