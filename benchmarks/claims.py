@@ -231,9 +231,7 @@ class Timed:
         return self.sim  # type: ignore[no-any-return]
 
 
-def measure(
-    job: Job, device: str, until: float, keep: Path | None, threads: int
-) -> dict[str, Any]:
+def measure(job: Job, device: str, until: float, keep: Path | None, threads: int) -> dict[str, Any]:
     """Run a job until a time of the clock at most, and return its line."""
     warnings.simplefilter("ignore")  # partial histories, and what the source's scenes are like
     began = time.time()

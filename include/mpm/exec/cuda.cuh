@@ -13,6 +13,7 @@
 
 #include "mpm/core/config.hpp"
 #include "mpm/core/error.hpp"
+#include "mpm/exec/cuda_kernels.cuh"
 #include "mpm/exec/sums.hpp"
 
 namespace mpm {
@@ -42,163 +43,6 @@ public:
 private:
     int before_ = -1;
 };
-
-/// First in a kernel of a step (`launch_next`): returns when what came before on the stream is done
-/// and seen, and lets what comes after it be brought to the device meanwhile.
-__device__ __forceinline__ void after_previous() {
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    cudaGridDependencySynchronize();
-    cudaTriggerProgrammaticLaunchCompletion();
-#endif
-}
-
-template <class F>
-__global__ void single_kernel(const __grid_constant__ F f) {
-    f();
-}
-
-template <class F>
-__global__ void each_kernel(std::int64_t n, const __grid_constant__ F f) {
-    const std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
-    if (i < n) f(i);
-}
-
-/// For functions that wait for one read after another: half of the registers that they would take,
-/// and twice as many at a time.
-inline constexpr int next_threads = 64;
-template <class F>
-__global__ void __launch_bounds__(next_threads, 8)
-    next_kernel(std::int64_t n, const __grid_constant__ F f) {
-    after_previous();
-    const std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
-    if (i < n) f(i);
-}
-
-inline constexpr int max_threads = 256;
-
-/// Runs f once, on the last of `all` blocks that come here. Every thread of every block must call
-/// it; `arrivals` is zero before and after.
-template <class F>
-__device__ __forceinline__ void last_of(std::uint32_t all, std::uint32_t* arrivals, const F& f) {
-    __syncthreads();
-    if (threadIdx.x != 0) return;
-    // What any thread of the block has told is there before the block is counted: without this a
-    // maximum or a count could come a step late, and the bits with it.
-    __threadfence();
-    if (atomicAdd(arrivals, 1u) + 1 != all) return;
-    __threadfence();
-    f();
-    *arrivals = 0;
-}
-
-/// Maxima are not negative, so their bits order as they do, and the largest is the same in whatever
-/// order it is found. They are zero before and after; `then` reads them in between.
-template <int M, class F, class G>
-__global__ void __launch_bounds__(max_threads)
-    max_kernel(std::int64_t n, const __grid_constant__ F f, double* maxima,
-               const __grid_constant__ G then, std::uint32_t* arrivals) {
-    after_previous();
-    double local[M] = {};
-    const std::int64_t stride = std::int64_t(gridDim.x) * blockDim.x;
-    for (std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x; i < n; i += stride) {
-        f(i, local);
-    }
-    __shared__ double of_warp[max_threads / 32][M];
-    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
-    for (int m = 0; m < M; ++m) {
-        double x = local[m];
-        for (int by = 16; by > 0; by /= 2) x = fmax(x, __shfl_down_sync(~0u, x, by));
-        if (lane == 0) of_warp[warp][m] = x;
-    }
-    __syncthreads();
-    if (threadIdx.x < M) {
-        double x = 0;
-        for (int w = 0; w < max_threads / 32; ++w) x = fmax(x, of_warp[w][threadIdx.x]);
-        if (x > 0) {
-            atomicMax(reinterpret_cast<unsigned long long*>(maxima) + threadIdx.x,
-                      static_cast<unsigned long long>(__double_as_longlong(x)));
-        }
-    }
-    last_of(gridDim.x, arrivals, [&] {
-        then(const_cast<const double*>(maxima));
-        for (int m = 0; m < M; ++m) maxima[m] = 0;
-    });
-}
-
-/// Adds what the threads of a block hold, in a fixed order; the sums are thread 0's.
-template <int W>
-__device__ __forceinline__ void add_up(double (&local)[W]) {
-    __shared__ double of_warp[max_threads / 32][W];
-    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
-    for (int w = 0; w < W; ++w) {
-        double x = local[w];
-        for (int by = 16; by > 0; by /= 2) x += __shfl_down_sync(~0u, x, by);
-        if (lane == 0) of_warp[warp][w] = x;
-    }
-    __syncthreads();
-    for (int w = 0; w < W && threadIdx.x == 0; ++w) {
-        local[w] = 0;
-        for (int k = 0; k < max_threads / 32; ++k) local[w] += of_warp[k][w];
-    }
-    __syncthreads();
-}
-
-/// A block a place; the last of them adds the places of each set, small sets a thread each. Which
-/// block that is changes nothing. Blocks behind the places take what runs beside, a warp each.
-template <int W, class F, class G, class H>
-__global__ void __launch_bounds__(max_threads)
-    sum_kernel(const __grid_constant__ SumSets sets, const __grid_constant__ F f, double* parts,
-               const __grid_constant__ G then, std::uint32_t* arrivals, std::int64_t more,
-               const __grid_constant__ H beside) {
-    after_previous();
-    const std::int32_t place = std::int32_t(blockIdx.x);
-    if (place >= sets.places) {
-        const std::int64_t k =
-            std::int64_t(place - sets.places) * (max_threads / 32) + threadIdx.x / 32;
-        if (threadIdx.x % 32 == 0 && k < more) beside(k);
-        return;
-    }
-    {
-        const int s = sets.owner(place);
-        const SumSet set = sets.set[s];
-        const std::int64_t stride = std::int64_t(set.parts) * max_threads;
-        double local[W] = {};
-        for (std::int64_t i = std::int64_t(place - set.place) * max_threads + threadIdx.x;
-             i < set.count; i += stride) {
-            f(set.first + i, s, local);
-        }
-        add_up<W>(local);
-        for (int w = 0; w < W && threadIdx.x == 0; ++w)
-            parts[std::int64_t(place) * W + w] = local[w];
-    }
-    __shared__ bool last;
-    if (threadIdx.x == 0) {
-        __threadfence();
-        last = atomicAdd(arrivals, 1u) + 1 == unsigned(sets.places);
-        __threadfence();
-    }
-    __syncthreads();
-    if (!last) return;
-    constexpr int few = 32;  // parts that one thread adds up
-    for (int s = threadIdx.x; s < sets.count; s += max_threads) {
-        const SumSet set = sets.set[s];
-        if (set.parts > few) continue;
-        double local[W] = {};
-        for (std::int32_t k = 0; k < set.parts; ++k)
-            for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
-        then(s, static_cast<const double*>(local));
-    }
-    for (int s = 0; s < sets.count; ++s) {
-        const SumSet set = sets.set[s];
-        if (set.parts <= few) continue;
-        double local[W] = {};
-        for (std::int32_t k = threadIdx.x; k < set.parts; k += max_threads)
-            for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
-        add_up<W>(local);
-        if (threadIdx.x == 0) then(s, static_cast<const double*>(local));
-    }
-    if (threadIdx.x == 0) *arrivals = 0;
-}
 
 template <class T>
 struct SumOf;
@@ -481,7 +325,8 @@ template <int M, class F, class G>
 void Cuda::max_each(std::int64_t n, const F& f, const G& then) {
     static_assert(M <= max_maxima);
     const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
-    const std::int64_t most = 8 * multiprocessors();
+    // As many as run at once where warps line up what has work: each then sees more to choose from.
+    const std::int64_t most = (cuda::Choosy<F> ? 2 : 8) * multiprocessors();
     launch_next(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
                 cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
 }

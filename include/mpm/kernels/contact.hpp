@@ -215,12 +215,13 @@ struct NodeContact {
             }
             return part < all ? part / all : 1.0;
         };
+        BoundAxes<D> bound;
         if (on_lines(f.slot[i])) {
             const std::int64_t at = listed_at(f.slot[i], n);
-            FollowLines<NodeUpdate<T, Sum, D>, T, D>{node, known_at(at), at}.keep_on_lines(
+            bound = FollowLines<NodeUpdate<T, Sum, D>, T, D>{node, known_at(at), at}.keep_on_lines(
                 c, f.lined[i], v, seen);
         }
-        apply_boundaries<true>(node.boundaries, c, v, seen, share);
+        apply_boundaries<true>(node.boundaries, c, v, seen, share, bound);
     }
     /// The part, 0 to 1, of a change of velocity that boundaries let a field have.
     template <class Seen = NothingSeen>
@@ -352,6 +353,16 @@ struct ContactPass {
     KeptChannels kept;
     std::uint32_t* crowded;  // raised where more fields meet than are kept apart
 
+    /// Does more than one field have mass there? Of most nodes only one has: devices gather the
+    /// others, so that whole warps share the work.
+    MPM_INLINE bool wanted(std::int64_t i) const {
+        const std::int64_t block = i / block_cells;
+        const int n = int(i % block_cells);
+        int found = 0;
+        for (std::int32_t k = 0; k < of.contact.count[block] && found < 2; ++k)
+            found += of.node.mass(of.contact.first[block] + k, n) > T(0);
+        return found > 1;
+    }
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         const auto& node = of.node;
         if (node.clock->halt != Halt::none) return;

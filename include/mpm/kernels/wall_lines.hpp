@@ -334,7 +334,9 @@ struct FollowLines {
             seen(b, 0, before, v);
             return;
         }
-        if (line.slides) {
+        // Not of solids that other bodies push at single nodes: averages along the line would take
+        // what resists that shear (design/contact.md).
+        if (line.slides && node.may_flow(slot)) {
             // Of cut cells particles integrate what pushes along a slope unevenly between the nodes
             // of a line, over all of them hardly: they move as one, but for what the flow is drawn
             // out along the slope as it is pressed across it.
@@ -366,9 +368,10 @@ struct FollowLines {
     /// What another body has made of the velocity of a node since its lines gave it `lined`. The
     /// leader of a line hears of that in the next step; a node that is led goes no further towards
     /// the wall than its line or the wall itself does, and not off it where it may not leave.
+    /// Returns what `operator()` does.
     template <class Seen>
-    MPM_INLINE void keep_on_lines(const std::int64_t (&cell)[D], const Vec<T, D>& lined,
-                                  Vec<T, D>& v, const Seen& seen) const {
+    MPM_INLINE BoundAxes<D> keep_on_lines(const std::int64_t (&cell)[D], const Vec<T, D>& lined,
+                                          Vec<T, D>& v, const Seen& seen) const {
         BoundAxes<D> bound;
         for (int a = 0; a < D && node.boundaries.lines; ++a) {
             const WallLine line = line_of(a, cell);
@@ -410,6 +413,7 @@ struct FollowLines {
             v = respond_along(r.law[0], normal, before, least);
             seen(b, 0, before, v);
         }
+        return bound;
     }
     MPM_INLINE SurfaceLine<D> surface_line_of(int boundary, const std::int64_t (&cell)[D]) const {
         if (known.surfaces) {
