@@ -188,3 +188,47 @@ def test_blocks_on_a_linear_floor_stand_and_weigh_what_they_weigh(run: Runner) -
     late = np.asarray(load.time) > 0.3
     weight = (2 * 0.01 * cases.DENSITY + 0.025 * WATER) * GRAVITY
     assert abs(-np.asarray(load["force_y"])[late].mean() / weight - 1) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("degrees", "left", "density", "rub"),
+    [(1.0, -0.25, 2500.0, 0.0), (10.0, -0.25, 500.0, 0.0), (30.0, -0.25, 2500.0, 0.5),
+     (40.0, -0.5, 1200.0, 0.0)],
+)  # fmt: skip
+def test_a_block_under_water_on_a_slope_gains_no_energy(
+    run: Runner, degrees: float, left: float, density: float, rub: float
+) -> None:
+    """Lines that move as one along the slope shear it, and threw it off (`design/contact.md`)."""
+    dx, rise, side = 1 / 16, float(np.tan(np.deg2rad(degrees))), 0.25
+    lower, upper = (-1.0, -8 * dx), (1.0, 1 + 4 * dx)
+    scene = libmpm.Scene(
+        dimension=2, cell_size=dx, lower=lower, upper=upper, gravity=(0.0, -GRAVITY)
+    )
+    bed = shapes.HalfSpace(point=(0.0, 0.2), normal=(-rise, 1.0))
+    foot = 0.2 + rise * (left + side)
+    block = shapes.Box(lower=(left, foot), upper=(left + side, foot + side))
+    tank = shapes.basin(level=0.9, bed=bed, within=shapes.Box(lower=lower, upper=upper))
+    scene.add_body(
+        name="water", shape=tank - block, hydrostatic=0.9, sampling=shapes.Columns(),
+        material=materials.TaitFluid(density=WATER, bulk_modulus=2e6),
+    )  # fmt: skip
+    scene.add_body(
+        name="block", shape=block, particles_per_cell=4,
+        material=materials.FixedCorotated(density=density, youngs_modulus=2e6, poissons_ratio=0.3),
+    )  # fmt: skip
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    scene.add_boundary(name="bed", shape=bed, response=response("auto", rub > 0, **_rubs(rub)))
+    scene.add_contact(name="wet", between=("block", "water"), law=contacts.Fluid())
+    scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.05))
+    sim = run(scene)
+    sim.run(until=1.4, progress=False)
+    energy = sim.sensors["energy"]
+    at = {name: energy.values[:, k] for k, name in enumerate(energy.components)}
+    # What falls gives; waves of the start's jolt carry 5 J/m between the parts.
+    every = at["kinetic"] + at["elastic"] + at["potential"]
+    assert every.max() - every[0] < 8.0
+    assert at["elastic"].max() < 30.0
+
+
+def _rubs(friction: float) -> dict[str, float]:
+    return {"static_friction": friction, "dynamic_friction": friction} if friction else {}

@@ -17,7 +17,7 @@ struct BoundaryView {
     bool lines = false;  // any face is linear
     bool surface_lines = false;  // any surface is
     bool mirrors = false;        // any face is a mirror
-    int down = -1;               // the axis along which gravity is largest; -1: there is none
+    int down = -1;  // the axis along which gravity is largest; -1: no line slides along a slope
 };
 
 /// Centre of a cell, which is its node, m.

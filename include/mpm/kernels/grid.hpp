@@ -25,7 +25,6 @@ struct NodeUpdate {
     double light_mass;  // lighter nodes count by their part of it (kernels/clock.hpp), kg
     const GroupPressure* pressures = nullptr;  // where boxes or surfaces have linear cells
     int pressure_count = 0;
-    const std::uint8_t* fluid = nullptr;  // per field of velocities: of a fluid; null: one field
 
     MPM_INLINE const Sum* sums(std::int32_t slot, int node) const {
         return grid.sums + std::int64_t(slot) * grid.sum_channels * block_cells + node;
@@ -42,10 +41,6 @@ struct NodeUpdate {
         int at[D];
         Block<D>::coordinates(node, at);
         for (int a = 0; a < D; ++a) c[a] = grid.table.corners[std::int64_t(slot) * D + a] + at[a];
-    }
-    /// May a fluid be what moves with the nodes of a slot?
-    MPM_INLINE bool may_flow(std::int32_t slot) const {
-        return !fluid || fluid[grid.table.keys_of.field(grid.table.keys[slot])] != 0;
     }
     MPM_INLINE Vec<Sum, D> momentum(std::int32_t slot, int node) const {
         const Sum* s = sums(slot, node);

@@ -334,9 +334,7 @@ struct FollowLines {
             seen(b, 0, before, v);
             return;
         }
-        // Not of solids that other bodies push at single nodes: averages along the line would take
-        // what resists that shear (design/contact.md).
-        if (line.slides && node.may_flow(slot)) {
+        if (line.slides) {
             // Of cut cells particles integrate what pushes along a slope unevenly between the nodes
             // of a line, over all of them hardly: they move as one, but for what the flow is drawn
             // out along the slope as it is pressed across it.

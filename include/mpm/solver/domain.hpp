@@ -392,8 +392,7 @@ private:
                 least_mass_,
                 light_mass_,
                 boundaries_.pressures().data(),
-                int(boundaries_.pressures().size()),
-                spec_.contact.any() ? fluid_.data() : nullptr};
+                int(boundaries_.pressures().size())};
     }
     WallNodes<Grid> wall_nodes() {
         if (!boundaries_.lists()) return {};
@@ -457,7 +456,6 @@ private:
     Buffer<X, ContactLaw> contact_laws_{exec_};
     Buffer<X, std::int32_t> law_of_{exec_}, kind_of_{exec_};
     Buffer<X, double> full_{exec_};
-    Buffer<X, std::uint8_t> fluid_{exec_};  // (fields,)
     Buffer<X, std::int32_t> contact_first_{exec_}, contact_count_{exec_};
     Buffer<X, std::uint32_t> crowded_{exec_};
     Buffer<X, double> grid_maxima_{exec_};         // devices: before contact

@@ -19,11 +19,6 @@ void Domain<X, T, D>::set_contact() {
     law_of_.assign(std::vector<std::int32_t>(c.law_of.begin(), c.law_of.end()));
     kind_of_.assign(std::vector<std::int32_t>(c.kind.begin(), c.kind.end()));
     full_.assign(full);
-    std::vector<std::uint8_t> fluid(std::size_t(c.fields), 0);
-    for (const BodySpec& b : spec_.bodies)
-        for (const FieldOfIds& f : b.fields)
-            if (material(b.material).volumetric) fluid[std::size_t(f.field)] = 1;
-    fluid_.assign(fluid);
     crowded_.assign({0});
     if constexpr (X::is_device) grid_maxima_.reserve_discard(maxima_count);
 }
