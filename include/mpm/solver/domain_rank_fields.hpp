@@ -138,6 +138,8 @@ void Domain<X, T, D>::hold_fields_of_devices(Buffer<X, std::uint64_t>& keys) {
     exec_.for_each(
         n, ListKeys{theirs.data(), position.data(), flag.data(), table.data() + keys.size()});
     table.shrink(std::size_t(exec_.sort_unique(table.data(), std::int64_t(table.size()), bits)));
+    // A node out there that follows a line would be too fast without the rest of it, and its speed
+    // is among the maxima.
     if (!s.together.empty()) {
         auto with_others = table.host();
         add_together<D>(table_.keys_of, s.together, with_others);
