@@ -81,7 +81,7 @@ def test_mixed_precision(name: str, pair: list[str]) -> None:
 
 
 @pytest.mark.parametrize("ranks", [3, 4])
-@pytest.mark.parametrize("name", ["dominoes", "blows", "beside lines"])
+@pytest.mark.parametrize("name", ["dominoes", "blows"])
 def test_cuts_that_move_at_every_sort(name: str, ranks: int) -> None:
     """Ranks that are neighbours and ranks that are not, on as many devices as there are."""
     partition = libmpm.Partition(cuts="curve", rebalance_above=0)
