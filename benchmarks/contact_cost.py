@@ -5,8 +5,9 @@
 `pile`: a bore of four million particles runs into 2,000 blocks of 2,016 particles in a pile, all of
 which may touch each other and the water. `apart`: eight million particles of water and 24 blocks
 that float in it, apart from each other. 3D, eight particles a cell, single precision, default
-F-bar, all checks, sorts included. `--scale` is of the numbers of particles and blocks. Each case
-runs without contacts, then with; a line each goes to benchmarks/results/contact_cost.jsonl.
+F-bar, all checks, sorts included. `--device cuda:0,cuda:1`: on several. `--scale` is of the numbers
+of particles and blocks. Each case runs without contacts, then with; a line each goes to
+benchmarks/results/contact_cost.jsonl.
 """
 
 from __future__ import annotations
@@ -107,7 +108,9 @@ def main() -> None:
                 solid = contacts.Friction(static=0.4, dynamic=0.3)
                 scene.add_contact(name="solids", between=("block*", "block*"), law=solid)
                 scene.add_contact(name="wet", between=("block*", "water"), law=contacts.Fluid())
-            sim = libmpm.Simulation(scene, device=given.device, precision="single")
+            names = given.device.split(",")
+            device = names if len(names) > 1 else names[0]
+            sim = libmpm.Simulation(scene, device=device, precision="single")
             sim.step(100)
             begun = time.monotonic()
             sim.step(given.steps)
@@ -116,7 +119,8 @@ def main() -> None:
                 "case": case, "contact": touching, "particles": sum(sim.totals()),
                 "bodies": len(scene.bodies), "steps": given.steps,
                 "seconds": round(seconds[touching], 3), "time": sim.time,
-                "device": sim.device, "state": f"steps 100 to {100 + given.steps}",
+                "device": sim.device, "ranks": sim.ranks,
+                "state": f"steps 100 to {100 + given.steps}",
                 "times_without": round(seconds[touching] / seconds[False], 3),
                 "speed": float(np.abs(sim.particles["water"]["velocity"]).max()),
                 "commit": bench.commit(), "version": libmpm.__version__,

@@ -381,12 +381,6 @@ def test_walls_bodies_and_sensors_that_are_refused() -> None:
         assert part in told
 
 
-def test_devices_that_are_refused() -> None:
-    scene = meeting("APIC", 2, contacts.Stick())
-    with pytest.raises(libmpm.SceneError, match="contacts, which are built for one CUDA device"):
-        libmpm.Simulation(scene, device=["cuda:0", "cuda:1"])
-
-
 def test_continuing_from_a_run_with_contact_is_refused(run: Runner, tmp_path: Path) -> None:
     simulation = run(meeting("APIC", 2, contacts.Stick()))
     simulation.step(2)

@@ -180,12 +180,6 @@ def test_plan_says_ranks() -> None:
     assert plan.to_dict()["fields"] == 6
 
 
-def test_devices_that_are_refused() -> None:
-    for device in (["cuda:0", "cuda:1"], ["cpu", "cuda:0"]):
-        with pytest.raises(libmpm.SceneError, match="contacts, which are built for one CUDA"):
-            libmpm.Simulation(cases.dominoes(3), device=device)
-
-
 #: Bodies that change their ranks for as long as is asked for: LIBMPM_CONTACT_STEPS=20000.
 STEPS = int(os.environ.get("LIBMPM_CONTACT_STEPS", "0"))
 

@@ -14,6 +14,14 @@
 
 namespace mpm {
 
+/// Cells of a table are counted in 32 bits.
+inline void check_slots(std::int64_t slots) {
+    if (slots * block_cells >= std::int64_t(~0u))
+        throw CapacityError(
+            "the scene needs " + std::to_string(slots) +
+            " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
+}
+
 template <class X, int D>
 class BlockTable {
 public:
@@ -51,6 +59,8 @@ public:
     /// from the present table's slots to its own.
     void rebuild(const Buffer<X, std::uint32_t>& occupied, const Buffer<X, std::uint64_t>& more,
                  Buffer<X, std::uint64_t>& keys, Buffer<X, std::int32_t>& map);
+    /// Where the present table's slots are in that of these keys.
+    void map_to(const Buffer<X, std::uint64_t>& keys, Buffer<X, std::int32_t>& map);
     /// The present slot of each of these keys, -1 where there is none.
     void slots_of(const Buffer<X, std::uint64_t>& keys, Buffer<X, std::int32_t>& slots);
     /// A table with other keys before it is the table: no longer knows corners and neighbours of
@@ -129,11 +139,7 @@ void BlockTable<X, D>::neighbourhood(const Buffer<X, std::uint64_t>& homes,
     all.reserve_discard(n);
     exec_.for_each(n, ListNeighbours<D>{view_.keys_of, homes.data(), all.data()});
     const std::int64_t slots = exec_.sort_unique(all.data(), n, view_.keys_of.bits());
-    if (slots * block_cells >= std::int64_t(~0u)) {
-        throw CapacityError(
-            "the scene needs " + std::to_string(slots) +
-            " blocks of 64 cells; one device holds at most 67108863. Use a larger cell_size");
-    }
+    check_slots(slots);
     keys.reserve_discard(slots);
     exec_.copy(keys.data(), all.data(), std::size_t(slots) * sizeof(std::uint64_t));
     if (!together_.empty()) {
@@ -164,8 +170,13 @@ void BlockTable<X, D>::rebuild(const Buffer<X, std::uint32_t>& occupied,
         exec_.copy(list.data() + homes, more.data(), more.size() * sizeof(std::uint64_t));
     exec_.for_each(slots, ListKeys{keys_.data(), position.data(), occupied.data(), list.data()});
     neighbourhood(list, keys);
-    map.reserve_discard(slots);
-    exec_.for_each(slots,
+    map_to(keys, map);
+}
+
+template <class X, int D>
+void BlockTable<X, D>::map_to(const Buffer<X, std::uint64_t>& keys, Buffer<X, std::int32_t>& map) {
+    map.reserve_discard(view_.slots);
+    exec_.for_each(view_.slots,
                    MapSlots{keys_.data(), keys.data(), std::int32_t(keys.size()), map.data()});
 }
 

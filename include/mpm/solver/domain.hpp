@@ -274,6 +274,8 @@ private:
     SamplePoints<Grid, Sum, D> sample_points();
     void sample_points_together(SamplePoints<Grid, Sum, D> points);
     void open_points();
+    void reserve_told();
+    std::vector<std::uint64_t> slots_of_points();
     void link_points();
     void tell_points();
     void swap_told_points();
@@ -304,6 +306,12 @@ private:
         const Sum* theirs = nullptr;  // what the other has added to them
     };
     void link_homes();
+    ReachedBlocks reached_blocks() const {
+        if (!spec_.contact.any()) return {};
+        return {reached_.data(), std::int32_t(reached_.size())};
+    }
+    std::uint32_t flag_border(const Buffer<X, std::uint64_t>& keys, bool all,
+                              Buffer<X, std::uint32_t>& flag, Buffer<X, std::uint32_t>& position);
     std::vector<HeldBlock> list_held(const Buffer<X, std::uint64_t>& keys, bool all);
     std::vector<std::vector<HeldBlock>> gather_held(const Buffer<X, std::uint64_t>& keys, bool all);
     void link_devices(std::vector<std::vector<HeldBlock>> held);
@@ -314,6 +322,12 @@ private:
     void sum_of_devices(std::vector<std::uint64_t>& numbers) const;
     void sum_of_homes(std::vector<std::uint64_t>& numbers);
     void run_together(std::int64_t& steps, bool& wall_over);
+    // domain_rank_fields.hpp
+    std::vector<std::vector<std::uint64_t>> tell_reached_slots(
+        const Buffer<X, std::uint64_t>& keys);
+    void tell_reached_by_homes();
+    void hold_fields_of_devices(Buffer<X, std::uint64_t>& keys);
+    void count_reached();
     // domain_parcels.hpp
     bool reaches() const;
     void share_votes();
@@ -489,6 +503,8 @@ private:
     Buffer<X, std::int32_t> owner_{exec_};   // (slots,)
     // (slots,): its owner may have particles there without a new table.
     Buffer<X, std::uint32_t> ready_{exec_};
+    // Where bodies have fields of velocities: blocks that this rank's homes reach, by field 0.
+    Buffer<X, std::uint64_t> reached_{exec_};
     std::vector<std::array<Sum*, 2>> sums_of_;  // of each rank
     Buffer<X, std::uint8_t> counts_{exec_};     // RankShare::counts
     // The blocks that each of them shares with this one, what this one has added to them, a piece
@@ -520,6 +536,7 @@ private:
 #include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_place.hpp"
 #include "mpm/solver/domain_points.hpp"
+#include "mpm/solver/domain_rank_fields.hpp"
 #include "mpm/solver/domain_ranks.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_rigid.hpp"

@@ -13,6 +13,7 @@
 
 namespace mpm {
 
+/// Slots of blocks within `reach` blocks of one that another rank owns.
 template <int D>
 struct FlagBorder {
     BlockKeys<D> keys_of;
@@ -20,14 +21,26 @@ struct FlagBorder {
     RowCuts<D> cuts;
     int me;
     bool all;
+    int reach;
     std::uint32_t* flag;
     MPM_INLINE void operator()(std::int64_t slot) const {
         std::int64_t at[D];
         keys_of.block(keys[slot], at);
+        const int width = 2 * reach + 1;
+        int around = 1;
+        for (int a = 0; a < D; ++a) around *= width;
         bool found = all;
-        for (int n = 0; n < Block<D>::neighbours && !found; ++n) {
+        for (int n = 0; n < around && !found; ++n) {
             std::int64_t b[D];
-            found = keys_of.beside(at, n, b) && cuts.owner(keys_of, keys_of.key(b)) != me;
+            bool inside = true;
+            int rest = n;
+            for (int a = D - 1; a >= 0; --a) {
+                b[a] = at[a] + rest % width - reach;
+                rest /= width;
+                inside = inside && b[a] >= -BlockKeys<D>::rim &&
+                         b[a] < keys_of.counts[a] - BlockKeys<D>::rim;
+            }
+            found = inside && cuts.owner(keys_of, keys_of.key(b)) != me;
         }
         flag[slot] = found;
     }
@@ -40,6 +53,7 @@ struct ListHeld {
     const std::uint32_t* flag;
     const std::uint32_t* position;
     HeldBlock* out;
+    ReachedBlocks reached;
     MPM_INLINE void operator()(std::int64_t slot) const {
         if (!flag[slot]) return;
         std::int64_t at[D];
@@ -54,7 +68,9 @@ struct ListHeld {
                 ready = ready && b[a] >= -BlockKeys<D>::rim &&
                         b[a] + BlockKeys<D>::rim < keys_of.counts[a];
             }
-            ready = ready && find_key(keys, slots, keys_of.key(b)) >= 0;
+            ready = ready &&
+                    find_key(keys, slots, keys_of.key(b, keys_of.field(keys[slot]))) >= 0 &&
+                    reached.has(keys_of.key(b));
         }
         out[position[slot]] = {keys[slot], std::int32_t(slot), ready};
     }
@@ -67,10 +83,15 @@ struct FlagReady {
     const std::int32_t* owner;
     int me;
     std::uint32_t* ready;
+    BlockKeys<D> keys_of;
+    const std::uint64_t* keys;
+    ReachedBlocks reached;
     MPM_INLINE void operator()(std::int64_t slot) const {
         bool all = owner[slot] == me;
-        for (int n = 0; n < Block<D>::neighbours && all; ++n)
-            all = neighbours[slot * Block<D>::neighbours + n] >= 0;
+        for (int n = 0; n < Block<D>::neighbours && all; ++n) {
+            const std::int32_t beside = neighbours[slot * Block<D>::neighbours + n];
+            all = beside >= 0 && reached.has(keys_of.of_block(keys[beside]));
+        }
         ready[slot] = all;
     }
 };
@@ -176,27 +197,42 @@ void Domain<X, T, D>::run_together(std::int64_t& steps, bool& wall_over) {
     }
 }
 
-/// The blocks of a table that others may hold too: those beside a block that another rank owns.
-/// With `all`, every block.
+/// Which slots of a table others may hold too: those beside a block that another rank owns, or two
+/// away from one where a rank holds all fields around what its homes reach. With `all`, every one.
+/// Returns how many.
 template <class X, class T, int D>
-std::vector<HeldBlock> Domain<X, T, D>::list_held(const Buffer<X, std::uint64_t>& keys, bool all) {
+std::uint32_t Domain<X, T, D>::flag_border(const Buffer<X, std::uint64_t>& keys, bool all,
+                                           Buffer<X, std::uint32_t>& flag,
+                                           Buffer<X, std::uint32_t>& position) {
     const RankShare<D>& s = *share_;
     const std::int64_t slots = std::int64_t(keys.size());
-    Buffer<X, std::uint32_t> flag(exec_), position(exec_);
     flag.reserve_discard(std::size_t(slots));
     position.reserve_discard(std::size_t(slots) + 1);
     // Whoever has a block of one side of a mirrored wall has that of the other.
-    FlagBorder<D> border{table_.keys_of, keys.data(), {}, s.rank(), all || !s.together.empty(),
+    FlagBorder<D> border{table_.keys_of,
+                         keys.data(),
+                         {},
+                         s.rank(),
+                         all || !s.together.empty(),
+                         spec_.contact.any() ? 2 : 1,
                          flag.data()};
     border.cuts = RowCuts<D>(s.partition);
     exec_.for_each(slots, border);
     exec_.exclusive_scan(flag.data(), position.data(), slots);
     std::uint32_t n = 0;
     exec_.download(&n, position.data() + slots, sizeof n);
+    return n;
+}
+
+/// These slots.
+template <class X, class T, int D>
+std::vector<HeldBlock> Domain<X, T, D>::list_held(const Buffer<X, std::uint64_t>& keys, bool all) {
+    Buffer<X, std::uint32_t> flag(exec_), position(exec_);
     Buffer<X, HeldBlock> list(exec_);
-    list.reserve_discard(n);
+    list.reserve_discard(flag_border(keys, all, flag, position));
+    const std::int64_t slots = std::int64_t(keys.size());
     exec_.for_each(slots, ListHeld<D>{table_.keys_of, keys.data(), std::int32_t(slots), flag.data(),
-                                      position.data(), list.data()});
+                                      position.data(), list.data(), reached_blocks()});
     return list.host();
 }
 
@@ -222,8 +258,9 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
     exec_.for_each(std::int64_t(slots), Constant<std::uint8_t>{0, shared_.data()});
     exec_.for_each(std::int64_t(slots), Constant<std::uint8_t>{1, counts_.data()});
     find_owners();
-    exec_.for_each(std::int64_t(slots), FlagReady<D>{blocks_.neighbours().data(), owner_.data(),
-                                                     s.rank(), ready_.data()});
+    exec_.for_each(std::int64_t(slots),
+                   FlagReady<D>{blocks_.neighbours().data(), owner_.data(), s.rank(), ready_.data(),
+                                table_.keys_of, table_.keys, reached_blocks()});
     Buffer<X, std::uint32_t> found(exec_);  // blocks that others hold too
     found.assign({0});
     Buffer<X, HeldBlock> theirs(exec_);
@@ -235,16 +272,19 @@ void Domain<X, T, D>::link_devices(std::vector<std::vector<HeldBlock>> held) {
                         shared_.data(), counts_.data(), ready_.data(), found.data()});
     }
     s.shared_blocks = found.host()[0];
+    if (spec_.contact.any()) count_reached();
     list_shared();
     s.counts = counts_.host();
     link_points();
     list_measured();
+    list_contacts();
 }
 
 /// Homes, and who shares what, after the table was made anew but for sorts. All ranks together.
 template <class X, class T, int D>
 void Domain<X, T, D>::link_homes() {
     if constexpr (X::is_device) {
+        if (share_ && spec_.contact.any()) tell_reached_by_homes();
         if (share_) link_devices(gather_held(blocks_.keys(), false));
         list_homes(find_homes());
     } else {

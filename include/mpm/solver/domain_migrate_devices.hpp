@@ -377,6 +377,10 @@ void Domain<X, T, D>::sort_into_new_table(const std::vector<std::vector<Coming>>
     more.shrink(std::size_t(
         exec_.sort_unique(more.data(), std::int64_t(more.size()), table_.keys_of.bits())));
     blocks_.rebuild(occupied, more, keys, map);
+    if (spec_.contact.any()) {
+        hold_fields_of_devices(keys);
+        blocks_.map_to(keys, map);
+    }
     const BlockTableView<D> table = blocks_.view_of(keys);
     auto after = gather_held(keys, all_before != nullptr);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {

@@ -101,9 +101,14 @@ void Domain<X, T, D>::find_blocks(const Spec& spec) {
     std::sort(homes.begin(), homes.end());
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
     keys.assign(homes);
-    blocks_.make(keys);
-    if constexpr (!X::is_device) {
-        if (!share_ || !spec_.contact.any()) return;
+    if (!share_ || !spec_.contact.any()) return blocks_.make(keys);
+    if constexpr (X::is_device) {
+        Buffer<X, std::uint64_t> table(exec_);
+        blocks_.neighbourhood(keys, table);
+        hold_fields_of_devices(table);
+        blocks_.adopt(table);
+    } else {
+        blocks_.make(keys);
         auto tables = gather_tables(blocks_.keys());
         hold_all_fields(tables);
         blocks_.assign(tables[std::size_t(share_->rank())]);

@@ -95,13 +95,24 @@ void Domain<X, T, D>::sample_points_together(SamplePoints<Grid, Sum, D> points) 
     for (int k = 0; k < sensors_.point_count(); ++k) points(k);
 }
 
-/// On devices: the table of blocks that are told, and where all ranks have theirs. All ranks
-/// together.
+/// On devices: the table of blocks that are told. All ranks together.
 template <class X, class T, int D>
 void Domain<X, T, D>::open_points() {
     if constexpr (X::is_device) {
         if (sensors_.point_count() == 0) return;
+        ToldClock never{};
+        never.due = -1;
+        told_clock_.assign(std::vector<ToldClock>{never});
+        if (spec_.contact.any()) return;  // `link_points` does, with each table
         told_keys_.assign(sensors_.blocks_of_points(table_.keys_of));
+        reserve_told();
+    }
+}
+
+/// Room for it, and where all ranks have theirs. All ranks together, and none in a step.
+template <class X, class T, int D>
+void Domain<X, T, D>::reserve_told() {
+    if constexpr (X::is_device) {
         const std::size_t blocks = told_keys_.size(),
                           sums = blocks * std::size_t(plan_.sum_channels) * block_cells;
         told_slots_.reserve_discard(blocks);
@@ -109,9 +120,6 @@ void Domain<X, T, D>::open_points() {
         told_sums_.zero();
         told_velocity_.reserve_discard(blocks * std::size_t(plan_.velocity_channels) * block_cells);
         told_velocity_.zero();
-        ToldClock never{};
-        never.due = -1;
-        told_clock_.assign(std::vector<ToldClock>{never});
         struct Tables {
             Sum* sums;
             Grid* velocity;
@@ -136,10 +144,37 @@ void Domain<X, T, D>::open_points() {
     }
 }
 
-/// Which of these blocks this rank tells, whenever there is a new table.
+/// Slots of the blocks that points can read, of all fields that anyone has there, ascending. All
+/// ranks together.
+template <class X, class T, int D>
+std::vector<std::uint64_t> Domain<X, T, D>::slots_of_points() {
+    const auto wanted = sensors_.blocks_of_points(table_.keys_of);
+    const auto keys = blocks_.keys().host();
+    std::vector<std::uint64_t> all;
+    for (std::uint64_t key : wanted)
+        for (auto k = std::lower_bound(keys.begin(), keys.end(), key);
+             k != keys.end() && *k < key + std::uint64_t(table_.keys_of.fields); ++k)
+            if (counts_slot(std::size_t(k - keys.begin()))) all.push_back(*k);
+    const std::uint64_t below = checks::keys_below(table_.keys_of);
+    const auto told = share_->comm->all_gather(
+        all, "slots of points",
+        [&](const std::vector<std::uint64_t>& theirs, int) { checks::table_keys(theirs, below); });
+    all.clear();
+    for (const auto& theirs : told) all.insert(all.end(), theirs.begin(), theirs.end());
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    return all;
+}
+
+/// Which of these blocks this rank tells, whenever there is a new table. Where bodies have fields
+/// of velocities, blocks have slots by these, and the few that are there are told.
 template <class X, class T, int D>
 void Domain<X, T, D>::link_points() {
     if (sensors_.point_count() == 0) return;
+    if (spec_.contact.any()) {
+        told_keys_.assign(slots_of_points());
+        reserve_told();
+    }
     exec_.for_each(
         std::int64_t(told_keys_.size()),
         FindTold{told_keys_.data(), table_.keys, table_.slots, counts_.data(), told_slots_.data()});

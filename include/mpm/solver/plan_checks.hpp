@@ -7,7 +7,7 @@
 namespace mpm {
 
 /// Refuses what contact between bodies is not built for.
-void check_contact(const Spec& spec, const BackendTraits& backend);
+void check_contact(const Spec& spec);
 /// The same of a body whose particles are shifted.
 void check_shifting(const Spec& spec, const BodySpec& body);
 

@@ -35,6 +35,16 @@ struct HeldBlock {
     std::int32_t ready;  // all its neighbours are in the table too
 };
 
+/// Where bodies have fields of velocities: the blocks that a rank's homes reach, by field 0. It
+/// holds all fields there and around, so these are where homes may be without a new table.
+struct ReachedBlocks {
+    const std::uint64_t* keys = nullptr;  // ascending; null: any
+    std::int32_t count = 0;
+    MPM_INLINE bool has(std::uint64_t block) const {
+        return !keys || find_key(keys, count, block) >= 0;
+    }
+};
+
 /// What ranks on devices say of a sort before any of them has changed anything.
 struct SortWord {
     std::uint32_t stops;  // particles have left, and the policy is to stop

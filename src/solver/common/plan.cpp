@@ -248,7 +248,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                          "; built are 2 (plane strain) and 3");
     }
     check_pipeline(spec, backend);
-    check_contact(spec, backend);
+    check_contact(spec);
     check_elements(spec, backend);
     check_rigid(spec, backend);
     const bool between =

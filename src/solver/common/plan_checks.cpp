@@ -6,14 +6,12 @@
 
 namespace mpm {
 
-void check_contact(const Spec& spec, const BackendTraits& backend) {
+void check_contact(const Spec& spec) {
     if (!spec.contact.any()) return;
     const auto refuse = [](const std::string& what, const std::string& remedy) {
         throw SceneError("contact between bodies is not built for " + what + "; " + remedy +
                          ", or remove the contacts");
     };
-    if (backend.device && spec.ranks.count > 1)
-        refuse("several devices of " + backend.name, "use one, or ranks on the CPU");
     if (!spec.functions.kind.empty()) refuse("grids of functions", "use square cells");
     if (spec.kernel.kernel != Kernel::quadratic || spec.kernel.clamped)
         refuse("other kernels than plain quadratic splines, by which it measures gaps",

@@ -21,11 +21,7 @@ using test::forever;
 using test::go;
 
 Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {
-    s.ranks.count = ranks;
-    s.ranks.devices.assign(std::size_t(ranks), 0);
-    s.ranks.axis = axis;
-    s.ranks.rebalance_above = rebalance_above;
-    return s;
+    return test::on_devices(std::move(s), ranks, axis, rebalance_above);
 }
 
 /// How ranks get what others have for them: sums are added where these are, or read from there in

@@ -22,6 +22,13 @@ inline Spec with_ranks(Spec s, int ranks, int axis = -1, double rebalance_above 
     return s;
 }
 
+/// Each rank on the one device that there is (support/slow_device.hpp).
+inline Spec on_devices(Spec s, int ranks, int axis = -1, double rebalance_above = 1.05) {
+    s = with_ranks(std::move(s), ranks, axis, rebalance_above);
+    s.ranks.devices.assign(std::size_t(ranks), 0);
+    return s;
+}
+
 inline RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
 
 /// Water with F-bar that runs under two solid blocks that fall, fast enough to cross the cuts.

@@ -10,7 +10,7 @@ from libmpm._src.base.log import LOG
 from libmpm._src.base.values import MOST
 from libmpm._src.errors import SceneError
 from libmpm._src.run import backends
-from libmpm._src.scene.contact_fields import device_of_contacts, rigid_bodies
+from libmpm._src.scene.contact_fields import device_of_rigid, rigid_bodies
 from libmpm._src.shapes.element_mesh import ElementMesh
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def choose_device(scene: SceneData, device: str | Sequence[str]) -> str | Sequen
             LOG.info("%s: on the CPU, as %s is not built for CUDA devices", scene.name, what)
         return "cpu" if what else device
     if scene.grid is None or known(device, ("cpu",)):
-        return device_of_contacts(scene, device)
+        return device_of_rigid(scene, device)
     raise SceneError(
         f"device is {shown(device)} on a grid of functions, which is built for the CPU "
         "alone; use 'cpu' or 'auto'"

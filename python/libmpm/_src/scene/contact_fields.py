@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
 
 __all__ = ["check_contact_load", "check_contacts", "contact_entry", "contact_rows"]
-__all__ += ["contact_sides", "device_of_contacts", "field_of_bodies", "has_fields", "rigid_bodies"]
+__all__ += ["contact_sides", "device_of_rigid", "field_of_bodies", "has_fields", "rigid_bodies"]
 
 
 def _named(pattern: str, names: list[str]) -> list[str]:
@@ -227,20 +227,14 @@ def contact_rows(scene: SceneData) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def device_of_contacts(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
-    """Return the device of a scene on square cells: with contacts any, and ranks on the CPU."""
+def device_of_rigid(scene: SceneData, device: str | Sequence[str]) -> str | Sequence[str]:
+    """Return the device of a scene on square cells: with rigid bodies the CPU."""
     if rigid := rigid_bodies(scene):
         if isinstance(device, str) and device in ("auto", "cpu"):
             return "cpu"
         raise SceneError(
             f"device is {shown(device)} with rigid body '{rigid[0]}', which is built for the CPU "
             "and one rank; expected 'cpu' or 'auto'; use one of these, or an elastic material"
-        )
-    if scene.contacts and not isinstance(device, str) and any(one != "cpu" for one in device):
-        raise SceneError(
-            f"device is {shown(device)} with contacts, which are built for one CUDA device or "
-            "ranks on the CPU; expected 'cuda' or ranks ['cpu', 'cpu']; use these, or remove the "
-            "contacts"
         )
     return device
 
