@@ -174,9 +174,9 @@ def doubts_of_linear(scene: SceneData) -> list[str]:
     surfaces = [b.name for b in by_name if b.is_surface and not isinstance(b.shape, Box)]
     if surfaces and scene.contacts:
         found.append(
-            f'boundary \'{surfaces[0]}\': cell is "linear" by name beside contacts: where the surface '
-            "leans, bodies that were pushed along it gained energy in 2 of 8 scenes, and runs ended; "
-            'expected "auto", which holds slopes there and has linear cells where it is level'
+            f"boundary '{surfaces[0]}': cell is \"linear\" by name beside contacts: where a "
+            "surface leans, bodies pushed along it gained energy in 2 of 8 scenes; expected "
+            '"auto", which holds slopes there and has linear cells where it is level'
         )
     if transfer := keeps_whole_velocity(scene):
         found.append(
