@@ -111,7 +111,12 @@ def net_area(model: Model, block: str) -> float:
 
 
 def scene(
-    model: Model, method: str, bulk_modulus: float, block: str | None = None, linear: bool = False
+    model: Model,
+    method: str,
+    bulk_modulus: float,
+    block: str | None = None,
+    linear: bool = False,
+    cfl: float | None = None,
 ) -> libmpm.Scene:
     """Return a flume with a deck and perhaps a block; `linear` functions are the source's.
 
@@ -130,7 +135,7 @@ def scene(
             leaving="delete",
             transfer=transfer or "APIC",
             # Nodes of linear functions that hold little are fast.
-            cfl=0.1 if linear else 0.4,
+            cfl=cfl or (0.1 if linear else 0.4),
             kernel=libmpm.methods.Kernel(name="linear", modified=True) if linear else "quadratic",
         ),
     )

@@ -45,7 +45,7 @@ def bridge(made: Made, p: Parameters) -> Values:
     """
     model = MODELS[p["model"]]
     block = p.get("block")
-    sim = made(flume(model, p["method"], p["bulk_modulus"], block, linear=True))
+    sim = made(flume(model, p["method"], p["bulk_modulus"], block, linear=True, cfl=p.get("cfl")))
     sim.run(until=p["until"], progress=False)
     values = bridges.deck_values(sim, model) if model.deck else bridges.front(sim, model)
     return values | (bridges.block_values(sim, model, block) if block else {})

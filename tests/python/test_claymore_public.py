@@ -87,7 +87,7 @@ def test_the_large_wave_flume_runs_to_its_wave() -> None:
     wave float, the structure is dry: its underside is a cell above the water, so that of the nodes
     around it only the row below has mass, an eighth of a cell's, which linear cells hold at edges.
     All of that could press on the front with no more than ρ g Δx/8 on a row of nodes; higher up
-    nothing presses. At 4.4 cells a third of the height is lost between held walls
+    nothing presses. At 4.4 cells waves were seen to lose a third of their height
     (docs/reference-cases.md), so that it is held to between a half and the whole of it; the place
     where a crest 5 s wide is highest to two thirds of a second.
     """

@@ -284,7 +284,7 @@ def _as_option(fbar: FBar | Literal["default"] | None) -> FBar | Literal["case"]
 def _column_case(name: str, density: float, ratio: float, tip: float, time: float) -> Case:
     """Return the case of one column with the tip, m, and its time, s, of the reduced level."""
     column = {"density": density, "poissons_ratio": ratio, "flip": 0.8}
-    source = "Bonus (2023), 6.7, at Δx 4 mm, K 1e6, transfer AFLIP 0.8"
+    source = "a prototype of Bonus (2023), 6.7, at Δx 4 mm, K 1e6, AFLIP 0.8; the source has curves"
     return Case(
         name=name,
         title=f"Dam break on an elastic column of {density:g} kg/m³, ν {ratio:g}: tip",
