@@ -106,4 +106,14 @@ def test_solids_beside_away_or_aslope_are_no_plates():
         scene.add_boundary(name=name, shape=box, response=STICKY)
     slope = shapes.HalfSpace(point=(0.5, 0.0), normal=(-0.2, 1.0))
     scene.add_boundary(name="slope", shape=slope, response=STICKY)
-    assert not [w for w in scene.plan(device="cpu").warnings if "a flow of it along" in w]
+    told = scene.plan(device="cpu").warnings
+    assert not [w for w in told if "a flow of it along" in w]
+    # Nobody knows how wrong: that is what is said.
+    (said,) = [w for w in told if "has not been measured" in w]
+    assert "boundary 'slope', which leans" in said and "turn gravity in place of a slope" in said
+
+
+def test_kernels_whose_error_is_unknown_are_named():
+    (said,) = warnings_of(channel(MUD, STICKY, kernel="cubic"))
+    assert "with kernel 'cubic'" in said and "has not been measured" in said
+    assert not warnings_of(channel(WATER, STICKY, kernel="cubic"))
