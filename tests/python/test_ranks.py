@@ -317,7 +317,7 @@ def over_a_bed(dimension):
 @pytest.mark.parametrize("precision", ["single", "double"])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_lines_towards_surfaces(dimension, precision, tmp_path):
-    scene, end = over_a_bed(dimension), 1.0 if dimension == 2 else 0.5
+    scene, end = over_a_bed(dimension), 1.0 if dimension == 2 else 0.36
     one = libmpm.Simulation(scene, device="cpu", precision=precision)
     three = libmpm.Simulation(scene, device=["cpu"] * 3, threads=3, precision=precision)
     one.run(until=end)
