@@ -3,6 +3,8 @@
 The scenes are those of `test_contact_ranks.py`. Expected duration: 120 s on two GPUs, 40 s on one.
 """
 
+# ruff: noqa: F811  the fixture `pair` is imported
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -16,7 +18,7 @@ import libmpm
 from libmpm._src.run.backends import cuda_status
 from support import contact_scenes as cases
 from support import jobs
-from support.devices import need_device
+from support.devices import need_device, pair  # noqa: F401
 
 pytestmark = pytest.mark.gpu
 
@@ -26,17 +28,6 @@ _one: dict[tuple[str, str], libmpm.Simulation] = {}
 @pytest.fixture(autouse=True)
 def on_a_device() -> None:
     need_device()
-
-
-@pytest.fixture(params=["shared", "events", "flags"])
-def pair(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Two ranks: on one device, and on two in the ways in which they wait."""
-    if request.param == "shared":
-        return ["cuda:0", "cuda:0"]
-    if len(cuda_status().devices) < 2:
-        pytest.skip("needs two CUDA devices")
-    monkeypatch.setenv("LIBMPM_RANK_WAIT", request.param)
-    return ["cuda:0", "cuda:1"]
 
 
 def devices(ranks: int) -> list[str]:

@@ -3,6 +3,8 @@
 Expected duration: 60 s on two GPUs, 30 s on one.
 """
 
+# ruff: noqa: F811  the fixture `pair` is imported
+
 from __future__ import annotations
 
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
 from libmpm._src.run.backends import cuda_status
-from support.devices import need_device
+from support.devices import need_device, pair  # noqa: F401
 
 pytestmark = pytest.mark.gpu
 
@@ -21,17 +23,6 @@ DX = 0.05
 @pytest.fixture(autouse=True)
 def on_a_device():
     need_device()
-
-
-@pytest.fixture(params=["shared", "events", "flags"])
-def pair(request, monkeypatch):
-    """Two ranks: on one device, and on two in the ways in which they wait."""
-    if request.param == "shared":
-        return ["cuda:0", "cuda:0"]
-    if len(cuda_status().devices) < 2:
-        pytest.skip("needs two CUDA devices")
-    monkeypatch.setenv("LIBMPM_RANK_WAIT", request.param)
-    return ["cuda:0", "cuda:1"]
 
 
 def tank(cells, walls=None, **options):

@@ -21,3 +21,16 @@ def device(request):
     if request.param == "cuda":
         need_device()
     return request.param
+
+
+@pytest.fixture(params=["shared", "events", "flags"])
+def pair(request, monkeypatch):
+    """Two ranks: on one device, and on two in the ways in which they wait."""
+    from libmpm._src.run.backends import cuda_status
+
+    if request.param == "shared":
+        return ["cuda:0", "cuda:0"]
+    if len(cuda_status().devices) < 2:
+        pytest.skip("needs two CUDA devices")
+    monkeypatch.setenv("LIBMPM_RANK_WAIT", request.param)
+    return ["cuda:0", "cuda:1"]

@@ -198,20 +198,25 @@ TEST_P(RankContactDevices, resume_on_another_number) {
     EXPECT_EQ(a.data.size(), b.data.size()) << "a node is counted twice, or by nobody";
 }
 
-class RankContactDevicesMixing : public ::testing::TestWithParam<bool> {};
-
-/// Blocks of five fields in a box that tilts: everyone meets everyone, and comes by every cut,
-/// mostly without new tables.
-TEST_P(RankContactDevicesMixing, nobody_is_lost_where_bodies_are_shaken) {
-    Spec s = test::empty_scene(2, true, {40, 40});
-    s.contact.fields = 5;
-    s.contact.kind.assign(5, 0);
+/// So many fields, each of which rubs on every other.
+void rub_all(Spec& s, int fields) {
+    s.contact.fields = fields;
+    s.contact.kind.assign(std::size_t(fields), 0);
     s.contact.density = {700};
     s.contact.laws.resize(1);
     s.contact.laws[0].kind = ContactKind::friction;
     s.contact.laws[0].static_friction = 0.4;
     s.contact.laws[0].dynamic_friction = 0.3;
     s.contact.law_of = {0};
+}
+
+class RankContactDevicesMixing : public ::testing::TestWithParam<bool> {};
+
+/// Blocks of five fields in a box that tilts: everyone meets everyone, and comes by every cut,
+/// mostly without new tables.
+TEST_P(RankContactDevicesMixing, nobody_is_lost_where_bodies_are_shaken) {
+    Spec s = test::empty_scene(2, true, {40, 40});
+    rub_all(s, 5);
     for (int k = 0; k < 5; ++k) {
         const int x = 2 + 7 * k;
         s.bodies.push_back(test::body(s, "block" + std::to_string(k), "FixedCorotated",
@@ -220,13 +225,7 @@ TEST_P(RankContactDevicesMixing, nobody_is_lost_where_bodies_are_shaken) {
         s.bodies.back().fields = {{0, k}};
     }
     test::add_walls(s, Response::separable);
-    s.gravity.time.clear();
-    s.gravity.value.clear();
-    for (int k = 0; k < 8; ++k) {
-        s.gravity.time.push_back(0.15 * k);
-        for (int a = 0; a < 2; ++a) s.gravity.value.push_back(20 * std::sin(2.4 * k + 1.3 * a));
-    }
-    s.gravity.end = TableEnd::repeat;
+    test::tilt(s);
     const auto one = test::make_slow_engine(s),
                many = test::make_slow_engine(on_devices(s, 4, -1, 1.1), GetParam());
     const int steps = test::sanitized ? 150 : 500;
@@ -250,14 +249,7 @@ TEST_P(RankContactDevicesMixing, fly_to_where_others_alone_have_been) {
             return low + int(random() % unsigned(high - low));
         };
         Spec s = test::empty_scene(2, true, {56, 56});
-        s.contact.fields = 5;
-        s.contact.kind.assign(5, 0);
-        s.contact.density = {700};
-        s.contact.laws.resize(1);
-        s.contact.laws[0].kind = ContactKind::friction;
-        s.contact.laws[0].static_friction = 0.4;
-        s.contact.laws[0].dynamic_friction = 0.3;
-        s.contact.law_of = {0};
+        rub_all(s, 5);
         for (int k = 0; k < 24; ++k) {
             const int x = 1 + 11 * (k % 5) + in(0, 4), y = 1 + 11 * (k / 5) + in(0, 4);
             const int wide = in(2, 7), high = in(2, 7);

@@ -222,13 +222,7 @@ TEST_P(RankDevicesMixing, nobody_is_lost_or_doubled) {
     s.bodies.push_back(test::body(s, "water", "TaitFluid", test::fluid(2e5),
                                   test::lattice(s, {0, 0}, {20, 20}, 2), 4));
     test::add_walls(s, Response::separable);
-    s.gravity.time.clear();
-    s.gravity.value.clear();
-    for (int k = 0; k < 8; ++k) {
-        s.gravity.time.push_back(0.15 * k);
-        for (int a = 0; a < 2; ++a) s.gravity.value.push_back(20 * std::sin(2.4 * k + 1.3 * a));
-    }
-    s.gravity.end = TableEnd::repeat;
+    test::tilt(s);
     const auto one = make(s), many = make(with_ranks(s, 4, -1, 1.1), GetParam());
     const auto count = one->particle_count(0);
     const int steps = test::sanitized ? 150 : 400;

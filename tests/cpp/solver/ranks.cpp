@@ -158,14 +158,7 @@ Spec shaken(int dimension, bool single) {
     s.bodies[0].smoothing = SmoothingForm::one_volume_gradient;
     s.bodies[0].smoothing_time = 0.01;
     test::add_walls(s, Response::separable);
-    s.gravity.time.clear();
-    s.gravity.value.clear();
-    for (int k = 0; k < 8; ++k) {
-        s.gravity.time.push_back(0.15 * k);
-        for (int a = 0; a < dimension; ++a)
-            s.gravity.value.push_back(20 * std::sin(2.4 * k + 1.3 * a));
-    }
-    s.gravity.end = TableEnd::repeat;
+    test::tilt(s);
     return s;
 }
 

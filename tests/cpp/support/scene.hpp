@@ -103,6 +103,18 @@ inline void add_walls(Spec& s, Response response) {
     s.boundaries.push_back(b);
 }
 
+/// Gravity that turns about, so that what is in a box comes by all of it.
+inline void tilt(Spec& s) {
+    s.gravity.time.clear();
+    s.gravity.value.clear();
+    for (int k = 0; k < 8; ++k) {
+        s.gravity.time.push_back(0.15 * k);
+        for (int a = 0; a < s.dimension; ++a)
+            s.gravity.value.push_back(20 * std::sin(2.4 * k + 1.3 * a));
+    }
+    s.gravity.end = TableEnd::repeat;
+}
+
 inline void add_energy(Spec& s, double interval) {
     SensorSpec e;
     e.name = "energy";
