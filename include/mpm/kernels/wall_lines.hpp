@@ -89,6 +89,12 @@ struct FollowLines {
         const SurfaceNode<D>* s = known.of(slot, number);
         if (!s || !s->pushed()) return;
         const Vec<T, D> before = v;
+        if (s->cut.before < 0.02) {
+            const BoundaryRecord<D>& r = node.boundaries.records[s->boundary];
+            for (int a = 0; a < D; ++a) v[a] = T(r.velocity[a]);
+            seen(s->boundary, 0, before, v);
+            return;
+        }
         double size = node.pressure(slot, number, s->cut.before) * node.clock->dt / double(mass);
         for (int a = 1; a < D; ++a) size *= node.boundaries.cell_size;
         for (int a = 0; a < D; ++a) v[a] += T(size * s->cut.area[a]);
@@ -177,18 +183,19 @@ struct FollowLines {
             const Wall by = wall(line);
             const Vec<T, D> before = v;
             Sums s;
-            if (line.form != WallLine::held) {
+            if (!line.holds()) {
                 if constexpr (plain)
                     s = sum(line, a, slot, cell, own, by.velocity);
                 else
                     s = called_sum(line, a, slot, cell, own, by.velocity);
             }
-            if (line.form == WallLine::held || !(s.leader > T(least_leader) * s.mass)) {
+            if (line.holds() || !(s.leader > T(least_leader) * s.mass)) {
                 // Without a leader there is no field: nodes at the plane are held one by one.
-                if (line.form == WallLine::held || line.place <= 0) {
+                if (line.holds() || line.place <= 0) {
                     v = respond(by.law, a, T(line.sign), before, by.velocity);
                     seen(line.boundary, line.face, before, v);
                 }
+                if (line.form == WallLine::shut) bind(bound, a, line);
                 line.form = WallLine::none;
                 continue;
             }
@@ -372,8 +379,7 @@ struct FollowLines {
         BoundAxes<D> bound;
         for (int a = 0; a < D && node.boundaries.lines; ++a) {
             const WallLine line = line_of(a, cell);
-            if (line.form == WallLine::none || (line.form != WallLine::held && line.place > 0))
-                continue;
+            if (line.form == WallLine::none || (!line.holds() && line.place > 0)) continue;
             const Wall by = wall(line);
             Vec<T, D> least = by.velocity;
             const T off = T(line.sign) * (lined[a] - least[a]);
