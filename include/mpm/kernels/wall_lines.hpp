@@ -89,12 +89,6 @@ struct FollowLines {
         const SurfaceNode<D>* s = known.of(slot, number);
         if (!s || !s->pushed()) return;
         const Vec<T, D> before = v;
-        if (s->cut.before < 0.02) {
-            const BoundaryRecord<D>& r = node.boundaries.records[s->boundary];
-            for (int a = 0; a < D; ++a) v[a] = T(r.velocity[a]);
-            seen(s->boundary, 0, before, v);
-            return;
-        }
         double size = node.pressure(slot, number, s->cut.before) * node.clock->dt / double(mass);
         for (int a = 1; a < D; ++a) size *= node.boundaries.cell_size;
         for (int a = 0; a < D; ++a) v[a] += T(size * s->cut.area[a]);
