@@ -318,7 +318,7 @@ struct SurfaceNode {
     /// With less than this of its spline before the surface, a node knows the pressure of a particle
     /// or two, and is so light that pushing back by that moves it further than it is pushed: the
     /// particle is pressed by what it is pushed with.
-    static constexpr double least_before = 0.15;
+    static constexpr double least_before = 0.1;
     MPM_INLINE bool pushed() const { return cut.before > least_before; }
     MPM_INLINE SurfaceNode(int b, const SurfaceView<D>& v, const SurfaceLine<D>& l)
         : place(v),

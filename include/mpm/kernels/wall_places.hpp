@@ -144,38 +144,55 @@ MPM_INLINE double surface_before(const BoundaryView<D>& all, const WallPlane<D>&
     return least;
 }
 
-/// Does a wall across an axis lie inside a body whose surface faces the same way? Then nothing is
-/// before it on this row; its lines would take the nodes of those towards the surface. Of `cell`, a
-/// node at `place`. `bare`: on such a row, but what this node sees of the body faces another way,
-/// so that the body does not hold it against the wall.
-enum class InBody { no, yes, bare };
+/// Does a wall across an axis lie inside a body whose surface is before it on this row? Then its
+/// lines would take the nodes of those towards the surface, and it leaves these alone (`yes`).
+/// But within two cells of where the wall comes out of the body, what is before it reaches these
+/// nodes, and the surface lets them slide through its plane: it holds those at the plane (`beside`).
+/// Of `cell`, a node at `place`.
+enum class InBody { no, yes, beside };
 template <int D>
 MPM_INLINE InBody inside_surface(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
                                  const std::int64_t (&cell)[D], std::int64_t place) {
     InBody found = InBody::no;
+    std::int64_t row[D];
+    moved_along<D>(cell, axis, -place * wall.sign, row);
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
         if (!r.active || r.surface == 0 || r.share != 0 || r.limited ||
             r.law[0].response == Response::prescribed)
             continue;
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
-        std::int64_t there[D];
-        double x[D], own[D], normal[D], distance;
-        moved_along<D>(cell, axis, -place * wall.sign, there);
-        node_position<D>(there, all.cell_size, x);
-        x[axis] -= 0.5 * wall.sign * all.cell_size;
-        s.to_body(x, own);
         // What lies on the wall changes nothing.
-        if (!s.field.at(own, distance, normal) || !(distance < -0.05 * all.cell_size)) continue;
-        const auto faces = [&](std::int64_t at) {
-            moved_along<D>(cell, axis, (at - place) * wall.sign, there);
-            const SurfaceView<D> v(all, s, there);
+        const auto covered = [&](int along, int by) {
+            std::int64_t there[D];
+            double x[D], own[D], normal[D], distance;
+            moved_along<D>(row, along, by, there);
+            node_position<D>(there, all.cell_size, x);
+            x[axis] -= 0.5 * wall.sign * all.cell_size;
+            s.to_body(x, own);
+            return s.field.at(own, distance, normal) && distance < -0.05 * all.cell_size;
+        };
+        const auto seen = [&](int at) {
+            std::int64_t there[D];
+            moved_along<D>(row, axis, at * wall.sign, there);
+            return SurfaceView<D>(all, s, there);
+        };
+        const auto faces = [&](const SurfaceView<D>& v) {
             return v.known && (v.axis < 0 || (v.axis == axis && v.away == wall.sign));
         };
-        // Behind a face that rises from the wall, further than its nodes reach, lines go on.
-        if (!faces(0) && !faces(1)) continue;
-        if (place > 0 || faces(place)) return InBody::yes;
-        found = InBody::bare;
+        if (!covered(axis, 0)) continue;
+        // Behind a face that rises straight from the wall, further than its nodes reach, lines go
+        // on: nothing else holds these nodes against the wall.
+        const SurfaceView<D> leader = seen(1);
+        const bool leans =
+            leader.known && leader.distance < 0 && leader.normal[axis] * wall.sign > 0.1;
+        if (!leans && !faces(leader) && !faces(seen(0))) continue;
+        if (place > 0) return InBody::yes;
+        bool comes_out = false;
+        for (int t = 0; t < D; ++t)
+            for (int by = -2; by < 3 && t != axis; ++by) comes_out = comes_out || !covered(t, by);
+        if (!comes_out) return InBody::yes;
+        found = InBody::beside;
     }
     return found;
 }
@@ -230,7 +247,7 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
         line.face = face;
         line.sign = wall.sign;
         line.place = int(place);
-        if (in_body == InBody::bare) {
+        if (in_body == InBody::beside) {
             line.form = WallLine::shut;
             return true;
         }
