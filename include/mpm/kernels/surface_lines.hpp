@@ -8,9 +8,6 @@
 
 namespace mpm {
 
-/// Planes that differ by less than a degree are one.
-inline constexpr double cos_of_a_degree = 0.99985, sin_of_a_degree = 0.0175;
-
 /// What a node sees of a surface.
 template <int D>
 struct SurfaceView {

@@ -189,7 +189,8 @@ struct FollowLines {
                     v = respond(by.law, a, T(line.sign), before, by.velocity);
                     seen(line.boundary, line.face, before, v);
                 }
-                if (line.form == WallLine::shut) bind(bound, a, line);
+                const bool stands = v[a] == by.velocity[a];
+                if (line.form == WallLine::shut && stands) bind(bound, a, line);
                 line.form = WallLine::none;
                 continue;
             }
@@ -224,6 +225,7 @@ struct FollowLines {
     }
     MPM_INLINE void bind(BoundAxes<D>& bound, int axis, const WallLine& line) const {
         bound.bind(axis, line.sign, (line.place + 0.5) * node.boundaries.cell_size);
+        bound.shut[axis] = line.form == WallLine::shut;
     }
     /// No wall pulls where material may leave it. But drops beside the plane that fall while others
     /// on the line rise would pass it if its nodes were free: what these give a drop in the plane
