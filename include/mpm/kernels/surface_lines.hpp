@@ -312,11 +312,11 @@ struct SurfaceNode {
     CutSpline<D> cut;
 
     SurfaceNode() = default;
-    /// With less than this of its spline before the surface, a node knows the pressure of a particle
-    /// or two, and is so light that pushing back by that moves it further than it is pushed: the
-    /// particle is pressed by what it is pushed with.
-    static constexpr double least_before = 0.1;
-    MPM_INLINE bool pushed() const { return cut.before > least_before; }
+    MPM_INLINE bool pushed() const { return cut.before > 0; }
+    /// With less than this of its spline before the surface, a node knows the pressure of a
+    /// particle or two, and is so light that what it is pushed with presses these: the two drive
+    /// each other. It rests in the body.
+    static constexpr double least_before = 0.02;
     MPM_INLINE SurfaceNode(int b, const SurfaceView<D>& v, const SurfaceLine<D>& l)
         : place(v),
           state(std::int8_t(l.state)),

@@ -80,7 +80,8 @@ struct FollowLines {
         const Reconverge at_return;
         return seat(slot, number, cell);
     }
-    /// What faces give back at their edges to the nodes that no line leads.
+    /// What faces give back at their edges to the nodes that no line leads; those that are all but
+    /// inside a body rest in it.
     template <class Seen>
     MPM_INLINE void push(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
                          Vec<T, D>& v, const Seen& seen) const {
@@ -89,6 +90,12 @@ struct FollowLines {
         const SurfaceNode<D>* s = known.of(slot, number);
         if (!s || !s->pushed()) return;
         const Vec<T, D> before = v;
+        if (s->cut.before < SurfaceNode<D>::least_before) {
+            const BoundaryRecord<D>& r = node.boundaries.records[s->boundary];
+            for (int a = 0; a < D; ++a) v[a] = T(r.velocity[a]);
+            seen(s->boundary, 0, before, v);
+            return;
+        }
         double size = node.pressure(slot, number, s->cut.before) * node.clock->dt / double(mass);
         for (int a = 1; a < D; ++a) size *= node.boundaries.cell_size;
         for (int a = 0; a < D; ++a) v[a] += T(size * s->cut.area[a]);

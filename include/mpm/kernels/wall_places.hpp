@@ -147,8 +147,8 @@ MPM_INLINE double surface_before(const BoundaryView<D>& all, const WallPlane<D>&
 /// Does a wall across an axis lie inside a body whose surface is before it on this row? Then its
 /// lines would take the nodes of those towards the surface, and it leaves these alone (`yes`).
 /// But within two cells of where the wall comes out of the body, what is before it reaches these
-/// nodes, and the surface lets them slide through its plane: it holds those at the plane (`beside`).
-/// Of `cell`, a node at `place`.
+/// nodes, and the surface lets them slide through its plane: it holds those at the plane
+/// (`beside`). Of `cell`, a node at `place`.
 enum class InBody { no, yes, beside };
 template <int D>
 MPM_INLINE InBody inside_surface(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
