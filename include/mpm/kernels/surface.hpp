@@ -101,12 +101,16 @@ struct SurfaceRecord {
     }
 };
 
+/// Planes that differ by less than a degree are one.
+inline constexpr double cos_of_a_degree = 0.99985, sin_of_a_degree = 0.0175;
+
 /// Across which axes lines of nodes towards walls on cell faces have a node
 /// (kernels/wall_lines.hpp). Another boundary that changed it there would open the plane of the
 /// wall: the field in it is zero only if all nodes of the line follow it.
 template <int D>
 struct BoundAxes {
     bool on[D] = {};
+    bool shut[D] = {};   // and the node is held there: it has the velocity of the wall
     double off[D] = {};  // of the node from the plane, along its normal, m
     int sign[D] = {};    // of the normal
 
@@ -120,10 +124,21 @@ struct BoundAxes {
     MPM_INLINE BoundAxes before(const V& normal, double distance, double cell_size) const {
         BoundAxes out = *this;
         for (int a = 0; a < D; ++a) {
-            const bool hidden = double(normal[a]) * sign[a] > 0.7;
+            const bool hidden = !shut[a] && double(normal[a]) * sign[a] > 0.7;
             if (hidden && distance < off[a] - 0.05 * cell_size) out.on[a] = false;
         }
         return out;
+    }
+    /// Has the node the velocity of walls on all axes of a unit vector that are not free?
+    template <class V>
+    MPM_INLINE bool stands(const V& n) const {
+        bool any = false, all = true;
+        for (int a = 0; a < D; ++a) {
+            const double part = double(n[a]) * double(n[a]);
+            any = any || (on[a] && shut[a]);
+            all = all && (!on[a] || shut[a] || part < sin_of_a_degree * sin_of_a_degree);
+        }
+        return any && all;
     }
     /// Square of the part of a unit vector that is free.
     template <class V>
@@ -170,6 +185,14 @@ MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& la
     Vec<T, D> open = v;
     for (int a = 0; a < D; ++a)
         if (bound.on[a]) open[a] = w[a];
+    // Of a node that stands in a wall the surface takes all that goes into it. What it has left
+    // would run along both into the corner.
+    if (bound.stands(n)) {
+        const double part = bound.open(n);
+        if (!(part > sin_of_a_degree * sin_of_a_degree)) return false;
+        const T scale = T(1 / sqrt(part));
+        for (int a = 0; a < D; ++a) n[a] = bound.on[a] ? T(0) : n[a] * scale;
+    }
     const Vec<T, D> held = respond_along(as, n, open, w);
     for (int a = 0; a < D; ++a)
         if (!bound.on[a]) v[a] = v[a] - T(share) * (v[a] - held[a]);

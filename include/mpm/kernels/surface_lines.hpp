@@ -8,9 +8,6 @@
 
 namespace mpm {
 
-/// Planes that differ by less than a degree are one.
-inline constexpr double cos_of_a_degree = 0.99985, sin_of_a_degree = 0.0175;
-
 /// What a node sees of a surface.
 template <int D>
 struct SurfaceView {
@@ -316,6 +313,10 @@ struct SurfaceNode {
 
     SurfaceNode() = default;
     MPM_INLINE bool pushed() const { return cut.before > 0; }
+    /// With less than this of its spline before the surface, a node knows the pressure of a
+    /// particle or two, and is so light that what it is pushed with presses these: the two drive
+    /// each other. It rests in the body.
+    static constexpr double least_before = 0.02;
     MPM_INLINE SurfaceNode(int b, const SurfaceView<D>& v, const SurfaceLine<D>& l)
         : place(v),
           state(std::int8_t(l.state)),

@@ -80,7 +80,8 @@ struct FollowLines {
         const Reconverge at_return;
         return seat(slot, number, cell);
     }
-    /// What faces give back at their edges to the nodes that no line leads.
+    /// What faces give back at their edges to the nodes that no line leads; those that are all but
+    /// inside a body rest in it.
     template <class Seen>
     MPM_INLINE void push(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
                          Vec<T, D>& v, const Seen& seen) const {
@@ -89,6 +90,12 @@ struct FollowLines {
         const SurfaceNode<D>* s = known.of(slot, number);
         if (!s || !s->pushed()) return;
         const Vec<T, D> before = v;
+        if (s->cut.before < SurfaceNode<D>::least_before) {
+            const BoundaryRecord<D>& r = node.boundaries.records[s->boundary];
+            for (int a = 0; a < D; ++a) v[a] = T(r.velocity[a]);
+            seen(s->boundary, 0, before, v);
+            return;
+        }
         double size = node.pressure(slot, number, s->cut.before) * node.clock->dt / double(mass);
         for (int a = 1; a < D; ++a) size *= node.boundaries.cell_size;
         for (int a = 0; a < D; ++a) v[a] += T(size * s->cut.area[a]);
@@ -177,18 +184,20 @@ struct FollowLines {
             const Wall by = wall(line);
             const Vec<T, D> before = v;
             Sums s;
-            if (line.form != WallLine::held) {
+            if (!line.holds()) {
                 if constexpr (plain)
                     s = sum(line, a, slot, cell, own, by.velocity);
                 else
                     s = called_sum(line, a, slot, cell, own, by.velocity);
             }
-            if (line.form == WallLine::held || !(s.leader > T(least_leader) * s.mass)) {
+            if (line.holds() || !(s.leader > T(least_leader) * s.mass)) {
                 // Without a leader there is no field: nodes at the plane are held one by one.
-                if (line.form == WallLine::held || line.place <= 0) {
+                if (line.holds() || line.place <= 0) {
                     v = respond(by.law, a, T(line.sign), before, by.velocity);
                     seen(line.boundary, line.face, before, v);
                 }
+                const bool stands = v[a] == by.velocity[a];
+                if (line.form == WallLine::shut && stands) bind(bound, a, line);
                 line.form = WallLine::none;
                 continue;
             }
@@ -223,6 +232,7 @@ struct FollowLines {
     }
     MPM_INLINE void bind(BoundAxes<D>& bound, int axis, const WallLine& line) const {
         bound.bind(axis, line.sign, (line.place + 0.5) * node.boundaries.cell_size);
+        bound.shut[axis] = line.form == WallLine::shut;
     }
     /// No wall pulls where material may leave it. But drops beside the plane that fall while others
     /// on the line rise would pass it if its nodes were free: what these give a drop in the plane
@@ -373,8 +383,7 @@ struct FollowLines {
         BoundAxes<D> bound;
         for (int a = 0; a < D && node.boundaries.lines; ++a) {
             const WallLine line = line_of(a, cell);
-            if (line.form == WallLine::none || (line.form != WallLine::held && line.place > 0))
-                continue;
+            if (line.form == WallLine::none || (!line.holds() && line.place > 0)) continue;
             const Wall by = wall(line);
             Vec<T, D> least = by.velocity;
             const T off = T(line.sign) * (lined[a] - least[a]);

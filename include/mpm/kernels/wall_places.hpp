@@ -17,12 +17,14 @@ MPM_INLINE double spline_up_to(double x) {
 
 /// The line towards a wall across one axis on which a node is.
 struct WallLine {
-    enum Form { none, held, pair, linear };
+    // `shut`: held as well, and surfaces leave it alone.
+    enum Form { none, held, shut, pair, linear };
     Form form = none;
     int boundary = 0, face = 0;
     int sign = 1;   // of the normal, which points into the material
     int place = 0;  // of the node
 
+    MPM_INLINE bool holds() const { return form == held || form == shut; }
     MPM_INLINE int first() const { return form == linear ? 1 : 0; }
     template <class T>
     MPM_INLINE T share(int at) const {
@@ -33,21 +35,21 @@ struct WallLine {
     /// In one number, 0 for none, as tables of lines keep it.
     MPM_INLINE std::uint32_t packed() const {
         if (form == none) return 0;
-        return std::uint32_t(form) | std::uint32_t(place + 1) << 2 | std::uint32_t(sign > 0) << 4 |
-               std::uint32_t(face) << 5 | std::uint32_t(boundary) << 8;
+        return std::uint32_t(form) | std::uint32_t(place + 1) << 3 | std::uint32_t(sign > 0) << 5 |
+               std::uint32_t(face) << 6 | std::uint32_t(boundary) << 9;
     }
     MPM_INLINE static WallLine unpacked(std::uint32_t from) {
         WallLine line;
-        line.form = Form(from & 3);
-        line.place = int(from >> 2 & 3) - 1;
-        line.sign = from >> 4 & 1 ? 1 : -1;
-        line.face = int(from >> 5 & 7);
-        line.boundary = int(from >> 8);
+        line.form = Form(from & 7);
+        line.place = int(from >> 3 & 3) - 1;
+        line.sign = from >> 5 & 1 ? 1 : -1;
+        line.face = int(from >> 6 & 7);
+        line.boundary = int(from >> 9);
         return line;
     }
 };
 /// Boundaries that a packed line can tell apart.
-inline constexpr std::size_t most_packed_boundaries = std::size_t(1) << 24;
+inline constexpr std::size_t most_packed_boundaries = std::size_t(1) << 23;
 
 /// A face across an axis: its plane is the lower side of cell `plane`.
 template <int D>
@@ -142,27 +144,57 @@ MPM_INLINE double surface_before(const BoundaryView<D>& all, const WallPlane<D>&
     return least;
 }
 
-/// Does a wall across an axis lie inside a body whose surface faces the same way? Then nothing is
-/// before it on this row; its lines would take the nodes of those towards the surface. Of `cell`, a
-/// node at `place`.
+/// Does a wall across an axis lie inside a body whose surface is before it on this row? Then its
+/// lines would take the nodes of those towards the surface, and it leaves these alone (`yes`).
+/// But within two cells of where the wall comes out of the body, what is before it reaches these
+/// nodes, and the surface lets them slide through its plane: it holds those at the plane
+/// (`beside`). Of `cell`, a node at `place`.
+enum class InBody { no, yes, beside };
 template <int D>
-MPM_INLINE bool inside_surface(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
-                               const std::int64_t (&cell)[D], std::int64_t place) {
+MPM_INLINE InBody inside_surface(const BoundaryView<D>& all, const WallPlane<D>& wall, int axis,
+                                 const std::int64_t (&cell)[D], std::int64_t place) {
+    InBody found = InBody::no;
+    std::int64_t row[D];
+    moved_along<D>(cell, axis, -place * wall.sign, row);
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
         if (!r.active || r.surface == 0 || r.share != 0 || r.limited ||
             r.law[0].response == Response::prescribed)
             continue;
-        std::int64_t there[D];
-        moved_along<D>(cell, axis, -place * wall.sign, there);
-        const SurfaceView<D> seen(all, all.surfaces[r.surface - 1], there);
-        // The node right before the wall stands half a cell off it; what lies on it changes
-        // nothing.
-        if (seen.known && (seen.axis < 0 || (seen.axis == axis && seen.away == wall.sign)) &&
-            seen.distance < 0.45)
-            return true;
+        const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
+        // What lies on the wall changes nothing.
+        const auto covered = [&](int along, int by) {
+            std::int64_t there[D];
+            double x[D], own[D], normal[D], distance;
+            moved_along<D>(row, along, by, there);
+            node_position<D>(there, all.cell_size, x);
+            x[axis] -= 0.5 * wall.sign * all.cell_size;
+            s.to_body(x, own);
+            return s.field.at(own, distance, normal) && distance < -0.05 * all.cell_size;
+        };
+        const auto seen = [&](int at) {
+            std::int64_t there[D];
+            moved_along<D>(row, axis, at * wall.sign, there);
+            return SurfaceView<D>(all, s, there);
+        };
+        const auto faces = [&](const SurfaceView<D>& v) {
+            return v.known && (v.axis < 0 || (v.axis == axis && v.away == wall.sign));
+        };
+        if (!covered(axis, 0)) continue;
+        // Behind a face that rises straight from the wall, further than its nodes reach, lines go
+        // on: nothing else holds these nodes against the wall.
+        const SurfaceView<D> leader = seen(1);
+        const bool leans =
+            leader.known && leader.distance < 0 && leader.normal[axis] * wall.sign > 0.1;
+        if (!leans && !faces(leader) && !faces(seen(0))) continue;
+        if (place > 0) return InBody::yes;
+        bool comes_out = false;
+        for (int t = 0; t < D; ++t)
+            for (int by = -2; by < 3 && t != axis; ++by) comes_out = comes_out || !covered(t, by);
+        if (!comes_out) return InBody::yes;
+        found = InBody::beside;
     }
-    return false;
+    return found;
 }
 
 /// Does a face of a box lie inside another box, or outside the domain, on the row of a node?
@@ -204,8 +236,9 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
         const BoundaryRecord<D>& r = all.records[b];
         const std::int64_t place = wall.place(cell[axis]);
         if (place < -1 || place > 1) return false;
-        if (buried(all, b, wall, axis, cell) || inside_surface(all, wall, axis, cell, place))
-            return false;
+        if (buried(all, b, wall, axis, cell)) return false;
+        const InBody in_body = inside_surface(all, wall, axis, cell, place);
+        if (in_body == InBody::yes) return false;
         int room = room_before(all, wall, axis, cell);
         const double surface = surface_before(all, wall, axis, cell, place);
         if (surface < 3.5 && room > 3) room = 3;
@@ -214,6 +247,10 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
         line.face = face;
         line.sign = wall.sign;
         line.place = int(place);
+        if (in_body == InBody::beside) {
+            line.form = WallLine::shut;
+            return true;
+        }
         if (r.law[face].cautious) {
             std::int64_t foot[D];
             moved_along<D>(cell, axis, -place * wall.sign, foot);
