@@ -13,7 +13,16 @@ import math
 import numpy as np
 from extremes_axis import Axis, Trial, bounded, energies, first, no_energy_gain
 from extremes_solids import (
-    DENSITY, DOWN, DX, GRAVITY, YOUNG, axis, cells, domain, solid, wave_speed,
+    DENSITY,
+    DOWN,
+    DX,
+    GRAVITY,
+    YOUNG,
+    axis,
+    cells,
+    domain,
+    solid,
+    wave_speed,
 )  # fmt: skip
 from numpy.typing import NDArray
 
@@ -155,9 +164,7 @@ def squeezed(part: float, ratio: float = 100.0) -> Trial:
         return materials.FixedCorotated(density=DENSITY, youngs_modulus=young, poissons_ratio=0.0)
 
     scene = domain("squeezed", size)
-    scene.add_body(
-        name="soft", shape=cells(left, low, size=(wide, high)), material=material(YOUNG)
-    )
+    scene.add_body(name="soft", shape=cells(left, low, size=(wide, high)), material=material(YOUNG))
     motion = {
         side: libmpm.TimeTable(
             time=[0.0, 10 * passage, 10.001 * passage, 100 * passage],
@@ -193,7 +200,8 @@ def squeezed(part: float, ratio: float = 100.0) -> Trial:
         return bounded("overlap, cells", found, -math.inf, OVERLAP)
 
     def judge(simulation: libmpm.Simulation) -> str:
-        up, down = (float(simulation.sensors[n]["force_y"][-50:].mean()) for n in ("below", "above"))
+        force = (simulation.sensors[name]["force_y"] for name in ("below", "above"))
+        up, down = (float(f[-50:].mean()) for f in force)
         # Of the way the cells of the stiff ones that are not held take a little.
         strain = part * high / (high + 2 * (free + travel) / ratio)
         found = up / (YOUNG * strain * wide * DX)
@@ -262,10 +270,9 @@ def sliding(coefficient: float) -> Trial:
         left = (v[0] + coefficient * v[1] - (along - coefficient * across) * t) / scale
         pull = np.array([along, -across]) * t + push / (DENSITY * 24 * 2 * DX**2)
         told = float(np.abs(v - pull).max()) / (GRAVITY * t)
+        most = 0.05 if coefficient <= 2 else 99.0
         return (
-            bounded(
-                "speed beyond Coulomb's, of g t", float(left), -0.02, 0.05 if coefficient <= 2 else 99
-            )
+            bounded("speed beyond Coulomb's, of g t", float(left), -0.02, most)
             or bounded("tangential load, of the normal one", ratio, 0.0, coefficient + 1e-6)
             or bounded("impulse told, beside g t", told, 0.0, rounding(simulation))
         )
@@ -343,34 +350,36 @@ def immersed(ratio: float) -> Trial:
 
 AXES: tuple[Axis, ...] = (
     axis(
-        "contact, stiffness ratio", "1", "E of a block over that of one that flies at it at Mach "
-        "0.1", 1.0, (1.0, 1e4), (1.0, 1e8), lambda v: collision(stiffness=v), group="contact",
-        limit=200.0,
+        "contact, stiffness", "1", "E of a block over that of one that flies at it", 1.0,
+        (1.0, 1e4), (1.0, 1e7), lambda v: collision(stiffness=v), group="contact", limit=200.0,
+        says="the speed is Mach 0.1 of the slower wave, here and in the next row",
     ),
     axis(
-        "contact, density ratio", "1", "of a block over that of one that flies at it at Mach 0.1",
-        1.0, (1e-3, 1e3), (1e-6, 1e6), lambda v: collision(density=v), group="contact",
+        "contact, density", "1", "of a block over that of one that flies at it", 1.0, (1e-3, 1e3),
+        (1e-6, 1e6), lambda v: collision(density=v), group="contact",
     ),
     axis(
         "contact, speed", "Mach", "of a block that flies at another one", 0.1, (1e-3, 0.3),
-        (1e-7, 10.0), lambda v: collision(mach=v), group="contact", warns="approach",
+        (1e-7, 10.0), lambda v: collision(mach=v), group="contact", warns="begin with velocities",
     ),
     axis(
-        "contact, squeezed", "1", "part of its height that a soft block loses between two 100 "
-        "times as stiff", 0.1, (0.01, 0.5), (1e-4, 0.99), squeezed, group="contact",
+        "contact, squeezed", "1", "what a soft block loses of its height between two 100 times as "
+        "stiff", 0.1, (0.01, 0.5), (1e-4, 0.99), squeezed, group="contact",
+        says="beyond, its edges turn and enter",
     ),
     axis(
         "contact, stiffness of two that squeeze", "1", "E over that of the block between them, "
-        "which they shorten by 0.3", 100.0, (1.0, 1e4), (1.0, 1e5), lambda v: squeezed(0.3, v),
-        group="contact", limit=120.0, cheap=False,
+        "which loses 0.3 of its height", 100.0, (1.0, 1e4), (1.0, 1e5),
+        lambda v: squeezed(0.3, v), group="contact", limit=120.0, cheap=False,
     ),
     axis(
-        "contact, friction, sliding", "1", "of a slab on another body, 1.5 times too steep", 0.3,
+        "contact, sliding", "1", "friction of a slab on another body, 1.5 times too steep", 0.3,
         (0.01, 2.0), (1e-6, 10.0), sliding, group="contact", also=(0.0, 100.0),
+        says="beyond 2 Coulomb's bound alone is asked for, as on walls",
     ),
     axis(
-        "contact, friction, sticking", "1", "of a slab on another body, 0.8 times as steep as it "
-        "slides", 0.3, (0.01, 2.0), (1e-6, 10.0), sticking, group="contact",
+        "contact, sticking", "1", "friction of a slab on another body, 0.8 times as steep as it "
+        "slides", 0.3, (0.01, 1.5), (1e-6, 10.0), sticking, group="contact", warns="static is",
     ),
     axis(
         "contact, density of a block in water", "1", "let go under water", 0.5, (1e-3, 1e3),
