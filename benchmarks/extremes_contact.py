@@ -219,7 +219,9 @@ def squeezed(part: float, ratio: float = 100.0) -> Trial:
 PRESSED, PULLED = 0.25, 0.35
 
 
-def _slab(coefficient: float, part: float, within: float) -> tuple[libmpm.Scene, float, float]:
+def _slab(
+    coefficient: float, part: float, within: float, cfl: float = 0.4
+) -> tuple[libmpm.Scene, float, float]:
     """Return a slab of 24 x 2 cells on a body of 56 x 4 cells, and gravity along and across that.
 
     The face is `part` times as steep as it must be to slide, and gravity is all there `within` so
@@ -231,7 +233,7 @@ def _slab(coefficient: float, part: float, within: float) -> tuple[libmpm.Scene,
     pull = libmpm.TimeTable(
         time=ends, value=[[0.0, 0.0]] + [[0.0, -across]] * 2 + [[along, -across]] * 2
     )
-    scene = domain("slab", (56, 12), gravity=pull)
+    scene = domain("slab", (56, 12), gravity=pull, cfl=cfl)
     scene.add_body(name="lower", shape=cells(0, 0, size=(56, 4)), material=solid())
     scene.add_body(name="slab", shape=cells(8, 4, size=(24, 2)), material=solid())
     scene.add_boundary(
@@ -280,9 +282,9 @@ def sliding(coefficient: float) -> Trial:
     return Trial(scene=scene, until=2 * PULLED, watch=watch, judge=judge)
 
 
-def sticking(coefficient: float) -> Trial:
+def sticking(coefficient: float, cfl: float = 0.4) -> Trial:
     """The same slab on a face 0.8 times as steep as it must be to slide: it stays."""
-    scene, _, _ = _slab(coefficient, 0.8, 0.25)
+    scene, _, _ = _slab(coefficient, 0.8, 0.25, cfl)
 
     def judge(simulation: libmpm.Simulation) -> str:
         v = mean(simulation, "slab", "velocity")
@@ -380,6 +382,10 @@ AXES: tuple[Axis, ...] = (
     axis(
         "contact, sticking", "1", "friction of a slab on another body, 0.8 times as steep as it "
         "slides", 0.3, (0.01, 1.5), (1e-6, 10.0), sticking, group="contact", warns="static is",
+    ),
+    axis(
+        "contact, sticking, cfl 0.2", "1", "the same in steps half as long", 0.3, (0.01, 2.0),
+        (1e-6, 10.0), lambda v: sticking(v, 0.2), group="contact", warns="static is",
     ),
     axis(
         "contact, density of a block in water", "1", "let go under water", 0.5, (1e-3, 1e3),

@@ -70,6 +70,9 @@ def test_friction_that_does_not_hold_is_doubted(recwarn):
     assert doubts(recwarn, cases.slope(2, 1.5)) == []
     (said,) = doubts(recwarn, cases.slope(2, 1.6))
     assert said.startswith("contact 'sole': static is 1.6; expected ≤ 1.5 between bodies that bend")
+    assert doubts(recwarn, extremes_contact._slab(2.0, 0.8, 0.25, cfl=0.2)[0]) == []
+    (said,) = doubts(recwarn, extremes_contact._slab(2.1, 0.8, 0.25, cfl=0.2)[0])
+    assert "static is 2.1; expected ≤ 2 between bodies that bend and cfl 0.2" in said
     mixed = cases.slope(2, 0.5)
     mixed._contacts.clear()
     box = shapes.Box(lower=(0.5, 0.6), upper=(0.8, 0.9))
