@@ -371,7 +371,7 @@ AXES: tuple[Axis, ...] = (
     ),
     axis(
         "contact, stiffness of two that squeeze", "1", "E over that of the block between them, "
-        "which loses 0.3 of its height", 100.0, (1.0, 1e4), (1.0, 1e5),
+        "which loses 0.3 of its height", 100.0, (1.0, 1e4), (1.0, 1e4),
         lambda v: squeezed(0.3, v), group="contact", limit=120.0, cheap=False,
     ),
     axis(
