@@ -6,8 +6,8 @@
     python benchmarks/extremes.py check      exit 1 if the page is out of date, or a promise broken
     python benchmarks/extremes.py list       names all axes
 
-One JSON line for every axis (`extremes_water`, `extremes_solids`), side and precision. A side is
-tried at the base, at the end of its envelope and outwards by equal factors to the end of its reach,
+One JSON line for every axis (`extremes_water` and its like), side and precision. A side is tried
+at the base, at the end of its envelope and outwards by equal factors to the end of its reach,
 all of them whatever comes of it; then bisection narrows the gap between the last value that holds
 and the first that does not. Probes run beside this process (`extremes_workers`) with a time limit,
 so a crash or a hang is a result. A run goes on where an earlier one of the same device and version
@@ -29,6 +29,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import extremes_contact
 import extremes_motion
 import extremes_solids
 import extremes_water
@@ -43,7 +44,11 @@ from libmpm._src.cli import bench
 
 RESULTS = Path(__file__).resolve().parent / "results" / "extremes.jsonl"
 AXES: tuple[Axis, ...] = (
-    extremes_water.AXES + extremes_solids.AXES + extremes_motion.AXES + extremes_widths.AXES
+    extremes_water.AXES
+    + extremes_solids.AXES
+    + extremes_motion.AXES
+    + extremes_widths.AXES
+    + extremes_contact.AXES
 )
 
 #: Values from the base to the end of the reach, and halvings of the gap that is found.

@@ -85,7 +85,7 @@ class Axis:
     build
         Value -> `Trial`.
     group
-        "water", "solid", "geometry", or "pairs of ..." these.
+        "water", "solid", "contact", "geometry", or "pairs of ..." these.
     says
         What physics or arithmetic says about the ends, for the map.
     limit

@@ -15,6 +15,7 @@ BEGIN, END = "<!-- map: begin -->", "<!-- map: end -->"
 TITLES = {
     "water": "Water",
     "solid": "Solids",
+    "contact": "Contact",
     "geometry": "Geometry and index widths",
     "pairs of water": "Pairs, water",
     "pairs of solids": "Pairs, solids",

@@ -37,7 +37,12 @@ from libmpm._src.scene.checks_loads import doubtful_loads
 from libmpm._src.scene.checks_rigid import check_rigid_step
 from libmpm._src.scene.checks_sizes import check_range
 from libmpm._src.scene.checks_viscous import smeared_flows
-from libmpm._src.scene.contact_fields import check_contact_load, check_contacts, rigid_bodies
+from libmpm._src.scene.contact_fields import (
+    check_contact_load,
+    check_contacts,
+    doubtful_contacts,
+    rigid_bodies,
+)
 from libmpm._src.scene.places import (
     body_counts,
     faces_present,
@@ -132,6 +137,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
         _check_sensor(scene, sensor, counts, problems)
         check_reaction(scene, sensor, doubts)
     if not problems and scene.grid is None and scene.start is None:
+        doubts += doubtful_contacts(scene)
         doubts += smeared_flows(scene)
         doubts += doubtful_loads(scene)
         doubts += undriven(scene)

@@ -10,11 +10,15 @@ import fnmatch
 from collections.abc import Sequence, Set
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from libmpm._src.base.formulas import Field
 from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.boundaries.contact_laws import Contact, Fluid, Friction, Stick
 from libmpm._src.boundaries.flows import Inflow
 from libmpm._src.boundaries.responses import Mirror
 from libmpm._src.errors import SceneError
+from libmpm._src.materials.material import wave_speed
 from libmpm._src.materials.rigid import Rigid
 from libmpm._src.sensors.engine_sensors import ContactLoad
 from libmpm._src.sensors.python_sensors import BodyTracker, ContactForce, GridSensor
@@ -23,7 +27,13 @@ if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
 
 __all__ = ["check_contact_load", "check_contacts", "contact_entry", "contact_rows"]
-__all__ += ["contact_sides", "device_of_rigid", "field_of_bodies", "has_fields", "rigid_bodies"]
+__all__ += ["contact_sides", "device_of_rigid", "doubtful_contacts", "field_of_bodies"]
+__all__ += ["has_fields", "rigid_bodies"]
+
+#: Static friction up to which 0.8 of its limit holds, by cfl from 0.2 and above; Mach number of a
+#: collision up to which no face enters the other by half a cell, with a margin. Measured by
+#: `benchmarks/extremes_contact.py`.
+_HOLDS, _MACH = (2.0, 1.5), 1.5
 
 
 def _named(pattern: str, names: list[str]) -> list[str]:
@@ -273,6 +283,74 @@ def check_contacts(scene: SceneData, problems: list[str]) -> None:
         problems += check.problems
     if has_fields(scene) and len(problems) == before:
         _check_scene(scene, groups, problems)
+
+
+def doubtful_contacts(scene: SceneData) -> list[str]:
+    """Return what of the contacts can run, but lies beyond where it has been found to be right."""
+    groups = Groups(scene)
+    doubts = []
+    holds = _HOLDS[scene.method.cfl > 0.2 or scene.method.time_step is not None]
+    for i, contact in enumerate(scene.contacts):
+        if not isinstance(contact.law, Friction):
+            continue
+        pairs = groups.pairs(i)
+        bend = [
+            sum(not isinstance(scene.bodies[k].material, Rigid) for k in of)
+            for of in groups.members
+        ]
+        both = any(bend[g] > (g == h) and bend[h] for *_, g, h in pairs)
+        if contact.law.static > holds and both:
+            doubts.append(
+                f"contact '{contact.name}': static is {contact.law.static:g}; expected ≤ "
+                f"{holds:g} between bodies that bend and cfl {scene.method.cfl:g}: a slab on a "
+                "body as stiff as itself, which should hold at 0.8 of its limit, slips where "
+                "static is 2 and cfl 0.4, then slides with 1.4; lower it, or cfl to 0.2, with "
+                "which 2 holds"
+            )
+        mach, speed, one, two = max(
+            (_fastest(scene, groups, *of) for of in pairs), key=lambda found: found[0]
+        )
+        if mach > _MACH:
+            doubts.append(
+                f"contact '{contact.name}': '{one}' and '{two}' begin with velocities that differ "
+                f"by {speed:.4g} m/s, Mach {mach:.3g} of the slower one's waves; expected ≤ "
+                f"{_MACH:g}: blocks that approach faster than 1.9 enter each other by half a cell; "
+                "slow them down, or raise their youngs_modulus"
+            )
+    return doubts
+
+
+def _fastest(
+    scene: SceneData, groups: Groups, first: int, second: int, g: int, h: int
+) -> tuple[float, float, str, str]:
+    """Return (Mach, m/s, body, body) of the two of two groups that differ most as they begin.
+
+    Mach is by the slower waves of the two; a rigid body has none, and fields are not looked at.
+    """
+
+    def rows(of: list[int]) -> dict[tuple[float, ...], int]:
+        found: dict[tuple[float, ...], int] = {}
+        for i in of:
+            body = scene.bodies[i]
+            if not isinstance(body.velocity, Field):
+                rigid = isinstance(body.material, Rigid)
+                wave = np.inf if rigid else wave_speed(body.material) or np.inf
+                found.setdefault((wave, *map(float, body.velocity)), i)
+        return found
+
+    here, there = rows(groups.members[g]), rows(groups.members[h])
+    best = (0.0, 0.0, scene.bodies[first].name, scene.bodies[second].name)
+    if not there:
+        return best
+    other = np.array(list(there))
+    for row, i in here.items():
+        speed = np.linalg.norm(other[:, 1:] - np.array(row[1:]), axis=1)
+        mach = speed / np.minimum(other[:, 0], row[0])
+        k = int(np.argmax(mach))
+        if mach[k] > best[0]:
+            name = scene.bodies[list(there.values())[k]].name
+            best = float(mach[k]), float(speed[k]), scene.bodies[i].name, name
+    return best
 
 
 def check_contact_load(check: Checker, scene: SceneData, sensor: ContactLoad) -> None:
