@@ -20,30 +20,30 @@ from support import contact_scenes as cases
 
 Numbers = NDArray[np.float64]
 
-LOG = (0.45, 0.15)  # m, 9 x 3 cells
+CELL = 0.04  # m
+LOG = (0.36, 0.12)  # m, 9 x 3 cells
 
 
 def bore(touching: bool) -> libmpm.Scene:
     """Return 32 bars in a stack, a bore that carries them against a box, and room behind it."""
-    dx = 0.05
     scene = libmpm.Scene(
-        dimension=2, cell_size=dx, lower=(0, 0), upper=(5.6, 2.4), gravity=(0, -9.81)
+        dimension=2, cell_size=CELL, lower=(0, 0), upper=(7.6, 2.4), gravity=(0, -9.81)
     )  # fmt: skip
     scene.add_body(
-        name="water", shape=shapes.Box(lower=(0, 0), upper=(1.6, 1.0)),
-        material=materials.TaitFluid(bulk_modulus=4e5), hydrostatic=1.0,
+        name="water", shape=shapes.Box(lower=(0, 0), upper=(2.4, 1.2)),
+        material=materials.TaitFluid(bulk_modulus=4e5), hydrostatic=1.2,
     )  # fmt: skip
     for k in range(32):
-        row, place = divmod(k, 4)
-        low = np.array([1.75 + 0.55 * place, 0.15 * row])
+        row, place = divmod(k, 8)
+        low = np.array([2.6 + 0.44 * place, 0.12 * row])
         scene.add_body(
             name=f"bar {k:02d}", shape=shapes.Box(lower=tuple(low), upper=tuple(low + LOG)),
             material=cases.solid(4e5, 0.3, 600.0),
         )  # fmt: skip
-    # With linear cells the lowest bar, on which seven lie, is sheared until its energy grows.
+    # With linear cells the lowest bar, on which others lie, is sheared until its energy grows.
     free = boundaries.Separable(static_friction=0.3, dynamic_friction=0.3, cell="held")
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=free)
-    box = shapes.Box(lower=(4.0, 0), upper=(4.4, 1.0))
+    box = shapes.Box(lower=(6.12, 0), upper=(6.52, 1.2))
     scene.add_boundary(name="box", shape=box, response=free)
     if touching:
         scene.add_contact(
@@ -62,14 +62,14 @@ def nearest(places: dict[str, Numbers]) -> dict[tuple[str, str], float]:
     }
 
 
-def bars(touching: bool, until: float = 6.0) -> dict[str, float]:
+def bars(touching: bool, until: float = 5.0) -> dict[str, float]:
     """32 bars that a bore has brought against a box; then they are drawn apart, in free space.
 
     Each is given a velocity in proportion to its place, as a whole, so that the places would grow
     to twice the distance in free flight. Two convex bodies beside each other then have three
     cells, the thickness of a bar, or more between them. They stick where it is less than half.
     """
-    dx = 0.05
+    dx = CELL
     simulation = libmpm.Simulation(bore(touching), device="cpu", precision="single")
     names = [f"bar {k:02d}" for k in range(32)]
     start = {name: cases.mean(simulation, name, "position") for name in names}
@@ -81,7 +81,7 @@ def bars(touching: bool, until: float = 6.0) -> dict[str, float]:
     beside = [pair for pair, gap in before.items() if gap < 1.5 * dx]
 
     def from_box(x: Numbers) -> float:
-        off = np.maximum(np.abs(x - (4.2, 0.5)) - (0.2, 0.5), 0)
+        off = np.maximum(np.abs(x - (6.32, 0.6)) - (0.2, 0.6), 0)
         return float(np.linalg.norm(off, axis=1).min())
 
     middle = np.mean([x.mean(axis=0) for x in places.values()], axis=0)
@@ -109,7 +109,7 @@ def bars(touching: bool, until: float = 6.0) -> dict[str, float]:
     return {
         "carried": float(np.mean([places[n].mean(axis=0)[0] - start[n][0] for n in names])),
         "fastest": float(max(speeds)),
-        "at_box": float(sum(from_box(x) < 1.25 * dx for x in places.values())),
+        "at_box": float(sum(from_box(x) < 2 * dx for x in places.values())),
         "nearest": min(before.values()) / dx,
         "beside": float(len(beside)),
         "stick": float(sum(gap < 1.5 for gap in opened)),
