@@ -196,9 +196,10 @@ class Measured:
                 body["particles_per_cell"] = option.per_cell
         made = libmpm.Scene.from_dict(plain)
         if option.contact is not None:
-            solid = libmpm.contacts.Friction(static=self.friction)
-            law = solid if option.contact == "Friction" else libmpm.contacts.Fluid()
-            made.add_contact(name="contact", between=self.meeting, law=law)
+            assert self.meeting is not None
+            solids = libmpm.contacts.Friction(static=self.friction)
+            chosen = solids if option.contact == "Friction" else libmpm.contacts.Fluid()
+            made.add_contact(name="contact", between=self.meeting, law=chosen)
         return made, p
 
 
