@@ -19,7 +19,7 @@ LOSS = 0.05
 #: Choices in which two options must agree to differ in their cells alone.
 FIXED = (
     "transfer", "kernel", "fbar", "solid_fbar", "size", "material", "precision", "pipeline", "step",
-    "walls", "layer", "per_cell", "bulk", "smoothing", "assumed",
+    "walls", "layer", "per_cell", "bulk", "smoothing", "assumed", "contact",
 )  # fmt: skip
 
 CASES = {m.name: m for m in MEASURED}
@@ -120,7 +120,11 @@ def entry(line: Line, base: Line) -> dict[str, Any]:
             "cfl": measured.cfl * option.step,
             "layer": line["option"].get("layer"),
             "walls": line["option"].get("walls"),
-            **{k: v for k in ("smoothing", "assumed") if (v := getattr(option, k)) is not None},
+            **{
+                k: v
+                for k in ("smoothing", "assumed", "contact")
+                if (v := getattr(option, k)) is not None
+            },
         },
         "changes": _changes(option, measured, line),
         "errors": errors,

@@ -36,6 +36,7 @@ AXES = (
     ("F-bar", ("F-bar", "solid", "F-bar size")),
     ("Smoothing over cells", ("smoothing",)),
     ("Walls and layers", ("boundary",)),
+    ("Contact", ("contact",)),
     ("Choices together", ("together",)),
 )
 

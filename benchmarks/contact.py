@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from contact_bars import bars
 from numpy.typing import NDArray
 from result_pages import append, load
 
@@ -438,6 +439,7 @@ def column(touching: bool) -> Values:
     return {"tip_mm": 1e3 * peak, "time": time, "arrival": arrival}
 
 
+BOTH = (("contact", True), ("one field", False))
 ROWS: dict[str, Callable[[], Iterator[tuple[str, Callable[[], Values]]]]] = {
     "press": lambda: ((f"offset {o:g}", lambda o=o: press(o)) for o in (0.0, 0.25, 0.5)),
     "hertz": lambda: (
@@ -459,9 +461,8 @@ ROWS: dict[str, Callable[[], Iterator[tuple[str, Callable[[], Values]]]]] = {
         for k, on in ((2e5, True), (2e6, True), (2e6, False))
     ),
     "spin": lambda: iter([("R 8", spin)]),
-    "column": lambda: (
-        (name, lambda on=on: column(on)) for name, on in (("contact", True), ("one field", False))
-    ),
+    "bars": lambda: ((name, lambda on=on: bars(on)) for name, on in BOTH),
+    "column": lambda: ((name, lambda on=on: column(on)) for name, on in BOTH),
 }
 
 

@@ -3,10 +3,10 @@
     python benchmarks/tradeoff.py run --output benchmarks/results/tradeoff.jsonl [--device cuda]
     python benchmarks/tradeoff.py table       prints the table of the lines in --output
     python benchmarks/tradeoff.py write       writes what is made of them: the tables of
-                                              docs/method-tables.md, docs/atlas.md and
-                                              docs/anti-locking.md, and
+                                              docs/method-tables.md, docs/atlas.md,
+                                              docs/anti-locking.md and docs/contact.md, and
                                               python/libmpm/data/atlas.json
-    python benchmarks/tradeoff.py check       exit 1 if one of the four is out of date
+    python benchmarks/tradeoff.py check       exit 1 if one of the five is out of date
 
 One JSON line for every option (`tradeoff_options`) and case (`tradeoff_cases`) it applies to. A run
 goes on where an earlier one of the same size, device and version of the library stopped;
@@ -42,6 +42,7 @@ from atlas_data import DATA, shipped
 from atlas_page import ATLAS, atlas_page
 from result_pages import Line, append, load
 from tradeoff_cases import MEASURED, Measured
+from tradeoff_contact import CONTACT, contact_page
 from tradeoff_locking import LOCKING, locking_page
 from tradeoff_options import BASELINE, OPTIONS, Option
 from tradeoff_table import PAGE, RESULTS, page, seconds, tables
@@ -267,7 +268,7 @@ def main() -> int:
         return 0
     made = {
         PAGE: page(lines), ATLAS: atlas_page(lines), LOCKING: locking_page(lines),
-        DATA: shipped(lines),
+        CONTACT: contact_page(lines), DATA: shipped(lines),
     }  # fmt: skip
     for path, text in made.items():
         if arguments.what == "write":

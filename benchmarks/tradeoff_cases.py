@@ -18,6 +18,9 @@ from tradeoff_scenes import (
     FLOATING_CASE,
     GRAVITY,
     IMPACT_CASE,
+    PAIR_CASE,
+    SLIDE_CASE,
+    SLIDING,
     SPIN_CASE,
     lame_case,
 )
@@ -52,7 +55,8 @@ class Measured:
     it grows with what shortens the step; `depth`, the parameter for the thickness of a slab, in
     m or cells, and `breadth`, that of the full scene; `packs`, the number of particles; the bulk
     modulus up to `stiffest` parts of real water's. `only` limits the options by name, beside those
-    that change the case if `changes`; `brief`: to the short list on a device.
+    that change the case if `changes`; `brief`: to the short list on a device. `meeting` names two
+    bodies that contact may keep apart, with `friction`.
 
     The atlas: `across` cells in the smallest length that matters; `head`, Pa, the pressure and
     `speed`, m/s, the motion that the bulk modulus, Pa, is to be compared with, or the speed itself
@@ -85,6 +89,8 @@ class Measured:
     only: tuple[str, ...] = ()
     brief: bool = False
     changes: bool = True
+    meeting: tuple[str, str] | None = None
+    friction: float = 0.0
     across: Callable[[Parameters], float] = _cells
     head: float = 0.0
     speed: float = 0.0
@@ -97,6 +103,11 @@ class Measured:
         """Name of the row: that of the case, or its own."""
         return self.label or self.case.name
 
+    @property
+    def contact_law(self) -> str:
+        """Law of the contact between the bodies that meet."""
+        return "Fluid" if self.kind == "water" else "Friction"
+
     def bulk_ratio(self, option: Option) -> float:
         """Return the bulk modulus in parts of the case's own."""
         return 1.0 if option.bulk is None else option.bulk * WATER / self.bulk_modulus
@@ -107,6 +118,9 @@ class Measured:
             return False
         finest = self.finest if size == "small" else min(self.finest, 2.0)
         changed = option.group in CHANGING
+        if option.contact is not None:
+            fits = self.meeting is not None and option.contact == self.contact_law
+            return fits and (option.walls is None or self.boundary == "walls")
         if self.boundary == "layer" or option.layer is not None:
             plain = option.group == "baseline" or option.layer is not None
             return self.boundary == "layer" and plain
@@ -180,7 +194,13 @@ class Measured:
                 body["material"]["bulk_modulus"] *= self.bulk_ratio(option)
             if option.per_cell is not None:
                 body["particles_per_cell"] = option.per_cell
-        return libmpm.Scene.from_dict(plain), p
+        made = libmpm.Scene.from_dict(plain)
+        if option.contact is not None:
+            assert self.meeting is not None
+            solids = libmpm.contacts.Friction(static=self.friction)
+            chosen = solids if option.contact == "Friction" else libmpm.contacts.Fluid()
+            made.add_contact(name="contact", between=self.meeting, law=chosen)
+        return made, p
 
 
 def wave_speed(law: Mapping[str, Any]) -> float:
@@ -366,7 +386,7 @@ MEASURED: tuple[Measured, ...] = (
         shown={}, boundary="walls", changes=False,
         state="bore that brings a block to a wall", only=LOADS,
         bulk_modulus=200 * DENSITY * GRAVITY, head=DENSITY * GRAVITY, speed=0.32,
-        judged=("load",),
+        judged=("load",), meeting=("block", "water"),
     ),
     Measured(
         case=cases.case("gate"), kind="water", cfl=0.3,
@@ -392,6 +412,7 @@ MEASURED: tuple[Measured, ...] = (
         expected={"draft": 1.0, "swing": 0.0},
         shown={}, state="elastic block afloat", only=SHORT,
         stiffest=0.1, bulk_modulus=200 * DENSITY * GRAVITY * DEPTH, head=DENSITY * GRAVITY * DEPTH,
+        meeting=("block", "water"),
     ),
     Measured(
         case=BAR_CASE, kind="solid", cfl=0.4, energy=_kinetic,
@@ -405,6 +426,20 @@ MEASURED: tuple[Measured, ...] = (
         sizes={"small": {}, "device": {"cells": 128}},
         expected={"contact": 1.0, "restitution": 1.0},
         shown={}, state="blow against a rigid wall", only=SHORT, finest=4.0, speed=0.01,
+    ),
+    Measured(
+        case=PAIR_CASE, kind="solid", cfl=0.4, energy=_kinetic,
+        sizes={"small": {}, "device": {"cells": 128}},
+        expected={"contact": 1.0, "restitution": 1.0},
+        shown={}, state="blow of two bars, end on", only=(BASELINE, "AFLIP 0.95"), changes=False,
+        speed=0.01, meeting=("left", "solid"),
+    ),
+    Measured(
+        case=SLIDE_CASE, kind="solid", cfl=0.4,
+        sizes={"small": {}, "device": {"cells": 16}},
+        expected={"distance": 1.0},
+        shown={}, state="block that slides on another", only=(BASELINE, "AFLIP 0.95"),
+        changes=False, speed=0.03, meeting=("base", "block"), friction=SLIDING,
     ),
     Measured(
         case=cases.case("domino-tip"), kind="solid", cfl=0.4,

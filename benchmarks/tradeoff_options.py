@@ -18,13 +18,16 @@ from libmpm.methods import AssumedFields, Kernel, Smoothing, Transfer
 BASELINE = "baseline"
 WATER = 2.2e9  # Pa, bulk modulus of real water
 #: Fields of an option that lines name only where they are not the usual ones.
-CHANGES = ("size", "shifting", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed")
+CHANGES = (
+    "size", "shifting", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed", "contact",
+)  # fmt: skip
 #: Forms of F-bar whose smoothing is set by a length.
 BY_LENGTH = ("two-volume", "split", "literal")
 LENGTH = 1.0  # cells, of those forms
 Group = Literal[
     "baseline", "transfer", "kernel", "F-bar", "F-bar size", "solid", "boundary", "precision",
     "pipeline", "step", "cells", "particles", "bulk modulus", "dimension", "together", "smoothing",
+    "contact",
 ]  # fmt: skip
 
 
@@ -38,7 +41,8 @@ class Option:
 
     The others change the case: `cells` is the number of cells along a length, parts of the case's
     own; `per_cell` the number of particles, None is two an axis; `bulk` the bulk modulus, parts of
-    that of real water; `extent` "slice", two cells thick, or "full" in three dimensions.
+    that of real water; `extent` "slice", two cells thick, or "full" in three dimensions. `contact`
+    is the law by which bodies that meet have velocities of their own, "Friction" or "Fluid".
     """
 
     name: str
@@ -61,6 +65,7 @@ class Option:
     extent: str = ""
     smoothing: str | None = None
     assumed: str | None = None
+    contact: str | None = None
     beside: str = BASELINE
 
     def choices(self, cfl: float, cell_size: float, wave_speed: float) -> Options:
@@ -248,6 +253,23 @@ def _over_cells() -> list[Option]:
 
 
 LINEAR = Slip(cell="linear")
+
+
+def _contacts() -> list[Option]:
+    """Return fields of velocities for bodies that meet, with either transfer of the defaults."""
+    aflip, shown = Transfer(scheme="AFLIP", flip=0.95), "AFLIP 0.95"
+    made = []
+    for law in ("Fluid", "Friction"):
+        name = f"contact {law}"
+        made += [
+            Option(name, "contact", contact=law),
+            Option(f"{name}, {shown}", "contact", transfer=aflip, contact=law, beside=shown),
+        ]
+    linear = "linear walls"
+    name = f"contact Fluid, {linear}"
+    return [*made, Option(name, "contact", walls=LINEAR, contact="Fluid", beside=linear)]
+
+
 HALF, DOUBLE, SLICE = "half the cells", "double the cells", "half the cells, slice"
 
 
@@ -324,6 +346,7 @@ OPTIONS: tuple[Option, ...] = (
     Option("two-pass", "pipeline", pipeline="two-pass"),
     Option("phased", "pipeline", pipeline="phased"),
     *_over_cells(),
+    *_contacts(),
     *_sizes(),
     *_changes(),
 )

@@ -4,7 +4,8 @@ A Lamé mode of a free square, u = cos(πx/a) sin(πy/a), v = -sin(πx/a) cos(π
 and swings with ω = √2 π c_s/a whatever Poisson's ratio is; near 1/2 it measures locking. A free
 square that spins measures what a method does to rotation. A free bar swings with the period 2 L/c,
 and one that hits a wall leaves it after as long, as fast as it came (Saint-Venant). A block half as
-dense as water floats with half of it under water (Archimedes).
+dense as water floats with half of it under water (Archimedes). Two bars that meet end on do as one
+at a wall, and a block that slides on another stops after v²/(2 μ g).
 """
 
 from __future__ import annotations
@@ -246,6 +247,70 @@ IMPACT_CASE = cases.Case(
     measure=_read_impact,
 )
 
+
+def _pair(p: Parameters, options: cases.Options) -> libmpm.Scene:
+    """Two bars that touch and move towards each other: what each does at a wall, by symmetry."""
+    scene = _bar(p, options, (-0.01 * BAR_SPEED, 0.0), -1.0 - p["margin"] / p["cells"])
+    box = shapes.Box(lower=(-1.0, 0.0), upper=(0.0, p["rows"] / p["cells"]))
+    law = scene.bodies[0].material
+    scene.add_body(name="left", shape=box, material=law, velocity=(0.01 * BAR_SPEED, 0.0))
+    return scene
+
+
+PAIR_CASE = cases.Case(
+    name="bar-pair",
+    title="Two bars that meet end on",
+    source="Saint-Venant: contact 2 L/c, restitution 1",
+    levels={"reduced": _BAR_SIZE | {"until": 3.5}},
+    bounds={},
+    build=_pair,
+    measure=_read_impact,
+)
+
+# ---- block that slides on another ---------------------------------------------------------------
+
+SLIDING, START = 0.3, 1.0  # μ; m/s
+
+
+def _slide(p: Parameters, options: cases.Options) -> libmpm.Scene:
+    """A block twice as long as high on a long one that the floor holds."""
+    length, high = 0.4, 0.2  # m
+    dx = length / p["cells"]
+    scene = libmpm.Scene(
+        name="sliding-block", dimension=2, cell_size=dx, lower=(0.0, 0.0), upper=(1.2, 0.6),
+        gravity=(0.0, -GRAVITY), method=options.method,
+    )  # fmt: skip
+    law = _solid("FixedCorotated", 1e6, 0.3)
+    base = shapes.Box(lower=(0.1, 0.0), upper=(1.1, high))
+    block = shapes.Box(lower=(0.2, high), upper=(0.2 + length, 2 * high))
+    scene.add_body(name="base", shape=base, material=law)
+    scene.add_body(name="block", shape=block, material=law, velocity=(START, 0.0))
+    floor = shapes.DomainWalls(faces=("y-",))
+    scene.add_boundary(name="floor", shape=floor, response=boundaries.Sticky())
+    return scene
+
+
+def _read_slide(simulation: libmpm.Simulation, p: Parameters) -> dict[str, float]:
+    """Way of the block over the base until it rests, parts of v²/(2 μ g)."""
+
+    def apart() -> float:
+        places = [simulation.particles[b]["position"][:, 0].mean() for b in ("block", "base")]
+        return float(places[0] - places[1])
+
+    start = apart()
+    simulation.run(until=p["until"], progress=False)
+    return {"distance": (apart() - start) / (START**2 / (2 * SLIDING * GRAVITY))}
+
+
+SLIDE_CASE = cases.Case(
+    name="sliding-block",
+    title="Block that slides on another",
+    source="Coulomb: v²/(2 μ g)",
+    levels={"reduced": {"cells": 8, "until": 0.6}},
+    bounds={},
+    build=_slide,
+    measure=_read_slide,
+)
 
 # ---- floating block -----------------------------------------------------------------------------
 

@@ -480,7 +480,8 @@ def test_water_that_a_checkpoint_left_is_not_at_rest(tmp_path):
 
 def test_rules_and_the_shipped_atlas_know_the_same_cases():
     known = {row.case for row in read_atlas().rows}
-    assert known <= {rule.case for rule in RULES} | {"dominoes"}
+    # Contact, which two of them measure, is a choice of the scene that advice leaves as it is.
+    assert known <= {rule.case for rule in RULES} | {"dominoes", "bar-pair", "sliding-block"}
 
 
 # ---- nothing is invented ------------------------------------------------------------------------

@@ -169,6 +169,33 @@ def test_discs_part_after_a_blow(run: Runner) -> None:
     np.testing.assert_allclose(left + right, 0, atol=1e-12 * speed)
 
 
+@pytest.mark.parametrize("touching", [True, False])
+def test_bars_that_touch_come_apart_freely(run: Runner, touching: bool) -> None:
+    """Four bars side by side, turned by 20°, drawn apart: only one field for all holds them."""
+    dx, turn = 0.05, math.radians(20)
+    axes = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    scene = libmpm.Scene(dimension=2, cell_size=dx, lower=(-1.5, -1.5), upper=(1.5, 1.5))
+    speeds = {}
+    for k, side in enumerate(((-1, -1), (-1, 1), (1, -1), (1, 1))):
+        centre = (np.array(side) * (4.5 * dx, 1.5 * dx)) @ axes
+        speeds[f"bar {k}"] = 0.5 * centre
+        scene.add_body(
+            name=f"bar {k}", material=cases.solid(4e5, 0.3, 600.0), velocity=tuple(0.5 * centre),
+            shape=shapes.OrientedBox(centre=tuple(centre), size=(9 * dx, 3 * dx), angle=20.0),
+        )  # fmt: skip
+    if touching:
+        law = contacts.Friction(static=0.4)
+        scene.add_contact(name="bars", between=("bar*", "bar*"), law=law)
+    simulation = run(scene)
+    simulation.run(until=1.0)
+    for name, speed in speeds.items():
+        left = cases.mean(simulation, name, "velocity")
+        if touching:  # nothing pulls: each keeps its momentum to rounding
+            np.testing.assert_allclose(left, speed, atol=1e-10)
+        else:
+            assert np.linalg.norm(left) < 0.5 * np.linalg.norm(speed)
+
+
 def test_stack_rests(run: Runner) -> None:
     simulation = run(cases.stack())
     start = [cases.mean(simulation, f"block {k}", "position") for k in range(3)]

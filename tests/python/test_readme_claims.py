@@ -17,7 +17,7 @@ matplotlib.use("Agg", force=False)
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-WORDS = {"seven": 7, "eight": 8, "ten": 10, "eleven": 11, "twelve": 12}
+WORDS = {"seven": 7, "eight": 8, "nine": 9, "ten": 10, "eleven": 11, "twelve": 12}
 
 
 def compared(*rows):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from libmpm import Error, FBar
+from libmpm import Error, FBar, contacts
 from libmpm._src.materials import generated
 from libmpm._src.methods.transfer import KERNELS, SCHEMES, SWEEPS
 from libmpm._src.run.choices import PIPELINES, PRECISIONS
@@ -88,6 +88,13 @@ def test_every_form_of_fbar_precision_and_pipeline_has_a_row():
     assert lines()[BASELINE, "vortex"]["pipeline"] == "fused"
 
 
+def test_every_law_of_contact_has_a_row():
+    laws = {name for name in contacts.__all__ if name not in ("Stick", "ContactLaw")}
+    assert {o.contact for o in OPTIONS} == laws | {None}
+    for law in laws:
+        assert any(o.contact == law and m.applies(o) for o in OPTIONS for m in MEASURED)
+
+
 def test_every_elastic_law_has_a_row():
     """Laws compete where they need the same numbers."""
     elastic = set()
@@ -102,7 +109,7 @@ def test_options_differ_by_one_choice_from_what_they_stand_beside():
     names = {o.name: o for o in OPTIONS}
     assert len(names) == len(OPTIONS)
     plain = ("fbar", "solid_fbar", "material", "precision", "pipeline", "step", "walls", "layer")
-    changes = ("size", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed")
+    changes = ("size", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed", "contact")
     fields = ("transfer", "kernel", *plain, *changes)
     for option in OPTIONS:
         other = names[option.beside]
