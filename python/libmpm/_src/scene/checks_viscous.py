@@ -229,8 +229,8 @@ def _unmeasured(scene: SceneData, body: Body) -> str | None:
 
 
 def _bounds(scene: SceneData, body: Body) -> NDArray[np.float64]:
-    bounds = np.asarray(bounds_of(scene, body), dtype=float)  # from the lower corner
-    return bounds + np.asarray(scene.lower, dtype=float)
+    corner: NDArray[np.float64] = np.asarray(scene.lower, dtype=np.float64)
+    return corner + np.asarray(bounds_of(scene, body), dtype=np.float64)
 
 
 def _worst(
