@@ -12,6 +12,7 @@ import pytest
 import libmpm
 from libmpm import boundaries, grids, materials, sensors, shapes
 from libmpm._src.run.guard import opened_by
+from libmpm._src.run.guard_messages import energy_remedy
 from libmpm._src.run.guard_watch import Watch
 from support.devices import device  # noqa: F401
 
@@ -377,3 +378,19 @@ def test_a_particle_alone_may_breathe():
         sim.step(1)
         swings.append(float(sim.particles["water"]["volume_ratio"][0]) - 1)
     assert min(swings) < -5e-5 and max(swings) > 5e-5, "it breathes, and no guard ends it"
+
+
+def test_the_remedy_names_a_linear_floor_on_which_bodies_pile():
+    """Bars eight high on a floor with linear cells were sheared until the guard ended the run."""
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 1), gravity=(0, -9.81))
+    solid = materials.FixedCorotated(density=700, youngs_modulus=1e6, poissons_ratio=0.3)
+    water = shapes.Box(lower=(0, 0), upper=(1, 0.4))
+    scene.add_body(name="water", shape=water, material=materials.TaitFluid(bulk_modulus=1e5))
+    for k in range(2):
+        bar = shapes.Box(lower=(1.2, 0.3 * k), upper=(1.5, 0.3 * (k + 1)))
+        scene.add_body(name=f"bar-{k}", shape=bar, material=solid)
+    scene.add_boundary(name="floor", shape=shapes.DomainWalls(), response=boundaries.Separable())
+    said = "where bodies lie in piles on 'floor', cell=\"held\" for it"
+    assert said not in energy_remedy(libmpm.Simulation(scene, device="cpu"))
+    scene.add_contact(name="rub", between=("bar*", "bar*"), law=libmpm.contacts.Friction())
+    assert said in energy_remedy(libmpm.Simulation(scene, device="cpu"))

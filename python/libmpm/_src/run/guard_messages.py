@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from libmpm._src.boundaries.wall_cells import strains_linearly
+from libmpm._src.scene.places import faces_present
+
 if TYPE_CHECKING:
     from libmpm._src.run.running import Running
     from libmpm._src.scene.parts import Body
@@ -136,6 +139,17 @@ def energy_remedy(simulation: Running) -> str:
             ways.append(f"use a lower order of {scene.transfer.scheme}, or it every few steps only")
         elif scene.transfer.scheme not in ("APIC", "PIC"):
             ways.append("use transfer 'APIC', which damps more")
+        linear = (
+            b.name
+            for b in scene.boundaries
+            for face in (faces_present(scene, b) or ("",))
+            if strains_linearly(scene, b, face)
+        )
+        if scene.contacts and (floor := next(linear, None)):
+            ways.append(
+                f"where bodies lie in piles on '{floor}', cell=\"held\" for it: on linear cells "
+                "the lowest were sheared without end"
+            )
     ways.append("lower Method.cfl or the time step")
     if simulation.precision == "single":
         ways.append("precision='double'")
