@@ -228,9 +228,8 @@ class Timed:
                 timed.late = timed.late or not done
                 return True
 
-        how: dict[str, Any] = {"shared_device": True}
-        if self.device == "cpu":
-            how = {"threads": self.threads}
+        on_cpu = self.device == "cpu"
+        how: dict[str, Any] = {"threads": self.threads} if on_cpu else {"shared_device": True}
         self.sim = None
         if self.checkpoint is not None and self.checkpoint.exists():
             self.sim = Ending.resume(self.checkpoint)

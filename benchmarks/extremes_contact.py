@@ -14,14 +14,15 @@ import numpy as np
 from extremes_axis import Axis, Trial, bounded, energies, first, no_energy_gain
 from extremes_solids import (
     DENSITY,
-    DOWN,
     DX,
+    EDGE,
     GRAVITY,
     YOUNG,
     axis,
     cells,
     domain,
     solid,
+    under_water,
     wave_speed,
 )  # fmt: skip
 from numpy.typing import NDArray
@@ -304,24 +305,9 @@ def immersed(ratio: float) -> Trial:
     goes along, is 1.19 for a square in endless water and more between walls. Judged by C = 0.9 to
     6, half of what water that sticks needs (`extremes_solids.immersed`).
     """
-    edge, wide, deep = 8, 32, 28
-    modulus = DENSITY * GRAVITY * deep * DX / 0.02
-    scene = domain("immersed", (wide, deep + 6), boundaries.Slip(), gravity=DOWN)
-    scene.add_body(
-        name="water", shape=cells(0, 0, size=(wide, deep)), hydrostatic=deep * DX,
-        material=materials.TaitFluid(density=DENSITY, bulk_modulus=modulus),
-    )  # fmt: skip
-    pressure = DENSITY * GRAVITY * deep * DX * max(1.0, ratio)
-    scene.add_body(
-        name="block", shape=cells(12, 10, size=(edge, edge)), subtract_from=("water",),
-        material=solid(density=DENSITY * ratio, young=pressure / 0.01),
-    )  # fmt: skip
+    scene, until, scale = under_water(ratio, boundaries.Slip())
     scene.add_contact(name="wet", between=("water", "block"), law=contacts.Fluid())
     scene.add_sensor(name="wet", sensor=sensors.ContactLoad(contact="wet"))
-    pull = GRAVITY * abs(1 - ratio) / (ratio + 1.5)
-    until = math.sqrt(2 * 0.5 * DX / max(pull, 0.01 * GRAVITY))
-    scene.add_sensor(name="energy", sensor=sensors.Energy(interval=until / 50))
-    scale = DENSITY * max(1.0, ratio) * GRAVITY * (edge * DX) ** 3
     begun: list[float] = []
 
     def prepare(simulation: libmpm.Simulation) -> None:
@@ -336,7 +322,7 @@ def immersed(ratio: float) -> Trial:
         rate = float(np.abs(velocity - middle).max()) / (GRAVITY * until)
         length, push = after(simulation, "wet", -1.0)
         pull = GRAVITY * float(length.sum())
-        told = abs(float(middle[1]) + pull - push[1] / (DENSITY * ratio * (edge * DX) ** 2)) / pull
+        told = abs(float(middle[1]) + pull - push[1] / (DENSITY * ratio * (EDGE * DX) ** 2)) / pull
         return (
             bounded("acceleration, of g", found, ends[0] - 0.03, ends[1] + 0.03)
             or bounded("velocity within the block, of g t", rate, 0.0, 0.5)

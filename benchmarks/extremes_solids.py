@@ -320,6 +320,35 @@ def layers(ratio: float, solid_above: bool = True, steps: int = 3000) -> Trial:
     )
 
 
+#: Of the block under water, cells.
+EDGE = 8
+
+
+def under_water(ratio: float, walls: boundaries.Response) -> tuple[libmpm.Scene, float, float]:
+    """Return a block of `ratio` times water's density under it, how long it runs and its energy.
+
+    Until it has moved by half a cell, as with 1.5 times the mass of its water going along, s; what
+    lifts it by its edge, J/m.
+    """
+    wide, deep = 32, 28
+    material = materials.TaitFluid(
+        density=DENSITY, bulk_modulus=DENSITY * GRAVITY * deep * DX / 0.02
+    )
+    scene = domain("immersed", (wide, deep + 6), walls, gravity=DOWN)
+    scene.add_body(
+        name="water", shape=cells(0, 0, size=(wide, deep)), material=material, hydrostatic=deep * DX
+    )
+    pressure = DENSITY * GRAVITY * deep * DX * max(1.0, ratio)
+    scene.add_body(
+        name="block", shape=cells(12, 10, size=(EDGE, EDGE)), subtract_from=("water",),
+        material=solid(density=DENSITY * ratio, young=pressure / 0.01),
+    )  # fmt: skip
+    pull = GRAVITY * abs(1 - ratio) / (ratio + 1.5)
+    until = math.sqrt(2 * 0.5 * DX / max(pull, 0.01 * GRAVITY))
+    scene.add_sensor(name="energy", sensor=sensors.Energy(interval=until / 50))
+    return scene, until, DENSITY * max(1.0, ratio) * GRAVITY * (EDGE * DX) ** 3
+
+
 def immersed(ratio: float) -> Trial:
     """A block of `ratio` times water's density is let go under water: it rises or sinks.
 
@@ -328,23 +357,7 @@ def immersed(ratio: float) -> Trial:
     block sticks to it and shears the rest: at 8 cells across C is found 5 to 8, at 16 about half of
     that. So the judge is the direction, no more than C = 0.9 and no less than C = 12.
     """
-    edge, wide, deep = 8, 32, 28
-    material = materials.TaitFluid(
-        density=DENSITY, bulk_modulus=DENSITY * GRAVITY * deep * DX / 0.02
-    )
-    scene = domain("immersed", (wide, deep + 6), boundaries.Mirror(), gravity=DOWN)
-    scene.add_body(
-        name="water", shape=cells(0, 0, size=(wide, deep)), material=material, hydrostatic=deep * DX
-    )
-    pressure = DENSITY * GRAVITY * deep * DX * max(1.0, ratio)
-    scene.add_body(
-        name="block", shape=cells(12, 10, size=(edge, edge)), subtract_from=("water",),
-        material=solid(density=DENSITY * ratio, young=pressure / 0.01),
-    )  # fmt: skip
-    pull = GRAVITY * abs(1 - ratio) / (ratio + 1.5)
-    until = math.sqrt(2 * 0.5 * DX / max(pull, 0.01 * GRAVITY))
-    scene.add_sensor(name="energy", sensor=sensors.Energy(interval=until / 50))
-    scale = DENSITY * max(1.0, ratio) * GRAVITY * (edge * DX) ** 3
+    scene, until, scale = under_water(ratio, boundaries.Mirror())
     begun: list[float] = []
 
     def prepare(simulation: libmpm.Simulation) -> None:

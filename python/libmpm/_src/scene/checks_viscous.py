@@ -216,7 +216,7 @@ def _unmeasured(scene: SceneData, body: Body) -> str | None:
             continue
         if boundary.bodies and body.name not in boundary.bodies:
             continue
-        if isinstance(shape, DomainWalls | Box) or shape.dimension != bounds.shape[1]:
+        if isinstance(shape, Box) or shape.dimension != bounds.shape[1]:
             continue
         near = np.abs(shape.distance(points)) <= scene.cell_size
         if near.any() and not any(_sides_at(shape, bounds, scene.cell_size)):

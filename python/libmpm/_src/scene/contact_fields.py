@@ -290,14 +290,13 @@ def doubtful_contacts(scene: SceneData) -> list[str]:
     groups = Groups(scene)
     doubts = []
     holds = _HOLDS[scene.method.cfl > 0.2 or scene.method.time_step is not None]
+    bend = [
+        sum(not isinstance(scene.bodies[k].material, Rigid) for k in of) for of in groups.members
+    ]
     for i, contact in enumerate(scene.contacts):
         if not isinstance(contact.law, Friction):
             continue
         pairs = groups.pairs(i)
-        bend = [
-            sum(not isinstance(scene.bodies[k].material, Rigid) for k in of)
-            for of in groups.members
-        ]
         both = any(bend[g] > (g == h) and bend[h] for *_, g, h in pairs)
         if contact.law.static > holds and both:
             doubts.append(
