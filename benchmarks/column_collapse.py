@@ -40,10 +40,10 @@ INGREDIENTS: tuple[dict[str, Any], ...] = (
 
 
 def options_of(changes: dict[str, Any]) -> cases.Options:
-    """Return the choices of a run: AFLIP of the share `flip`, or those of the case."""
-    if "flip" not in changes:
-        return cases.Options()
-    transfer = libmpm.methods.Transfer(scheme="AFLIP", flip=changes["flip"])
+    """Return the choices of a run: AFLIP of the share `flip`, which the case has, or APIC."""
+    transfer = libmpm.methods.Transfer()
+    if "flip" in changes:
+        transfer = libmpm.methods.Transfer(scheme="AFLIP", flip=changes["flip"])
     return cases.Options(method=libmpm.Method(transfer=transfer, cfl=0.4))
 
 

@@ -44,6 +44,8 @@ from libmpm._src.cli.bench import COURANT, DENSITY, GRAVITY, HEIGHT, SOUND, coll
 
 Line = dict[str, Any]
 Sized = tuple[libmpm.Scene, float]
+APIC = libmpm.Method(transfer="APIC")
+AFLIP = libmpm.Method(transfer=libmpm.methods.Transfer(scheme="AFLIP", flip=0.95))
 EDGE = 4  # cells of a block of the grid on each axis
 BLOCKS, BLOCK = (6, 4), (8, 5, 4)  # how many float, and their size in cells
 
@@ -189,7 +191,7 @@ def materials(runner: Runner) -> Iterator[Line]:
     cases = [
         ("water", collapse(size), "collapse"),
         ("water without F-bar", collapse(size, "none"), "collapse"),
-        ("sand", collapse(size, material=sand()), "collapse"),
+        ("sand", collapse(size, material=sand(), method=APIC), "collapse"),
     ]
     for material in solids():
         cases.append((type(material).__name__, collapse(size, material=material, lift=lift), falls))
@@ -197,10 +199,34 @@ def materials(runner: Runner) -> Iterator[Line]:
         yield runner.run(f"materials: {name}", sized, steps, state)
 
 
-def cubes(particles: int, chosen: tuple[str, ...]) -> Sized:
+def solid_methods(runner: Runner) -> Iterator[Line]:
+    """Solids with F-bar, and with transfers that store velocities: rate to APIC without F-bar."""
+    size, steps = runner.size(8e6), runner.steps(2000)
+    lift = round(0.1 * collapse(size)[0].cells[1])
+    falls = "cube that falls by a tenth of its height and rebounds"
+    for material in (solid(), sand()):
+        kind, plain = type(material).__name__, 0.0
+        forms = ("none", "two-volume") if kind == "FixedCorotated" else ("none",)
+        for method, form, pipeline in itertools.product((APIC, AFLIP), forms, ("auto", "phased")):
+            scheme = method.transfer_choice.scheme
+            sized = collapse(size, form, material=material, lift=lift, method=method)
+            case = f"solid-methods: {kind}, {scheme}, F-bar {form}, {pipeline}"
+            line = runner.run(case, sized, steps, falls, pipeline=pipeline)
+            plain = plain or line["particle_steps_per_s"]
+            yield line | {"rate_to_plain": line["particle_steps_per_s"] / plain}
+    plain = 0.0
+    for method in (APIC, AFLIP):
+        sized = cubes(runner.size(4e6), ("water", "solid"), method)
+        case = f"solid-methods: water and solid, {method.transfer_choice.scheme}"
+        line = runner.run(case, sized, steps, "solid and water side by side")
+        plain = plain or line["particle_steps_per_s"]
+        yield line | {"rate_to_plain": line["particle_steps_per_s"] / plain}
+
+
+def cubes(particles: int, chosen: tuple[str, ...], method: libmpm.Method | None = None) -> Sized:
     """Return the scene of a cube of water that leans on one of a solid, or of one of them."""
     n = max(2, round((particles / 8) ** (1 / 3)))
-    scene = domain("cubes", HEIGHT / n, (3 * n, n, math.ceil(1.25 * n)))
+    scene = domain("cubes", HEIGHT / n, (3 * n, n, math.ceil(1.25 * n)), method)
     if "water" in chosen:
         add(scene, "water", water(), (n, 0, 0), (n, n, n))
     if "solid" in chosen:
@@ -388,8 +414,8 @@ def reproducible(runner: Runner) -> Iterator[Line]:
 CASES: dict[str, Case] = {
     case.__name__.replace("_", "-"): case
     for case in (
-        first_step, materials, two_materials, blocks, particles_per_cell, sheet, spray, lone,
-        empty_domain, two_pass, reproducible, memory, huge,
+        first_step, materials, solid_methods, two_materials, blocks, particles_per_cell, sheet,
+        spray, lone, empty_domain, two_pass, reproducible, memory, huge,
     )
 }  # fmt: skip
 #: Numbers of single cases that the table shows.

@@ -46,11 +46,13 @@ def sand() -> libmpm.materials.DruckerPrager:
     )
 
 
-def domain(name: str, dx: float, cells: Sequence[int]) -> libmpm.Scene:
+def domain(
+    name: str, dx: float, cells: Sequence[int], method: libmpm.Method | None = None
+) -> libmpm.Scene:
     """Return a scene of so many cells with gravity, slip walls and nothing in it."""
     scene = libmpm.Scene(
         dimension=3, cell_size=dx, lower=(0, 0, 0), upper=[n * dx for n in cells],
-        gravity=(0, 0, -GRAVITY), name=name,
+        gravity=(0, 0, -GRAVITY), name=name, method=method,
     )  # fmt: skip
     slip = libmpm.boundaries.Slip()
     scene.add_boundary(name="walls", shape=libmpm.shapes.DomainWalls(), response=slip)

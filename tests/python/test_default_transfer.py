@@ -1,4 +1,4 @@
-"""The transfer of scenes that name none: by what a fluid flows past.
+"""The transfer of scenes that name none: by what flows, and past what.
 
 Expected duration: 5 s.
 """
@@ -44,6 +44,10 @@ def solid():
     return materials.NeoHookean(density=900.0, youngs_modulus=1e5, poissons_ratio=0.3)
 
 
+def sand():
+    return materials.DruckerPrager(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.3)
+
+
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
@@ -54,6 +58,9 @@ def solid():
         ({"structure": False, "bed": shapes.Sphere(centre=(1.0, 0.1), radius=0.2)}, FLOWS),
         ({"structure": False, "moves": True}, PLAIN),
         ({"material": solid()}, PLAIN),
+        ({"material": sand()}, FLOWS),
+        ({"material": sand(), "structure": False}, FLOWS),
+        ({"material": sand(), "response": boundaries.Mirror()}, PLAIN),
         ({"response": boundaries.Mirror()}, PLAIN),
         ({"method": libmpm.Method(kernel="cubic")}, PLAIN),
         ({"method": libmpm.Method(transfer="APIC")}, PLAIN),

@@ -163,7 +163,11 @@ def test_who_has_it():
     assert pipeline(transfer=Transfer(scheme="FMPM", every=2)) == "phased"
     assert pipeline(transfer=Transfer(scheme="XPIC")) == "phased"
     solid = materials.FixedCorotated(density=1000.0, youngs_modulus=1e5)
-    assert pipeline(transfer=aflip, material=solid) == "phased"
+    assert pipeline(transfer=aflip, material=solid) == "fused"
+    mud = materials.HerschelBulkleyFluid(
+        density=1e3, bulk_modulus=1e4, yield_stress=10.0, consistency=1.0, largest_viscosity=10.0
+    )
+    assert pipeline(transfer=aflip, material=mud) == "phased"
     # On a device single precision alone has a fused form.
     scene = water(transfer=aflip)
     assert scene.plan(device="cuda", precision="single").pipeline == "fused"

@@ -212,10 +212,11 @@ def free_body(dimension, *, velocity=None, gravity=0.0, cells=16):
     return scene
 
 
-def crowded(dimension, *, fbar="default", moving=False):
+def crowded(dimension, *, fbar="default", moving=False, solid=None, solid_fbar=None, method=None):
     """Below 1,000 particles with everything at once: two materials, walls, box, friction.
 
-    With `moving` gravity turns and the box slides under the water.
+    With `moving` gravity turns and the box slides under the water. `solid` replaces the block's
+    material.
     """
     dx, n = 0.1, 12 if dimension == 2 else 8
     side, depth = (0.8, 0.6) if dimension == 2 else (0.4, 0.4)
@@ -223,7 +224,8 @@ def crowded(dimension, *, fbar="default", moving=False):
     turned = (2.0, -GRAVITY, 1.0)[:dimension]
     scene = libmpm.Scene(
         dimension=dimension, cell_size=dx, lower=(0.0,) * dimension,
-        upper=(n * dx,) * dimension, method=libmpm.Method(cfl=0.3, transfer="APIC"),
+        upper=(n * dx,) * dimension,
+        method=method or libmpm.Method(cfl=0.3, transfer="APIC"),
         gravity=libmpm.TimeTable((0.0, 0.1), (down, turned)) if moving else down,
     )  # fmt: skip
     scene.add_body(
@@ -240,8 +242,10 @@ def crowded(dimension, *, fbar="default", moving=False):
             lower=(0.12, depth + 0.02, 0.11)[:dimension],
             upper=(0.36, depth + 0.24, 0.34)[:dimension],
         ),
-        material=materials.FixedCorotated(density=600.0, youngs_modulus=2e5, poissons_ratio=0.3),
+        material=solid
+        or materials.FixedCorotated(density=600.0, youngs_modulus=2e5, poissons_ratio=0.3),
         velocity=(0.5, -1.0, 0.2)[:dimension],
+        fbar=solid_fbar,
     )
     scene.add_boundary(
         name="walls",

@@ -14,7 +14,6 @@ from libmpm._src.advice.cases.dominoes import _rigid_time
 from libmpm._src.advice.cases.grains import runout
 from libmpm._src.advice.cases.solids import CASES
 from libmpm._src.materials.friction import triaxial
-from libmpm.methods import Transfer
 
 pytestmark = pytest.mark.validation
 
@@ -55,21 +54,17 @@ def test_runout_over_aspect_ratios(aspect, device):
 
 
 @pytest.mark.parametrize("aspect", [0.7, 1.0, 2.0, 4.0, 7.0])
-def test_columns_in_20_cells_spread_as_measured_with_aflip(aspect, device):
+def test_columns_in_20_cells_spread_as_measured(aspect, device):
     """Run-out ± 15 %, height ± 10 %; what APIC loses in thin layers ends them at 0.7 and 4."""
-    method = libmpm.Method(transfer=Transfer(scheme="AFLIP", flip=0.95), cfl=0.4)
-    options = libmpm.cases.Options(method=method)
-    passed("column-collapse", device, aspect=aspect, cells=20, options=options)
+    passed("column-collapse", device, aspect=aspect, cells=20)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("aspect", [0.7, 1.0, 2.0, 4.0, 7.0])
-def test_columns_in_40_cells_spread_as_measured_with_aflip(aspect, device):
+def test_columns_in_40_cells_spread_as_measured(aspect, device):
     """The same on a finer grid: half a minute to three minutes each."""
-    method = libmpm.Method(transfer=Transfer(scheme="AFLIP", flip=0.95), cfl=0.4)
-    options = libmpm.cases.Options(method=method)
-    passed("column-collapse", device, aspect=aspect, cells=40, options=options)
+    passed("column-collapse", device, aspect=aspect, cells=40)
 
 
 def test_runout_falls_with_friction(device):

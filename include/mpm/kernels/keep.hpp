@@ -94,10 +94,6 @@ MPM_INLINE Affine<V, D, kept_sums<D, S>> advance_keeping(
     const Lines& lines, int origin, const Nodes& nodes, int first, Vec<V, D>& xi,
     V (&state)[state_reals<Material, D, S> + D], const StepNumbers<T, Material>& k,
     const KeepNumbers<T>& s) {
-    static_assert(Material::volumetric);
-    // The shift goes by the last number of the state.
-    static_assert(Material::template reals<D> == 1 || S == Smoothing::two_volumes,
-                  "a fluid with more numbers than its volume says which of them the shift follows");
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     const Weights<V, D> w = quadratic_weights<V, D>(xi);
     const Affine<V, D, C> u = gather<C, V, D>(lines, w, origin);
@@ -112,7 +108,7 @@ MPM_INLINE Affine<V, D, kept_sums<D, S>> advance_keeping(
 
     V share = V(T(0));
     if (s.rule != ShiftRule::none) {
-        share = share_of(s, own[R - 1]);  // the volume that the stress follows
+        share = share_of(s, volume_loss_in<Material, S, V, D>(own));
         if (s.guarded) share = select(V(T(0)) < before[D], V(T(0)), share);
     }
     Affine<V, D, C + D> out;

@@ -46,6 +46,21 @@ MPM_INLINE V advance_loss(V loss, const Mat<V, D>& strain) {
         return loss - volume_change(strain) * (ScalarOf<V>(1) - loss);
 }
 
+/// A particle's volume loss 1 - J, of which its stress follows; `SaysVolume`.
+template <class Material, Smoothing S, class V, int D>
+MPM_INLINE V volume_loss_in(const V (&state)[state_reals<Material, D, S>]) {
+    constexpr int reals = Material::template reals<D>;
+    if constexpr (S == Smoothing::two_volumes) {
+        return state[reals];
+    } else if constexpr (Material::volumetric) {
+        return state[0];
+    } else {
+        V own[reals];
+        MPM_UNROLL for (int r = 0; r < reals; ++r) own[r] = state[r];
+        return Material::template volume_loss<D>(own);
+    }
+}
+
 /// Advances a particle's state by what was gathered, and returns its Kirchhoff stress. The slopes
 /// of `u` are those of the velocity per cell. With F-bar, `out` gets what the particle deposits of
 /// its volume. `every_form`: also those that only the phased step has.

@@ -40,14 +40,8 @@ struct DepositBound {
 template <class Material, Smoothing S, class T, int D, class P>
 MPM_INLINE T loss_of(const P& pass, const T (&state)[state_reals<Material, D, S>]) {
     constexpr int reals = Material::template reals<D>;
-    if constexpr (S == Smoothing::two_volumes) {
-        return state[reals];
-    } else if constexpr (Material::volumetric) {
-        return state[0];
-    } else if constexpr (ScalesVolume<Material, T, D>) {
-        T own[reals];
-        for (int r = 0; r < reals; ++r) own[r] = state[r];
-        return Material::template volume_loss<D>(own);
+    if constexpr (Material::volumetric || SaysVolume<Material, T, D>) {
+        return volume_loss_in<Material, S, T, D>(state);
     } else {
         double real[reals];
         for (int r = 0; r < reals; ++r) real[r] = double(state[r]);

@@ -160,8 +160,8 @@ std::string needs_phases(const Spec& spec, const BodySpec& b, bool device) {
                "parts of a step";
     if (b.smoothing == SmoothingForm::split || b.smoothing == SmoothingForm::literal)
         return "this form of F-bar stands between the parts of a step";
-    if (b.smoothing != SmoothingForm::none && !m.volumetric)
-        return "F-bar on solids has no fused form";
+    if (b.smoothing != SmoothingForm::none && !m.volumetric && !device)
+        return "F-bar on solids has a fused form on CUDA devices alone";
     return {};
 }
 

@@ -367,14 +367,24 @@ MPM_LEVEL_V4 void run_block_v4(const typename B::P& pass, const typename B::Numb
 template <class B>
 using RunBlock = void (*)(const typename B::P& pass, const typename B::Numbers& numbers,
                           typename B::A& arena, const typename B::Keep& keep, std::int32_t slot);
-/// The first deposit runs once, and the two-pass form is there on the CPU to be compared with the
-/// fused one: these are not worth more than one level.
-template <class B, bool often>
+/// The instructions that a pass is compiled for besides those of every processor. The first deposit
+/// runs once, and the two-pass form is there on the CPU to be compared with the fused one: these
+/// are not worth more than one level. Solids that store velocities get two: the third would cost as
+/// much to compile as both.
+enum class Levels { base, up_to_v3, all };
+template <class Material, Stage stage, bool keeps = false>
+constexpr Levels levels() {
+    if (stage == Stage::initial || stage == Stage::gather) return Levels::base;
+    return keeps && !Material::volumetric ? Levels::up_to_v3 : Levels::all;
+}
+template <class B, Levels to>
 RunBlock<B> block_runner() {
 #if MPM_HAS_LEVELS
-    if constexpr (often) {
+    if constexpr (to == Levels::all) {
         if (processor_level() == Level::v4) return &run_block_v4<B>;
-        if (processor_level() == Level::v3) return &run_block_v3<B>;
+    }
+    if constexpr (to != Levels::base) {
+        if (processor_level() >= Level::v3) return &run_block_v3<B>;
     }
 #endif
     return &run_block<B>;
@@ -409,7 +419,7 @@ void run_body(const Pass<Cpu, T, D>& pass) {
     const auto numbers = numbers_of<Material>(pass);
     using A = Arena<T, D, transfer_channels<D, S>>;
     using B = BlockPass<Material, S, T, D, stage>;
-    const RunBlock<B> run = block_runner < B, stage == Stage::fused || stage == Stage::scatter > ();
+    const RunBlock<B> run = block_runner<B, levels<Material, stage>()>();
     for_each_block<A>(pass,
                       [&](A& arena, std::int32_t slot) { run(pass, numbers, arena, {}, slot); });
 }
@@ -423,7 +433,7 @@ void run_keeping(const Phase<Cpu, T, D>& phase) {
     const auto keep = keep_numbers<T>(phase.n);
     using A = KeepArena<T, D, transfer_channels<D, S>>;
     using B = BlockPass<Material, S, T, D, Stage::fused, true>;
-    const RunBlock<B> run = block_runner<B, true>();
+    const RunBlock<B> run = block_runner<B, levels<Material, Stage::fused, true>()>();
     for_each_block<A>(pass,
                       [&](A& arena, std::int32_t slot) { run(pass, numbers, arena, keep, slot); });
 }

@@ -34,10 +34,7 @@ namespace mpm {
 template <class X, class T, int D, class Material>
 BodyOps<X, T, D> cuda_body_ops(Smoothing s) {
     const auto make = [&]<Smoothing S>() {
-        // F-bar on solids and rare materials: in the phased step alone.
-        constexpr bool all =
-            has_fused_form<Material> && (Material::volumetric || S == Smoothing::none);
-        if constexpr (all) {
+        if constexpr (has_fused_form<Material>) {
             return cuda::instance<Material, S, X, T, D>();
         } else {
             BodyOps<X, T, D> ops{};

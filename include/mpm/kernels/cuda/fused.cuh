@@ -115,12 +115,14 @@ __global__ void __launch_bounds__(fused_threads, 1)
         MPM_UNROLL for (int n = 0; n < stencil_nodes<D>; ++n) {
             MPM_UNROLL for (int c = 0; c <= C; ++c) sums.value[n][c] = 0;
         }
+        // F-bar on a solid takes the registers in which its next particle would wait.
+        constexpr bool ahead = Material::volumetric || S == Smoothing::none;
         Vec<float, D> next_xi{};
         float next_state[R] = {};
         walk.skip(part);
         bool next_mine = walk.rank < walk.own;
         std::uint32_t next_q = walk.take();
-        if (next_mine) load(pass.body, next_q, next_xi, next_state);
+        if (ahead && next_mine) load(pass.body, next_q, next_xi, next_state);
 #pragma unroll 1
         for (std::uint32_t rank = part; rank < walk.most; rank += parts) {
             const bool mine = next_mine;
@@ -131,8 +133,9 @@ __global__ void __launch_bounds__(fused_threads, 1)
             if (parts > 1) walk.skip(parts - 1);
             next_mine = walk.rank < walk.own;
             next_q = walk.take();
-            if (next_mine) load(pass.body, next_q, next_xi, next_state);
+            if (ahead && next_mine) load(pass.body, next_q, next_xi, next_state);
             if (!mine) continue;
+            if constexpr (!ahead) load(pass.body, q, xi, state);
             const auto u = advance<Material, S, float, D, C>(lines, home, xi, state, numbers);
             store(pass.body, q, xi, state);
             if (!sound<Material>(xi, state)) {

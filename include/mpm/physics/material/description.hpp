@@ -38,16 +38,6 @@ inline constexpr bool has_fused_form = [] {
         return true;
 }();
 
-/// Whether a material is compiled into the fused step of schemes that store velocities: those that
-/// say `static constexpr bool fuses_memory = true`.
-template <class Material>
-inline constexpr bool fuses_memory = [] {
-    if constexpr (requires { Material::fuses_memory; })
-        return Material::fuses_memory;
-    else
-        return false;
-}();
-
 /// A material whose stress falls out of its update says so by a `respond` that does both.
 template <class Material, class V, int D, class T>
 concept Responds = requires(V (&state)[Material::template reals<D>], const Mat<V, D>& strain,
@@ -55,15 +45,25 @@ concept Responds = requires(V (&state)[Material::template reals<D>], const Mat<V
     Material::respond(state, strain, k);
 };
 
-/// Materials whose volume F-bar may smooth: fluids that store it, and solids that can say and scale
-/// it.
+/// Solids that can say what volume a particle has lost, 1 - J. Fluids store it.
 template <class Material, class V, int D>
-concept ScalesVolume = requires(V (&state)[Material::template reals<D>]) {
+concept SaysVolume = requires(const V (&state)[Material::template reals<D>]) {
     Material::template volume_loss<D>(state);
+};
+/// Materials whose volume F-bar may smooth: fluids, and solids that can say and scale it.
+template <class Material, class V, int D>
+concept ScalesVolume = SaysVolume<Material, V, D> &&
+    requires(V (&state)[Material::template reals<D>]) {
     Material::template scale_volume<D>(state, state[0], state[0]);
 };
 template <class Material, int D>
 inline constexpr bool smoothable = Material::volumetric || ScalesVolume<Material, double, D>;
+
+/// Whether a material is compiled into the fused step of schemes that store velocities too: shifts
+/// ask for its volume there.
+template <class Material>
+inline constexpr bool fuses_memory = has_fused_form<Material> &&
+                                     (Material::volumetric || SaysVolume<Material, double, 3>);
 
 inline constexpr double required = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double unbounded = std::numeric_limits<double>::infinity();

@@ -137,6 +137,11 @@ struct DruckerPrager : HenckyFlow<DruckerPrager> {
     }
     static constexpr const char* limits =
         "its elastic volume ratio left the range 0.05 to 20, or a plastic strain 1e6";
+    template <int D, class V>
+    MPM_INLINE static V volume_loss(const V (&state)[reals<D>]) {
+        const V flowed = state[opened<D>] + state[gained<D>];
+        return volume_loss_of(load_symmetric<D>(state), D == 2 ? state[3] + flowed : flowed);
+    }
 
     template <int D>
     MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],

@@ -66,7 +66,6 @@ struct HerschelBulkleyFluid : TaitFluid {
         const double volume[] = {p[0], p[1], p[2], 0.0};
         return {TaitFluid::constants<T>(volume), shear_law<T>(p)};
     }
-    static constexpr bool fuses_memory = false;
     static constexpr bool yields = true;  // `observe` says whether it does
     /// Largest dynamic viscosity, Pa s.
     static double viscosity(const double* p) { return p[6]; }

@@ -52,6 +52,12 @@ struct LinearElastic : IsotropicElastic {
         return fine;
     }
     static constexpr const char* limits = "its volume ratio left the range 0.05 to 20";
+    template <int D, class V>
+    MPM_INLINE static V volume_loss(const V (&state)[reals<D>]) {
+        V loss = -state[0];
+        MPM_UNROLL for (int r = 1; r < D; ++r) loss = loss - state[r];
+        return loss;
+    }
 
     template <int D>
     MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],

@@ -19,7 +19,6 @@ struct TaitFluid {
         "Weakly compressible fluid, Tait-Murnaghan law in j = 1 - J";
     static constexpr const char* source = "Bonus (2023), sections 5.4 and 5.12";
     static constexpr bool volumetric = true;  // stores a volume ratio alone, so F-bar may smooth it
-    static constexpr bool fuses_memory = true;
     static constexpr const char* needs = "volume";
     static constexpr Column columns[] = {
         {"j", {1, 1}, "volume loss 1 - J, positive in compression", "1"}};

@@ -36,9 +36,9 @@ class Transfer(Value):
     smooth, β_min + (β_max - β_min) min(((J - J_c)/δ_c)ᵇ, 1). "XPIC" and "FMPM" remove what the grid
     cannot see to order k. All but PIC, APIC and FMPM with `every` = 1 store a velocity.
 
-    The fused step has "APIC", and for fluids alone PIC-FLIP, FLIP, AFLIP, NFLIP, SFLIP and ASFLIP,
-    with quadratic functions; what the others cost and what they gain is in the documentation's
-    table. Raises `SceneError`.
+    The fused step has "APIC", PIC-FLIP, FLIP, AFLIP, NFLIP, SFLIP and ASFLIP with quadratic
+    functions; what the others cost and what they gain is in the documentation's table. Raises
+    `SceneError`.
 
     Source: Bonus (2023) 2.4, 5.6 and 5.33-5.34 (the smooth rule corrected); Hammerquist and Nairn
     (2017) for XPIC; Nairn and Hammerquist (2021) for FMPM.

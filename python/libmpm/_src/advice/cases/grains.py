@@ -71,7 +71,8 @@ def _column(p: Parameters, options: Options) -> Scene:
     across = math.ceil(_WIDTH * (1 + 2 * runout(p["aspect"])) / dx)
     up = math.ceil(height / dx) + 3
     upper = (across * dx, up * dx)
-    scene = slab.scene("column collapse", (0.0, 0.0), upper, _GRAVITY, method_of(options, 0.4))
+    method = method_of(options, 0.4, 0.95)
+    scene = slab.scene("column collapse", (0.0, 0.0), upper, _GRAVITY, method)
     scene.add_body(
         name="sand",
         shape=slab.box((0.0, 0.0), (_WIDTH, height)),
