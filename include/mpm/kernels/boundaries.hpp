@@ -18,6 +18,14 @@ struct BoundaryView {
     bool surface_lines = false;  // any surface is
     bool mirrors = false;        // any face is a mirror
     int down = -1;  // the axis along which gravity is largest; -1: no line slides along a slope
+    // (fields,): 1 where a field of velocities is of solids alone, beside contacts; null without.
+    const std::int32_t* solid_fields = nullptr;
+
+    /// Has a slot a field whose nodes are held one by one where cells are linear by default? Bodies
+    /// that touch push at single nodes, which a line would share out along itself.
+    MPM_INLINE bool holds(const BlockTableView<D>& table, std::int32_t slot) const {
+        return solid_fields && solid_fields[table.keys_of.field(table.keys[slot])];
+    }
 };
 
 /// Centre of a cell, which is its node, m.

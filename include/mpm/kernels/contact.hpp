@@ -48,8 +48,7 @@ template <class T, class Sum, int D>
 struct NodeContact {
     NodeUpdate<T, Sum, D> node;
     ContactView contact;
-    KnownNodes<D> known = {};        // where nodes beside boundaries are listed
-    const WallNode* kind = nullptr;  // of these
+    KnownNodes<D> known = {};  // where nodes beside boundaries are listed
 
     /// The fields that have mass at a node.
     struct Fields {
@@ -180,7 +179,7 @@ struct NodeContact {
             if (f.of[k] != i) continue;
             const std::int64_t at = listed_at(f.slot[k], n);
             const Vec<T, D> v = node.template wall_velocity<false>(
-                f.slot[k], n, f.mass[k], node.momentum(f.slot[k], n), known_at(at), at,
+                f.slot[k], n, f.mass[k], node.momentum(f.slot[k], n), known.at(at), at,
                 Told<Seen>{&f.held[i], &seen, &f, k, k + 1, i});
             m += f.mass[k];
             for (int a = 0; a < D; ++a) p[a] += f.mass[k] * v[a];
@@ -191,9 +190,6 @@ struct NodeContact {
     }
     MPM_INLINE std::int64_t listed_at(std::int32_t slot, int n) const {
         return std::int64_t(node.touched[slot] - 1) * block_cells + n;
-    }
-    MPM_INLINE KnownNodes<D> known_at(std::int64_t at) const {
-        return kind && kind[at] != WallNode::unknown ? known : KnownNodes<D>{};
     }
     template <class Seen>
     MPM_INLINE void respond_of(int n, Fields& f, int i, const Seen& seen) const {
@@ -218,8 +214,8 @@ struct NodeContact {
         BoundAxes<D> bound;
         if (on_lines(f.slot[i])) {
             const std::int64_t at = listed_at(f.slot[i], n);
-            bound = FollowLines<NodeUpdate<T, Sum, D>, T, D>{node, known_at(at), at}.keep_on_lines(
-                c, f.lined[i], v, seen);
+            bound = FollowLines<NodeUpdate<T, Sum, D>, T, D>{node, known.at(at), at}.keep_on_lines(
+                f.slot[i], c, f.lined[i], v, seen);
         }
         apply_boundaries<true>(node.boundaries, c, v, seen, share, bound);
     }

@@ -98,7 +98,7 @@ struct NodeUpdate {
     template <bool plain, class Seen>
     MPM_INLINE Vec<T, D> wall_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
                                        const KnownNodes<D>& known, std::int64_t at,
-                                       const Seen& seen) const {
+                                       const Seen& seen, const WallSeats<T>& seats = {}) const {
         Vec<T, D> v = free_velocity(m, p);
         std::int64_t c[D];
         cell(slot, node, c);
@@ -107,8 +107,8 @@ struct NodeUpdate {
         } else {
             BoundAxes<D> bound;
             if (boundaries.lines)
-                bound = FollowLines<NodeUpdate, T, D>{*this, known, at}.called(slot, node, c, m, v,
-                                                                               seen);
+                bound = FollowLines<NodeUpdate, T, D>{*this, known, at, seats}.called(slot, node, c,
+                                                                                      m, v, seen);
             apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), bound);
         }
         return v;
@@ -124,6 +124,18 @@ struct NodeUpdate {
             if (images.mirrored) return mirrored_velocity(images, free_velocity(m, p), seen);
         }
         return unmirrored_velocity(slot, node, m, p, seen);
+    }
+    /// Tells `seen` what boundaries do to a node, with what is known of those beside them.
+    template <class Seen>
+    MPM_INLINE void tell(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
+                         const KnownNodes<D>& all, const Seen& seen) const {
+        if (!all.kind || boundaries.mirrors) {
+            velocity(slot, node, m, p, seen);
+        } else if (touched[slot]) {
+            const std::int64_t at = all.place(slot, node);
+            if (all.kind[at] != WallNode::free)
+                wall_velocity<false>(slot, node, m, p, all.at(at), at, seen);
+        }
     }
     template <class Seen>
     MPM_INLINE Vec<T, D> unmirrored_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
@@ -244,9 +256,6 @@ struct Changed {
     }
 };
 
-/// What a node of a block that boundaries touch asks for (kernels/wall_nodes.hpp).
-enum class WallNode : std::uint8_t { free, on_lines, any, unknown };
-
 /// Velocities that `MoveWallNodes` has made, by (listed block, node): those of a block whose flag
 /// `touched` is k > 0 begin at node (k - 1) block_cells.
 template <class T>
@@ -254,6 +263,7 @@ struct WallNodes {
     T* velocity = nullptr;            // of D components; null where a scene has no such boundaries
     std::uint8_t* changed = nullptr;  // by any boundary
     const WallNode* kind = nullptr;
+    T* seat = nullptr;  // as `WallSeats` has it
 };
 
 /// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will

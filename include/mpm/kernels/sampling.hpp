@@ -35,6 +35,7 @@ struct MeasureLoads {
     const std::int32_t* slots;  // blocks that the boundaries of load cells touch
     const LoadCellRecord<D>* cells;
     double cell_size;
+    KnownNodes<D> known;  // where nodes beside boundaries are listed
     ContactView of_contact = {};
 
     MPM_INLINE void operator()(std::int64_t i, int number, double* sum) const {
@@ -66,7 +67,7 @@ struct MeasureLoads {
         if constexpr (contact) {
             std::int32_t first, count;
             find_siblings<D>(node.grid.table, slot, of_contact.fields, first, count);
-            const NodeContact<T, Sum, D> all{node, of_contact};
+            const NodeContact<T, Sum, D> all{node, of_contact, known};
             typename NodeContact<T, Sum, D>::Fields f;
             if (count > 1) all.find(first, count, n, f);
             if (f.count > 1 && !f.too_many) {
@@ -77,10 +78,8 @@ struct MeasureLoads {
                           });
                 return;
             }
-            node.unmirrored_velocity(slot, n, m, node.momentum(slot, n), seen);
-        } else {
-            node.velocity(slot, n, m, node.momentum(slot, n), seen);
         }
+        node.tell(slot, n, m, node.momentum(slot, n), known, seen);
     }
 };
 

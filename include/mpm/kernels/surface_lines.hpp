@@ -120,13 +120,15 @@ struct SurfaceLine {
     bool slides = false;
 
     SurfaceLine() = default;
-    /// `walls`: as `OtherWalls`. `cautious`: as `SurfaceLaw` has it.
+    /// `walls`: as `OtherWalls`. `cautious`: as `SurfaceLaw` has it. `alone`: held by default, as
+    /// `BoundaryView::holds` has it.
     template <class Walls>
     MPM_INLINE SurfaceLine(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
-                           const std::int64_t (&cell)[D], bool cautious, const Walls& walls) {
+                           const std::int64_t (&cell)[D], bool cautious, bool alone,
+                           const Walls& walls) {
         const SurfaceView<D> here(all, s, cell);
         if (!here.known || here.distance >= 2) return;
-        if (here.axis < 0 || here.deep()) {
+        if (here.axis < 0 || here.deep() || (cautious && alone)) {
             state = held;
             return;
         }
@@ -343,6 +345,9 @@ struct SurfaceNode {
     }
 };
 
+/// What a node of a block that boundaries touch asks for (kernels/wall_nodes.hpp).
+enum class WallNode : std::uint8_t { free, on_lines, any, unknown };
+
 /// What is known of the nodes of listed blocks as long as the table stands
 /// (kernels/wall_nodes.hpp), by (listed block, node).
 template <int D>
@@ -350,10 +355,19 @@ struct KnownNodes {
     const std::uint32_t* lines = nullptr;      // by axis, packed; null: nothing is known
     const SurfaceNode<D>* surfaces = nullptr;  // null: no surface is linear
     const std::uint32_t* listed = nullptr;     // by slot, 1 + number of the listed block
+    const WallNode* kind = nullptr;
+
+    MPM_INLINE std::int64_t place(std::int32_t slot, int node) const {
+        return std::int64_t(listed[slot] - 1) * block_cells + node;
+    }
+    /// All this, or nothing of a node that has to find out for itself.
+    MPM_INLINE KnownNodes at(std::int64_t place) const {
+        return kind && kind[place] != WallNode::unknown ? *this : KnownNodes{};
+    }
 
     MPM_INLINE const SurfaceNode<D>* of(std::int32_t slot, int node) const {
         if (!surfaces || slot < 0 || listed[slot] == 0) return nullptr;
-        return surfaces + (std::int64_t(listed[slot] - 1) * block_cells + node);
+        return surfaces + place(slot, node);
     }
     MPM_INLINE const SurfaceNode<D>* of(std::int32_t slot, int node, int boundary) const {
         const SurfaceNode<D>* found = of(slot, node);

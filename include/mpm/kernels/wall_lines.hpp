@@ -30,6 +30,17 @@ struct GroupPressure {
     MPM_INLINE double at(double j) const { return stiffness * (exp(-exponent * log1p(-j)) - 1); }
 };
 
+/// What nodes of listed blocks would do by themselves: mass and velocity of those that ask for more
+/// than lines towards walls (`SeatWallNodes`). Each of a line's nodes asks for all of them.
+template <class T>
+struct WallSeats {
+    const T* seat = nullptr;
+    const WallNode* kind = nullptr;
+    MPM_INLINE bool has(std::int64_t place) const {
+        return seat && (kind[place] == WallNode::any || kind[place] == WallNode::unknown);
+    }
+};
+
 /// What the lines leave of one node's velocity. `Node` is a `NodeUpdate`. `plain`: of a node that
 /// `ClassifyWallNodes` has found to be on lines alone; all functions are then one.
 template <class Node, class T, int D, bool plain = false>
@@ -37,6 +48,7 @@ struct FollowLines {
     const Node& node;
     KnownNodes<D> known = {};
     std::int64_t listed_at = 0;  // the node's place among those that are known
+    WallSeats<T> seats = {};
 
     struct Seat {
         T mass = 0;
@@ -78,6 +90,16 @@ struct FollowLines {
     }
     MPM_CALL Seat called_seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
         const Reconverge at_return;
+        if (seats.seat && node.touched[slot] > 0) {
+            const std::int64_t at = std::int64_t(node.touched[slot] - 1) * block_cells + number;
+            if (seats.has(at)) {
+                const T* const from = seats.seat + at * (D + 1);
+                Seat out;
+                out.mass = from[D];
+                for (int a = 0; a < D; ++a) out.velocity[a] = from[a];
+                return out;
+            }
+        }
         return seat(slot, number, cell);
     }
     /// What faces give back at their edges to the nodes that no line leads; those that are all but
@@ -155,9 +177,13 @@ struct FollowLines {
         else
             return called_seat(slot, number, cell);
     }
-    MPM_INLINE WallLine line_of(int axis, const std::int64_t (&cell)[D]) const {
+    MPM_INLINE bool alone(std::int32_t slot) const {
+        return node.boundaries.holds(node.grid.table, slot);
+    }
+    MPM_INLINE WallLine line_of(std::int32_t slot, int axis, const std::int64_t (&cell)[D]) const {
         if constexpr (!plain) {
-            if (known.lines == nullptr) return find_line<D>(node.boundaries, axis, cell);
+            if (known.lines == nullptr)
+                return find_line<D>(node.boundaries, axis, cell, alone(slot));
         }
         return WallLine::unpacked(known.lines[listed_at * D + axis]);
     }
@@ -178,7 +204,7 @@ struct FollowLines {
         T pressed[D] = {};       // speed that the wall takes from the line's mass by pressing
         BoundAxes<D> bound;
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            WallLine& line = lines[a] = line_of(a, cell);
+            WallLine& line = lines[a] = line_of(slot, a, cell);
             pressed[a] = 0;
             if (line.form == WallLine::none) continue;
             const Wall by = wall(line);
@@ -224,7 +250,7 @@ struct FollowLines {
                 const BoundaryRecord<D>& r = node.boundaries.records[b];
                 if (!is && (!r.active || r.surface == 0 || !r.law[0].linear)) continue;
                 const SurfaceLine<D> line =
-                    is ? is->line() : surface_line<D>(node.boundaries, b, cell);
+                    is ? is->line() : surface_line<D>(node.boundaries, b, cell, alone(slot));
                 follow_surface(b, slot, cell, own, bound, line, v, seen);
             }
         }
@@ -378,11 +404,12 @@ struct FollowLines {
     /// the wall than its line or the wall itself does, and not off it where it may not leave.
     /// Returns what `operator()` does.
     template <class Seen>
-    MPM_INLINE BoundAxes<D> keep_on_lines(const std::int64_t (&cell)[D], const Vec<T, D>& lined,
-                                          Vec<T, D>& v, const Seen& seen) const {
+    MPM_INLINE BoundAxes<D> keep_on_lines(std::int32_t slot, const std::int64_t (&cell)[D],
+                                          const Vec<T, D>& lined, Vec<T, D>& v,
+                                          const Seen& seen) const {
         BoundAxes<D> bound;
         for (int a = 0; a < D && node.boundaries.lines; ++a) {
-            const WallLine line = line_of(a, cell);
+            const WallLine line = line_of(slot, a, cell);
             if (line.form == WallLine::none || (!line.holds() && line.place > 0)) continue;
             const Wall by = wall(line);
             Vec<T, D> least = by.velocity;
@@ -396,7 +423,7 @@ struct FollowLines {
         for (int b = 0; b < node.boundaries.count && node.boundaries.surface_lines; ++b) {
             const BoundaryRecord<D>& r = node.boundaries.records[b];
             if (!r.active || r.surface == 0 || !r.law[0].linear) continue;
-            const SurfaceLine<D> line = surface_line_of(b, cell);
+            const SurfaceLine<D> line = surface_line_of(slot, b, cell);
             if (line.state == SurfaceLine<D>::away ||
                 (line.state == SurfaceLine<D>::on && line.leader == 0))
                 continue;
@@ -422,12 +449,13 @@ struct FollowLines {
         }
         return bound;
     }
-    MPM_INLINE SurfaceLine<D> surface_line_of(int boundary, const std::int64_t (&cell)[D]) const {
+    MPM_INLINE SurfaceLine<D> surface_line_of(std::int32_t slot, int boundary,
+                                              const std::int64_t (&cell)[D]) const {
         if (known.surfaces) {
             const SurfaceNode<D>& s = known.surfaces[listed_at];
             return s.boundary == boundary ? s.line() : SurfaceLine<D>{};
         }
-        return surface_line<D>(node.boundaries, boundary, cell);
+        return surface_line<D>(node.boundaries, boundary, cell, alone(slot));
     }
     /// Coulomb friction: one tangential impulse on the whole line, by mass.
     template <class Seen>

@@ -38,9 +38,10 @@ struct ClassifyWallNodes {
         std::int64_t cell[D];
         for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
         bool on = false, other = false;
+        const bool alone = boundaries.holds(table, slot);
         for (int a = 0; a < D; ++a) {
             WallLine line;
-            if (boundaries.lines) line = find_line<D>(boundaries, a, cell);
+            if (boundaries.lines) line = find_line<D>(boundaries, a, cell, alone);
             lines[i * D + a] = line.packed();
             on = on || line.form != WallLine::none;
             // Those that it shares its line with push there as well.
@@ -61,7 +62,6 @@ struct ClassifyWallNodes {
             beside = b;
             ++near;
         }
-        other = other || near > 0;
         bool unknown = near > 1 || moving_near<D>(boundaries, cell, far_off);
         for (int b = 0; b < boundaries.count; ++b) unknown = unknown || may_change(b, cell);
         if (surfaces) {
@@ -70,11 +70,13 @@ struct ClassifyWallNodes {
                 const BoundaryRecord<D>& r = boundaries.records[beside];
                 const SurfaceRecord<D>& s = boundaries.surfaces[r.surface - 1];
                 const SurfaceView<D> view(boundaries, s, cell);
-                const SurfaceLine<D> line = surface_line<D>(boundaries, beside, cell);
+                const SurfaceLine<D> line = surface_line<D>(boundaries, beside, cell, alone);
                 seen = SurfaceNode<D>(beside, view, line);
                 if (line.state != SurfaceLine<D>::on && view.axis >= 0 && view.distance < 2.2 &&
                     !view.deep() && near_edge<D>(boundaries, s, cell, view))
                     seen.cut = CutSpline<D>(boundaries, s, cell);
+                // What a line towards a wall would have of a surface near it goes the long way.
+                other = other || on || seen.pushed() || line.state != SurfaceLine<D>::away;
             }
             surfaces[i] = seen;
         }
@@ -91,6 +93,30 @@ struct ClassifyWallNodes {
         return !r.always() && near_cells(r, cell, far_off);
     }
     static constexpr int far_off = 12;  // further than lines look for other walls
+};
+
+/// What the nodes that ask for more than lines towards walls would do by themselves.
+template <class T, class Sum, int D>
+struct SeatWallNodes {
+    NodeUpdate<T, Sum, D> node;
+    const std::int32_t* blocks;
+    const std::int32_t* nodes;  // by (listed block, node)
+    KnownNodes<D> known;
+    T* seat;
+
+    MPM_INLINE void operator()(std::int64_t k) const {
+        if (node.clock->halt != Halt::none) return;
+        const std::int64_t i = nodes[k];
+        const std::int32_t slot = blocks[i / block_cells];
+        const int n = int(i % block_cells);
+        std::int64_t cell[D];
+        node.cell(slot, n, cell);
+        const auto own =
+            FollowLines<NodeUpdate<T, Sum, D>, T, D>{node, known, i}.seat(slot, n, cell);
+        T* const to = seat + i * (D + 1);
+        for (int a = 0; a < D; ++a) to[a] = own.velocity[a];
+        to[D] = own.mass;
+    }
 };
 
 /// Nodes of the listed blocks from their sums to their velocities. `plain`: those that lie on lines
@@ -111,10 +137,9 @@ struct MoveWallNodes {
         const T m = node.mass(slot, n);
         if (!(m > T(0))) return;
         bool changed = false;
-        const bool found = plain || to.kind[i] != WallNode::unknown;
-        const Vec<T, D> v = node.template wall_velocity<plain>(slot, n, m, node.momentum(slot, n),
-                                                               found ? known : KnownNodes<D>{}, i,
-                                                               Changed<T, D>{&changed});
+        const Vec<T, D> v = node.template wall_velocity<plain>(
+            slot, n, m, node.momentum(slot, n), known.at(i), i, Changed<T, D>{&changed},
+            plain ? WallSeats<T>{} : WallSeats<T>{to.seat, to.kind});
         for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
         to.changed[i] = changed;
     }

@@ -228,8 +228,10 @@ MPM_INLINE bool buried(const BoundaryView<D>& all, int boundary, const WallPlane
 }
 
 /// The line on which a node is across an axis. Where two claim it, the first that is defined does.
+/// `alone`: `BoundaryView::holds`.
 template <int D>
-MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D]) {
+MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int64_t (&cell)[D],
+                            bool alone = false) {
     const Reconverge at_return;
     WallLine line;
     any_face<D>(all, axis, cell, [&](int b, int face, const WallPlane<D>& wall) {
@@ -254,7 +256,7 @@ MPM_CALL WallLine find_line(const BoundaryView<D>& all, int axis, const std::int
         if (r.law[face].cautious) {
             std::int64_t foot[D];
             moved_along<D>(cell, axis, -place * wall.sign, foot);
-            if (moving_near<D>(all, foot, 3)) {  // as a held wall has it
+            if (alone || moving_near<D>(all, foot, 3)) {  // as a held wall has it
                 line.form = place > 0 ? WallLine::none : WallLine::held;
                 return place <= 0;
             }
@@ -316,10 +318,10 @@ struct OtherWalls {
 /// The line towards a linear surface on which a node is.
 template <int D>
 MPM_INLINE SurfaceLine<D> surface_line(const BoundaryView<D>& all, int boundary,
-                                       const std::int64_t (&cell)[D]) {
+                                       const std::int64_t (&cell)[D], bool alone) {
     const BoundaryRecord<D>& r = all.records[boundary];
     const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
-    return SurfaceLine<D>(all, s, cell, r.law[0].cautious, OtherWalls<D>{all, boundary});
+    return SurfaceLine<D>(all, s, cell, r.law[0].cautious, alone, OtherWalls<D>{all, boundary});
 }
 
 /// Slot of the node of a cell in the field of another slot, -1 where it is not active, and its

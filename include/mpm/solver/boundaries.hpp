@@ -31,8 +31,16 @@ public:
     Boundaries& operator=(const Boundaries&) = delete;
 
     BoundaryView<D> view() const {
-        return {records_.data(), int(records_.size()), surfaces_.data(), cell_size_, reach(),
-                linear_walls_,   linear_surfaces_,     mirrored_walls_,  down_};
+        return {records_.data(),
+                int(records_.size()),
+                surfaces_.data(),
+                cell_size_,
+                reach(),
+                linear_walls_,
+                linear_surfaces_,
+                mirrored_walls_,
+                down_,
+                solid_fields_.size() > 0 ? solid_fields_.data() : nullptr};
     }
     /// Gravity and boundaries of the moment of a clock.
     BeginStep<D> begin_step(Clock* clock) const {
@@ -55,7 +63,9 @@ public:
     const Buffer<X, std::uint32_t>& lines() const { return lines_; }  // of their nodes, packed
     /// What stays of nodes that are not `WallNode::unknown`.
     KnownNodes<D> known() const {
-        return {lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr, touched_.data()};
+        if (!lists()) return {};
+        return {lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr, touched_.data(),
+                kinds_.data()};
     }
     /// By (listed block, node), the nodes that are on lines, and that ask for anything.
     const Buffer<X, std::int32_t>& on_lines() const { return on_lines_; }
@@ -78,6 +88,7 @@ private:
     void add_lines(const SurfaceRecord<D>& at_rest, const BlockKeys<D>& keys_of,
                    std::map<std::uint64_t, unsigned>& lines) const;
     void set_pressures(const Spec& spec, const Plan& plan);
+    void set_fields(const Spec& spec);
     void list_touched(const BlockTableView<D>& table);
 
     X& exec_;
@@ -97,6 +108,7 @@ private:
     Buffer<X, SurfaceRecord<D>> surfaces_{exec_};
     Buffer<X, BoundaryRecord<D>> measured_{exec_};  // of each load cell, its faces alone
     Buffer<X, GroupPressure> pressures_{exec_};
+    Buffer<X, std::int32_t> solid_fields_{exec_};  // as `BoundaryView` has them
     Buffer<X, std::uint32_t> touched_{exec_};
     Buffer<X, std::int32_t> blocks_{exec_};
     Buffer<X, WallNode> kinds_{exec_};
@@ -180,6 +192,7 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
     lead_rows_into_others(spec.boundaries, records);
     lists_ = lists_wall_nodes(spec.boundaries);
     set_pressures(spec, plan);
+    set_fields(spec);
     if (linear_walls_ && mirrored_walls_)
         throw SceneError(
             "walls that mirror beside walls with linear cells are not built; choose "
@@ -330,6 +343,18 @@ void Boundaries<X, D>::set_pressures(const Spec& spec, const Plan& plan) {
                          m.density(values.data()) * size});
     }
     pressures_.assign(found);
+}
+
+template <class X, int D>
+void Boundaries<X, D>::set_fields(const Spec& spec) {
+    if (!spec.contact.any() || !(linear_walls_ || linear_surfaces_)) return;
+    std::vector<std::int32_t> solid(std::size_t(spec.contact.fields), 1);
+    for (const BodySpec& body : spec.bodies) {
+        if (!material(body.material).volumetric) continue;
+        if (body.fields.empty()) solid[0] = 0;
+        for (const FieldOfIds& f : body.fields) solid[std::size_t(f.field)] = 0;
+    }
+    solid_fields_.assign(solid);
 }
 
 template <class X, int D>

@@ -410,7 +410,8 @@ private:
     }
     WallNodes<Grid> wall_nodes() {
         if (!boundaries_.lists()) return {};
-        return {wall_velocity_.data(), wall_changed_.data(), boundaries_.kinds().data()};
+        return {wall_velocity_.data(), wall_changed_.data(), boundaries_.kinds().data(),
+                wall_seats_.data()};
     }
     template <bool keeps, bool mirrors>
     UpdateGrid<Grid, Sum, D, keeps, mirrors> grid_update(int parity) {
@@ -452,6 +453,7 @@ private:
     Buffer<X, Grid> velocity_{exec_};
     Buffer<X, Grid> wall_velocity_{exec_};  // `WallNodes`
     Buffer<X, std::uint8_t> wall_changed_{exec_};
+    Buffer<X, Grid> wall_seats_{exec_};
     Buffer<X, Grid> overfull_{exec_};  // (slots, nodes), where particles are shifted
     Buffer<X, std::uint32_t> some_overfull_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};

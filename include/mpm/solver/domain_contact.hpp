@@ -98,7 +98,7 @@ template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::resolve_contacts(const double* maxima, const Decided& decided) {
     const ContactPass<Base, Grid, Sum, D> contact{
-        {node_update(parity()), contact_view(), boundaries_.known(), wall_nodes().kind},
+        {node_update(parity()), contact_view(), boundaries_.known()},
         groups_.data(),
         int(plan_.groups.size()),
         plan_.kept,

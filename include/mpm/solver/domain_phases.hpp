@@ -41,6 +41,9 @@ void Domain<X, T, D>::move_wall_nodes() {
                                                           b.on_lines().data(), b.known(), to});
     exec_.for_each_next(
         std::int64_t(b.any().size()),
+        SeatWallNodes<Grid, Sum, D>{node, b.blocks().data(), b.any().data(), b.known(), to.seat});
+    exec_.for_each_next(
+        std::int64_t(b.any().size()),
         MoveWallNodes<Grid, Sum, D, false>{node, b.blocks().data(), b.any().data(), b.known(), to});
 }
 

@@ -18,6 +18,7 @@ void Domain<X, T, D>::link_table() {
         const std::size_t nodes = boundaries_.blocks().size() * block_cells;
         wall_velocity_.reserve_discard(nodes * D);
         wall_changed_.reserve_discard(nodes);
+        if (boundaries_.any().size() > 0) wall_seats_.reserve_discard(nodes * (D + 1));
     }
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();

@@ -76,13 +76,13 @@ void Domain<X, T, D>::run_sensors() {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D, true>{node, sensors_.measured_slots(), sensors_.load_cells(),
-                                             spec_.cell_size, contact_view()},
+                                             spec_.cell_size, boundaries_.known(), contact_view()},
             sensors_.take_load(clock), sensors_.load_partial(), 0, Nothing{});
     if (loads && contact_blocks_ == 0) {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D>{node, sensors_.measured_slots(), sensors_.load_cells(),
-                                       spec_.cell_size},
+                                       spec_.cell_size, boundaries_.known()},
             sensors_.take_load(clock), sensors_.load_partial(), share_ ? 0 : sensors_.point_count(),
             points);
     } else if (sensors_.point_count() > 0 && !share_) {
@@ -91,7 +91,7 @@ void Domain<X, T, D>::run_sensors() {
     if (sensors_.contact_count() > 0)
         exec_.template sum_each<contact_columns<D>>(
             sensors_.met(),
-            MeasureContacts<Grid, Sum, D>{{node, contact_view()},
+            MeasureContacts<Grid, Sum, D>{{node, contact_view(), boundaries_.known()},
                                           sensors_.met_blocks(),
                                           sensors_.contact_loads(),
                                           sensors_.contact_sides()},

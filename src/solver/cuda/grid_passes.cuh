@@ -15,6 +15,8 @@
     MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, false>)                     \
     MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, false, true>)                     \
     MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, true>)                      \
+    prefix template void Cuda::for_each_next<SeatWallNodes<T, Cuda::Sum<T>, D>>(              \
+        std::int64_t, const SeatWallNodes<T, Cuda::Sum<T>, D>&);                              \
     prefix template void Cuda::for_each_next<MoveWallNodes<T, Cuda::Sum<T>, D, true>>(        \
         std::int64_t, const MoveWallNodes<T, Cuda::Sum<T>, D, true>&);                        \
     prefix template void Cuda::for_each_next<MoveWallNodes<T, Cuda::Sum<T>, D, false>>(       \
