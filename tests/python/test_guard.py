@@ -389,8 +389,12 @@ def test_the_remedy_names_a_linear_floor_on_which_bodies_pile():
     for k in range(2):
         bar = shapes.Box(lower=(1.2, 0.3 * k), upper=(1.5, 0.3 * (k + 1)))
         scene.add_body(name=f"bar-{k}", shape=bar, material=solid)
-    scene.add_boundary(name="floor", shape=shapes.DomainWalls(), response=boundaries.Separable())
     said = "where bodies lie in piles on 'floor', cell=\"held\" for it"
+    by_default, by_name = boundaries.Separable(), boundaries.Separable(cell="linear")
+    scene.add_boundary(name="floor", shape=shapes.DomainWalls(), response=by_name)
     assert said not in energy_remedy(libmpm.Simulation(scene, device="cpu"))
     scene.add_contact(name="rub", between=("bar*", "bar*"), law=libmpm.contacts.Friction())
     assert said in energy_remedy(libmpm.Simulation(scene, device="cpu"))
+    scene.remove("floor")
+    scene.add_boundary(name="floor", shape=shapes.DomainWalls(), response=by_default)
+    assert said not in energy_remedy(libmpm.Simulation(scene, device="cpu"))

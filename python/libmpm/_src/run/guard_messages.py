@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from libmpm._src.boundaries.wall_cells import strains_linearly
+from libmpm._src.boundaries.wall_cells import by_caution, strains_linearly
 from libmpm._src.scene.places import faces_present
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def energy_remedy(simulation: Running) -> str:
             b.name
             for b in scene.boundaries
             for face in (faces_present(scene, b) or ("",))
-            if strains_linearly(scene, b, face)
+            if strains_linearly(scene, b, face) and not by_caution(b, face)
         )
         if scene.contacts and (floor := next(linear, None)):
             ways.append(
