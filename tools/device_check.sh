@@ -102,13 +102,20 @@ for transfer, kernel, fbar in methods:
         sim.step(int(sys.argv[1]) // 3)
         assert (sim.particles["water"]["position"] == sim.particles["water"]["position"]).all()
         print(transfer, kernel, precision, sim.time)
-# Velocities that particles store in the fused step, beside a body in the phased one.
+# Velocities that particles store in the fused step, of water and of a solid with F-bar, on a slope
+# whose cells are linear.
 data = scene.to_dict()
 data["method"] = libmpm.Method(transfer=libmpm.Transfer(scheme="AFLIP", flip=0.95)).to_dict()
-sim = libmpm.Simulation(libmpm.Scene.from_dict(data), device="cuda", precision="single")
+data["bodies"][1]["fbar"] = libmpm.FBar(form="two-volume", ratio=0.3).to_dict()
+other = libmpm.Scene.from_dict(data)
+slope = libmpm.shapes.HalfSpace(point=(0.25, 0, 0), normal=(0.4, 0, 1))
+dry = libmpm.shapes.Difference(whole=scene.bodies[0].shape, without=slope)
+other.replace("water", shape=dry)
+other.add_boundary(name="slope", shape=slope, response=libmpm.boundaries.Slip())
+sim = libmpm.Simulation(other, device="cuda", precision="single")
 sim.step(int(sys.argv[1]))
 assert (sim.particles["water"]["position"] == sim.particles["water"]["position"]).all()
-print("AFLIP, by body", sim.time)
+print("AFLIP, F-bar on a solid, slope", sim.time, sim.pipeline)
 # Surfaces that move and turn, mirrored planes, a pump, water that comes in and leaves.
 flume = libmpm.Scene(
     dimension=3, cell_size=0.05, lower=(0, 0, 0), upper=(1.0, 0.2, 0.5), gravity=(0, 0, -9.81)

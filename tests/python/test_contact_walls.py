@@ -190,6 +190,54 @@ def test_blocks_on_a_linear_floor_stand_and_weigh_what_they_weigh(run: Runner) -
     assert abs(-np.asarray(load["force_y"])[late].mean() / weight - 1) < 0.01
 
 
+def dam_on_bars(cell: str, rows: int = 8) -> libmpm.Scene:
+    """Return a column of water that falls against bars of 3 cells, so many high."""
+    dx, length = 1 / 30, 0.3
+    scene = libmpm.Scene(
+        dimension=2, cell_size=dx, lower=(0, 0), upper=(4, 2), gravity=(0, -GRAVITY)
+    )
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(0, 0), upper=(2, 1)), hydrostatic=1.0,
+        material=materials.TaitFluid(bulk_modulus=2e6),
+    )  # fmt: skip
+    for row in range(rows):
+        bar = shapes.Box(lower=(3, 3 * dx * row), upper=(3 + length, 3 * dx * (row + 1)))
+        scene.add_body(name=f"bar {row}", shape=bar, material=cases.solid(1e6, 0.3, 700.0))
+    walls = response(cell, static_friction=0.3, dynamic_friction=0.3)
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=walls)
+    scene.add_contact(name="rub", between=("bar*", "bar*"), law=contacts.Friction(static=0.4))
+    scene.add_contact(name="wet", between=("bar*", "water"), law=contacts.Fluid())
+    return scene
+
+
+def test_solids_are_held_where_water_has_linear_cells(run: Runner) -> None:
+    """Before the water comes bars are those of held walls, to rounding, and it is that of linear ones."""
+    found = {}
+    for cell in ("auto", "held", "linear"):
+        scene = dam_on_bars(cell, rows=2)
+        simulation = run(scene)
+        simulation.run(until=0.05, progress=False)
+        found[cell] = {
+            name: np.array(simulation.particles[name]["position"]) for name in ("bar 0", "water")
+        }
+
+    def apart(one: str, other: str, name: str) -> float:
+        return float(np.abs(found[one][name] - found[other][name]).max())
+
+    assert apart("auto", "held", "bar 0") < 1e-15 < 1e-6 < apart("auto", "linear", "bar 0")
+    assert apart("auto", "linear", "water") == 0.0
+
+
+def test_bars_eight_high_are_not_sheared_by_the_floor(run: Runner) -> None:
+    """Elastic energy settles: linear cells fed the lowest bar until the guard ended such runs."""
+    scene = dam_on_bars("auto")
+    scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.05))
+    simulation = run(scene, precision="single", threads=0)
+    simulation.run(until=4.0, progress=False)
+    off = [np.abs(simulation.particles[f"bar {row}"]["volume_ratio"] - 1).max() for row in range(8)]
+    assert max(off) < 0.2
+
+
 @pytest.mark.parametrize(
     ("degrees", "left", "density", "rub"),
     [(1.0, -0.25, 2500.0, 0.0), (10.0, -0.25, 500.0, 0.0), (30.0, -0.25, 2500.0, 0.5),

@@ -105,11 +105,13 @@ struct NodeUpdate {
         if constexpr (plain) {
             FollowLines<NodeUpdate, T, D, true>{*this, known, at}(slot, node, c, m, v, seen);
         } else {
+            const WallAsks asks = known.asks ? known.asks[at] : WallAsks(~WallNode::free);
             BoundAxes<D> bound;
-            if (boundaries.lines)
+            if (boundaries.lines && (asks & ~WallNode::held))
                 bound = FollowLines<NodeUpdate, T, D>{*this, known, at, seats}.called(slot, node, c,
                                                                                       m, v, seen);
-            apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), bound);
+            if (asks & WallNode::held)
+                apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), bound);
         }
         return v;
     }
@@ -129,11 +131,11 @@ struct NodeUpdate {
     template <class Seen>
     MPM_INLINE void tell(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
                          const KnownNodes<D>& all, const Seen& seen) const {
-        if (!all.kind || boundaries.mirrors) {
+        if (!all.asks || boundaries.mirrors) {
             velocity(slot, node, m, p, seen);
         } else if (touched[slot]) {
             const std::int64_t at = all.place(slot, node);
-            if (all.kind[at] != WallNode::free)
+            if (all.asks[at] != WallNode::free)
                 wall_velocity<false>(slot, node, m, p, all.at(at), at, seen);
         }
     }
@@ -262,7 +264,7 @@ template <class T>
 struct WallNodes {
     T* velocity = nullptr;            // of D components; null where a scene has no such boundaries
     std::uint8_t* changed = nullptr;  // by any boundary
-    const WallNode* kind = nullptr;
+    const WallAsks* asks = nullptr;
     T* seat = nullptr;  // as `WallSeats` has it
 };
 
@@ -311,7 +313,7 @@ struct UpdateGrid {
             const std::uint32_t listed = walls.velocity ? node.touched[slot] : 0;
             if (listed > 0) {
                 const std::int64_t at = std::int64_t(listed - 1) * block_cells + n;
-                const bool free = walls.kind[at] == WallNode::free;
+                const bool free = walls.asks[at] == WallNode::free;
                 if (free)
                     v = node.free_velocity(m, p);
                 else

@@ -152,17 +152,17 @@ struct BoundAxes {
 /// With less of a surface's normal than this free, a node can't follow the surface.
 inline constexpr double least_open = 0.1;
 
-/// What a surface leaves of the velocity of a node at `x`; false where it does not reach it. `own`
-/// is a velocity that its face has beside its motion. What lines towards walls have of a node is
-/// theirs; the rest of it changes as if that were at rest, which gives the node no energy.
+/// What a surface leaves of the velocity of a node at `x`, so far from it; false where it does not
+/// reach it. `normal` is that of the body as it lies. `own` is a velocity that its face has beside
+/// its motion. What lines towards walls have of a node is theirs; the rest of it changes as if that
+/// were at rest, which gives the node no energy.
 template <class T, int D>
-MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
-                                 const double (&x)[D], const Vec<T, D>& own,
-                                 const BoundAxes<D>& walls, double cell_size, Vec<T, D>& v) {
+MPM_CALL bool respond_near_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
+                                   const double (&x)[D], double distance, const double (&normal)[D],
+                                   const Vec<T, D>& own, const BoundAxes<D>& walls,
+                                   double cell_size, Vec<T, D>& v) {
     const Reconverge at_return;
-    double there[D], normal[D], distance, wall[D];
-    s.to_body(x, there);
-    if (!s.field.at(there, distance, normal)) return false;
+    double wall[D];
     const double share = law.response == Response::prescribed
                              ? (distance <= 0 ? 1.0 : 0.0)
                              : decayed(s.decay, distance / s.thickness);
@@ -197,6 +197,18 @@ MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& la
     for (int a = 0; a < D; ++a)
         if (!bound.on[a]) v[a] = v[a] - T(share) * (v[a] - held[a]);
     return true;
+}
+
+/// The same of a node that has to find the surface.
+template <class T, int D>
+MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
+                                 const double (&x)[D], const Vec<T, D>& own,
+                                 const BoundAxes<D>& walls, double cell_size, Vec<T, D>& v) {
+    const Reconverge at_return;
+    double there[D], normal[D], distance;
+    s.to_body(x, there);
+    if (!s.field.at(there, distance, normal)) return false;
+    return respond_near_surface<T, D>(s, law, x, distance, normal, own, walls, cell_size, v);
 }
 
 }  // namespace mpm

@@ -345,8 +345,19 @@ struct SurfaceNode {
     }
 };
 
-/// What a node of a block that boundaries touch asks for (kernels/wall_nodes.hpp).
-enum class WallNode : std::uint8_t { free, on_lines, any, unknown };
+/// What a node of a block that boundaries touch asks for (kernels/wall_nodes.hpp), bit by bit.
+using WallAsks = std::uint8_t;
+struct WallNode {
+    static constexpr WallAsks free = 0;
+    static constexpr WallAsks on_lines = 1;  // towards walls on cell faces
+    static constexpr WallAsks surface = 2;   // on a line towards one, held or pushed by it
+    static constexpr WallAsks edges = 4;     // of boxes, beside it or what it shares a line with
+    static constexpr WallAsks held = 8;      // by boundaries whose cells are not linear
+    static constexpr WallAsks unknown = 16;  // it changes with time
+
+    /// Is it moved with those that need all functions?
+    MPM_INLINE static bool needs_all(WallAsks asks) { return asks > on_lines; }
+};
 
 /// What is known of the nodes of listed blocks as long as the table stands
 /// (kernels/wall_nodes.hpp), by (listed block, node).
@@ -355,14 +366,14 @@ struct KnownNodes {
     const std::uint32_t* lines = nullptr;      // by axis, packed; null: nothing is known
     const SurfaceNode<D>* surfaces = nullptr;  // null: no surface is linear
     const std::uint32_t* listed = nullptr;     // by slot, 1 + number of the listed block
-    const WallNode* kind = nullptr;
+    const WallAsks* asks = nullptr;
 
     MPM_INLINE std::int64_t place(std::int32_t slot, int node) const {
         return std::int64_t(listed[slot] - 1) * block_cells + node;
     }
     /// All this, or nothing of a node that has to find out for itself.
     MPM_INLINE KnownNodes at(std::int64_t place) const {
-        return kind && kind[place] != WallNode::unknown ? *this : KnownNodes{};
+        return asks && asks[place] != WallNode::unknown ? *this : KnownNodes{};
     }
 
     MPM_INLINE const SurfaceNode<D>* of(std::int32_t slot, int node) const {

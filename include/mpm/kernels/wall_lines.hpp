@@ -35,9 +35,9 @@ struct GroupPressure {
 template <class T>
 struct WallSeats {
     const T* seat = nullptr;
-    const WallNode* kind = nullptr;
+    const WallAsks* asks = nullptr;
     MPM_INLINE bool has(std::int64_t place) const {
-        return seat && (kind[place] == WallNode::any || kind[place] == WallNode::unknown);
+        return seat && WallNode::needs_all(asks[place]);
     }
 };
 
@@ -108,7 +108,10 @@ struct FollowLines {
     MPM_INLINE void push(std::int32_t slot, int number, const std::int64_t (&cell)[D], T mass,
                          Vec<T, D>& v, const Seen& seen) const {
         if (node.pressure_count == 0) return;
-        push_at_edges(slot, number, cell, mass, v, seen);
+        const bool listed = known.asks && known.listed[slot] > 0;
+        const WallAsks asks = listed ? known.asks[known.place(slot, number)] : WallNode::unknown;
+        if (asks & (WallNode::edges | WallNode::unknown))
+            push_at_edges(slot, number, cell, mass, v, seen);
         const SurfaceNode<D>* s = known.of(slot, number);
         if (!s || !s->pushed()) return;
         const Vec<T, D> before = v;
@@ -281,14 +284,20 @@ struct FollowLines {
     MPM_INLINE void hold_at_surface(int b, const std::int64_t (&cell)[D], const BoundAxes<D>& bound,
                                     Vec<T, D>& v, const Seen& seen) const {
         const BoundaryRecord<D>& r = node.boundaries.records[b];
+        const SurfaceRecord<D>& s = node.boundaries.surfaces[r.surface - 1];
         const Vec<T, D> before = v;
         double x[D];
         node_position<D>(cell, node.boundaries.cell_size, x);
         Vec<T, D> wall;
         for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
-        if (respond_to_surface<T, D>(node.boundaries.surfaces[r.surface - 1], r.law[0], x, wall,
-                                     bound, node.boundaries.cell_size, v))
-            seen(b, 0, before, v);
+        const SurfaceNode<D>* is = known.surfaces ? known.surfaces + listed_at : nullptr;
+        const bool acted =
+            is && is->boundary == b && is->state == SurfaceLine<D>::held
+                ? respond_near_surface<T, D>(s, r.law[0], x, is->lead, is->normal, wall, bound,
+                                             node.boundaries.cell_size, v)
+                : respond_to_surface<T, D>(s, r.law[0], x, wall, bound, node.boundaries.cell_size,
+                                           v);
+        if (acted) seen(b, 0, before, v);
     }
     /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.
     template <class Seen>
@@ -326,9 +335,12 @@ struct FollowLines {
             if (!place.along(first) || place.deep) break;
             Seat seat_here = own;
             if (!self) seat_here = of < 0 ? Seat{} : called_seat(of, number, there);
-            double x[D], moving[D];
-            node_position<D>(there, all.cell_size, x);
-            s.velocity_at(x, moving);
+            double moving[D] = {};
+            if (!s.at_rest()) {
+                double x[D];
+                node_position<D>(there, all.cell_size, x);
+                s.velocity_at(x, moving);
+            }
             const T t = T(place.distance / line.lead);
             T along = 0;
             for (int a = 0; a < D; ++a) {

@@ -25,11 +25,11 @@ struct ClassifyWallNodes {
     BoundaryView<D> boundaries;
     const std::int32_t* blocks;
     bool edges;                // those of boxes push (`FollowLines::push_at_edges`)
-    WallNode* kind;            // (blocks, nodes)
+    WallAsks* asks;            // (blocks, nodes)
     std::uint32_t* lines;      // (blocks, nodes, D), packed
     SurfaceNode<D>* surfaces;  // (blocks, nodes); null where no surface is linear
-    std::uint32_t* on_lines;   // (blocks, nodes): 1 where the kind is this one
-    std::uint32_t* any;
+    std::uint32_t* on_lines;   // (blocks, nodes): 1 where it asks for nothing else
+    std::uint32_t* any;        // (blocks, nodes): 1 where it does
 
     MPM_INLINE void operator()(std::int64_t i) const {
         const std::int32_t slot = blocks[i / block_cells];
@@ -37,7 +37,7 @@ struct ClassifyWallNodes {
         Block<D>::coordinates(int(i % block_cells), at);
         std::int64_t cell[D];
         for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
-        bool on = false, other = false;
+        bool on = false, edge = false, held = false, surface = false;
         const bool alone = boundaries.holds(table, slot);
         for (int a = 0; a < D; ++a) {
             WallLine line;
@@ -48,11 +48,11 @@ struct ClassifyWallNodes {
             for (int by = -2; by < 3 && edges; ++by) {
                 std::int64_t there[D];
                 moved_along<D>(cell, a, by, there);
-                each_edge<D>(boundaries, there, [&](int, int, int, double) { other = true; });
+                each_edge<D>(boundaries, there, [&](int, int, int, double) { edge = true; });
             }
         }
         Vec<double, D> v{};
-        apply_boundaries<true>(boundaries, cell, v, Acted{&other});
+        apply_boundaries<true>(boundaries, cell, v, Acted{&held});
         int beside = -1, near = 0;
         for (int b = 0; b < boundaries.count && boundaries.surface_lines; ++b) {
             const BoundaryRecord<D>& r = boundaries.records[b];
@@ -75,17 +75,23 @@ struct ClassifyWallNodes {
                 if (line.state != SurfaceLine<D>::on && view.axis >= 0 && view.distance < 2.2 &&
                     !view.deep() && near_edge<D>(boundaries, s, cell, view))
                     seen.cut = CutSpline<D>(boundaries, s, cell);
+                if (line.state == SurfaceLine<D>::held) {
+                    double x[D], there[D];
+                    node_position<D>(cell, boundaries.cell_size, x);
+                    s.to_body(x, there);
+                    s.field.at(there, seen.lead, seen.normal);
+                }
                 // What a line towards a wall would have of a surface near it goes the long way.
-                other = other || on || seen.pushed() || line.state != SurfaceLine<D>::away;
+                surface = on || seen.pushed() || line.state != SurfaceLine<D>::away;
             }
             surfaces[i] = seen;
         }
-        kind[i] = unknown ? WallNode::unknown
-                  : other ? WallNode::any
-                  : on    ? WallNode::on_lines
-                          : WallNode::free;
-        on_lines[i] = kind[i] == WallNode::on_lines;
-        any[i] = kind[i] == WallNode::any || unknown;
+        asks[i] = unknown
+                      ? WallNode::unknown
+                      : WallAsks((on ? WallNode::on_lines : 0) | (surface ? WallNode::surface : 0) |
+                                 (edge ? WallNode::edges : 0) | (held ? WallNode::held : 0));
+        on_lines[i] = asks[i] == WallNode::on_lines;
+        any[i] = WallNode::needs_all(asks[i]);
     }
     /// Is a node within the reach of a boundary that acts for a time?
     MPM_INLINE bool may_change(int b, const std::int64_t (&cell)[D]) const {
@@ -139,7 +145,7 @@ struct MoveWallNodes {
         bool changed = false;
         const Vec<T, D> v = node.template wall_velocity<plain>(
             slot, n, m, node.momentum(slot, n), known.at(i), i, Changed<T, D>{&changed},
-            plain ? WallSeats<T>{} : WallSeats<T>{to.seat, to.kind});
+            plain ? WallSeats<T>{} : WallSeats<T>{to.seat, to.asks});
         for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
         to.changed[i] = changed;
     }

@@ -59,19 +59,19 @@ public:
     bool has_mirrors() const { return mirrored_walls_; }
     bool has_linear_surfaces() const { return linear_surfaces_; }
     const Buffer<X, std::int32_t>& blocks() const { return blocks_; }
-    const Buffer<X, WallNode>& kinds() const { return kinds_; }
+    const Buffer<X, WallAsks>& asks() const { return asks_; }
     const Buffer<X, std::uint32_t>& lines() const { return lines_; }  // of their nodes, packed
     /// What stays of nodes that are not `WallNode::unknown`.
     KnownNodes<D> known() const {
         if (!lists()) return {};
         return {lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr, touched_.data(),
-                kinds_.data()};
+                asks_.data()};
     }
     /// By (listed block, node), the nodes that are on lines, and that ask for anything.
     const Buffer<X, std::int32_t>& on_lines() const { return on_lines_; }
     const Buffer<X, std::int32_t>& any() const { return any_; }
     double bytes() const {
-        return double(touched_.bytes() + blocks_.bytes() + kinds_.bytes() + lines_.bytes() +
+        return double(touched_.bytes() + blocks_.bytes() + asks_.bytes() + lines_.bytes() +
                       surface_nodes_.bytes() + on_lines_.bytes() + any_.bytes());
     }
     /// The same of what load cell number `cell` measures, into `flag`.
@@ -111,7 +111,7 @@ private:
     Buffer<X, std::int32_t> solid_fields_{exec_};  // as `BoundaryView` has them
     Buffer<X, std::uint32_t> touched_{exec_};
     Buffer<X, std::int32_t> blocks_{exec_};
-    Buffer<X, WallNode> kinds_{exec_};
+    Buffer<X, WallAsks> asks_{exec_};
     Buffer<X, std::uint32_t> lines_{exec_};
     Buffer<X, SurfaceNode<D>> surface_nodes_{exec_};
     Buffer<X, std::int32_t> on_lines_{exec_}, any_{exec_};
@@ -380,7 +380,7 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
                                       Buffer<X, std::uint32_t>(exec_)};
     Buffer<X, std::uint32_t> positions[2]{Buffer<X, std::uint32_t>(exec_),
                                           Buffer<X, std::uint32_t>(exec_)};
-    kinds_.reserve_discard(nodes);
+    asks_.reserve_discard(nodes);
     lines_.reserve_discard(nodes * D);
     if (linear_surfaces_) surface_nodes_.reserve_discard(nodes);
     numbers.reserve_discard(2);
@@ -390,7 +390,7 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
     }
     exec_.for_each(
         std::int64_t(nodes),
-        ClassifyWallNodes<D>{table, view(), blocks_.data(), pressures_.size() > 0, kinds_.data(),
+        ClassifyWallNodes<D>{table, view(), blocks_.data(), pressures_.size() > 0, asks_.data(),
                              lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr,
                              flags[0].data(), flags[1].data()});
     for (int k = 0; k < 2; ++k) {

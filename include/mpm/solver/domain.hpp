@@ -410,7 +410,7 @@ private:
     }
     WallNodes<Grid> wall_nodes() {
         if (!boundaries_.lists()) return {};
-        return {wall_velocity_.data(), wall_changed_.data(), boundaries_.kinds().data(),
+        return {wall_velocity_.data(), wall_changed_.data(), boundaries_.asks().data(),
                 wall_seats_.data()};
     }
     template <bool keeps, bool mirrors>

@@ -163,9 +163,9 @@ TEST(Boundaries, ListNodesByWhatTheyAskForWhereThatStays) {
     boundaries.touch(all.table);
     const auto touched = boundaries.touched().host();
     const auto blocks = boundaries.blocks().host();
-    const auto kinds = boundaries.kinds().host();
+    const auto asks = boundaries.asks().host();
     const auto lines = boundaries.lines().host();
-    ASSERT_EQ(kinds.size(), blocks.size() * block_cells);
+    ASSERT_EQ(asks.size(), blocks.size() * block_cells);
     std::size_t on_lines = 0, any = 0;
     for (std::size_t k = 0; k < blocks.size(); ++k) {
         const std::size_t slot = std::size_t(blocks[k]);
@@ -194,11 +194,11 @@ TEST(Boundaries, ListNodesByWhatTheyAskForWhereThatStays) {
                 off_box = std::max(off_box, off);
             }
             const bool held = off_box <= 0 || (off_box == 1 && outside == 1);
-            const WallNode wanted =
-                held ? WallNode::any : (line ? WallNode::on_lines : WallNode::free);
-            EXPECT_EQ(int(kinds[k * block_cells + std::size_t(n)]), int(wanted));
+            const WallAsks wanted = WallAsks((line ? WallNode::on_lines : WallNode::free) |
+                                             (held ? WallNode::held : WallNode::free));
+            EXPECT_EQ(int(asks[k * block_cells + std::size_t(n)]), int(wanted));
             on_lines += wanted == WallNode::on_lines;
-            any += wanted == WallNode::any;
+            any += WallNode::needs_all(wanted);
         }
     }
     EXPECT_EQ(boundaries.on_lines().size(), on_lines);
@@ -210,8 +210,8 @@ TEST(Boundaries, ListNodesByWhatTheyAskForWhereThatStays) {
     changing.touch(all.table);
     EXPECT_TRUE(changing.lists());
     EXPECT_EQ(changing.blocks().size(), blocks.size());
-    const auto then = changing.kinds().host();
-    ASSERT_EQ(then.size(), kinds.size());
+    const auto then = changing.asks().host();
+    ASSERT_EQ(then.size(), asks.size());
     std::size_t unknown = 0;
     for (std::size_t k = 0; k < then.size(); ++k) {
         int at[2];
@@ -224,7 +224,7 @@ TEST(Boundaries, ListNodesByWhatTheyAskForWhereThatStays) {
         }
         EXPECT_EQ(then[k] == WallNode::unknown, near);
         if (!near) {
-            EXPECT_EQ(int(then[k]), int(kinds[k]));
+            EXPECT_EQ(int(then[k]), int(asks[k]));
         }
         unknown += near;
     }

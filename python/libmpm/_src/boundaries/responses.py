@@ -72,7 +72,8 @@ class Slip(Response):
         '(`design/walls.md`, 7), with quadratic functions. "auto": "linear" for walls, boxes '
         "and planes of surfaces, level or less than 45 degrees steep, that rest, three cells and "
         "more from where something that moves may come, in a scene with a fluid whose method "
-        'allows it, else "held", as for round surfaces; beside contacts level ones alone.',
+        'allows it, else "held", as for round surfaces. Beside contacts only level ones are '
+        "linear, and for fluids alone.",
         default="auto",
         range='"auto", "held" or "linear"',
     )
