@@ -2,6 +2,7 @@
 
     python benchmarks/flume_load.py --cell 0.1 [--transfer APIC] [--walls linear] [--bed held]
                                     [--until 27] [--device cuda] [--budget SECONDS]
+                                    [--flip 0.98] [--relaxation 10]
 
 Half width, bed of the drawing, water in columns, K 2e6 Pa, box 1.016 x 1.016 x 0.615 m with its
 underside at the still water, flume cut at x 70 m; measured time = run time + 15 s. Measured: peak
@@ -30,11 +31,17 @@ GAUGES = {"wg1": 14.0, "wg2": 32.294, "wg3": 36.139, "front": 43.6}
 LEVEL, LENGTH = 2.0, 70.0
 
 
-def scene(cell: float, transfer: str, walls: str, bed_cell: str) -> libmpm.Scene:
-    """Return the flume."""
+MODULUS = 2e6  # of the water, Pa
+
+
+def scene(
+    cell: float, transfer: str, walls: str, bed_cell: str, share: float = 0.95,
+    relaxation: float | None = None,
+) -> libmpm.Scene:  # fmt: skip
+    """Return the flume; `share` is AFLIP's flip, `relaxation` F-bar's time in cell / wave speed."""
     width = round(1.83 / cell) * cell
     high = (-1.0 + math.ceil((LENGTH + 1) / cell) * cell, width, math.ceil(3.0 / cell) * cell)
-    flip = {} if transfer in ("APIC", "FLIP") else {"flip": 0.95}
+    flip = {} if transfer in ("APIC", "FLIP") else {"flip": share}
     named = methods.Transfer(scheme=transfer, **flip) if transfer != "auto" else None  # type: ignore[arg-type]
     method = libmpm.Method(transfer=named)
     made = libmpm.Scene(
@@ -48,9 +55,10 @@ def scene(cell: float, transfer: str, walls: str, bed_cell: str) -> libmpm.Scene
     )
     start = float(stroke.at(0.0)[0])
     sea = shapes.basin(level=LEVEL, bed=bed, within=shapes.Box(lower=(0.0, 0, -1), upper=high))
+    time = None if relaxation is None else relaxation * cell / math.sqrt(MODULUS / 1000)
     made.add_body(
-        name="water", shape=sea, material=materials.TaitFluid(bulk_modulus=2e6),
-        hydrostatic=LEVEL, sampling=shapes.Columns(),
+        name="water", shape=sea, material=materials.TaitFluid(bulk_modulus=MODULUS),
+        hydrostatic=LEVEL, sampling=shapes.Columns(), fbar=libmpm.FBar(time=time),
     )  # fmt: skip
     slip = boundaries.Slip(cell=walls)  # type: ignore[arg-type]
     made.add_boundary(name="bed", shape=bed, response=boundaries.Slip(cell=bed_cell))  # type: ignore[arg-type]
@@ -83,6 +91,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--cell", type=float, default=0.1, help="m")
     parser.add_argument("--transfer", default="auto")
+    parser.add_argument("--flip", type=float, default=0.95, help="of AFLIP by name")
+    parser.add_argument("--relaxation", type=float, help="of F-bar, in cell / wave speed; 35")
     parser.add_argument("--walls", choices=("auto", "held", "linear"), default="auto")
     parser.add_argument("--bed", choices=("auto", "held", "linear"), help="as the walls")
     parser.add_argument("--until", type=float, default=27.0, help="run time, s")
@@ -95,7 +105,7 @@ def main() -> int:
     if given.keep and given.keep.exists():
         sim = libmpm.Simulation.resume(given.keep)
     else:
-        made = scene(given.cell, given.transfer, given.walls, bed)
+        made = scene(given.cell, given.transfer, given.walls, bed, given.flip, given.relaxation)
         sim = libmpm.Simulation(made, device=given.device)
     failed, begun = "", time.monotonic()
     try:
@@ -114,6 +124,7 @@ def main() -> int:
         crests[name] = float(np.nanmax(level[:, 0]) - np.nanmean(level[when < 2, 0]))
     line = {
         "cell": given.cell, "transfer": given.transfer, "walls": given.walls, "bed": bed,
+        "flip": given.flip, "relaxation": given.relaxation,
         "until": given.until, "reached": sim.time, "failed": failed, "device": given.device,
         "seconds": round(time.monotonic() - begun, 1),
         "particles": len(sim.particles["water"]), "peak": float(mean.max()),

@@ -211,7 +211,7 @@ def dam_on_bars(cell: str, rows: int = 8) -> libmpm.Scene:
 
 
 def test_solids_are_held_where_water_has_linear_cells(run: Runner) -> None:
-    """Before the water comes bars are those of held walls, to rounding, and it is that of linear ones."""
+    """Before they meet bars are those of held walls, to rounding, and water that of linear ones."""
     found = {}
     for cell in ("auto", "held", "linear"):
         scene = dam_on_bars(cell, rows=2)
