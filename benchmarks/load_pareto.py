@@ -39,6 +39,7 @@ CASES = {
 TRANSFERS = {
     "APIC": "APIC",
     "AFLIP 0.95": Transfer(scheme="AFLIP", flip=0.95),
+    "AFLIP 0.99": Transfer(scheme="AFLIP", flip=0.99),
     "FLIP": "FLIP",
 }
 WALLS = ("linear", "held")
@@ -84,7 +85,7 @@ def draw(lines: list[Line]) -> None:
 
     figure = Figure(figsize=(10, 3.6), layout="constrained")
     panels = figure.subplots(1, len(CASES), sharey=True)
-    colours = dict(zip(TRANSFERS, ("#0072b2", "#d55e00", "#009e73"), strict=True))
+    colours = dict(zip(TRANSFERS, ("#0072b2", "#d55e00", "#cc79a7", "#009e73"), strict=True))
     for panel, (case, (value, what, _)) in zip(panels, CASES.items(), strict=True):
         for transfer, colour in colours.items():
             for wall in WALLS:

@@ -224,8 +224,8 @@ def test_solids_are_held_where_water_has_linear_cells(run: Runner) -> None:
     def apart(one: str, other: str, name: str) -> float:
         return float(np.abs(found[one][name] - found[other][name]).max())
 
-    assert apart("auto", "held", "bar 0") < 1e-15 < 1e-6 < apart("auto", "linear", "bar 0")
-    assert apart("auto", "linear", "water") == 0.0
+    assert apart("auto", "held", "bar 0") < 1e-12 < 1e-6 < apart("auto", "linear", "bar 0")
+    assert apart("auto", "linear", "water") < 1e-12
 
 
 def test_bars_eight_high_are_not_sheared_by_the_floor(run: Runner) -> None:

@@ -44,7 +44,7 @@ class Method(Value):
     )
     transfer: Transfer | str | None = given(
         "how velocities go between particles and grid; or a scheme's name. None = AFLIP with flip "
-        "0.95 where a fluid flows past a structure or grains flow, APIC elsewhere "
+        "0.99 where a fluid flows past a structure, 0.95 where grains flow, APIC elsewhere "
         "(`Scene.transfer`)",
         default=None,
         range="`Transfer`",

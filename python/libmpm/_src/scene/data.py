@@ -227,9 +227,9 @@ class SceneData:
     def transfer(self) -> Transfer:
         """The transfer of bodies that name none: the method's, or what suits the scene.
 
-        AFLIP with flip 0.95 where a body is of DruckerPrager, or where a fluid flows past a
-        structure, that is a boundary at rest along which it slips and that is neither a wall of the
-        domain nor a bed through all of it; APIC elsewhere.
+        AFLIP with flip 0.99 where a fluid flows past a structure, that is a boundary at rest along
+        which it slips and that is neither a wall of the domain nor a bed through all of it; with
+        flip 0.95 where a body is of DruckerPrager; APIC elsewhere.
         """
         from libmpm._src.scene.default_transfer import default_transfer
 

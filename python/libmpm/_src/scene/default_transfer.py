@@ -1,9 +1,10 @@
 """The transfer of a scene whose method names none.
 
 APIC loses what a flow has in eddies and in gaps of a few cells: a slot of two cells lets 0.05 of
-the water through that it should, AFLIP 0.24, and one of four 0.22 and 0.95 (`docs/tradeoff.md`);
-the load on the box of a flume is half as large again. Columns of sand in 20 cells run out by 0.78
-to 0.80 of what was measured with it where the heap or its front is thin, by 0.91 to 0.97 with AFLIP
+the water through that it should, AFLIP with flip 0.95 0.24, with 0.99 0.54 (`docs/tradeoff.md`);
+the load on the box of a flume is 2.6 times the measured one with 0.95 and 1.9 with 0.99. From 0.995
+on water at rest does not come to rest. Columns of sand in 20 cells run out by 0.78 to 0.80 of what
+was measured with it where the heap or its front is thin, by 0.91 to 0.97 with AFLIP
 (`docs/reference-cases.md`). Elsewhere APIC costs less, and is quieter: what a piston alone stirs
 for half a minute packs, and sooner with AFLIP (`design/fbar.md`, 4).
 """
@@ -24,7 +25,8 @@ __all__ = ["default_transfer", "is_structure"]
 
 _PLAIN = Transfer()
 #: Of less a flow loses more, of more noise is left (`docs/tradeoff.md`).
-_KEEPS = Transfer(scheme="AFLIP", flip=0.95)
+_PAST_STRUCTURES = Transfer(scheme="AFLIP", flip=0.99)
+_GRAINS = Transfer(scheme="AFLIP", flip=0.95)
 
 
 class _Scene(Protocol):
@@ -70,7 +72,7 @@ def is_structure(scene: _Scene, boundary: Boundary) -> bool:
 
 
 def default_transfer(scene: _Scene) -> Transfer:
-    """Return AFLIP with flip 0.95 where a fluid flows past a structure or grains flow, else APIC.
+    """Return AFLIP where a fluid flows past a structure (0.99) or grains flow (0.95), else APIC.
 
     APIC as well where particles that keep their velocity are refused or not known to do well: grids
     of functions, other kernels than quadratic splines, smoothing over cells, assumed fields, placed
@@ -78,10 +80,11 @@ def default_transfer(scene: _Scene) -> Transfer:
     """
     # In this order: of thousands of bodies each asks.
     past = any(is_structure(scene, b) for b in scene.boundaries)
-    if not any(
-        (past and body.material.table.stores_volume) or isinstance(body.material, DruckerPrager)
-        for body in scene.bodies
-    ):
+    if past and any(body.material.table.stores_volume for body in scene.bodies):
+        wanted = _PAST_STRUCTURES
+    elif any(isinstance(body.material, DruckerPrager) for body in scene.bodies):
+        wanted = _GRAINS
+    else:
         return _PLAIN
     kernel = scene.method.kernel_choice
     plain = (
@@ -91,4 +94,4 @@ def default_transfer(scene: _Scene) -> Transfer:
         and not any(isinstance(r, Mirror) for b in scene.boundaries for r in b.responses)
         and not any(b.smoothing or b.assumed or b.force for b in scene.bodies)
     )
-    return _KEEPS if plain else _PLAIN
+    return wanted if plain else _PLAIN

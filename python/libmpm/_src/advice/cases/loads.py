@@ -32,8 +32,10 @@ _WATER, _GRAVITY = 1000.0, 9.81  # kg/m³, m/s²
 _CONTRACTED = 0.61  # of a sharp edge's jet: Kirchhoff's π/(π + 2)
 
 
-def _water(depth: float) -> TaitFluid:
-    return TaitFluid(density=_WATER, bulk_modulus=200 * _WATER * _GRAVITY * depth, viscosity=0.0)
+def _water(depth: float, p: Parameters) -> TaitFluid:
+    """Water whose bulk modulus is `stiffness` times 200 ρ g d."""
+    modulus = 200 * _WATER * _GRAVITY * depth * p["stiffness"]
+    return TaitFluid(density=_WATER, bulk_modulus=modulus, viscosity=0.0)
 
 
 def _scene(
@@ -64,7 +66,7 @@ def _gate(p: Parameters, options: Options) -> Scene:
     scene.add_body(
         name="water",
         shape=Box(lower=(0.0, 0.0), upper=(_POOL, _HEAD)),
-        material=_water(_HEAD),
+        material=_water(_HEAD, p),
         hydrostatic=_HEAD,
         fbar=fluid_fbar(options),
     )
@@ -106,7 +108,7 @@ def _slot(p: Parameters, options: Options) -> Scene:
         scene.add_body(
             name=name,
             shape=Box(lower=(first, 0.0), upper=(last, level)),
-            material=_water(_LEVELS[0]),
+            material=_water(_LEVELS[0], p),
             hydrostatic=level,
             fbar=fluid_fbar(options),
         )
@@ -174,7 +176,7 @@ def _surge(p: Parameters, options: Options, debris: bool = False) -> Scene:
     scene.add_body(
         name="water",
         shape=Box(lower=(_START, 0.0), upper=(_LENGTH, _STILL)),
-        material=_water(_STILL),
+        material=_water(_STILL, p),
         hydrostatic=_STILL,
         fbar=fluid_fbar(options),
     )
@@ -233,12 +235,12 @@ def _surge_debris(p: Parameters, options: Options) -> Scene:
 _ENERGY = "energy equation, jet contracted to π/(π + 2)"
 _MOMENTUM = "mass and momentum: ½ ρ g h₃² behind the bore that comes back"
 _FLOWS: dict[str, dict[str, Any]] = {
-    "reduced": {"cells": 4, "flip": 0.95, "wall": "linear"},
-    "full": {"cells": 16, "flip": 0.95, "wall": "linear"},
+    "reduced": {"cells": 4, "flip": 0.95, "wall": "linear", "stiffness": 1.0},
+    "full": {"cells": 16, "flip": 0.95, "wall": "linear", "stiffness": 1.0},
 }
 _SURGES: dict[str, dict[str, Any]] = {
-    "reduced": {"cells": 8, "flip": 0.95, "wall": "linear"},
-    "full": {"cells": 32, "flip": 0.95, "wall": "linear"},
+    "reduced": {"cells": 8, "flip": 0.95, "wall": "linear", "stiffness": 1.0},
+    "full": {"cells": 32, "flip": 0.95, "wall": "linear", "stiffness": 1.0},
 }
 _COARSE = f"{_ENERGY}; 0.88 and 0.95 with four cells in the opening"
 _DISCHARGE = {
