@@ -75,6 +75,16 @@ def test_each_cause_is_named_with_its_remedy(how, words):
     assert not said(flume(**how | {"weighed": False}))
 
 
+@pytest.mark.parametrize(
+    ("gap", "modulus", "named"), [(2, 1e9, True), (2, 1e7, False), (20, 1e9, False)]
+)
+def test_stiff_water_beside_a_narrow_gap_is_named(gap, modulus, named):
+    """ρgH is 9,810 Pa: 2,000 of it are 2e7."""
+    stiff = [text for text in said(flume(gap=gap, modulus=modulus)) if "water so stiff" in text]
+    assert len(stiff) == named
+    assert not named or "use bulk_modulus ≤ 2e+07, or cells of a tenth of the gap" in stiff[0]
+
+
 def test_strict_makes_it_an_error_and_the_plan_has_it():
     scene = flume(gap=2)
     with pytest.raises(libmpm.SceneError, match="2 cells wide"):

@@ -41,6 +41,8 @@ _DEEP = {False: 16.0, True: 8.0}
 #: Cells from a held wall within which pressure is wrong, and what a load cell on one face of a box
 #: lacks in still water, cells.
 _NEAR, _LACKS = 1.5, 0.4
+#: K over ρgH from which a slot of two cells lets less than 0.18 through, one of four 0.78.
+_STIFF = 2000.0
 #: Part of a load that may be missing without a word.
 _ERROR = 0.05
 _SLACK = 1.01
@@ -53,6 +55,8 @@ def doubtful_loads(scene: SceneData) -> list[str]:
         return []
     flows = not facts.at_rest or len(facts.water) < len(scene.bodies)
     found = _soft(facts)
+    if flows:
+        found += _stiff(facts)
     for boundary in weighed(scene):
         if flows:
             found += _of_flow(facts, boundary)
@@ -83,6 +87,27 @@ def _soft(facts: Facts) -> list[str]:
                 f"= {mach:.3g}: forces on walls are off by 2/3 ρgH/K where it stands and (v/c)²/2 "
                 f"where it is stopped; expected within {_ERROR:.0%}; use bulk_modulus ≥ "
                 f"{modulus * worst:.2g}"
+            )
+    return found
+
+
+def _stiff(facts: Facts) -> list[str]:
+    """Return which water is so stiff that it hardly flows through a gap of few cells.
+
+    It locks there, and the transfer takes its share in more steps (docs/tradeoff.md).
+    """
+    if not narrow_gap(facts):
+        return []
+    found = []
+    for body in facts.water:
+        modulus, own = body.material.parameters()["bulk_modulus"], facts.compression(body)
+        if own > 0 and _STIFF * own < 1:
+            found.append(
+                f"body '{body.name}': bulk_modulus is {modulus:.3g} Pa, ρgH/K = {own:.2g}, beside "
+                "a structure with a load cell and a gap of few cells: water so stiff is choked "
+                "there; of what it should, 0.54, 0.18 and 0.05 went through two cells with 200, "
+                "2,000 and 20,000 ρgH (docs/tradeoff.md); expected at most 2,000 ρgH; use "
+                f"bulk_modulus ≤ {modulus * _STIFF * own:.2g}, or cells of a tenth of the gap"
             )
     return found
 
