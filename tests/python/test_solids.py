@@ -32,7 +32,7 @@ def vibrating(material, dimension, precision, device, speed=0.01):
     body = scene.bodies[0]
     other = libmpm.Scene(
         dimension=dimension, cell_size=scene.cell_size, lower=scene.lower, upper=scene.upper,
-        gravity=(0.0,) * dimension,
+        gravity=(0.0,) * dimension, method=libmpm.Method(transfer="APIC"),
     )  # fmt: skip
     other.add_body(name="solid", shape=body.shape, material=material)
     spec = scenes.specification(other, precision=precision)

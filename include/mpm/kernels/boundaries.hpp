@@ -17,12 +17,14 @@ struct BoundaryView {
     bool lines = false;  // any face is linear
     bool surface_lines = false;  // any surface is
     bool mirrors = false;        // any face is a mirror
-    int down = -1;  // the axis along which gravity is largest; -1: no line slides along a slope
+    int down = -1;               // the axis along which gravity is largest
     // (fields,): 1 where a field of velocities is of solids alone, beside contacts; null without.
     const std::int32_t* solid_fields = nullptr;
 
-    /// Has a slot a field whose nodes are held one by one where cells are linear by default? Bodies
-    /// that touch push at single nodes, which a line would share out along itself.
+    /// May lines slide along slopes? Not where bodies of other fields push at single nodes of them.
+    MPM_INLINE bool slides(int axis) const { return axis == down && !solid_fields; }
+    /// Are the nodes of a slot's field held one by one where cells are linear by default? Bodies
+    /// that press on each other push at single nodes, which a line would share out along itself.
     MPM_INLINE bool holds(const BlockTableView<D>& table, std::int32_t slot) const {
         return solid_fields && solid_fields[table.keys_of.field(table.keys[slot])];
     }

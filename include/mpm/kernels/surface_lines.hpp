@@ -120,7 +120,7 @@ struct SurfaceLine {
     bool slides = false;
 
     SurfaceLine() = default;
-    /// `walls`: as `OtherWalls`. `cautious`: as `SurfaceLaw` has it. `alone`: held by default, as
+    /// `walls`: as `OtherWalls`. `cautious`: as `SurfaceLaw` has it. `alone`: as
     /// `BoundaryView::holds` has it.
     template <class Walls>
     MPM_INLINE SurfaceLine(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
@@ -158,7 +158,7 @@ struct SurfaceLine {
             for (int a = 0; a < D; ++a) normal[a] = seen.normal[a];
             // All nodes of a line ask at its leader. In a corner of two faces it sees the other one
             // where what is under the line does not.
-            slides = leans() && axis == all.down && plane(all, s, there, seen);
+            slides = leans() && all.slides(axis) && plane(all, s, there, seen);
             if (near_edge<D>(all, s, there, seen, axis) ||
                 (cautious && !accepted(all, s, there, seen, walls))) {
                 state = otherwise;

@@ -121,10 +121,8 @@ template <class X, int D>
 Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
     : exec_(exec), cell_size_(spec.cell_size), wide_(kernel_width(spec.kernel.kernel) == 5) {
     gravity_ = tables_.upload(spec.gravity, D);
-    // Beside contacts slopes are held by default: lines that lead along them gained energy where
-    // other bodies push at single nodes of theirs (design/contact.md).
     double most = 0;
-    for (int a = 0; a < D && !spec.contact.any(); ++a) {
+    for (int a = 0; a < D; ++a) {
         double pull = 0;
         for (std::size_t k = std::size_t(a); k < spec.gravity.value.size(); k += D)
             pull += std::abs(spec.gravity.value[k]);
