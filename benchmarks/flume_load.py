@@ -29,8 +29,6 @@ BED = [(-6, 0.0), (14.275, 0), (14.28, 0.226), (17.933, 0.226), (28.906, 1.1404)
        (80.106, 1.75), (87.46, 2.363)]  # fmt: skip
 GAUGES = {"wg1": 14.0, "wg2": 32.294, "wg3": 36.139, "front": 43.6}
 LEVEL, LENGTH = 2.0, 70.0
-
-
 MODULUS = 2e6  # of the water, Pa
 
 
@@ -107,15 +105,8 @@ def main() -> int:
     if given.keep and given.keep.exists():
         sim = libmpm.Simulation.resume(given.keep)
     else:
-        made = scene(
-            given.cell,
-            given.transfer,
-            given.walls,
-            bed,
-            given.flip,
-            given.relaxation,
-            given.shifting,
-        )
+        of_water = (given.flip, given.relaxation, given.shifting)
+        made = scene(given.cell, given.transfer, given.walls, bed, *of_water)
         sim = libmpm.Simulation(made, device=given.device)
     failed, begun = "", time.monotonic()
     try:
@@ -134,7 +125,7 @@ def main() -> int:
         crests[name] = float(np.nanmax(level[:, 0]) - np.nanmean(level[when < 2, 0]))
     line = {
         "cell": given.cell, "transfer": given.transfer, "walls": given.walls, "bed": bed,
-        "flip": given.flip, "relaxation": given.relaxation,
+        "flip": sim.scene.transfer.flip, "relaxation": given.relaxation,
         "shifting": given.shifting,
         "until": given.until, "reached": sim.time, "failed": failed, "device": given.device,
         "seconds": round(time.monotonic() - begun, 1),

@@ -133,6 +133,7 @@ class SceneData:
         self._name = check.text("name", name, empty=True)
         self._cells = (grid.cells,) if grid is not None else self._count_cells(check)
         self._bodies: dict[str, Body] = {}
+        self._found_transfer: tuple[tuple[Any, ...], Transfer] | None = None
         self._boundaries: dict[str, Boundary] = {}
         self._sensors: dict[str, PlacedSensor] = {}
         self._flows: dict[str, PlacedFlow] = {}
@@ -234,7 +235,14 @@ class SceneData:
         from libmpm._src.scene.default_transfer import default_transfer
 
         given = self._method.transfer
-        return given if isinstance(given, Transfer) else default_transfer(self)
+        if isinstance(given, Transfer):
+            return given
+        # Each of thousands of bodies asks. Parts are values: where all are those that it was found
+        # for, so is what was found.
+        parts = (self.bodies, self.boundaries)
+        if self._found_transfer is None or self._found_transfer[0] != parts:
+            self._found_transfer = (parts, default_transfer(self))
+        return self._found_transfer[1]
 
     @property
     def name(self) -> str:

@@ -78,7 +78,6 @@ def default_transfer(scene: _Scene) -> Transfer:
     of functions, other kernels than quadratic splines, smoothing over cells, assumed fields, placed
     forces, mirrored walls. What is measured does not count: sensors change no bit.
     """
-    # In this order: of thousands of bodies each asks.
     past = any(is_structure(scene, b) for b in scene.boundaries)
     if past and any(body.material.table.stores_volume for body in scene.bodies):
         wanted = _PAST_STRUCTURES
