@@ -8,7 +8,6 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, materials, methods, sensors, shapes
-from support.devices import need_device
 
 SOFT = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
 TRANSFERS = ["APIC", "FLIP", methods.Transfer(scheme="AFLIP", flip=0.95), "XPIC"]
@@ -289,7 +288,6 @@ def test_a_push_into_water_is_no_energy_from_nowhere():
 @pytest.mark.parametrize("transfer", TRANSFERS)
 def test_a_device_is_assigned_as_the_cpu_is(tmp_path, transfer, precision):
     """Fixed-point sums are put in and taken out to their last bit, 2^-24 of the largest."""
-    need_device()
     within = {"single": 1e-5, "mixed": 1e-5, "double": 1e-11}[precision]
     made = scene(transfer, velocity=(0.3, -0.2))
     sim = libmpm.Simulation(made, device="cuda", precision=precision)

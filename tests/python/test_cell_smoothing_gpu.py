@@ -11,7 +11,6 @@ from libmpm import boundaries, materials, shapes
 from libmpm._src.run.engine_spec import lower
 from libmpm.methods import METHODS, smooth
 from support import scenes
-from support.devices import need_device
 from support.drifting import DX, by_id, drifting, state_of, undecided
 
 pytestmark = pytest.mark.gpu
@@ -22,11 +21,6 @@ STEEL = materials.LinearElastic(density=1000, youngs_modulus=2e5, poissons_ratio
 #: velocities that rounding makes unequal, 6e-8 on the mean, and more the lighter the nodes at the
 #: edge of a body are: some of 5,400 numbers by 4e-5. Of double precision the sums of 62 bits.
 STRAYS = {"single": 1e-4, "mixed": 1e-4, "double": 1e-10}
-
-
-@pytest.fixture(autouse=True)
-def on_a_device():
-    need_device()
 
 
 #: Of the values of particles, so that the means of a cell's eight stray by 2⁻³³ and more.

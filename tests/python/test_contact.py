@@ -19,7 +19,7 @@ import libmpm
 from libmpm import boundaries, contacts, materials, sensors, shapes
 from support import contact_scenes as cases
 from support.contact_scenes import Runner
-from support.devices import device, need_device  # noqa: F401
+from support.devices import device  # noqa: F401
 
 #: Precision of a comparison between runs.
 DOUBLE = "double"
@@ -467,7 +467,6 @@ def test_nothing_sinks_into_what_a_boundary_holds(run: Runner) -> None:
 @pytest.mark.parametrize("name", ["dominoes", "stack", "floating", "bore", "turned"])
 def test_a_cuda_device_does_what_the_cpu_does(name: str, precision: str) -> None:
     """Every particle, to what the grid's precision rounds: "mixed" has a single one."""
-    need_device()
     made: dict[str, Callable[[], libmpm.Scene]] = {
         "dominoes": lambda: cases.dominoes(4),
         "stack": cases.stack,

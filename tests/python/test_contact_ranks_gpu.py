@@ -18,16 +18,11 @@ import libmpm
 from libmpm._src.run.backends import cuda_status
 from support import contact_scenes as cases
 from support import jobs
-from support.devices import need_device, pair  # noqa: F401
+from support.devices import pair  # noqa: F401
 
 pytestmark = pytest.mark.gpu
 
 _one: dict[tuple[str, str], libmpm.Simulation] = {}
-
-
-@pytest.fixture(autouse=True)
-def on_a_device() -> None:
-    need_device()
 
 
 def devices(ranks: int) -> list[str]:

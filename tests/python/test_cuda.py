@@ -8,7 +8,6 @@ import pytest
 
 import libmpm
 from support import scenes
-from support.devices import need_device
 from support.tolerances import REFERENCE
 
 pytestmark = pytest.mark.gpu
@@ -19,11 +18,6 @@ SOUND = np.sqrt(MODULUS / DENSITY)
 # sums (2^-25 of the largest nodal value), which at the edge of a body weighs a hundredfold.
 SINGLE = {"position": 1e-6, "velocity": 1e-6}
 EDGES = [1, 2, 31, 32, 33, 63, 64, 65, 127, 128, 129, 255, 256, 257, 511, 512, 513, 1025]
-
-
-@pytest.fixture(autouse=True)
-def on_a_device():
-    need_device()
 
 
 def box_scene(dimension, material, fbar="default", n=16):

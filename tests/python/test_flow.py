@@ -8,7 +8,6 @@ import pytest
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
 from libmpm._src.output.sensor_file import read_sensors
-from support.devices import need_device
 
 LEVEL, SPEED, CELL = 0.3, 0.5, 0.05
 LENGTH = 1.0
@@ -394,7 +393,6 @@ def test_ids_of_bodies_beside_one_that_grows():
 @pytest.mark.parametrize("options", [{}, {"precision": "mixed"}, {"pipeline": "phased"}])
 def test_device(tmp_path, options):
     """A device supplies and removes the same particles, and its own bits again when resumed."""
-    need_device()
     scene, until = channel(3), 0.5
     host = simulate(scene, until, precision="double")
     device = libmpm.Simulation(scene, device="cuda", **options)

@@ -13,7 +13,6 @@ import libmpm
 from libmpm._src.run.backends import cuda_status
 from python import test_flow
 from support import jobs
-from support.devices import need_device
 from support.jobs import well
 
 pytestmark = pytest.mark.gpu
@@ -38,7 +37,6 @@ def keep(sim, name):
 
 @pytest.fixture(autouse=True)
 def on_two_devices():
-    need_device()
     if len(cuda_status().devices) < 2:
         pytest.skip("needs two CUDA devices")
 

@@ -13,16 +13,11 @@ import pytest
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
 from libmpm._src.run.backends import cuda_status
-from support.devices import need_device, pair  # noqa: F401
+from support.devices import pair  # noqa: F401
 
 pytestmark = pytest.mark.gpu
 
 DX = 0.05
-
-
-@pytest.fixture(autouse=True)
-def on_a_device():
-    need_device()
 
 
 def tank(cells, walls=None, **options):

@@ -16,7 +16,6 @@ import pytest
 
 import libmpm
 from libmpm._src.base.arrays import host_array
-from support.devices import need_device
 
 #: Derived by the host; all others are gathered where the particles are.
 DERIVED = {"pressure", "stress", "elastic_energy", "density", "volume"}
@@ -397,7 +396,6 @@ def test_scenes_take_arrays_of_any_library(tank):
 
 
 def device_simulation(new_scene, precision="single"):
-    need_device()
     return simulation(new_scene, precision, device="cuda")
 
 
