@@ -12,18 +12,25 @@ from libmpm._src.shapes.solid import Array, Corner
 __all__ = ["area", "crossing", "polygon_distance", "segment_distance2"]
 __all__ += ["segments_distance"]
 
-#: Numbers in one piece of work: points times edges.
-_PIECE = 1 << 20
+#: Numbers in one piece of work, edges times points: what a core's cache holds.
+_PIECE = 1 << 16
 
 
 def segment_distance2(u: Array, v: Array, start: Array, end: Array) -> Array:
     """Return the least squared distance (n,) of points (u, v) from segments (m, 2), m²."""
-    eu, ev = end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]
-    square = eu * eu + ev * ev
-    wu, wv = u[:, None] - start[None, :, 0], v[:, None] - start[None, :, 1]
-    t = np.clip((wu * eu + wv * ev) / square, 0.0, 1.0)
-    du, dv = wu - t * eu, wv - t * ev
-    return np.asarray((du * du + dv * dv).min(axis=1))
+    # Rows are edges: what runs along points is read in order, and the least taken row by row.
+    eu, ev = (end - start).T[:, :, None]
+    wu, wv = u - start[:, :1], v - start[:, 1:]
+    t = wu * eu
+    t += wv * ev
+    t /= eu * eu + ev * ev
+    np.clip(t, 0.0, 1.0, out=t)
+    wu -= t * eu
+    wv -= t * ev
+    wu *= wu
+    wv *= wv
+    wu += wv
+    return np.asarray(wu.min(axis=0))
 
 
 def polygon_distance(corners: Array, u: Array, v: Array) -> Array:
@@ -50,12 +57,14 @@ def segments_distance(start: Array, end: Array, u: Array, v: Array) -> Array:
 
 
 def _inside(start: Array, end: Array, u: Array, v: Array) -> npt.NDArray[np.bool_]:
-    low, high = start[None, :, 1] <= v[:, None], end[None, :, 1] <= v[:, None]
-    across = low != high
-    rise = end[:, 1] - start[:, 1]
-    slope = (end[:, 0] - start[:, 0]) / np.where(rise == 0, 1.0, rise)
-    at = start[None, :, 0] + (v[:, None] - start[None, :, 1]) * slope
-    return np.asarray((across & (u[:, None] < at)).sum(axis=1) % 2 == 1)
+    across = (start[:, 1:] <= v) != (end[:, 1:] <= v)
+    rise = end[:, 1:] - start[:, 1:]
+    slope = (end[:, :1] - start[:, :1]) / np.where(rise == 0, 1.0, rise)
+    at = v - start[:, 1:]
+    at *= slope
+    at += start[:, :1]
+    across &= u < at
+    return np.asarray(np.logical_xor.reduce(across, axis=0))
 
 
 def area(corners: Array) -> float:
