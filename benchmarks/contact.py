@@ -266,24 +266,7 @@ def oblique(impact: float, degrees: float, friction: float = 0.1, radius: int = 
 
 def pile(until: float = 15.0) -> Values:
     """Twenty soft discs of 5 cells that fall into a box."""
-    n, across, rows = 5, 5, 4
-    dx, r = 1.0 / n, 1.0
-    place = np.random.default_rng(7)
-    size = (math.ceil((2.2 * across + 1) * n) * dx, math.ceil((2.2 * rows + 3) * n) * dx)
-    scene = libmpm.Scene(
-        dimension=2, cell_size=dx, lower=(0, 0), upper=size, gravity=(0, -10.0)
-    )  # fmt: skip
-    for j in range(rows):
-        for i in range(across):
-            shift = place.uniform(-0.1, 0.1, 2)
-            centre = (1.15 + 2.2 * i + (0.5 if j % 2 else 0) + shift[0], 1.3 + 2.2 * j + shift[1])
-            scene.add_body(
-                name=f"disc {j * across + i:02d}",
-                shape=shapes.Sphere(centre=centre, radius=r), material=cases.solid(1e5, 0.3),
-            )  # fmt: skip
-    wall = boundaries.Separable(static_friction=0.3, dynamic_friction=0.3)
-    scene.add_boundary(name="box", shape=shapes.DomainWalls(), response=wall)
-    scene.add_contact(name="pile", between=("disc *", "disc *"), law=contacts.Friction(static=0.3))
+    scene = cases.pile()
     scene.add_sensor(name="pile", sensor=sensors.ContactLoad(contact="pile", interval=0.05))
     scene.add_sensor(name="floor", sensor=sensors.LoadCell(boundary="box", interval=0.05))
     scene.add_sensor(name="energy", sensor=sensors.Energy(interval=0.05))

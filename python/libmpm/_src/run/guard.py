@@ -1,6 +1,6 @@
-"""`Guard`: what a run watches about itself: energy, volumes, speeds, number of particles.
+"""`Guard`: what a run watches about itself: energy, volumes, overlaps, speeds, particles.
 
-`watch.py` does the watching, `design/guards.md` derives the bounds.
+`guard_watch.py` does the watching, `design/guards.md` derives the bounds.
 """
 
 from __future__ import annotations
@@ -60,6 +60,13 @@ class Guard(Value):
         unit="1",
         above=0,
     )
+    overlap: float | None = given(
+        "depth, in cells, of a particle's middle in a body that friction keeps it apart from, "
+        "where one of the two has lost 0.6 of its volume",
+        default=0.4,
+        unit="1",
+        above=0,
+    )
     mach: float | None = given(
         "speed within a body, in parts of its sound speed", default=1.0, unit="1", above=0
     )
@@ -78,7 +85,7 @@ class Guard(Value):
         found: dict[str, Any] = {}
         if self.every is not None:
             found["every"] = check.given("every", self)
-        for name in ("energy", "volume", "packing", "level", "mach", "smoothing"):
+        for name in ("energy", "volume", "packing", "level", "overlap", "mach", "smoothing"):
             bound = getattr(self, name)
             if bound is not None:
                 found[name] = check.number(name, bound, lower=0, lower_open=True, remedy=remedy)

@@ -23,6 +23,7 @@ from libmpm._src.run.guard import Guard, opened_by
 from libmpm._src.run.guard_memory import Memory
 from libmpm._src.run.guard_messages import (
     OFF,
+    Offender,
     energy_remedy,
     fastest,
     fastest_within,
@@ -32,6 +33,7 @@ from libmpm._src.run.guard_messages import (
     most_strained,
     smoothing_remedy,
 )
+from libmpm._src.run.guard_overlap import CRUSHED, entered
 from libmpm._src.run.guard_water_level import basin_of
 from libmpm._src.scene.places import initial_gravity
 
@@ -221,6 +223,8 @@ class Watch:
             found = self._swollen(now, guard.volume)
         if not found and guard.packing is not None:
             found = self._crowded(now, guard.packing)
+        if not found and guard.overlap is not None:
+            found = self._entered(now, guard.overlap)
         watched = self._closed and sum(self._counts()) > HANDFUL
         if not found and guard.energy is not None and watched:
             found = self._gained(now, guard.energy)
@@ -384,6 +388,26 @@ class Watch:
             "lost volume that its pressure does not know of. Remedy: more particles per cell, "
             "transfer 'APIC', precision='double' or a longer time step, in which small strains "
             f"are not lost; Guard(packing=...) or {OFF}"
+        )
+
+    def _entered(self, now: Mapping[str, Any], bound: float) -> str:
+        simulation = self._simulation
+        found = entered(simulation, now["volume_ratio"], simulation.steps // self.every)
+        if found is None or found.depth <= bound:
+            return ""
+        scene = simulation.scene
+        body, other, crushed = (
+            scene.bodies[i].name for i in (found.body, found.other, found.crushed)
+        )
+        at = Offender(body, found.id, found.position, found.depth)
+        return (
+            f"{at}: its middle lies {found.depth:.3g} cells inside body '{other}', from which "
+            f"contact '{scene.contacts[found.contact].name}' keeps it apart, "
+            f"{moment(simulation)}; expected at most {bound:g} cells. Body '{crushed}' has "
+            f"{now['volume_ratio'][found.crushed]:.2g} of its volume left: contact measures gaps "
+            f"by the density at rest, and below {CRUSHED:g} of the volume edges turn and enter "
+            f"their neighbours. Remedy: a stiffer '{crushed}', a shorter stroke or less load, "
+            f"friction between the two (static 0.3 or more); Guard(overlap=...) or {OFF}"
         )
 
     def _lies(self, now: Mapping[str, Any]) -> tuple[float, float, float, float]:
