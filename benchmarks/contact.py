@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from contact_bars import bars
+from contact_squeeze import rows as squeezes
 from numpy.typing import NDArray
 from result_pages import append, load
 
@@ -435,6 +436,7 @@ ROWS: dict[str, Callable[[], Iterator[tuple[str, Callable[[], Values]]]]] = {
     ),
     "pile": lambda: iter([("20 discs, single", pile)]),
     "plate": lambda: ((f"{n:g} cells", lambda n=n: plate(n)) for n in (1.0, 0.5)),
+    "squeeze": squeezes,
     "dominoes": lambda: (
         (f"friction {mu:g}, {n} cells", lambda mu=mu, n=n: dominoes(mu, n))
         for mu, n in ((0.3, 3), (0.0, 3), (0.6, 3), (0.3, 4))

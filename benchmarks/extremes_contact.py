@@ -145,15 +145,19 @@ def collision(stiffness: float = 1.0, density: float = 1.0, mach: float = 0.1) -
 # ---- squeezed -----------------------------------------------------------------------------------
 
 
-def squeezed(part: float, ratio: float = 100.0) -> Trial:
+def squeezed(
+    part: float, ratio: float = 100.0, *, static: float = 0.0, fine: int = 1, cfl: float = 0.4
+) -> Trial:
     """A soft block of 12 x 8 cells is squeezed by `part` of its height, between stiffer ones.
+
+    With friction of `static` where asked for, and of `fine` times as many cells along each edge.
 
     These are `ratio` times as stiff and held but for two cells; they come together in ten passages
     of a wave through the soft one and stay for ten. Without Poisson's ratio a fixed corotated block
     has the force E strain on its width. Of that the force, over the last five, is 0.85 to 1.05,
     since the outermost cell of an edge does not carry yet; both sides feel the same.
     """
-    wide, high, free = 12, 8, 2
+    wide, high, free = 12 * fine, 8 * fine, 2
     travel = part * high / 2
     thick = math.ceil(travel) + 2 * free
     passage = high * DX / math.sqrt(YOUNG / DENSITY)
@@ -164,7 +168,7 @@ def squeezed(part: float, ratio: float = 100.0) -> Trial:
     def material(young: float) -> materials.FixedCorotated:
         return materials.FixedCorotated(density=DENSITY, youngs_modulus=young, poissons_ratio=0.0)
 
-    scene = domain("squeezed", size)
+    scene = domain("squeezed", size, cfl=cfl)
     scene.add_body(name="soft", shape=cells(left, low, size=(wide, high)), material=material(YOUNG))
     motion = {
         side: libmpm.TimeTable(
@@ -187,7 +191,8 @@ def squeezed(part: float, ratio: float = 100.0) -> Trial:
             name=f"press {name}", response=boundaries.Prescribed(), bodies=(name,),
             shape=cells(0, outer[0], size=(size[0], outer[1] - outer[0])), motion=motion[side],
         )  # fmt: skip
-    scene.add_contact(name="faces", between=("*", "soft"), law=contacts.Friction())
+    law = contacts.Friction(static=static)
+    scene.add_contact(name="faces", between=("*", "soft"), law=law)
     for name in ("below", "above"):
         load = sensors.ContactLoad(contact="faces", pair=(name, "soft"), interval=interval)
         scene.add_sensor(name=name, sensor=load)
