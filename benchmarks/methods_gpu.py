@@ -1,4 +1,4 @@
-"""What transfers, kernels, pipelines and smoothing over cells cost on a GPU that they fill.
+"""What transfers, kernels, pipelines and smoothing over cells cost: on a GPU that they fill.
 
 The benchmark's collapsing water; the first line is the baseline (APIC, quadratic, fused) and runs
 again last, so that the lines between can be compared with both. It has F-bar, which smoothing over
@@ -6,6 +6,7 @@ cells replaces; "APIC, plain" has neither.
 
 Run:  python benchmarks/methods_gpu.py --particles 8000000 --steps 1000 --json FILE
       python benchmarks/methods_gpu.py --only smoothing --json FILE
+      python benchmarks/methods_gpu.py --only phased --device cpu --threads 2 --particles 97336
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ ROWS: dict[str, tuple[Method, str, str]] = {
     "uGIMP": (Method(kernel="ugimp"), "auto", "single"),
     "cubic": (Method(kernel="cubic"), "auto", "single"),
     "APIC, double": (Method(), "auto", "double"),
+    "APIC, phased, double": (Method(), "phased", "double"),
     "ASFLIP, double": (Method(transfer=ASFLIP), "auto", "double"),
     "APIC, plain": (Method(), "auto", "single"),
     **{f"smoothing {name}": (Method(), "auto", "single") for name in METHODS},
@@ -51,6 +53,13 @@ ROWS: dict[str, tuple[Method, str, str]] = {
 OF_SMOOTHING = [
     "APIC", "APIC, two-pass", "APIC, phased", "APIC, plain",
     *(name for name in ROWS if name.startswith("smoothing")), "APIC again",
+]  # fmt: skip
+
+#: What the phased step costs against the fused one.
+OF_PHASES = [
+    "APIC", "APIC, phased", "ASFLIP", "ASFLIP, phased", "PIC", "FMPM(2)", "XPIC(3), every 4th",
+    "quadratic, gradient kernel", "uGIMP", "cubic", "APIC, double", "APIC, phased, double",
+    "APIC again",
 ]  # fmt: skip
 
 
@@ -71,18 +80,21 @@ def main() -> None:
     parser.add_argument("--particles", type=int, default=8_000_000)
     parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--rows", nargs="*", default=list(ROWS), help="names of rows")
-    parser.add_argument("--only", choices=["smoothing"], help="rows of this question alone")
+    parser.add_argument("--only", choices=["smoothing", "phased"], help="rows of this question alone")
+    parser.add_argument("--device", default="cuda")
+    parser.add_argument("--threads", type=int, help="of a CPU; None = all")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     if arguments.only:
-        arguments.rows = OF_SMOOTHING
+        arguments.rows = {"smoothing": OF_SMOOTHING, "phased": OF_PHASES}[arguments.only]
     baseline = 0.0
     for name in arguments.rows:
         _, pipeline, precision = ROWS[name]
         scene, step = case(name, arguments.particles)
         simulation = libmpm.Simulation(
-            scene, device="cuda", precision=precision, pipeline=pipeline, time_step=step
-        )
+            scene, device=arguments.device, precision=precision, pipeline=pipeline, time_step=step,
+            threads=arguments.threads,
+        )  # fmt: skip
         simulation.step(20)
         state = f"steps 20 to {arguments.steps + 20} of the collapse, sorts included, no output"
         result = timed(simulation, arguments.steps, case=f"methods: {name}", state=state)

@@ -15,11 +15,14 @@ import numpy as np
 import libmpm
 from libmpm import boundaries, materials, shapes
 from libmpm.methods import Method, Transfer
-precision, dimension, scheme, law, out, pipeline = sys.argv[1:]
+precision, dimension, scheme, law, out, pipeline, kernel = sys.argv[1:]
 d = int(dimension)
+shifts = {"flip": 0.95, "shift_max": 0.3, "shift_min": 0.05, "critical_ratio": 1.0}
+transfer = Transfer(scheme=scheme, **(shifts if scheme == "ASFLIP" else {}))
 scene = libmpm.Scene(
     dimension=d, cell_size=0.05, lower=(0.0,) * d, upper=(0.6,) * d,
-    gravity=(0.0,) * (d - 1) + (-9.81,), method=Method(transfer=Transfer(scheme=scheme)),
+    gravity=(0.0,) * (d - 1) + (-9.81,),
+    method=Method(transfer=transfer, kernel=kernel),
 )
 scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
 material = {
@@ -57,21 +60,28 @@ def run(level, *arguments):
 
 
 @pytest.mark.parametrize(
-    ("precision", "dimension", "scheme", "law", "pipeline", "bound"),
+    ("precision", "dimension", "scheme", "law", "pipeline", "kernel", "bound"),
     [
-        ("double", 2, "APIC", "fluid", "fused", 1e-9),
-        ("double", 3, "APIC", "sand", "fused", 1e-9),
-        ("double", 3, "FLIP", "fluid", "fused", 1e-9),
-        ("single", 3, "APIC", "fluid", "fused", 2e-3),
-        ("double", 3, "APIC", "fluid", "two-pass", 1e-9),
-        ("single", 2, "APIC", "sand", "two-pass", 2e-3),
+        ("double", 2, "APIC", "fluid", "fused", "quadratic", 1e-9),
+        ("double", 3, "APIC", "sand", "fused", "quadratic", 1e-9),
+        ("double", 3, "FLIP", "fluid", "fused", "quadratic", 1e-9),
+        ("single", 3, "APIC", "fluid", "fused", "quadratic", 2e-3),
+        ("double", 3, "APIC", "fluid", "two-pass", "quadratic", 1e-9),
+        ("single", 2, "APIC", "sand", "two-pass", "quadratic", 2e-3),
+        ("single", 3, "ASFLIP", "fluid", "phased", "quadratic", 2e-3),
+        ("double", 3, "ASFLIP", "sand", "phased", "quadratic", 1e-9),
+        ("double", 2, "XPIC", "sand", "phased", "quadratic", 1e-9),
+        ("double", 2, "FLIP", "sand", "phased", "linear", 1e-9),
+        ("double", 3, "FLIP", "sand", "phased", "cubic", 1e-9),
+        ("double", 2, "FLIP", "sand", "phased", "ugimp", 1e-9),
+        ("double", 3, "FLIP", "sand", "phased", "cpgimp", 1e-9),
     ],
 )
-def test_all_levels_agree(tmp_path, precision, dimension, scheme, law, pipeline, bound):
+def test_all_levels_agree(tmp_path, precision, dimension, scheme, law, pipeline, kernel, bound):
     found = []
     for level in levels():
         out = tmp_path / f"{level}.npy"
-        done = run(level, precision, dimension, scheme, law, out, pipeline)
+        done = run(level, precision, dimension, scheme, law, out, pipeline, kernel)
         assert done.returncode == 0, done.stderr
         found.append(np.load(out))
     assert np.abs(found[0]).max() > 0.1
@@ -82,7 +92,7 @@ def test_all_levels_agree(tmp_path, precision, dimension, scheme, law, pipeline,
 
 def test_a_level_that_is_not_there_is_refused_by_name():
     levels()
-    done = run("x86-64-v9", "double", 2, "APIC", "fluid", "none.npy", "fused")
+    done = run("x86-64-v9", "double", 2, "APIC", "fluid", "none.npy", "fused", "quadratic")
     assert done.returncode != 0
     for words in ("LIBMPM_INSTRUCTIONS", "x86-64-v9", "x86-64-v3", "leave it out"):
         assert words in done.stderr

@@ -57,7 +57,7 @@ template <class V, int D, int W, class F>
 MPM_INLINE void for_each_node(const Stencil<V, D, W>& s, const Places<D, W>& places, const F& f) {
     int k[D];
     MPM_NO_UNROLL for (k[0] = 0; k[0] < W; ++k[0]) {
-        if (s.weight[0][k[0]] == V(0) && s.slope[0][k[0]] == V(0)) continue;
+        if (all((s.weight[0][k[0]] == V(0)) & (s.slope[0][k[0]] == V(0)))) continue;
         MPM_NO_UNROLL for (k[1] = 0; k[1] < W; ++k[1]) {
             const V plane = s.weight[0][k[0]] * s.weight[1][k[1]];
             const int place = places.part[0][k[0]] + places.part[1][k[1]];
@@ -152,14 +152,15 @@ struct Standing {
     }
 };
 
-/// Half-edges of a particle, cells: what GIMP averages over.
-template <class G, class T, int D>
-MPM_INLINE Vec<G, D> half_edges(const PhaseNumbers& n, const BodyView<T, D>& body,
-                                std::uint32_t q) {
+/// Half-edges of a particle, cells: what GIMP averages over; `state(r)` is number r of what it
+/// stores.
+template <int D, class State>
+MPM_INLINE auto half_edges(const PhaseNumbers& n, const State& state) {
+    using G = decltype(state(0));
     Vec<G, D> half;
     MPM_UNROLL for (int a = 0; a < D; ++a) {
         half[a] = G(n.kernel.half_edge);
-        if (n.extent >= 0) half[a] = half[a] * (G(1) + G(body.state[n.extent + a][q]));
+        if (n.extent >= 0) half[a] = half[a] * (G(1) + state(n.extent + a));
     }
     return half;
 }
@@ -179,7 +180,8 @@ MPM_INLINE auto half_edges_at(const PhaseNumbers& n, const State& state) {
 template <class G, class T, int D, int W>
 MPM_INLINE void find_stencil(Stencil<G, D, W>& s, const PhaseNumbers& n, const BodyView<T, D>& body,
                              const Standing<G, D>& at, std::uint32_t q) {
-    s = stencil_of<W>(n.kernel, at.xi, half_edges<G>(n, body, q), at.in_domain);
+    const auto half = half_edges<D>(n, [&](int r) { return G(body.state[r][q]); });
+    s = stencil_of<W>(n.kernel, at.xi, half, at.in_domain);
 }
 template <class G, class T, int D>
 MPM_INLINE void find_stencil(DualStencil<G, D>& s, const PhaseNumbers& n,
@@ -213,44 +215,60 @@ struct Reached {
     }
 };
 
-/// Gathers for particle q into its scratch. `read(place)` gives a node's velocities by channel.
-template <int W, class X, class T, int D, class S, class Read>
-MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
-                                 const Places<D, W>& places, std::uint32_t q, const Read& read) {
-    using G = typename Pass<X, T, D>::Grid;
+/// What a launch asks of the transfers of all its particles.
+struct TransferNumbers {
+    Part part;
+    int source;   // sweeps: channel of nodal velocities that is gathered
+    int average;  // channel of the averaged volume, or -1
+    bool carry;   // F-bar: its gradient is deposited
+
+    template <class X, class T, int D>
+    MPM_INLINE static TransferNumbers of(const Phase<X, T, D>& phase) {
+        return {phase.part, phase.part == Part::vectors ? phase.source : 0,
+                phase.n.channels > D ? phase.pass.group.average : -1, phase.pass.carry};
+    }
+};
+
+/// Gathers, for a particle or for those of a cell side by side. `read(place)` gives a node's
+/// velocities by channel, `put(column, number)` writes to scratch.
+template <class G, int D, int W, class S, class Read, class Put>
+MPM_INLINE void collect_by(const PhaseNumbers& n, const TransferNumbers& t, const S& s,
+                           const Places<D, W>& places, const Read& read, const Put& put) {
     constexpr int most = D + 1;
-    const auto& pass = phase.pass;
-    const PhaseNumbers& n = phase.n;
-    const auto& s = reached.stencil;
-    const std::size_t count = pass.body.count;
-    const auto put = [&](int c, G x) { pass.scratch[std::size_t(c) * count + q] = x; };
-    if (phase.part != Part::step) {
-        G value[D] = {};
-        const int source = phase.part == Part::vectors ? phase.source : 0;
-        if (phase.part != Part::averages) {
-            for_each_node(s, places, [&](const auto&, int place, G w) {
-                const auto u = read(place);
-                MPM_UNROLL for (int a = 0; a < D; ++a) value[a] += w * u[source + a];
-            });
-            MPM_UNROLL for (int a = 0; a < D; ++a) put(a, value[a]);
-        }
+    const G none = G(ScalarOf<G>(0));
+    if (t.part != Part::step) {
+        if (t.part == Part::averages) return;
+        G value[D];
+        MPM_UNROLL for (int a = 0; a < D; ++a) value[a] = none;
+        for_each_node(s, places, [&](const auto&, int place, G w) MPM_INLINE_LAMBDA {
+            const auto u = read(place);
+            MPM_UNROLL for (int a = 0; a < D; ++a) value[a] += w * u[t.source + a];
+        });
+        MPM_UNROLL for (int a = 0; a < D; ++a) put(a, value[a]);
         return;
     }
-    G value[most] = {}, slope[D][most] = {}, affine[D][D] = {}, before[D] = {}, filtered[D] = {};
-    bool guarded = false;
+    G value[most], slope[D][most], affine[D][D], before[D], filtered[D];
+    MPM_UNROLL for (int c = 0; c < most; ++c) {
+        value[c] = none;
+        MPM_UNROLL for (int a = 0; a < D; ++a) slope[a][c] = none;
+    }
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        before[a] = filtered[a] = none;
+        MPM_UNROLL for (int c = 0; c < D; ++c) affine[a][c] = none;
+    }
+    MaskOf<G> guarded = none < none;
     const bool shapes = n.kernel.gradient == GradientForm::shapes, separate = n.separate_affine();
-    const int average = n.channels > D ? pass.group.average : -1;
-    for_each_node(s, places, [&](const auto& k, int place, G w) {
+    for_each_node(s, places, [&](const auto& k, int place, G w) MPM_INLINE_LAMBDA {
         const auto u = read(place);
         G along[D];
         MPM_UNROLL for (int a = 0; a < D; ++a) along[a] = node_along(s, k, w, a, shapes);
         MPM_UNROLL for (int c = 0; c < D; ++c) {
-            const G v = u[c];
+            const auto v = u[c];
             value[c] += w * v;
             MPM_UNROLL for (int a = 0; a < D; ++a) slope[a][c] += along[a] * v;
         }
-        if (average >= 0) {
-            const G j = u[average];
+        if (t.average >= 0) {
+            const auto j = u[t.average];
             value[D] += w * j;
             MPM_UNROLL for (int a = 0; a < D; ++a) slope[a][D] += along[a] * j;
         }
@@ -266,7 +284,9 @@ MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X
         if (n.filtered >= 0) {
             MPM_UNROLL for (int a = 0; a < D; ++a) filtered[a] += w * u[n.filtered + a];
         }
-        if (n.guard >= 0) guarded = guarded || (w > G(0) && u[n.guard] > G(0));
+        if (n.guard >= 0) {
+            if (u[n.guard] > ScalarOf<G>(0)) guarded = guarded | (w > none);
+        }
     });
     const Scratch<D> column{n.channels};
     MPM_UNROLL for (int c = 0; c < most; ++c) {
@@ -281,38 +301,44 @@ MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X
         if (n.before >= 0) put(column.before(a), before[a]);
         if (n.filtered >= 0) put(column.filtered(a), filtered[a]);
     }
-    if (n.guard >= 0) put(column.guard(), G(guarded ? 1 : 0));
+    if (n.guard >= 0) put(column.guard(), select(guarded, G(ScalarOf<G>(1)), none));
+}
+/// The same of particle q, into its scratch.
+template <int W, class X, class T, int D, class S, class Read>
+MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
+                                 const Places<D, W>& places, std::uint32_t q, const Read& read) {
+    using G = typename Pass<X, T, D>::Grid;
+    const std::size_t count = phase.pass.body.count;
+    collect_by<G>(phase.n, TransferNumbers::of(phase), reached.stencil, places, read,
+                  [&](int c, G x) { phase.pass.scratch[std::size_t(c) * count + q] = x; });
 }
 
-/// Spreads what particle q has in scratch: calls add(channel, place, amount) for a particle of unit
-/// mass, channels as `spread_channel` counts them.
-template <int W, class X, class T, int D, class S, class Add>
-MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
-                                const Places<D, W>& places, std::uint32_t q, const Add& add) {
-    using G = typename Pass<X, T, D>::Grid;
-    const auto& pass = phase.pass;
-    const PhaseNumbers& n = phase.n;
-    const auto& s = reached.stencil;
-    const std::size_t count = pass.body.count;
+/// Spreads what a particle has in scratch, or those of a cell side by side: `get(column)` reads it.
+/// Calls add(channel, place, amount) for particles of unit mass, channels as `spread_channel`
+/// counts them.
+template <class G, int D, int W, class S, class Get, class Add>
+MPM_INLINE void spread_by(const PhaseNumbers& n, const TransferNumbers& t, const S& s,
+                          const Places<D, W>& places, const Get& get, const Add& add) {
     const Scratch<D> column{n.channels};
-    const auto get = [&](int c) { return pass.scratch[std::size_t(c) * count + q]; };
-    if (phase.part == Part::averages) {
+    const G none = G(ScalarOf<G>(0));
+    if (t.part == Part::averages) {
         const G j = get(column.value(D));
-        for_each_node(s, places, [&](const auto&, int place, G w) { add(0, place, w * j); });
+        for_each_node(s, places,
+                      [&](const auto&, int place, G w) MPM_INLINE_LAMBDA { add(0, place, w * j); });
         return;
     }
     G value[D];
     MPM_UNROLL for (int c = 0; c < D; ++c) value[c] = get(column.value(c));
-    if (phase.part == Part::vectors) {
-        for_each_node(s, places, [&](const auto&, int place, G w) {
+    if (t.part == Part::vectors) {
+        for_each_node(s, places, [&](const auto&, int place, G w) MPM_INLINE_LAMBDA {
             MPM_UNROLL for (int c = 0; c < D; ++c) add(c, place, w * value[c]);
         });
         return;
     }
-    if (phase.part == Part::stresses) {
-        for_each_node(s, places, [&](const auto& k, int place, G w) {
+    if (t.part == Part::stresses) {
+        for_each_node(s, places, [&](const auto& k, int place, G w) MPM_INLINE_LAMBDA {
             MPM_UNROLL for (int c = 0; c < D; ++c) {
-                G force = G(0);
+                G force = none;
                 MPM_UNROLL for (int a = 0; a < D; ++a) force =
                     force + get(column.stress(a, c)) * node_along(s, k, w, a, true);
                 add(c, place, -force);
@@ -323,20 +349,21 @@ MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X,
     const bool shapes = n.kernel.gradient == GradientForm::shapes, smoothed = n.channels > D,
                plain = n.plain >= 0;
     const int mass = n.channels + (plain ? D : 0);
-    G slope[D][D] = {}, stress[D][D], average = G(0), tilt[D] = {};
+    G slope[D][D], stress[D][D], average = none, tilt[D];
     MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int c = 0; c < D; ++c) {
-        if (n.scheme.affine) slope[a][c] = get(column.slope(a, c));
+        slope[a][c] = n.scheme.affine ? get(column.slope(a, c)) : none;
         stress[a][c] = get(column.stress(a, c));
     }
+    MPM_UNROLL for (int a = 0; a < D; ++a) tilt[a] = none;
     if (smoothed) {
         average = get(column.value(D));
-        MPM_UNROLL for (int a = 0; a < D; ++a) if (pass.carry) tilt[a] = get(column.slope(a, D));
+        MPM_UNROLL for (int a = 0; a < D; ++a) if (t.carry) tilt[a] = get(column.slope(a, D));
     }
-    for_each_node(s, places, [&](const auto& k, int place, G w) {
+    for_each_node(s, places, [&](const auto& k, int place, G w) MPM_INLINE_LAMBDA {
         G along[D];
         MPM_UNROLL for (int a = 0; a < D; ++a) along[a] = node_along(s, k, w, a, shapes);
         MPM_UNROLL for (int c = 0; c < D; ++c) {
-            G at = value[c], force = G(0);
+            G at = value[c], force = none;
             MPM_UNROLL for (int a = 0; a < D; ++a) {
                 at = at + slope[a][c] * s.distance[a][k[a]];
                 force = force + stress[a][c] * along[a];
@@ -351,6 +378,15 @@ MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X,
         }
         add(mass, place, w);
     });
+}
+template <int W, class X, class T, int D, class S, class Add>
+MPM_INLINE void spread_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
+                                const Places<D, W>& places, std::uint32_t q, const Add& add) {
+    using G = typename Pass<X, T, D>::Grid;
+    const std::size_t count = phase.pass.body.count;
+    spread_by<G>(
+        phase.n, TransferNumbers::of(phase), reached.stencil, places,
+        [&](int c) { return phase.pass.scratch[std::size_t(c) * count + q]; }, add);
 }
 
 /// Which nodal sum each channel of a spread goes to.

@@ -10,6 +10,15 @@ namespace mpm::cpu {
 template <class T>
 inline constexpr int lanes = 32 / int(sizeof(T));
 
+/// Which particles stand in the cell that their offsets are from.
+template <class V, int D>
+MPM_INLINE MaskOf<V> in_cell(const Vec<V, D>& xi) {
+    const V half = V(ScalarOf<V>(0.5));
+    MaskOf<V> m = absolute(xi[0]) <= half;
+    MPM_UNROLL for (int a = 1; a < D; ++a) m = m & (absolute(xi[a]) <= half);
+    return m;
+}
+
 /// With C channels to read and E to add to.
 template <class T, int D, int C, int E = C>
 struct Arena {

@@ -11,7 +11,6 @@
 #include <memory>
 
 #include "mpm/kernels/cpu/arena.hpp"
-#include "mpm/kernels/cpu/levels.hpp"
 #include "mpm/kernels/cpu/phases.hpp"
 #include "mpm/kernels/keep.hpp"
 
@@ -153,12 +152,6 @@ struct BlockPass {
             MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][c] = u.slope[a][c][l];
         }
         return out;
-    }
-
-    MPM_INLINE static MaskOf<V> in_cell(const Vec<V, D>& xi) {
-        MaskOf<V> m = absolute(xi[0]) <= V(T(0.5));
-        MPM_UNROLL for (int a = 1; a < D; ++a) m = m & (absolute(xi[a]) <= V(T(0.5)));
-        return m;
     }
 
     MPM_INLINE void together(const int (&home)[D], std::uint32_t q, int count,
@@ -341,53 +334,27 @@ struct BlockPass {
                 flush<true>(to);
         }
     }
+
+    template <bool packs>
+    MPM_INLINE static void run(const P& pass, const Numbers& numbers, A& arena, const Keep& keep,
+                               std::int32_t slot) {
+        BlockPass{pass, numbers, arena, keep}.template block<packs>(slot);
+    }
 };
 
-/// One block with the instructions of a level (kernels/cpu/levels.hpp). Packs are for wide
-/// vectors: without them a particle at a time is as fast and compiles in a third of the time.
-template <class B>
-void run_block(const typename B::P& pass, const typename B::Numbers& numbers, typename B::A& arena,
-               const typename B::Keep& keep, std::int32_t slot) {
-    B{pass, numbers, arena, keep}.template block<!MPM_HAS_LEVELS>(slot);
-}
-#if MPM_HAS_LEVELS
-template <class B>
-MPM_LEVEL_V3 void run_block_v3(const typename B::P& pass, const typename B::Numbers& numbers,
-                               typename B::A& arena, const typename B::Keep& keep,
-                               std::int32_t slot) {
-    B{pass, numbers, arena, keep}.template block<true>(slot);
-}
-template <class B>
-MPM_LEVEL_V4 void run_block_v4(const typename B::P& pass, const typename B::Numbers& numbers,
-                               typename B::A& arena, const typename B::Keep& keep,
-                               std::int32_t slot) {
-    B{pass, numbers, arena, keep}.template block<true>(slot);
-}
-#endif
-template <class B>
-using RunBlock = void (*)(const typename B::P& pass, const typename B::Numbers& numbers,
-                          typename B::A& arena, const typename B::Keep& keep, std::int32_t slot);
 /// The instructions that a pass is compiled for besides those of every processor. The first deposit
 /// runs once, and the two-pass form is there on the CPU to be compared with the fused one: these
 /// are not worth more than one level. Solids that store velocities get two: the third would cost as
 /// much to compile as both.
-enum class Levels { base, up_to_v3, all };
 template <class Material, Stage stage, bool keeps = false>
 constexpr Levels levels() {
     if (stage == Stage::initial || stage == Stage::gather) return Levels::base;
     return keeps && !Material::volumetric ? Levels::up_to_v3 : Levels::all;
 }
 template <class B, Levels to>
-RunBlock<B> block_runner() {
-#if MPM_HAS_LEVELS
-    if constexpr (to == Levels::all) {
-        if (processor_level() == Level::v4) return &run_block_v4<B>;
-    }
-    if constexpr (to != Levels::base) {
-        if (processor_level() >= Level::v3) return &run_block_v3<B>;
-    }
-#endif
-    return &run_block<B>;
+auto block_runner() {
+    return runner<B, to, const typename B::P&, const typename B::Numbers&, typename B::A&,
+                  const typename B::Keep&, std::int32_t>();
 }
 
 /// Calls block(arena, slot) for the home blocks of a body, colour after colour.
@@ -419,7 +386,7 @@ void run_body(const Pass<Cpu, T, D>& pass) {
     const auto numbers = numbers_of<Material>(pass);
     using A = Arena<T, D, transfer_channels<D, S>>;
     using B = BlockPass<Material, S, T, D, stage>;
-    const RunBlock<B> run = block_runner<B, levels<Material, stage>()>();
+    const auto run = block_runner<B, levels<Material, stage>()>();
     for_each_block<A>(pass,
                       [&](A& arena, std::int32_t slot) { run(pass, numbers, arena, {}, slot); });
 }
@@ -433,7 +400,7 @@ void run_keeping(const Phase<Cpu, T, D>& phase) {
     const auto keep = keep_numbers<T>(phase.n);
     using A = KeepArena<T, D, transfer_channels<D, S>>;
     using B = BlockPass<Material, S, T, D, Stage::fused, true>;
-    const RunBlock<B> run = block_runner<B, levels<Material, Stage::fused, true>()>();
+    const auto run = block_runner<B, levels<Material, Stage::fused, true>()>();
     for_each_block<A>(pass,
                       [&](A& arena, std::int32_t slot) { run(pass, numbers, arena, keep, slot); });
 }

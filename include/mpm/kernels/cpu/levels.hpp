@@ -56,4 +56,38 @@ inline Level processor_level() {
 #endif
 }
 
+/// The instructions that a pass is compiled for besides those of every processor.
+enum class Levels { base, up_to_v3, all };
+
+// B::run<packs>(...) with the instructions of a level. Packs are for wide vectors: without them a
+// particle at a time is as fast and compiles in a third of the time.
+template <class B, class... A>
+void run_at_base(A... a) {
+    B::template run<!MPM_HAS_LEVELS>(a...);
+}
+#if MPM_HAS_LEVELS
+template <class B, class... A>
+MPM_LEVEL_V3 void run_at_v3(A... a) {
+    B::template run<true>(a...);
+}
+template <class B, class... A>
+MPM_LEVEL_V4 void run_at_v4(A... a) {
+    B::template run<true>(a...);
+}
+#endif
+
+/// The highest of the levels up to `to` that this processor has.
+template <class B, Levels to, class... A>
+void (*runner())(A...) {
+#if MPM_HAS_LEVELS
+    if constexpr (to == Levels::all) {
+        if (processor_level() == Level::v4) return &run_at_v4<B, A...>;
+    }
+    if constexpr (to != Levels::base) {
+        if (processor_level() >= Level::v3) return &run_at_v3<B, A...>;
+    }
+#endif
+    return &run_at_base<B, A...>;
+}
+
 }  // namespace mpm::cpu

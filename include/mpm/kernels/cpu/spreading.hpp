@@ -27,6 +27,52 @@ struct SpreadArena {
     }
 };
 
+/// Sums of one cell's particles on their way to the arena, a pack a node and channel. A place is
+/// the number of a node of the stencil.
+template <class T, int D, int W>
+struct SpreadSums {
+    using V = Pack<T, lanes<T>>;
+    static constexpr int nodes = D == 2 ? W * W : W * W * W, width = SpreadTargets<D>::most;
+    V value[nodes][width];
+
+    static Places<D, W> places() {
+        Places<D, W> p;
+        int step = 1;
+        MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+            MPM_UNROLL for (int k = 0; k < W; ++k) p.part[a][k] = k * step;
+            step *= W;
+        }
+        return p;
+    }
+    MPM_INLINE void clear(int channels) {
+        for (int n = 0; n < nodes; ++n)
+            for (int c = 0; c < channels; ++c) value[n][c] = V(T(0));
+    }
+    /// Adds m times the sums to the nodes around a cell, `at` their places in the arena.
+    MPM_INLINE void bring(SpreadArena<T, D, W>& arena, const Places<D, W>& at, T m,
+                          int channels) const {
+        constexpr int L = V::lanes;
+        MPM_NO_UNROLL for (int n = 0; n < nodes; ++n) {
+            int place = 0, rest = n;
+            MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
+                place += at.part[a][rest % W];
+                rest /= W;
+            }
+            MPM_UNROLL for (int first = 0; first < width; first += L) {
+                if (first >= channels) break;
+                V parts[L];
+                MPM_UNROLL for (int k = 0; k < L; ++k) parts[k] =
+                    first + k < width && first + k < channels ? value[n][first + k] : V(T(0));
+                const V total = sums_of_lanes(parts);
+                MPM_UNROLL for (int k = 0; k < L; ++k) {
+                    if (first + k < width && first + k < channels)
+                        arena.sums[place][first + k] += m * total[k];
+                }
+            }
+        }
+    }
+};
+
 /// What an arena holds of the particles of a home block, into the grid.
 template <int W, class T, int D>
 MPM_INLINE void flush_arena(const Phase<Cpu, T, D>& phase, const SpreadTargets<D>& to,

@@ -46,15 +46,14 @@ namespace detail {
 
 template <class V>
 MPM_INLINE V hat(V r) {
-    const V d = V(1) - absolute(r);
-    return d > V(0) ? d : V(0);
+    return larger(V(1) - absolute(r), V(0));
 }
 /// Integral of the hat from minus infinity.
 template <class V>
 MPM_INLINE V hat_integral(V r) {
-    if (r <= V(-1)) return V(0);
-    if (r >= V(1)) return V(1);
-    return r < V(0) ? V(0.5) * (V(1) + r) * (V(1) + r) : V(1) - V(0.5) * (V(1) - r) * (V(1) - r);
+    const V below = V(0.5) * (V(1) + r) * (V(1) + r),
+            above = V(1) - V(0.5) * (V(1) - r) * (V(1) - r);
+    return select(r <= V(-1), V(0), select(V(1) <= r, V(1), select(r < V(0), below, above)));
 }
 
 /// B-spline of degree 1 to 3 on its degree + 2 knots, which may coincide (Cox and de Boor), at x.
@@ -86,24 +85,23 @@ MPM_CALL ShapeValue<V> spline_on_knots(int degree, const V (&knot)[5], V x, V la
 /// `half` is the particle's half-edge, for GIMP.
 template <class V>
 MPM_INLINE ShapeValue<V> shape_value(Kernel kernel, V r, V half) {
-    const V d = absolute(r), sign = r < V(0) ? V(-1) : V(1);
+    const V d = absolute(r), sign = select(r < V(0), V(-1), V(1)), none = V(0);
     switch (kernel) {
         case Kernel::linear:  // its slopes are `linear_slope`
         case Kernel::ddmp:
-            return {detail::hat(r), d < V(1) ? -sign : V(0)};
+            return {detail::hat(r), select(d < V(1), -sign, none)};
         case Kernel::quadratic: {
-            const V rest = V(1.5) - d;
-            if (d <= V(0.5)) return {V(0.75) - r * r, V(-2) * r};
-            return rest > V(0) ? ShapeValue<V>{V(0.5) * rest * rest, -sign * rest}
-                               : ShapeValue<V>{};
+            const V rest = larger(V(1.5) - d, none);
+            const auto inner = d <= V(0.5);
+            return {select(inner, V(0.75) - r * r, V(0.5) * rest * rest),
+                    select(inner, V(-2) * r, -sign * rest)};
         }
         case Kernel::cubic: {
-            const V rest = V(2) - d;
-            if (d <= V(1))
-                return {V(2.0 / 3) - r * r + V(0.5) * d * d * d, r * (V(1.5) * d - V(2))};
-            return rest > V(0) ? ShapeValue<V>{rest * rest * rest * V(1.0 / 6),
-                                               -sign * V(0.5) * rest * rest}
-                               : ShapeValue<V>{};
+            const V rest = larger(V(2) - d, none);
+            const auto inner = d <= V(1);
+            return {select(inner, V(2.0 / 3) - r * r + V(0.5) * d * d * d,
+                           rest * rest * rest * V(1.0 / 6)),
+                    select(inner, r * (V(1.5) * d - V(2)), -sign * V(0.5) * rest * rest)};
         }
         default: {
             const V inverse = V(0.5) / half;
@@ -119,8 +117,8 @@ MPM_INLINE ShapeValue<V> shape_value(Kernel kernel, V r, V half) {
 /// stand on it for one function and beside it for another, and slopes would not sum to zero.
 template <class V>
 MPM_INLINE V linear_slope(int node, V xi) {
-    const int low = V(1) + xi < V(1) ? -1 : 0;
-    return node == low ? V(-1) : (node == low + 1 ? V(1) : V(0));
+    const auto of = [&](int low) { return V(node == low ? -1 : (node == low + 1 ? 1 : 0)); };
+    return select(V(1) + xi < V(1), of(-1), of(0));
 }
 
 /// What a scene's kernel is, uniform over its particles.
@@ -131,7 +129,36 @@ struct KernelChoice {
     double half_edge = 0;   // of a particle at rest, for GIMP
     int cells[3] = {};      // of the domain
     bool modified = false;  // linear functions: what a deposit takes for them (modify_for_deposit)
+
+    /// Has a particle in that cell of an axis clamped functions?
+    MPM_INLINE bool near_end(std::int64_t cell, int axis) const {
+        return clamped && (cell < 3 || cell >= cells[axis] - 3);
+    }
 };
+
+namespace detail {
+
+/// The clamped spline of a node for a particle in a cell near an end of the domain; `away` becomes
+/// the distance of what the node stands for.
+template <class V>
+MPM_INLINE ShapeValue<V> clamped_value(const KernelChoice& k, int node, int axis, std::int64_t cell,
+                                       V xi, V& away) {
+    const int degree = is_linear(k.kernel) ? 1 : (k.kernel == Kernel::quadratic ? 2 : 3);
+    // In cells from the lower end of the domain.
+    const V last = V(k.cells[axis]);
+    const V at = smaller(larger(V(double(cell) + 0.5) + xi, V(0)), last);
+    V knot[5];
+    MPM_UNROLL for (int m = 0; m < 5; ++m) {
+        const double uniform = double(cell) + node + 0.5 - 0.5 * (degree + 1) + m;
+        knot[m] = smaller(larger(V(uniform), V(0)), last);
+    }
+    // Linear fields are reproduced from the means of a function's inner knots.
+    away = V(0) - at;
+    for (int m = 1; m <= degree; ++m) away = away + knot[m] / V(degree);
+    return spline_on_knots(degree, knot, at, last);
+}
+
+}  // namespace detail
 
 /// A particle's nodes along each axis: number W / 2 is the centre of its cell.
 template <class V, int D, int W>
@@ -143,32 +170,20 @@ struct Stencil {
     V inverse[D];      // 1 / sum of weight distance^2: what turns a first moment into a slope
 };
 
-/// `xi` is the offset from the centre of cell `cell` of the domain, in [-1/2, 1/2].
+/// `xi` is the offset from the centre of cell `cell` of the domain, in [-1/2, 1/2]. Lanes have no
+/// clamped splines.
 template <int W, class V, int D>
-MPM_HOST_CALL Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& xi,
-                                          const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
+MPM_INLINE Stencil<V, D, W> stencil_within(const KernelChoice& k, const Vec<V, D>& xi,
+                                           const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
     Stencil<V, D, W> s;
-    const int degree = is_linear(k.kernel) ? 1 : (k.kernel == Kernel::quadratic ? 2 : 3);
     MPM_UNROLL for (int a = 0; a < D; ++a) {
-        const bool at_end = k.clamped && (cell[a] < 3 || cell[a] >= k.cells[a] - 3);
         V moment = V(0);
         MPM_UNROLL for (int n = 0; n < W; ++n) {
             V away = V(n - W / 2) - xi[a];
             ShapeValue<V> f;
-            if (at_end) {
-                // In cells from the lower end of the domain.
-                const V last = V(k.cells[a]);
-                const V at = smaller(larger(V(double(cell[a]) + 0.5) + xi[a], V(0)), last);
-                V knot[5];
-                MPM_UNROLL for (int m = 0; m < 5; ++m) {
-                    const double uniform =
-                        double(cell[a]) + (n - W / 2) + 0.5 - 0.5 * (degree + 1) + m;
-                    knot[m] = smaller(larger(V(uniform), V(0)), last);
-                }
-                f = detail::spline_on_knots(degree, knot, at, last);
-                // Linear fields are reproduced from the means of a function's inner knots.
-                away = V(0) - at;
-                for (int m = 1; m <= degree; ++m) away = away + knot[m] / V(degree);
+            if (k.near_end(cell[a], a)) {
+                if constexpr (NumberTraits<V>::lanes == 1)
+                    f = detail::clamped_value(k, n - W / 2, a, cell[a], xi[a], away);
             } else {
                 f = shape_value(k.kernel, -away, half[a]);
                 if (is_linear(k.kernel)) f.slope = linear_slope(n - W / 2, xi[a]);
@@ -178,9 +193,14 @@ MPM_HOST_CALL Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>
             s.distance[a][n] = away;
             moment = moment + f.value * away * away;
         }
-        s.inverse[a] = moment > V(0) ? V(1) / moment : V(0);
+        s.inverse[a] = select(moment > V(0), V(1) / moment, V(0));
     }
     return s;
+}
+template <int W, class V, int D>
+MPM_HOST_CALL Stencil<V, D, W> stencil_of(const KernelChoice& k, const Vec<V, D>& xi,
+                                          const Vec<V, D>& half, const std::int64_t (&cell)[D]) {
+    return stencil_within<W>(k, xi, half, cell);
 }
 
 /// Linear functions as a deposit may take them (Yang 2016, A.4 and A.5, the clamp corrected): no
