@@ -237,6 +237,22 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
             b.tractions.push_back(std::move(pull));
         }
     }
+    if (d.contains("pins")) {
+        for (const auto& item : d["pins"]) {
+            const py::dict given = item.cast<py::dict>();
+            PinSpec pin;
+            pin.vertices = given["vertices"].cast<std::vector<std::uint64_t>>();
+            pin.axes = given["axes"].cast<std::vector<int>>();
+            for (const std::uint64_t v : pin.vertices)
+                if (v >= b.count)
+                    throw SceneError("body '" + b.name + "': a pin names vertex " +
+                                     std::to_string(v) + " of " + std::to_string(b.count));
+            if (!given["displacement"].is_none())
+                pin.displacement =
+                    read_table(given["displacement"], dimension, "body '" + b.name + "': pin");
+            b.pins.push_back(std::move(pin));
+        }
+    }
     const py::dict f = d["fbar"];
     const auto form = f["form"].cast<std::string>();
     const std::map<std::string, SmoothingForm> forms = {
@@ -438,7 +454,8 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
         {"load-cell", SensorKind::load_cell},           {"wave-gauge", SensorKind::wave_gauge},
         {"velocity-probe", SensorKind::velocity_probe}, {"tracker", SensorKind::tracker},
         {"contact-load", SensorKind::contact_load},     {"energy", SensorKind::energy},
-        {"rigid-motion", SensorKind::rigid_motion}};
+        {"rigid-motion", SensorKind::rigid_motion},
+        {"pin-force", SensorKind::pin_force}};
     const auto it = kinds.find(d["kind"].cast<std::string>());
     if (it == kinds.end())
         throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() +
@@ -471,6 +488,11 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
         if (!spec.bodies[std::size_t(s.body)].rigid.given)
             throw SceneError("sensor '" + s.name + "': body '" +
                              spec.bodies[std::size_t(s.body)].name + "' is not rigid");
+    }
+    if (s.kind == SensorKind::pin_force) {
+        check(s.body, spec.bodies.size(), "body");
+        s.pin = d["pin"].cast<int>();
+        check(s.pin, spec.bodies[std::size_t(s.body)].pins.size(), "pin of its body");
     }
     if (s.kind == SensorKind::tracker) s.ids = d["ids"].cast<std::vector<std::uint64_t>>();
     if (s.kind == SensorKind::contact_load) {

@@ -1,4 +1,4 @@
-"""Grids of triangles and of splines for plane scenes, their functions, masses and tractions."""
+"""Grids of triangles and of splines for plane scenes; tractions and pins of bodies."""
 
 from libmpm._src.grids.bases import (
     ConsistentMass,
@@ -14,7 +14,7 @@ from libmpm._src.grids.functions import Functions
 from libmpm._src.grids.grid import SplineGrid, TriangularGrid
 from libmpm._src.grids.mesh import Mesh
 from libmpm._src.grids.projection import Projection
-from libmpm._src.grids.shapes import Traction
+from libmpm._src.grids.shapes import Pin, Traction
 
 __all__ = [
     "ConsistentMass",
@@ -26,6 +26,7 @@ __all__ = [
     "LumpedMass",
     "Mesh",
     "PartialMass",
+    "Pin",
     "PowellSabin",
     "Projection",
     "SplineGrid",

@@ -1,8 +1,8 @@
 """Sensors.
 
 Evaluated by the engine, at hardly any cost: `LoadCell`, `ContactLoad`, `WaveGauge`,
-`VelocityProbe`, `ParticleTracker`, `RigidMotion`, `Energy`. Evaluated in Python at their due
-times: `GridSensor`, `ParticleSensor`, `AttributeTracker`, `BodyTracker`, `ContactForce`,
+`VelocityProbe`, `ParticleTracker`, `RigidMotion`, `PinForce`, `Energy`. Evaluated in Python at
+their due times: `GridSensor`, `ParticleSensor`, `AttributeTracker`, `BodyTracker`, `ContactForce`,
 `PressureProbe`, `ElevationGauge`, `ColumnGauge`, `Custom`.
 """
 
@@ -13,6 +13,7 @@ from libmpm._src.sensors.engine_sensors import (
     Energy,
     LoadCell,
     ParticleTracker,
+    PinForce,
     RigidMotion,
     Sensor,
     VelocityProbe,
@@ -35,6 +36,7 @@ __all__ += [
     "LoadCell",
     "ParticleSensor",
     "ParticleTracker",
+    "PinForce",
     "PressureProbe",
     "RigidMotion",
     "Sensor",

@@ -178,6 +178,11 @@ private:
     Fault describe_element(Body& body, Fault fault);
     std::vector<T> kept_here(const Body& body) const;
     void move_vertices(const std::vector<std::size_t>& moving);
+    // domain_pins.hpp
+    void rest_pinned(Body& body, const BodySpec& spec);
+    void pin_vertices(Body& body, const Phase<X, T, D>& phase);
+    void tell_pins(int number, const std::vector<std::array<double, D>>& push);
+    void sample_pin(Sensor<Base>& sensor, SensorRecord& record);
 
     // domain_meshes.hpp
     bool has_meshes() const {
@@ -542,6 +547,7 @@ private:
 #include "mpm/solver/domain_ranks.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_rigid.hpp"
+#include "mpm/solver/domain_pins.hpp"
 #include "mpm/solver/domain_rigid_loads.hpp"
 #include "mpm/solver/domain_setup.hpp"
 #include "mpm/solver/domain_sort.hpp"

@@ -16,6 +16,7 @@ void Domain<X, T, D>::make_mesh(Body& body, const BodySpec& s) {
         body.mesh = std::make_unique<ElementMesh<X, T, D>>(
             exec_, s.name, position, s.elements, s.vertex_volumes, body.elements.kept,
             spec_.cell_size, body.material->density(s.parameters.data()));
+        body.mesh->pin(s.pins);
         body.ops = vertex_ops<X, T, D>();
     }
 }
@@ -45,6 +46,7 @@ void Domain<X, T, D>::move_vertices(const std::vector<std::size_t>& moving) {
             if (!body.mesh) continue;
             Phase<X, T, D> p = phase(body, int(b), 1 - parity());
             p.turns = true;
+            pin_vertices(body, p);
             body.ops.respond(p);
             after_respond(body, p);
             body.elements.locate(p.pass, body.mesh->view(), false);

@@ -485,6 +485,7 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
         exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
     };
     for (int a = 0; a < D; ++a) fill(velocity, D, a, a, 1);
+    rest_pinned(body, spec_.bodies[std::size_t(number)]);
     if (by_columns) {
         const Phase<X, T, D> p = phase(body, number, to);
         body.ops.rest(p);

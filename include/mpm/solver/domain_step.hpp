@@ -122,6 +122,7 @@ void Domain<X, T, D>::run_sensors() {
         if (s.spec.kind == SensorKind::energy) sample_energy(s, record);
         if constexpr (!X::is_device) {
             if (s.spec.kind == SensorKind::rigid_motion) sample_rigid(s, *record);
+            if (s.spec.kind == SensorKind::pin_force) sample_pin(s, *record);
         }
     }
 }

@@ -16,6 +16,7 @@
 #include "mpm/exec/buffer.hpp"
 #include "mpm/kernels/elements.hpp"
 #include "mpm/solver/mesh_share.hpp"
+#include "mpm/solver/spec.hpp"
 
 namespace mpm {
 
@@ -31,10 +32,10 @@ void check_mesh(const std::string& body, int dimension, const std::vector<double
 /// Memory of a mesh with numbers of `real` bytes.
 template <int D>
 double planned_mesh_bytes(std::uint64_t elements, std::uint64_t vertices, bool vertex_volumes,
-                          int kept, bool loaded, int real) {
+                          int kept, bool loaded, bool pinned, int real) {
     const int of_volumes = vertex_volumes ? 1 : 0,
               by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + kept),
-              by_vertex = 4 * (2 * D + 1) + real * (2 * D + 3 * of_volumes + (loaded ? D : 0));
+              by_vertex = 4 * (2 * D + 1 + (pinned ? 1 : 0)) + real * (2 * D + 3 * of_volumes + (loaded ? D : 0));
     return double(elements) * by_element + double(vertices) * by_vertex;
 }
 
@@ -63,6 +64,7 @@ public:
           vertex_change_(exec),
           pressure_(exec),
           load_(exec),
+          pinned_(exec),
           inverted_(exec),
           energy_(exec),
           pushed_(exec),
@@ -165,6 +167,16 @@ public:
         if (load_.size() == 0) load_.assign(std::vector<T>(vertices_ * D, T(0)));
         return load_.data();
     }
+    /// Which of the pinned vertices each is, in the order of their pins, or -1; null without pins.
+    const std::int32_t* pinned() const { return pinned_.size() > 0 ? pinned_.data() : nullptr; }
+    void pin(const std::vector<PinSpec>& pins) {
+        if (pins.empty()) return;
+        std::vector<std::int32_t> number(vertices_, -1);
+        std::int32_t next = 0;
+        for (const PinSpec& pin : pins)
+            for (const std::uint64_t v : pin.vertices) number[std::size_t(v)] = next++;
+        pinned_.assign(number);
+    }
     /// Room for a number an element, taken when it is first asked for.
     double* energy() {
         energy_.reserve_discard(elements_);
@@ -196,7 +208,7 @@ public:
                corner_.bytes() + inverse_.bytes() + volume_.bytes() + force_.bytes() +
                grown_.bytes() + kept_.bytes() + rest_offset_.bytes() + beyond_.bytes() +
                vertex_volume_.bytes() + vertex_change_.bytes() + pressure_.bytes() + load_.bytes() +
-               inverted_.bytes() + energy_.bytes() + pushed_.bytes() + measured_.bytes() +
+               pinned_.bytes() + inverted_.bytes() + energy_.bytes() + pushed_.bytes() + measured_.bytes() +
                pressed_.bytes() + (share_ ? share_->bytes() : 0);
     }
 
@@ -210,6 +222,7 @@ private:
     Buffer<X, std::uint32_t> start_, corner_;
     Buffer<X, T> inverse_, volume_, force_, grown_, kept_;
     Buffer<X, T> rest_offset_, beyond_, vertex_volume_, vertex_change_, pressure_, load_;
+    Buffer<X, std::int32_t> pinned_;
     Buffer<X, std::uint64_t> inverted_;
     Buffer<X, double> energy_;
     Buffer<X, std::int32_t> pushed_, measured_, pressed_;

@@ -32,7 +32,8 @@ struct Sensor {
     Buffer<X, double> partial;  // energy: of each home, then of the parts of their sum
     Buffer<X, SumSet> set;
     std::int64_t homes = -1;   // that `set` and `partial` are for
-    std::vector<double> told;  // of a rigid body: its impulses at the sample before
+    // Of a rigid body: its impulses at the sample before. Of a pin: its impulse since then.
+    std::vector<double> told;
     Samples drained;
     explicit Sensor(X& x) : times(x), values(x), first(x), ids(x), columns(x), partial(x), set(x) {}
 };
@@ -94,6 +95,9 @@ public:
                  const std::vector<double>& first, std::vector<double> impulse, const Clock& clock);
 
 private:
+    static bool keeps_told(SensorKind kind) {
+        return kind == SensorKind::rigid_motion || kind == SensorKind::pin_force;
+    }
     static constexpr std::size_t rigid_loads = D == 2 ? 3 : 6;  // forces, then moments
     std::vector<std::uint64_t> blocks_of(const BlockKeys<D>& keys_of,
                                          const std::vector<PointRecord<D>>& points) const;
@@ -343,7 +347,7 @@ void Sensors<X, D>::save(State& state) const {
     state["load_impulse"] = detail::to_blob(load_impulse_.host());
     std::vector<double> told;
     for (const auto& s : sensors_) {
-        if (s.spec.kind != SensorKind::rigid_motion) continue;
+        if (!keeps_told(s.spec.kind)) continue;
         auto own = s.told;
         own.resize(rigid_loads, std::numeric_limits<double>::quiet_NaN());
         told.insert(told.end(), own.begin(), own.end());
@@ -365,7 +369,7 @@ void Sensors<X, D>::load(const State& state, const Clock& clock) {
         const auto told = detail::from_blob<double>(state, "rigid_told");
         auto from = told.begin();
         for (auto& s : sensors_) {
-            if (s.spec.kind != SensorKind::rigid_motion) continue;
+            if (!keeps_told(s.spec.kind)) continue;
             if (told.end() - from < std::ptrdiff_t(rigid_loads)) break;
             s.told.assign(from, from + std::ptrdiff_t(rigid_loads));
             if (std::isnan(s.told[0])) s.told.clear();

@@ -47,6 +47,13 @@ struct TractionSpec {
     TableSpec value;                       // Pa
 };
 
+/// Vertices of a body of elements that are held, or driven.
+struct PinSpec {
+    std::vector<std::uint64_t> vertices;  // numbers, of no other pin
+    std::vector<int> axes;                // along which
+    TableSpec displacement;               // from their places at rest, m; without rows: none
+};
+
 /// Particles of a body from an id on, until the next of these, that are to begin on one rank.
 struct GroupOfIds {
     std::uint64_t first;  // above the body's first id
@@ -106,6 +113,7 @@ struct BodySpec {
     Rows all_vertices;  // of a rank of several: of the whole mesh, by id; else empty
     RigidSpec rigid;
     std::vector<TractionSpec> tractions;  // of elements, and on functions over cells
+    std::vector<PinSpec> pins;            // of elements
     // On functions over cells only:
     Rows volume;  // (count,) m^2, or empty: all alike, from the mass
     Rows stress;  // (count, 4) Pa: xx, yy, xy, zz of materials that store it, or empty
@@ -265,7 +273,8 @@ enum class SensorKind {
     tracker,
     energy,
     contact_load,
-    rigid_motion
+    rigid_motion,
+    pin_force
 };
 
 struct SensorSpec {
@@ -277,6 +286,7 @@ struct SensorSpec {
     std::vector<double> reference, position;
     int axis = -1;
     int body = -1;
+    int pin = -1;  // of the body
     std::vector<std::uint64_t> ids;
     // Of a contact: of two fields by their kinds, the lower field first, whether the force on the
     // second counts (1), that on the first (-1), or none (0); and the only two that count, if any.

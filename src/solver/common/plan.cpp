@@ -251,6 +251,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     check_contact(spec);
     check_elements(spec, backend);
     check_rigid(spec, backend);
+    check_pins(spec);
     const bool between =
         spec.deformed_nodes || spec.kernel.modified ||
         std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
@@ -366,14 +367,14 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         p.vertex_volumes = body.vertex_volumes;
         if (p.elements > 0) {
             p.kept = kept_by_element(body.material, D);
-            const bool loaded = !body.tractions.empty();
+            const bool loaded = !body.tractions.empty(), pinned = !body.pins.empty();
             p.state_columns = 1;
             p.columns.push_back({"mass_share", 1, real});
             plan.memory_particles +=
                 D == 2 ? planned_mesh_bytes<2>(p.elements, p.particles, p.vertex_volumes, p.kept,
-                                               loaded, real)
+                                               loaded, pinned, real)
                        : planned_mesh_bytes<3>(p.elements, p.particles, p.vertex_volumes, p.kept,
-                                               loaded, real);
+                                               loaded, pinned, real);
         } else {
             p.rigid = body.rigid.given;
             p.state_columns = m.reals(D);

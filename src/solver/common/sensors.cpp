@@ -55,6 +55,9 @@ std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(con
             else
                 for (const auto& a : axes) add("moment_" + a, "N m");
             break;
+        case SensorKind::pin_force:
+            for (const auto& a : axes) add("force_" + a, flat ? "N/m" : "N");
+            break;
         case SensorKind::energy:
             for (const char* n : {"kinetic", "elastic", "potential", "dissipated"})
                 add(n, flat ? "J/m" : "J");

@@ -327,6 +327,7 @@ void FunctionsEngine::sample(std::size_t s) {
         }
         case SensorKind::contact_load:
         case SensorKind::rigid_motion:
+        case SensorKind::pin_force:
             throw SceneError("sensor '" + spec.name +
                              "': contacts are not built for grids of functions; leave it out");
         case SensorKind::wave_gauge:

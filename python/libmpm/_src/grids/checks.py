@@ -149,6 +149,8 @@ def check_body(scene: SceneData, body: Body, problems: list[str]) -> bool:
     if body.lattice is not None and len(body.lattice) != 2:
         check.fail(f"lattice has {len(body.lattice)} numbers; expected 2")
         fits = False
+    if body.pins:
+        check.fail("pins hold vertices of elements; expected none on a grid; remove them")
     if body.tractions and not isinstance(shape, Box):
         check.fail("tractions act on faces of a shapes.Box; expected one; or remove them")
     for k, traction in enumerate(body.tractions):
@@ -219,6 +221,7 @@ def check_square_cells(scene: SceneData, problems: list[str]) -> bool:
     """Refuse what only grids of functions have; returns whether the rest can be checked."""
     fine = True
     remedy = "expected a grid of libmpm.grids for it: Scene(grid=...)"
+    pinned = "expected a body of elements: shapes.Tetrahedra, shapes.Triangles"
     loaded = f"{remedy}, or a body of elements: shapes.Tetrahedra, shapes.Triangles"
     for body in scene.bodies:
         wrong = []
@@ -227,8 +230,10 @@ def check_square_cells(scene: SceneData, problems: list[str]) -> bool:
             fine = False
         if body.tractions and not isinstance(body.shape, ElementMesh):
             wrong.append("tractions")
+        if body.pins and not isinstance(body.shape, ElementMesh):
+            wrong.append("pins")
         for what in wrong:
-            what_else = loaded if what == "tractions" else remedy
+            what_else = {"tractions": loaded, "pins": pinned}.get(what, remedy)
             problems.append(f"body '{body.name}': {what} on a grid of square cells; {what_else}")
         if body.lattice is not None and len(body.lattice) != scene.dimension:
             problems.append(

@@ -1,4 +1,4 @@
-"""`Cells`, `Points`, `Outline`, `Traction`: shapes on such grids, and forces on surfaces."""
+"""`Cells`, `Points`, `Outline`; `Traction`, `Pin`: on such grids, and on surfaces of bodies."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import numpy as np
 from libmpm._src.base.arrays import real_array
 from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable, check_vector_table
-from libmpm._src.base.values import Checker, Value, shown, value
+from libmpm._src.base.values import Checker, Value, sequence, shown, value
+from libmpm._src.boundaries.responses import Displacement
 from libmpm._src.shapes.boxes import Box, Shape, faces_of
 
-__all__ = ["Cells", "Outline", "Points", "Traction"]
+__all__ = ["Cells", "Outline", "Pin", "Points", "Traction"]
 
 
 def _points(check: Checker, name: str, given: Any, least: int) -> tuple[tuple[float, ...], ...]:
@@ -216,4 +217,89 @@ class Traction(Value):
                          f"{', '.join(faces_of(dimension))}")  # fmt: skip
         if self.within is not None and self.within.dimension != dimension:
             found.append(f"within is a box in {self.within.dimension}D; expected {dimension}D")
+        return found
+
+
+@value
+class Pin(Value):
+    """Vertices of a body of elements that are held where they are, or driven.
+
+    {fields}
+
+    All vertices at the end of the mesh's bounds that `face` names, or in `within`, or both where
+    both are given. Each takes the velocity (u(t + Δt) - u) / Δt along the named axes, u its
+    displacement, and nothing of what the grid gives it; the momentum by which that differs from
+    what it would have kept is the pin's push, which `sensors.PinForce` reads. Held nodes
+    (`boundaries.Prescribed` on a region) hold what lies within a cell of them as well; pins hold
+    the vertices alone. Raises `SceneError`; the scene refuses one that no vertex answers to, and
+    two with a vertex in common.
+    """
+
+    label: ClassVar[str] = "Pin"
+
+    face: str | None = given(
+        '"x-", "x+", "y-", "y+" and in 3D "z-" or "z+": an end of the mesh\'s bounds at the start. '
+        "None = what lies in `within`",
+        default=None,
+        range="a name",
+    )
+    within: Box | None = given(
+        "a `shapes.Box` that holds the vertices at rest, on its faces too. None = all that `face` "
+        "names",
+        default=None,
+    )
+    motion: Displacement | None = given(
+        "`boundaries.Displacement`: how far they are from their places at rest. None = nowhere",
+        default=None,
+    )
+    components: str | Sequence[str] = given(
+        '"all", or the axes along which they are held, ("x",)', default="all", range="names"
+    )
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        told: dict[str, Any] = {}
+        if self.face is not None:
+            told["face"] = check.choice("face", self.face, faces_of(3))
+        elif self.within is None:
+            check.fail(
+                "face and within are missing; expected one of them or both: face='x-' of a mesh's "
+                "bounds, or within=shapes.Box(lower=, upper=) around the vertices"
+            )
+        if self.within is not None:
+            check.instance("within", self.within, (Box,), "shapes.Box(lower=..., upper=...)")
+        if self.motion is not None:
+            example = "boundaries.Displacement(TimeTable(...)) or None"
+            check.instance("motion", self.motion, (Displacement,), example)
+        if self.components == "all":
+            return told
+        axes = (self.components,) if isinstance(self.components, str) else self.components
+        chosen = sequence(axes)
+        if not chosen or len(set(chosen)) != len(chosen) or not set(chosen) <= set("xyz"):
+            check.fail(
+                f"components is {shown(self.components)}; expected 'all', or some of 'x', 'y' and "
+                "'z', each once"
+            )
+            return told
+        return told | {"components": tuple(chosen)}
+
+    def axes(self, dimension: int) -> tuple[int, ...]:
+        """Return the numbers of the axes along which it holds."""
+        if self.components == "all":
+            return tuple(range(dimension))
+        return tuple(sorted("xyz".index(name) for name in self.components))
+
+    def _misfits(self, dimension: int) -> list[str]:
+        """Return what of it is not of this dimension."""
+        found = []
+        if self.face is not None and self.face not in faces_of(dimension):
+            found.append(f"face is {self.face!r} in {dimension}D; expected "
+                         f"{', '.join(faces_of(dimension))}")  # fmt: skip
+        if self.within is not None and self.within.dimension != dimension:
+            found.append(f"within is a box in {self.within.dimension}D; expected {dimension}D")
+        if max(self.axes(dimension)) >= dimension:
+            found.append(f"components is {self.components!r}; expected axes of {dimension}D")
+        if self.motion is not None and self.motion.table.components != dimension:
+            found.append(
+                f"motion has {self.motion.table.components} numbers; expected {dimension}, in m"
+            )
         return found

@@ -10,7 +10,7 @@ from libmpm._src.base.time_tables import TimeTable, constant, engine_table
 from libmpm._src.materials.material import flows_at_constant_volume
 from libmpm._src.run.hydrostatic import at_hand
 from libmpm._src.shapes.element_mesh import ElementMesh
-from libmpm._src.shapes.element_surface import chosen_faces, shares
+from libmpm._src.shapes.element_surface import chosen_faces, chosen_vertices, shares
 
 if TYPE_CHECKING:
     from libmpm._src.grids.shapes import Traction
@@ -37,6 +37,15 @@ def mesh_part(body: Body, points: Rows) -> dict[str, Any]:
     }
     if body.tractions:
         told["tractions"] = [_traction(mesh, t) for t in body.tractions]
+    if body.pins:
+        told["pins"] = [
+            {
+                "vertices": chosen_vertices(mesh, pin.face, pin.within).tolist(),
+                "axes": list(pin.axes(mesh.dimension)),
+                "displacement": None if pin.motion is None else engine_table(pin.motion.table),
+            }
+            for pin in body.pins
+        ]
     return told
 
 

@@ -39,6 +39,7 @@ from libmpm._src.sensors.engine_sensors import (
     ContactLoad,
     LoadCell,
     ParticleTracker,
+    PinForce,
     VelocityProbe,
     WaveGauge,
 )
@@ -438,6 +439,8 @@ def _sensor(scene: SceneData, placed: PlacedSensor, bodies: list[dict[str, Any]]
         place = np.array(scene.lower, dtype=np.float64)
         place[[a for a in range(scene.dimension) if a != axis]] = sensor.position
         result |= {"position": relative(scene, place.tolist()), "axis": axis}
+    elif isinstance(sensor, PinForce):
+        result["pin"] = sensor.pin
     elif isinstance(sensor, ParticleTracker):
         of = bodies[result["body"]]
         first, n = of["first_id"], of.get("id_count", of["count"])

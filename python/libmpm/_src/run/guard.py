@@ -125,5 +125,10 @@ def opened_by(scene: SceneData) -> list[str]:
     if isinstance(scene.gravity, TimeTable):
         found.append("gravity changes with time")
     found += [f"body '{body.name}' has tractions" for body in scene.bodies if body.tractions]
+    found += [
+        f"body '{body.name}' has a pin that is driven"
+        for body in scene.bodies
+        if any(pin.motion for pin in body.pins)
+    ]
     found += [f"body '{body.name}' has a force" for body in scene.bodies if body.force]
     return found

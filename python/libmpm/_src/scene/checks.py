@@ -55,6 +55,7 @@ from libmpm._src.sensors.engine_sensors import (
     Energy,
     LoadCell,
     ParticleTracker,
+    PinForce,
     RigidMotion,
     VelocityProbe,
     WaveGauge,
@@ -348,6 +349,16 @@ def _check_sensor(
         if sensor.body not in rigid:
             known = nearest(sensor.body, rigid) if rigid else "the scene has no rigid body"
             check.fail(f"body '{sensor.body}' is no rigid body; {known}")
+    if isinstance(sensor, PinForce):
+        pins = {b.name: len(b.pins) for b in scene.bodies if b.pins}
+        if sensor.body not in pins:
+            known = nearest(sensor.body, pins) if pins else "no body of the scene has pins"
+            check.fail(f"body '{sensor.body}' has no pins; {known}")
+        elif sensor.pin >= pins[sensor.body]:
+            check.fail(
+                f"pin is {sensor.pin}; expected a number below {pins[sensor.body]}, of the pins of "
+                f"body '{sensor.body}'"
+            )
     if isinstance(sensor, Sampled):
         from libmpm._src.sensors.checks import check_sampled
 

@@ -13,7 +13,7 @@ from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
 from libmpm._src.scene.places import initial_gravity
 from libmpm._src.shapes.element_mesh import ElementMesh
-from libmpm._src.shapes.element_surface import chosen_faces
+from libmpm._src.shapes.element_surface import chosen_faces, chosen_vertices
 from libmpm._src.shapes.mesh_inside import MeshInside
 from libmpm._src.shapes.oriented_boxes import close_pairs
 
@@ -61,6 +61,7 @@ def check_elements(check: Checker, scene: SceneData, body: Body, doubts: list[st
         )
     _check_unbuilt(check, scene, body)
     _check_tractions(check, scene, body)
+    _check_pins(check, scene, body)
     _doubt_thin(scene, body, mesh, doubts)
     _doubt_slow(scene, body, mesh, doubts)
 
@@ -131,13 +132,41 @@ def _check_tractions(check: Checker, scene: SceneData, body: Body) -> None:
             check.fail(f"tractions[{k}]: {what}")
         if wrong or len(chosen_faces(mesh, traction.face, traction.within)):
             continue
-        low, high = mesh.bounds()
-        ends = " to ".join("(" + ", ".join(f"{x:g}" for x in end) + ") m" for end in (low, high))
         check.fail(
             f"tractions[{k}]: no outer face of the mesh has all its vertices there (face "
-            f"{traction.face!r}, within {shown(traction.within, 80)}); expected some; the mesh "
-            f"reaches from {ends}, and has edges up to {mesh.longest_edge:.4g} m"
+            f"{traction.face!r}, within {shown(traction.within, 80)}); expected some; "
+            f"{_reach(mesh)}"
         )
+
+
+def _check_pins(check: Checker, scene: SceneData, body: Body) -> None:
+    mesh = body.shape
+    assert isinstance(mesh, ElementMesh)
+    owner = np.full(mesh.count, -1)
+    for k, pin in enumerate(body.pins):
+        wrong = pin._misfits(scene.dimension)
+        for what in wrong:
+            check.fail(f"pins[{k}]: {what}")
+        if wrong:
+            continue
+        chosen = chosen_vertices(mesh, pin.face, pin.within)
+        if not len(chosen):
+            check.fail(
+                f"pins[{k}]: no vertex of the mesh lies there (face {pin.face!r}, within "
+                f"{shown(pin.within, 80)}); expected some; {_reach(mesh)}"
+            )
+        twice = chosen[owner[chosen] >= 0]
+        if len(twice):
+            check.fail(
+                f"pins[{k}]: {len(twice)} of its vertices, the first {twice[0]}, are pins"
+                f"[{owner[twice[0]]}]'s too; expected each in one pin; make `within` smaller"
+            )
+        owner[chosen] = k
+
+
+def _reach(mesh: ElementMesh) -> str:
+    ends = " to ".join("(" + ", ".join(f"{x:g}" for x in end) + ") m" for end in mesh.bounds())
+    return f"the mesh reaches from {ends}, and has edges up to {mesh.longest_edge:.4g} m"
 
 
 def _doubt_slow(scene: SceneData, body: Body, mesh: ElementMesh, doubts: list[str]) -> None:

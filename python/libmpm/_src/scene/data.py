@@ -17,7 +17,7 @@ from libmpm._src.boundaries.flows import Flow, PlacedFlow
 from libmpm._src.boundaries.responses import DecayLayer, Displacement, Response, Rotation, Travel
 from libmpm._src.errors import SceneError
 from libmpm._src.grids.grid import SplineGrid, TriangularGrid
-from libmpm._src.grids.shapes import Cells, Outline, Points, Traction
+from libmpm._src.grids.shapes import Cells, Outline, Pin, Points, Traction
 from libmpm._src.materials.material import Material
 from libmpm._src.methods.method import FBar, Method
 from libmpm._src.methods.smoothing import AssumedFields, Smoothing
@@ -308,6 +308,7 @@ class SceneData:
         lattice: Sequence[int] | None = None,
         stress: Sequence[float] | Field | None = None,
         tractions: Sequence[Traction] = (),
+        pins: Sequence[Pin] = (),
         transfer: Transfer | None = None,
         sampling: Sampling | Literal["default"] | None = "default",
         smoothing: Smoothing | None = None,
@@ -335,6 +336,7 @@ class SceneData:
             lattice=lattice,
             stress=stress,
             tractions=tractions,
+            pins=pins,
             transfer=transfer,
             sampling=self._placed(shape, material, lattice)
             if isinstance(sampling, str) and sampling == "default"

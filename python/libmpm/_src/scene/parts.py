@@ -12,7 +12,7 @@ from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.boundaries.responses import DecayLayer, Displacement, Response, Rotation, Travel
-from libmpm._src.grids.shapes import Cells, Outline, Points, Traction
+from libmpm._src.grids.shapes import Cells, Outline, Pin, Points, Traction
 from libmpm._src.materials.material import Material
 from libmpm._src.methods.method import FBar
 from libmpm._src.methods.smoothing import AssumedFields, Smoothing
@@ -76,6 +76,9 @@ class Body(Value):
     tractions: Sequence[Traction] = given(
         "`Traction` values on the surface of a body of elements, or on faces of a Box on a `grid`",
         default=(),
+    )
+    pins: Sequence[Pin] = given(
+        "`Pin` values: vertices of a body of elements that are held or driven", default=()
     )
     transfer: Transfer | None = given(
         "of the scene's scheme, with a flip and shifts of its own; None = that of the "
@@ -141,13 +144,8 @@ class Body(Value):
             velocity = check.given("velocity", self, velocity)
         if stress is not None and not isinstance(stress, Field):
             stress = check.given("stress", self, stress)
-        given = (self.tractions,) if isinstance(self.tractions, Traction) else self.tractions
-        tractions = None if isinstance(given, str) else sequence(given)
-        if tractions is None:
-            check.fail(f"tractions is {shown(given)}; expected a tuple of Traction(face=, value=)")
-            tractions = []
-        for i, traction in enumerate(tractions):
-            check.instance(f"tractions[{i}]", traction, (Traction,), "Traction(face=, value=)")
+        tractions = self._values(check, "tractions", Traction, "Traction(face=, value=)")
+        pins = self._values(check, "pins", Pin, "Pin(face=)")
         return {
             "name": check.text("name", self.name),
             "particles_per_cell": check.given("particles_per_cell", self, remedy=remedy),
@@ -157,8 +155,24 @@ class Body(Value):
             "subtract_from": tuple(check.text("subtract_from", name) for name in others),
             "lattice": self._lattice(check),
             "stress": stress,
-            "tractions": tuple(tractions),
+            "tractions": tractions,
+            "pins": pins,
         }
+
+    def _values(
+        self, check: Checker, name: str, kind: type[Value], example: str
+    ) -> tuple[Any, ...]:
+        """Return a field of values of one kind, of which one alone needs no tuple."""
+        given = getattr(self, name)
+        items = (given,) if isinstance(given, kind) else None
+        if items is None and not isinstance(given, str):
+            items = sequence(given)
+        if items is None:
+            check.fail(f"{name} is {shown(given)}; expected a tuple of {example}")
+            return ()
+        for i, item in enumerate(items):
+            check.instance(f"{name}[{i}]", item, (kind,), example)
+        return tuple(items)
 
     def _lattice(self, check: Checker) -> tuple[int, ...] | None:
         if self.lattice is None:

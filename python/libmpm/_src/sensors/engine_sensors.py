@@ -14,7 +14,7 @@ from libmpm._src.base.values import Checker, Value, sequence, shown, value
 from libmpm._src.shapes.boxes import check_faces
 
 __all__ = ["ContactLoad", "Energy", "LoadCell", "ParticleTracker", "Sensor", "VelocityProbe"]
-__all__ += ["MEANS", "RigidMotion", "WaveGauge", "check_interval"]
+__all__ += ["MEANS", "PinForce", "RigidMotion", "WaveGauge", "check_interval"]
 
 #: Kinds of sensors whose samples are means since the sample before.
 MEANS = frozenset({"load-cell", "contact-load"})
@@ -257,6 +257,32 @@ class RigidMotion(Sensor):
     def _check(self, check: Checker) -> dict[str, Any]:
         return {
             "body": check.text("body", self.body),
+            "interval": check_interval(check, self.interval),
+        }
+
+
+@value
+class PinForce(Sensor):
+    """Force of a body of elements on one of its pins, in N (N/m in 2D).
+
+    {fields}
+
+    Components force_x, ...: the mean since the sample before, of the momentum by which the pinned
+    vertices differ from what they would have kept; 0 along axes that the pin leaves free, NaN in
+    the first sample. On one rank. Raises `SceneError`.
+    """
+
+    label: ClassVar[str] = "sensors.PinForce"
+    kind: ClassVar[str] = "pin-force"
+
+    body: str = given("a body with `pins`", range="a name")
+    pin: int = given("which of its pins", default=0, unit="1", low=0)
+    interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
+
+    def _check(self, check: Checker) -> dict[str, Any]:
+        return {
+            "body": check.text("body", self.body),
+            "pin": check.given("pin", self),
             "interval": check_interval(check, self.interval),
         }
 

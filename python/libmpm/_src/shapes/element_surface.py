@@ -9,7 +9,7 @@ from libmpm._src.shapes.boxes import Box
 from libmpm._src.shapes.element_mesh import ElementMesh
 from libmpm._src.shapes.solid import Array
 
-__all__ = ["areas", "chosen_faces", "shares"]
+__all__ = ["areas", "chosen_faces", "chosen_vertices", "shares"]
 
 #: Of the longest edge: how far from a plane or beyond a box a vertex may be.
 _SLACK = 1e-6
@@ -22,6 +22,18 @@ def chosen_faces(mesh: ElementMesh, face: str | None, within: Box | None) -> npt
     those with all vertices in a box or on its faces. Both: those of both.
     """
     surface = mesh.surface
+    held = _answering(mesh, face, within)
+    return surface[held[surface].all(axis=1)]
+
+
+def chosen_vertices(
+    mesh: ElementMesh, face: str | None, within: Box | None
+) -> npt.NDArray[np.int64]:
+    """Return the numbers of vertices, ascending: as `chosen_faces`, inner ones too."""
+    return np.flatnonzero(_answering(mesh, face, within))
+
+
+def _answering(mesh: ElementMesh, face: str | None, within: Box | None) -> npt.NDArray[np.bool_]:
     slack = _SLACK * mesh.longest_edge
     held = np.ones(mesh.count, dtype=bool)
     x = mesh.positions()
@@ -32,7 +44,7 @@ def chosen_faces(mesh: ElementMesh, face: str | None, within: Box | None) -> npt
     if within is not None:
         held &= ((x >= np.asarray(within.lower) - slack)
                  & (x <= np.asarray(within.upper) + slack)).all(axis=1)  # fmt: skip
-    return surface[held[surface].all(axis=1)]
+    return held
 
 
 def areas(mesh: ElementMesh, faces: npt.NDArray[np.int64]) -> Array:

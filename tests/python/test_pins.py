@@ -1,0 +1,204 @@
+"""Pins: vertices of elements that are held or driven, and the force of a body on them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm import Scene, SceneError, boundaries, materials, sensors, shapes
+from libmpm.grids import Pin, Traction
+from support import element_cases as cases
+from support.element_load_cases import ramp
+
+FAST: dict[str, Any] = {"device": "cpu", "precision": "double"}
+TRANSFERS = ("APIC", "FLIP", "AFLIP", "XPIC", "FMPM")
+
+
+def bar(d: int, pins: Any, cells: int = 4, **more: Any) -> Scene:
+    """Return a bar of 0.5 x 0.1 (x 0.1) m of elements of half a cell, in a room of its own."""
+    dx = 0.1 / cells
+    room = [round(x / dx) * dx for x in (0.9, 0.5, 0.5)[:d]]
+    scene = Scene(dimension=d, cell_size=dx, lower=(0,) * d, upper=room, **more)
+    low = np.array([0.2, 0.2, 0.2][:d]) + 0.3 * dx
+    scene.add_body(
+        name="bar", shape=cases.mesh_of(low, low + [0.5, 0.1, 0.1][:d], 0.5 * dx),
+        material=cases.solid("NeoHookean", 1000.0, 1e6, 0.0), pins=pins,
+    )  # fmt: skip
+    return scene
+
+
+def moved(time: float, way: list[float]) -> boundaries.Displacement:
+    rows = ramp(way, time)
+    return boundaries.Displacement(libmpm.TimeTable(rows.time, rows.value, end="hold"))
+
+
+@pytest.mark.parametrize("scheme", TRANSFERS)
+@pytest.mark.parametrize("d", [2, 3])
+def test_pinned_vertices_are_where_their_pins_are(d: int, scheme: str) -> None:
+    """To rounding, after any number of steps, whatever the transfer and the body's velocity."""
+    way = [0.004, -0.002, 0.001][:d]
+    pins = (Pin(face="x-"), Pin(face="x+", motion=moved(0.01, way)))
+    scene = bar(d, pins, method=libmpm.Method(transfer=libmpm.methods.Transfer(scheme=scheme)))
+    sim = libmpm.Simulation(scene, **FAST)
+    body = sim.particles["bar"]
+    rest = body["position"]
+    first, last = (np.abs(rest[:, 0] - x) < 1e-9 for x in (rest[:, 0].min(), rest[:, 0].max()))
+    assert first.sum() == last.sum() == 9 ** (d - 1)
+    for until in (0.003, 0.02):
+        sim.run(until=until, progress=False)
+        now = body["position"] - rest
+        share = 0.5 * (1 - math.cos(math.pi * sim.time / 0.01)) if sim.time < 0.01 else 1.0
+        assert np.abs(now[first]).max() < 1e-12
+        # The table has 64 straight parts.
+        assert now[last] == pytest.approx(np.tile(share * np.array(way), (last.sum(), 1)),
+                                          rel=0, abs=2e-6)  # fmt: skip
+        assert np.ptp(now[last], axis=0).max() < 1e-12
+    between = ~(first | last)
+    assert 0.0 < np.abs(now[between, 0]).min() < np.abs(now[between, 0]).max() < way[0]
+
+
+@pytest.mark.parametrize("scheme", TRANSFERS)
+def test_momentum_is_what_gravity_and_pins_have_given(scheme: str) -> None:
+    """Step by step and to rounding: the pins' push is all that is missing of the weight."""
+    pins = (Pin(face="x-"), Pin(face="x+", components=("y",)))
+    scene = bar(2, pins, gravity=(3.0, -9.81),
+                method=libmpm.Method(transfer=libmpm.methods.Transfer(scheme=scheme)))  # fmt: skip
+    for k in (0, 1):
+        scene.add_sensor(name=f"pin {k}", sensor=sensors.PinForce(body="bar", pin=k))
+    sim = libmpm.Simulation(scene, **FAST, time_step=1e-4)
+    sim.step(201)
+    force = np.array([[sim.sensors[f"pin {k}"][f"force_{a}"] for a in "xy"] for k in (0, 1)])
+    assert np.isnan(force[:, :, 0]).all() and np.isfinite(force[:, :, 1:]).all()
+    assert (force[1, 0, 1:] == 0).all()
+    body = sim.particles["bar"].read(["mass", "velocity"])
+    momentum = (body["mass"][:, None] * body["velocity"]).sum(axis=0)
+    weight = body["mass"].sum() * np.array([3.0, -9.81])
+    pushed = force[:, :, 1:].sum(axis=(0, 2)) * 1e-4
+    # Velocities that are read have the coming step's gravity, and nodes' before the pins.
+    grid = (sim.grid["mass"][:, None] * sim.grid["velocity"]).sum(axis=0)
+    assert grid == pytest.approx(201 * 1e-4 * weight - pushed, rel=1e-9, abs=1e-9)
+    assert np.abs(momentum).max() < 0.05 * np.abs(201e-4 * weight).max()
+
+
+@pytest.mark.parametrize("cells", [2, 4, 8])
+def test_a_bar_between_pins_pulls_with_its_stiffness(cells: int) -> None:
+    """E A ε over the length of the bar itself: held nodes made it half a cell longer."""
+    strain, wave, long = 2e-3, math.sqrt(1e6 / 1000.0), 0.5
+    lasts = 8 * long / wave
+    pins = (Pin(face="x-"), Pin(face="x+", motion=moved(lasts, [strain * long, 0.0])))
+    scene = bar(2, pins, cells, method=libmpm.Method(cfl=0.3))
+    for k in (0, 1):
+        sensor = sensors.PinForce(body="bar", pin=k, interval=lasts / 400)
+        scene.add_sensor(name=f"pin {k}", sensor=sensor)
+    sim = libmpm.Simulation(scene, **FAST)
+    sim.run(until=lasts + 4 * long / wave, progress=False)
+    expected = 1e6 * 0.1 * ((1 + strain) - 1 / (1 + strain)) / 2
+    for k, sign in ((0, 1), (1, -1)):
+        series = sim.sensors[f"pin {k}"]
+        late = series.time > lasts
+        got = sign * float(series["force_x"][late].mean()) / expected
+        assert got == pytest.approx(1.0, abs={2: 0.03, 4: 0.015, 8: 0.01}[cells])
+        across = np.abs(np.mean(series["force_y"][late]))
+        assert across < 1e-2 * expected
+
+
+def test_a_pin_takes_a_load_at_the_other_end() -> None:
+    """The reaction of a cantilever is the force at its end and no more."""
+    pull, period = 14.0, 1 / cases.timoshenko(0.5, 0.1, 1e6, 0.0, 1000.0, True)
+    load = Traction(face="x+", value=ramp((0.0, -pull), 4 * period))
+    scene = bar(2, (Pin(face="x-"),))
+    scene.replace("bar", tractions=(load,))
+    scene.add_sensor(name="pin", sensor=sensors.PinForce(body="bar", interval=period / 200))
+    sim = libmpm.Simulation(scene, **FAST)
+    sim.run(until=6 * period, progress=False)
+    series = sim.sensors["pin"]
+    late = series.time > 4 * period
+    assert float(series["force_y"][late].mean()) == pytest.approx(-pull * 0.1, rel=2e-3)
+
+
+def test_bits_of_pins(tmp_path: Path) -> None:
+    """Threads, a resumed run and ranks have the same, sensors of one rank too."""
+    def scene(sensor: bool) -> Scene:
+        pins = (Pin(face="x-"), Pin(face="x+", motion=moved(0.01, [0.01, 0.005])))
+        made = bar(2, pins, gravity=(0.0, -9.81))
+        if sensor:
+            made.add_sensor(name="pin", sensor=sensors.PinForce(body="bar", interval=7e-4))
+        return made
+
+    one = libmpm.Simulation(scene(True), **FAST, threads=1)
+    one.step(120)
+    two = libmpm.Simulation(scene(True), **FAST, threads=2)
+    two.step(71)
+    two.save_checkpoint(tmp_path / "middle")
+    two = libmpm.Simulation.resume(tmp_path / "middle")
+    two.step(49)
+    expected = cases.state_of(one)
+    for key, array in cases.state_of(two).items():
+        np.testing.assert_array_equal(array, expected[key])
+    for component in ("force_x", "force_y"):
+        np.testing.assert_array_equal(two.sensors["pin"][component], one.sensors["pin"][component])
+    ranks = libmpm.Simulation(scene(False), device=["cpu"] * 3, precision="double")
+    ranks.step(120)
+    for key, array in cases.state_of(ranks).items():
+        np.testing.assert_array_equal(array, expected[key])
+    with pytest.raises(libmpm.Error, match="sensor 'pin' sums .* run on one rank"):
+        libmpm.Simulation(scene(True), device=["cpu"] * 2)
+
+
+def test_pins_cost_nothing_where_there_are_none() -> None:
+    with_pins, without = (bar(2, p).plan(precision="double") for p in ((Pin(face="x-"),), ()))
+    vertices = without.bodies[0].particles
+    assert with_pins.memory["particles"] - without.memory["particles"] == 4 * vertices
+
+
+def test_a_pinned_scene_goes_through_a_file_and_is_scaled() -> None:
+    pins = (Pin(face="x-", components=("x",)), Pin(within=shapes.Box(lower=(0.6, 0), upper=(1, 1)),
+                                                   motion=moved(0.01, [0.02, 0.0])))  # fmt: skip
+    scene = bar(2, pins)
+    assert Scene.from_dict(scene.to_dict()) == scene
+    small = scene.scaled(0.25).bodies[0].pins
+    table = small[1].motion.table
+    assert max(row[0] for row in table.value) == pytest.approx(0.005)
+    assert table.time[-1] == pytest.approx(0.005)
+    assert small[1].within.lower[0] == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize(
+    ("pins", "said"),
+    [
+        ((Pin(face="z-"),), r"pins\[0\]: face is 'z-' in 2D; expected x-, x\+, y-, y\+"),
+        ((Pin(within=shapes.Box(lower=(0, 0), upper=(0.1, 0.1))),),
+         r"pins\[0\]: no vertex of the mesh lies there .* the mesh reaches from"),
+        ((Pin(face="x-"), Pin(face="y-")),
+         r"pins\[1\]: 1 of its vertices, the first 0, are pins\[0\]'s too"),
+        ((Pin(face="x-", components=("z",)),), r"components is \('z',\); expected axes of 2D"),
+        ((Pin(face="x-", motion=boundaries.Displacement(
+            libmpm.TimeTable([0.0, 1.0], [[0.0] * 3] * 2, end="hold"))),),
+         r"pins\[0\]: motion has 3 numbers; expected 2, in m"),
+    ],
+)  # fmt: skip
+def test_pins_that_are_refused(pins: Any, said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        bar(2, pins).validate()
+
+
+def test_what_has_no_pins_is_refused() -> None:
+    with pytest.raises(SceneError, match="face and within are missing"):
+        Pin()
+    with pytest.raises(SceneError, match="components is 'xx'; expected 'all'"):
+        Pin(face="x-", components="xx")
+    scene = Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))
+    scene.add_body(name="a", shape=shapes.Box(lower=(0.2, 0.2), upper=(0.5, 0.5)),
+                   material=materials.NeoHookean(density=1000, youngs_modulus=1e5,
+                                                 poissons_ratio=0.3),
+                   pins=Pin(face="x-"))  # fmt: skip
+    scene.add_sensor(name="s", sensor=sensors.PinForce(body="b"))
+    with pytest.raises(SceneError) as error:
+        scene.validate()
+    for words in ("pins on a grid of square cells", "body 'b' has no pins"):
+        assert words in str(error.value)
