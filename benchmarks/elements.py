@@ -25,6 +25,7 @@ import libmpm
 from libmpm._src.cli import bench
 from support import element_cases as cases
 from support import element_load_cases as loads
+from support import element_pins as pins
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/elements.jsonl"
@@ -187,6 +188,18 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
     )
     for n in (2, 4, 6)
 } | {
+    f"pinned ends, {n} cells, {what}": (
+        pins.stretched_bar, {"edge": edge, "cells": n},
+        [near("force at held end", 1, 0.001), near("force at driven end", 1, 0.001)],
+    )
+    for n in (2, 4, 8) for what, edge in (("h = Δx/2", 0.5), ("h = Δx", 1.0))
+} | {
+    f"pinned cantilever, {n} cells, h = Δx/2": (
+        pins.pinned_cantilever, {"edge": 0.5, "cells": n},
+        [near("over the mesh alone", 1, {2: 0.04, 4: 0.012, 8: 0.005}[n])],
+    )
+    for n in (2, 4, 8)
+} | {
     f"yielding bar in space, {n} cells, h = Δx, H = {h:g} E": (
         loads.yielding_bar, {"cells": n, "hardening": h},
         ([near("force", 1, 0.02)] if h or n > 2 else [])
@@ -247,8 +260,8 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
         (0.003, "h = Δx/2", 0.5), (0.002, "h = Δx/2", 0.5),
     )
 } | {
-    f"the same, shorter by what its foot gives, Δx = {1e3 * dx:g} mm, h = Δx/2": (
-        loads.elastic_column, {"dx": dx, "give": 0.25}, _COLUMN,
+    f"the same, pinned by its foot, Δx = {1e3 * dx:g} mm, h = Δx/2": (
+        loads.elastic_column, {"dx": dx, "pinned": True}, _COLUMN,
     )
     for dx in (0.004, 0.003, 0.002)
 }  # fmt: skip

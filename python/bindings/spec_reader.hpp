@@ -454,8 +454,7 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
         {"load-cell", SensorKind::load_cell},           {"wave-gauge", SensorKind::wave_gauge},
         {"velocity-probe", SensorKind::velocity_probe}, {"tracker", SensorKind::tracker},
         {"contact-load", SensorKind::contact_load},     {"energy", SensorKind::energy},
-        {"rigid-motion", SensorKind::rigid_motion},
-        {"pin-force", SensorKind::pin_force}};
+        {"rigid-motion", SensorKind::rigid_motion},     {"pin-force", SensorKind::pin_force}};
     const auto it = kinds.find(d["kind"].cast<std::string>());
     if (it == kinds.end())
         throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() +

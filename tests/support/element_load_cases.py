@@ -324,13 +324,13 @@ def sunk_by(modulus: float, metres: float, dx: float) -> Numbers:
 
 def elastic_column(
     edge: float | None = 0.5, dx: float = 0.004, density: float = 2500.0, until: float = 0.4,
-    modulus: float = 1e6, give: float = 0.0,
+    modulus: float = 1e6, pinned: bool = False,
 ) -> Numbers:  # fmt: skip
     """Return when a dam break meets an elastic column, and how far its tip goes and when.
 
     Walhorn et al. (2005): water 0.146 x 0.292 m, column 0.012 x 0.08 m from x = 0.286 m, tank
     0.584 m; E 1 MPa, ν 0. Bulk modulus of the water 1 MPa. `edge` in cells; None = particles. In
-    mm and s. `give`: what the foot seems longer by, in cells, and the column is shorter by.
+    mm and s. It stands two cells deep in a region of nodes, or is `pinned` by its foot.
     """
     gravity, deep = 9.81, 2
     n = round(0.584 / dx)
@@ -341,12 +341,15 @@ def elastic_column(
         method=libmpm.Method(cfl=0.4, leaving="delete"),  # drops
     )  # fmt: skip
     left = round(0.286 / dx) * dx
-    # Free from the last node that is held, half a cell below the floor.
-    low, up = (left, floor - deep * dx), (left + 0.012, floor - (0.5 + give) * dx + 0.08)
+    # Free from the last node that is held, half a cell below the floor; pins hold it where it is.
+    low, up = (left, floor - deep * dx), (left + 0.012, floor - 0.5 * dx + 0.08)
+    if pinned:
+        low, up = (left, floor), (left + 0.012, floor + 0.08)
     scene.add_body(
         name="column",
         shape=shapes.Box(lower=low, upper=up) if edge is None else mesh_of(low, up, edge * dx),
         material=materials.NeoHookean(density=density, youngs_modulus=modulus, poissons_ratio=0.0),
+        pins=libmpm.grids.Pin(face="y-") if pinned else (),
     )
     scene.add_body(
         name="water", shape=shapes.Box(lower=(0, floor), upper=(0.146, floor + 0.292)),
@@ -354,8 +357,9 @@ def elastic_column(
         hydrostatic=floor + 0.292,
     )  # fmt: skip
     base = shapes.Box(lower=(0, 0), upper=(n * dx, floor))
-    scene.add_boundary(name="foot", shape=base, response=boundaries.Prescribed(),
-                       motion=at_rest(2), bodies=("column",))  # fmt: skip
+    if not pinned:
+        scene.add_boundary(name="foot", shape=base, response=boundaries.Prescribed(),
+                           motion=at_rest(2), bodies=("column",))  # fmt: skip
     scene.add_boundary(name="floor", shape=base, response=boundaries.Slip(), bodies=("water",))
     scene.add_boundary(name="tank", shape=shapes.DomainWalls(faces=("x-", "x+")),
                        response=boundaries.Slip(), bodies=("water",))  # fmt: skip

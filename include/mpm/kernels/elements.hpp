@@ -86,6 +86,7 @@ struct ElementsView {
     T* vertex_change;             // (vertices,): J_a - 1
     T* pressure;                  // (vertices,): U'(J_a), Pa
     const T* load;                // (vertices, D): of tractions, times a cell; null without any
+    const std::uint8_t* held;     // (vertices,): bit of each axis along which a pin has it, or null
     std::uint64_t* inverted;      // the first element that is, else no_fault
 
     MPM_INLINE int number(std::int64_t element, int k) const {
@@ -208,6 +209,15 @@ MPM_INLINE Vec<T, D> force_on_vertex(const ElementsView<T, D>& mesh, std::int64_
     if (mesh.load)
         MPM_UNROLL for (int a = 0; a < D; ++a) sum[a] = sum[a] + mesh.load[number * D + a];
     return sum;
+}
+
+/// The same of what goes to the grid: what pulls at a pinned vertex pulls at its pin.
+template <class T, int D>
+MPM_INLINE Vec<T, D> push_on_vertex(const ElementsView<T, D>& mesh, std::int64_t number) {
+    Vec<T, D> push = force_on_vertex(mesh, number);
+    if (mesh.held)
+        MPM_UNROLL for (int a = 0; a < D; ++a) if (mesh.held[number] >> a & 1) push[a] = T(0);
+    return push;
 }
 
 /// `spread_particle` of a vertex: no stress goes with slopes, `push` (m/s) is the whole of it.

@@ -181,6 +181,8 @@ private:
     // domain_pins.hpp
     void rest_pinned(Body& body, const BodySpec& spec);
     void pin_vertices(Body& body, const Phase<X, T, D>& phase);
+    void bear_pull(Body& body, const Phase<X, T, D>& phase);
+    bool has_pin_force(int number);
     void tell_pins(int number, const std::vector<std::array<double, D>>& push);
     void sample_pin(Sensor<Base>& sensor, SensorRecord& record);
 
@@ -541,13 +543,13 @@ private:
 #include "mpm/solver/domain_migrate_devices.hpp"
 #include "mpm/solver/domain_parcels.hpp"
 #include "mpm/solver/domain_phases.hpp"
+#include "mpm/solver/domain_pins.hpp"
 #include "mpm/solver/domain_place.hpp"
 #include "mpm/solver/domain_points.hpp"
 #include "mpm/solver/domain_rank_fields.hpp"
 #include "mpm/solver/domain_ranks.hpp"
 #include "mpm/solver/domain_read.hpp"
 #include "mpm/solver/domain_rigid.hpp"
-#include "mpm/solver/domain_pins.hpp"
 #include "mpm/solver/domain_rigid_loads.hpp"
 #include "mpm/solver/domain_setup.hpp"
 #include "mpm/solver/domain_sort.hpp"

@@ -120,6 +120,7 @@ void Domain<X, T, D>::spread_body(Body& body, const Phase<X, T, D>& phase, doubl
     if constexpr (!X::is_device) {
         if (body.mesh) {
             push_elements(phase, body, time);
+            bear_pull(body, phase);
             body.elements.spread(phase, body.mesh->view());
             if (contact_blocks_ > 0 && plan_.filled >= 0)
                 body.elements.fill(phase, body.mesh->view(), near_contact_.data(), plan_.filled);

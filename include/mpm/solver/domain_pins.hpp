@@ -32,8 +32,8 @@ void Domain<X, T, D>::rest_pinned(Body& body, const BodySpec& spec) {
 
 /// What pinned vertices have gathered makes way for the velocity that brings them where their pins
 /// are at the end of the step. That is what they deposit, and what they store where a transfer
-/// makes them: nothing is left that the grid cannot see. What a pin pushes is the momentum by which
-/// its vertices differ from what they would have kept.
+/// makes them: nothing is left that the grid cannot see. A pin gives the momentum by which its
+/// vertices differ from what they would have kept, and bears what their elements pull.
 template <class X, class T, int D>
 void Domain<X, T, D>::pin_vertices(Body& body, const Phase<X, T, D>& phase) {
     if constexpr (!X::is_device) {
@@ -54,7 +54,6 @@ void Domain<X, T, D>::pin_vertices(Body& body, const Phase<X, T, D>& phase) {
         }
         const PhaseNumbers& n = phase.n;
         const Scratch<D> column{n.channels};
-        const bool due = n.sweeps && clock.step % n.every == 0;
         const std::int32_t* pinned = body.mesh->pinned();
         exec_.host_for(body.count, [&](std::int64_t q) {
             const std::uint32_t id = body.id.data()[q];
@@ -70,16 +69,10 @@ void Domain<X, T, D>::pin_vertices(Body& body, const Phase<X, T, D>& phase) {
                              to = goal[std::size_t(pin - pins.data())][std::size_t(a)];
                 const T must = T((to - gone) / phase.pass.numbers->move);
                 T would = T(at(column.value(a)));
-                if (n.velocity >= 0) {
+                if (n.velocity >= 0) {  // bodies of elements have no sweeps
                     T& own = phase.pass.body.state[n.velocity + a][q];
                     Grid& before = at(column.before(a));
-                    if (n.scheme.memory == Memory::xpic) {
-                        would += (due ? T(at(column.filtered(a))) : own) - T(before);
-                        if (n.filtered >= 0) at(column.filtered(a)) = Grid(must);
-                    } else {
-                        const T keep = n.sweeps && due ? T(0) : T(n.scheme.keep);
-                        would += keep * (own - T(before));
-                    }
+                    would += T(n.scheme.keep) * (own - T(before));
                     own = must;
                     before = Grid(must);
                 }
@@ -90,6 +83,36 @@ void Domain<X, T, D>::pin_vertices(Body& body, const Phase<X, T, D>& phase) {
         });
         tell_pins(number, push);
     }
+}
+
+/// What elements and tractions pull at pinned vertices in the coming step, which the grid is not
+/// given.
+template <class X, class T, int D>
+void Domain<X, T, D>::bear_pull(Body& body, const Phase<X, T, D>& phase) {
+    if constexpr (!X::is_device) {
+        const int number = int(phase.pass.body_number);
+        const ElementsView<T, D> mesh = body.mesh->view();
+        if (!mesh.held || !has_pin_force(number)) return;
+        const double density = phase.pass.body.particle_mass / phase.pass.body.particle_volume,
+                     time = 0.25 * phase.pass.numbers->impulse * density;  // dt_next / dx
+        std::vector<std::array<double, D>> push;
+        for (const PinSpec& pin : spec_.bodies[std::size_t(number)].pins)
+            for (const std::uint64_t v : pin.vertices) {
+                const Vec<T, D> pull = force_on_vertex(mesh, std::int64_t(v));
+                std::array<double, D>& to = push.emplace_back();
+                for (const int a : pin.axes) to[std::size_t(a)] = -time * double(pull[a]);
+            }
+        tell_pins(number, push);
+    }
+}
+
+template <class X, class T, int D>
+bool Domain<X, T, D>::has_pin_force(int number) {
+    for (int k = 0; k < sensors_.count(); ++k) {
+        const SensorSpec& s = sensors_.at(k).spec;
+        if (s.kind == SensorKind::pin_force && s.body == number) return true;
+    }
+    return false;
 }
 
 /// Adds what pins have pushed in a step, vertex by vertex in their order, for sensors that ask.

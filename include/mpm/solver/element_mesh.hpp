@@ -35,7 +35,8 @@ double planned_mesh_bytes(std::uint64_t elements, std::uint64_t vertices, bool v
                           int kept, bool loaded, bool pinned, int real) {
     const int of_volumes = vertex_volumes ? 1 : 0,
               by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + kept),
-              by_vertex = 4 * (2 * D + 1 + (pinned ? 1 : 0)) + real * (2 * D + 3 * of_volumes + (loaded ? D : 0));
+              by_vertex = 4 * (2 * D + 1) + (pinned ? 5 : 0) +
+                          real * (2 * D + 3 * of_volumes + (loaded ? D : 0));
     return double(elements) * by_element + double(vertices) * by_vertex;
 }
 
@@ -65,6 +66,7 @@ public:
           pressure_(exec),
           load_(exec),
           pinned_(exec),
+          held_(exec),
           inverted_(exec),
           energy_(exec),
           pushed_(exec),
@@ -150,6 +152,7 @@ public:
         v.vertex_change = vertex_change_.data();
         v.pressure = pressure_.data();
         v.load = load_.size() > 0 ? load_.data() : nullptr;
+        v.held = held_.size() > 0 ? held_.data() : nullptr;
         v.inverted = inverted_.data();
         return v;
     }
@@ -172,10 +175,15 @@ public:
     void pin(const std::vector<PinSpec>& pins) {
         if (pins.empty()) return;
         std::vector<std::int32_t> number(vertices_, -1);
+        std::vector<std::uint8_t> held(vertices_, 0);
         std::int32_t next = 0;
         for (const PinSpec& pin : pins)
-            for (const std::uint64_t v : pin.vertices) number[std::size_t(v)] = next++;
+            for (const std::uint64_t v : pin.vertices) {
+                number[std::size_t(v)] = next++;
+                for (const int a : pin.axes) held[std::size_t(v)] |= std::uint8_t(1 << a);
+            }
         pinned_.assign(number);
+        held_.assign(held);
     }
     /// Room for a number an element, taken when it is first asked for.
     double* energy() {
@@ -208,8 +216,9 @@ public:
                corner_.bytes() + inverse_.bytes() + volume_.bytes() + force_.bytes() +
                grown_.bytes() + kept_.bytes() + rest_offset_.bytes() + beyond_.bytes() +
                vertex_volume_.bytes() + vertex_change_.bytes() + pressure_.bytes() + load_.bytes() +
-               pinned_.bytes() + inverted_.bytes() + energy_.bytes() + pushed_.bytes() + measured_.bytes() +
-               pressed_.bytes() + (share_ ? share_->bytes() : 0);
+               pinned_.bytes() + held_.bytes() + inverted_.bytes() + energy_.bytes() +
+               pushed_.bytes() + measured_.bytes() + pressed_.bytes() +
+               (share_ ? share_->bytes() : 0);
     }
 
 private:
@@ -223,6 +232,7 @@ private:
     Buffer<X, T> inverse_, volume_, force_, grown_, kept_;
     Buffer<X, T> rest_offset_, beyond_, vertex_volume_, vertex_change_, pressure_, load_;
     Buffer<X, std::int32_t> pinned_;
+    Buffer<X, std::uint8_t> held_;
     Buffer<X, std::uint64_t> inverted_;
     Buffer<X, double> energy_;
     Buffer<X, std::int32_t> pushed_, measured_, pressed_;

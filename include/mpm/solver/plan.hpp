@@ -126,6 +126,7 @@ void plan_cells(const Spec& spec, Plan& plan);
 void check_elements(const Spec& spec, const BackendTraits& backend);
 /// Refuses what rigid bodies are not built for, by its name.
 void check_rigid(const Spec& spec, const BackendTraits& backend);
+/// Refuses pins of bodies that have no vertices.
 void check_pins(const Spec& spec);
 /// Adds to a plan whose bodies are there what the scene's transfer stores.
 void plan_phases(const Spec& spec, Plan& plan);

@@ -31,7 +31,7 @@ struct Sensor {
     Buffer<X, std::int32_t> columns;
     Buffer<X, double> partial;  // energy: of each home, then of the parts of their sum
     Buffer<X, SumSet> set;
-    std::int64_t homes = -1;   // that `set` and `partial` are for
+    std::int64_t homes = -1;  // that `set` and `partial` are for
     // Of a rigid body: its impulses at the sample before. Of a pin: its impulse since then.
     std::vector<double> told;
     Samples drained;

@@ -39,11 +39,6 @@ void check_contact(const Spec& spec) {
 }
 
 void check_pins(const Spec& spec) {
-    for (const SensorSpec& s : spec.sensors)
-        if (s.kind == SensorKind::pin_force && spec.ranks.count > 1)
-            throw SceneError("sensor '" + s.name + "' sums what the vertices of a pin push, which " +
-                             std::to_string(spec.ranks.count) +
-                             " ranks would share; run on one rank, or leave it out");
     for (const BodySpec& b : spec.bodies)
         if (!b.pins.empty() && b.elements.empty())
             throw SceneError("body '" + b.name +

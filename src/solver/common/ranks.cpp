@@ -48,6 +48,10 @@ void check_ranks(const Spec& spec, const Plan& plan) {
         if (b.law[0].linear && (b.surface.path.given() || b.surface.turn.given()))
             refuse("linear cells beside the moving surface '" + b.name + "'",
                    "take one rank, or cell=\"held\" for it");
+    for (const SensorSpec& s : spec.sensors)
+        if (s.kind == SensorKind::pin_force)
+            refuse("sensor '" + s.name + "', the force on a pin,",
+                   "take one rank, or leave it out");
     // The scale of a sweep's integers is each device's own, and what reads a rank's nodes sweeps
     // with all others.
     if (sweeps(spec) && (spec.ranks.processes || !spec.ranks.devices.empty()))

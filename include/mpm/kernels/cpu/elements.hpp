@@ -72,7 +72,7 @@ void spread_vertices_of(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>&
         for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
             const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
             const T m = T(pass.body.particle_mass) * pass.body.state[0][q];
-            Vec<T, D> push = force_on_vertex(mesh, pass.body.id[q]);
+            Vec<T, D> push = push_on_vertex(mesh, pass.body.id[q]);
             for (int a = 0; a < D; ++a) push[a] = scale * push[a] / m;
             spread_vertex(phase, reached, places_in_arena<A, W, D, A::margin>(reached.at.cell), q,
                           push, [&](int channel, int place, T amount) {

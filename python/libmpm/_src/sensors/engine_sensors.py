@@ -276,7 +276,7 @@ class PinForce(Sensor):
     kind: ClassVar[str] = "pin-force"
 
     body: str = given("a body with `pins`", range="a name")
-    pin: int = given("which of its pins", default=0, unit="1", low=0)
+    pin: int = given("which of its pins", default=0, unit="1", low=0, whole=True)
     interval: float = given("time between samples; 0 = every step", default=0.0, unit="s", low=0)
 
     def _check(self, check: Checker) -> dict[str, Any]:
