@@ -12,16 +12,18 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from libmpm._src.base.values import Checker, plain, warn
+from libmpm._src.boundaries.responses import Response
 from libmpm._src.errors import SceneError
 from libmpm._src.scene.contact_fields import rigid_bodies
 from libmpm._src.scene.cut import cells_within, cut_parts, require_particles
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.old_defaults import with_old_defaults
-from libmpm._src.scene.places import named_cells
+from libmpm._src.scene.parts import Boundary
+from libmpm._src.scene.places import faces_present, named_cells
 from libmpm._src.scene.start import RestoredBody, Start, digest_of
 from libmpm._src.sensors.engine_sensors import ParticleTracker
 from libmpm._src.sensors.python_sensors import AttributeTracker
-from libmpm._src.shapes.boxes import Box, OrientedBox
+from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox
 
 __all__ = ["scene_from_checkpoint"]
 
@@ -92,7 +94,7 @@ def scene_from_checkpoint(
     data, transfer = before.to_dict(), before.transfer
     data.pop("start", None)
     if cut is not None:
-        before, data, start = _cut_out(before, start, cut, read)
+        before, data, start = _cut_out(before, start, cut, read, axis if tiles > 1 else None)
     if tiles > 1:
         data = _side_by_side(before, data, start, names.index(str(axis)))
     # What is added, a structure say, may not change what particles have kept so far.
@@ -101,9 +103,12 @@ def scene_from_checkpoint(
 
 
 def _cut_out(
-    before: S, start: Start, cut: Cells, read: Callable[[dict[str, Any]], S]
+    before: S, start: Start, cut: Cells, read: Callable[[dict[str, Any]], S], tiled: str | None
 ) -> tuple[S, dict[str, Any], Start]:
-    """Return the scene of what lies in some cells of a run, as JSON too, and where it starts."""
+    """Return the scene of what lies in some cells of a run, as JSON too, and where it starts.
+
+    `tiled` is the axis along which copies will stand side by side.
+    """
     from libmpm._src.output.checkpoint import load_checkpoint
     from libmpm._src.run.checkpoint_state import take_apart
 
@@ -124,7 +129,7 @@ def _cut_out(
     data |= {"lower": lower, "upper": upper}
     # What stood on a wall may lie outside; the wall's cells stay as they were.
     data["boundaries"] = [
-        told | {"response": plain(named_cells(before, boundary))}
+        told | {"response": plain(_kept_response(before, boundary, tiled))}
         for told, boundary in zip(data["boundaries"], before.boundaries, strict=True)
         if boundary.name not in gone
     ]
@@ -135,6 +140,22 @@ def _cut_out(
         first_cell=first, cut_cells=cells,
     )  # fmt: skip
     return read(data), data, start
+
+
+def _kept_response(
+    before: SceneData, boundary: Boundary, tiled: str | None
+) -> Response | dict[str, Response]:
+    """Return the response of a boundary with the cells that it has in the run by name.
+
+    Walls of the domain at the sides of tiles are those of the wide scene: a run one cell across
+    holds them for being so narrow (`wall_cells`).
+    """
+    named = named_cells(before, boundary)
+    if tiled is None or not isinstance(boundary.shape, DomainWalls):
+        return named
+    faces = faces_present(before, boundary)
+    every = named if isinstance(named, dict) else dict.fromkeys(faces, named)
+    return every | {f: boundary.response_at(f) for f in faces if f[0] == tiled}
 
 
 def _side_by_side(
