@@ -11,19 +11,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from libmpm._src.base.values import Checker, plain, warn
-from libmpm._src.boundaries.responses import Response
+from libmpm._src.base.values import Checker, warn
 from libmpm._src.errors import SceneError
 from libmpm._src.scene.contact_fields import rigid_bodies
 from libmpm._src.scene.cut import cells_within, cut_parts, require_particles
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.old_defaults import with_old_defaults
-from libmpm._src.scene.parts import Boundary
-from libmpm._src.scene.places import faces_present, named_cells
 from libmpm._src.scene.start import RestoredBody, Start, digest_of
 from libmpm._src.sensors.engine_sensors import ParticleTracker
 from libmpm._src.sensors.python_sensors import AttributeTracker
-from libmpm._src.shapes.boxes import Box, DomainWalls, OrientedBox
+from libmpm._src.shapes.boxes import Box, OrientedBox
+from libmpm._src.shapes.prisms import Extrusion
+from libmpm._src.shapes.solid import Solid
 
 __all__ = ["scene_from_checkpoint"]
 
@@ -94,7 +93,7 @@ def scene_from_checkpoint(
     data, transfer = before.to_dict(), before.transfer
     data.pop("start", None)
     if cut is not None:
-        before, data, start = _cut_out(before, start, cut, read, axis if tiles > 1 else None)
+        before, data, start = _cut_out(before, start, cut, read)
     if tiles > 1:
         data = _side_by_side(before, data, start, names.index(str(axis)))
     # What is added, a structure say, may not change what particles have kept so far.
@@ -103,12 +102,9 @@ def scene_from_checkpoint(
 
 
 def _cut_out(
-    before: S, start: Start, cut: Cells, read: Callable[[dict[str, Any]], S], tiled: str | None
+    before: S, start: Start, cut: Cells, read: Callable[[dict[str, Any]], S]
 ) -> tuple[S, dict[str, Any], Start]:
-    """Return the scene of what lies in some cells of a run, as JSON too, and where it starts.
-
-    `tiled` is the axis along which copies will stand side by side.
-    """
+    """Return the scene of what lies in some cells of a run, as JSON too, and where it starts."""
     from libmpm._src.output.checkpoint import load_checkpoint
     from libmpm._src.run.checkpoint_state import take_apart
 
@@ -127,12 +123,7 @@ def _cut_out(
     data = before.to_dict()
     data.pop("start", None)
     data |= {"lower": lower, "upper": upper}
-    # What stood on a wall may lie outside; the wall's cells stay as they were.
-    data["boundaries"] = [
-        told | {"response": plain(_kept_response(before, boundary, tiled))}
-        for told, boundary in zip(data["boundaries"], before.boundaries, strict=True)
-        if boundary.name not in gone
-    ]
+    data["boundaries"] = [b for b in data["boundaries"] if b["name"] not in gone]
     data["sensors"] = [s for s in data["sensors"] if s["name"] not in blind]
     bodies = [dataclasses.replace(one, left=left[one.name]) for one in start.bodies]
     start = dataclasses.replace(
@@ -140,22 +131,6 @@ def _cut_out(
         first_cell=first, cut_cells=cells,
     )  # fmt: skip
     return read(data), data, start
-
-
-def _kept_response(
-    before: SceneData, boundary: Boundary, tiled: str | None
-) -> Response | dict[str, Response]:
-    """Return the response of a boundary with the cells that it has in the run by name.
-
-    Walls of the domain at the sides of tiles are those of the wide scene: a run one cell across
-    holds them for being so narrow (`wall_cells`).
-    """
-    named = named_cells(before, boundary)
-    if tiled is None or not isinstance(boundary.shape, DomainWalls):
-        return named
-    faces = faces_present(before, boundary)
-    every = named if isinstance(named, dict) else dict.fromkeys(faces, named)
-    return every | {f: boundary.response_at(f) for f in faces if f[0] == tiled}
 
 
 def _side_by_side(
@@ -169,16 +144,24 @@ def _side_by_side(
     problems = []
 
     def widened(what: str, shape: dict[str, Any]) -> dict[str, Any]:
-        ends = shape["lower"][axis], shape["upper"][axis]
+        prism = shape["type"] == Extrusion.__name__
+        ends = [shape[end] if prism else shape[end][axis] for end in ("lower", "upper")]
         if ends[0] > low + slack or ends[1] < high - slack:
             problems.append(
-                f"{what}: its box spans {ends[0]:g} to {ends[1]:g} m on axis {axis}; expected "
-                f"all of the slice, {low:g} to {high:g} m, where the run is tiled; run the trunk "
-                "without it and add it to the tiled scene"
+                f"{what}: its {'prism' if prism else 'box'} spans {ends[0]:g} to {ends[1]:g} m on "
+                f"axis {axis}; expected all of the slice, {low:g} to {high:g} m, where the run is "
+                "tiled; run the trunk without it and add it to the tiled scene"
             )
+        if prism:
+            return shape | {"upper": max(wide, ends[1])}
         upper = list(shape["upper"])
         upper[axis] = max(wide, ends[1])
         return shape | {"upper": upper}
+
+    def is_wide(shape: dict[str, Any]) -> bool:
+        kind = shape["type"]
+        return bool(kind == Box.__name__ or
+                    (kind == Extrusion.__name__ and shape["axis"] == "xyz"[axis]))  # fmt: skip
 
     for body in before.bodies:
         shape = body.shape
@@ -196,9 +179,19 @@ def _side_by_side(
     for kind, singular in (("bodies", "body"), ("boundaries", "boundary")):
         parts[kind] = [
             part | {"shape": widened(f"{singular} '{part['name']}'", part["shape"])}
-            if part["shape"]["type"] == Box.__name__ else part
+            if is_wide(part["shape"]) else part
             for part in data[kind]
         ]  # fmt: skip
+    for boundary in before.boundaries:
+        solid = boundary.shape
+        if isinstance(solid, Solid) and not is_wide(solid.to_dict()):
+            ends = [end[axis] for end in solid.bounds()]
+            if ends[0] > low + slack or ends[1] < wide - slack:
+                problems.append(
+                    f"boundary '{boundary.name}': its shape spans {ends[0]:g} to {ends[1]:g} m on "
+                    f"axis {axis}; expected all of the tiles, {low:g} to {wide:g} m; make it as "
+                    "wide in the trunk, or add it to the tiled scene"
+                )
     if problems:
         raise SceneError(problems)
     upper = list(before.upper)
