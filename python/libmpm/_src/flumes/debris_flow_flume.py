@@ -118,7 +118,6 @@ class DebrisFlowFlume(Facility):
     label: ClassVar[str] = "flumes.DebrisFlowFlume"
     short: ClassVar[str] = "usgs"
     title: ClassVar[str] = "USGS debris-flow flume"
-    granular: ClassVar[bool] = True
     bed_profile: ClassVar[Pairs] = bed_line(-8.0, 118.0)
     levels: ClassVar[dict[str, dict[str, Any]]] = {
         "reduced": {"width": "slice", "cell_size": 0.1, "end": 8.0},
