@@ -16,6 +16,7 @@ from libmpm._src.boundaries.responses import Slip
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes.laboratory import Instrument
 from libmpm._src.methods.method import Method
+from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.default_transfer import PAST_STRUCTURES
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.column_gauge import ColumnGauge
@@ -127,6 +128,8 @@ class Facility(Value):
     clock_offset: ClassVar[float] = 0.0
     #: Whether the wave breaks at once: linear cells by name at all walls, slices included.
     violent: ClassVar[bool] = False
+    #: Whether grains flow and not water: APIC by name.
+    granular: ClassVar[bool] = False
     #: Whether it can be one cell wide, which `near_field` cuts and tiles.
     strips: ClassVar[bool] = False
     #: How long a run is still at all gauges, s, by which their zero is set.
@@ -348,6 +351,8 @@ class Facility(Value):
         h, axes = self.cell_size, self.axes
         # A strip, which has no structure, goes on as a near field with one; others name none.
         transfer = PAST_STRUCTURES if self.width == "strip" else None
+        if self.granular:
+            transfer = Transfer()
         low = [math.floor(x / h + 1e-6) * h for x in lower]
         high = [math.ceil(x / h - 1e-6) * h for x in upper]
         return Scene(
