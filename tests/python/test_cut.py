@@ -146,6 +146,11 @@ def test_a_slice_is_cut_and_tiled_in_one_call(tmp_path):
         material=materials.FixedCorotated(density=500.0, youngs_modulus=1e5),
     )  # fmt: skip
     assert near.upper == pytest.approx((4.0, 4 * H, 1.0))
+    # Sides of a slice one cell thick are held for that; those of the tiles are wide apart.
+    cells = [{p.face: p.cell for p in s.plan(device="cpu").boundaries if p.boundary == "walls"}
+             for s in (whole.scene, near)]  # fmt: skip
+    assert cells[0] == cells[1] | {"y-": "held", "y+": "held"}
+    assert set(cells[1].values()) == {"linear"}
     inside = np.asarray(whole.particles["water"]["position"])[:, 0] >= 2.0
     branch = libmpm.Simulation(near, device="cpu", threads=1)
     assert len(branch.particles["water"]) == 4 * np.count_nonzero(inside)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from libmpm._src.boundaries.responses import Mirror
 from libmpm._src.materials.rigid import Rigid
+from libmpm._src.shapes.boxes import DomainWalls
 
 if TYPE_CHECKING:
     from libmpm._src.methods.transfer import Transfer
@@ -61,7 +62,8 @@ def strains_linearly(
 
     Where "auto" stands for that (`by_caution`), the engine still holds nodes beside surfaces that
     are round or steep, in corners of a slope and a wall, and where something that moves may come
-    within three cells: drops creep between the two there.
+    within three cells: drops creep between the two there. Walls of a domain one cell across are
+    held: between linear ones water on a slope went from rest to 250 m/s in 0.1 s.
     `by_default` is `linear_by_default(scene)` where it is known already.
     """
     cell = getattr(boundary.response_at(face), "cell", "held")
@@ -70,7 +72,10 @@ def strains_linearly(
     plain = boundary.layer is None and boundary.within is None and not boundary.bodies
     if not boundary.at_rest or not plain or not (face or boundary.is_surface):
         return False
-    return linear_by_default(scene) if by_default is None else by_default
+    if not (linear_by_default(scene) if by_default is None else by_default):
+        return False
+    walls = isinstance(boundary.shape, DomainWalls)
+    return not walls or scene.cells["xyz".index(face[0])] > 1
 
 
 def by_caution(boundary: Boundary, face: str) -> bool:

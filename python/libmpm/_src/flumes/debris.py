@@ -36,16 +36,18 @@ def scattered(field: DebrisField, seed: int, cell_size: float, across: bool = Tr
 
     Debris in a flow is chaotic: fields that differ in `seed` alone are repeats of one experiment.
     0 shifts nothing. Pieces above each other move together; `across` = False shifts along the flow
-    alone. Gaps of less than half a cell are shared out: pieces never overlap.
+    alone. Gaps of less than half a cell are shared out: pieces never overlap. Without gaps all move
+    as one.
     """
     if seed == 0:
         return field
-    by = min(_SHIFT * cell_size, 0.49 * field.clearance)
+    free = min(_SHIFT * cell_size, 0.49 * field.clearance)
+    by = free if free > 0 else _SHIFT * cell_size
     random = np.random.default_rng(seed)
     shifts: dict[tuple[float, float], tuple[float, float]] = {}
     pieces = []
     for piece in field.pieces:
-        at = (piece.x, piece.y)
+        at = (piece.x, piece.y) if free > 0 else (0.0, 0.0)
         if at not in shifts:
             x, y = random.uniform(-by, by, 2)
             shifts[at] = (round(float(x), 9), round(float(y), 9) if across else 0.0)
@@ -55,7 +57,7 @@ def scattered(field: DebrisField, seed: int, cell_size: float, across: bool = Tr
     footprint = [a + 2 * by for a in field.footprint]
     return DebrisField(
         prototypes=field.prototypes, pieces=pieces, corner=corner, footprint=footprint,
-        rotation=field.rotation, clearance=max(0.0, field.clearance - 2 * by - 1e-9),
+        rotation=field.rotation, clearance=max(0.0, field.clearance - 2 * free - 1e-9),
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from libmpm._src.errors import SceneError
 from libmpm._src.flumes.laboratory import Instrument
 from libmpm._src.methods.method import Method
 from libmpm._src.methods.transfer import Transfer
+from libmpm._src.scene.default_transfer import PAST_STRUCTURES
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.column_gauge import ColumnGauge
 from libmpm._src.sensors.engine_sensors import Sensor, VelocityProbe, WaveGauge
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
 
 __all__ = ["WIDTHS", "Axes", "Deviation", "Facility", "Instrument", "Width"]
 
-Width = Literal["slice", "half", "full"]
-WIDTHS = ("slice", "half", "full")
+Width = Literal["slice", "strip", "half", "full"]
+WIDTHS = ("slice", "strip", "half", "full")
 
 #: Acceleration of gravity, m/s².
 GRAVITY = 9.81
@@ -125,10 +126,12 @@ class Facility(Value):
     title: ClassVar[str]
     #: Measured time less time of the run, s.
     clock_offset: ClassVar[float] = 0.0
-    #: Whether the wave breaks at once: slices too then take AFLIP and linear cells.
+    #: Whether the wave breaks at once: linear cells by name at all walls, slices included.
     violent: ClassVar[bool] = False
-    #: Whether grains flow and not water: APIC in space too, which adds no velocity of its own.
+    #: Whether grains flow and not water: APIC by name.
     granular: ClassVar[bool] = False
+    #: Whether it can be one cell wide, which `near_field` cuts and tiles.
+    strips: ClassVar[bool] = False
     #: How long a run is still at all gauges, s, by which their zero is set.
     rest: ClassVar[float] = 2.0
     #: Arguments of each level; see `at_level`.
@@ -140,6 +143,9 @@ class Facility(Value):
 
     cell_size: float
     width: Width
+    debris: str | DebrisField | None = None
+    gap: float | None = None
+    contact: float | None = None
 
     # What each facility says -----------------------------------------------------------------
 
@@ -271,19 +277,50 @@ class Facility(Value):
     def bed_response(self) -> Slip:
         """Return what the bed does to water: held nodes in a calm slice, else linear cells.
 
-        Before a step of linear cells slow water crowds, which a gauge there reads; in space they
-        halve the load on a structure above the bed.
+        Before a step or the foot of a slope of linear cells slow water crowds, which gauges there
+        read (WG1 of the Directional Wave Basin by 2.7 cm rms in place of 1.2, `docs/flumes`); in
+        space they halve the load on a structure above the bed.
         """
-        return Slip(cell="held" if self.width == "slice" and not self.violent else "linear")
+        if self.width == "slice" and not self.violent:
+            return Slip(cell="held")
+        return self._wall()
 
     # For subclasses --------------------------------------------------------------------------
 
     def _common(self, check: Checker) -> dict[str, Any]:
         """Check cell size and width."""
-        return {
+        widths = [w for w in WIDTHS if w != "strip" or self.strips]
+        found = {
             "cell_size": check.given("cell_size", self),
-            "width": check.choice("width", self.width, WIDTHS),
+            "width": check.choice("width", self.width, widths),
         }
+        for name in ("gap", "contact"):
+            if getattr(self, name) is not None:
+                found[name] = check.given(name, self)
+        if self.contact is not None and self.debris is None:
+            check.fail(f"contact is {self.contact:g} without debris; expected None; name debris")
+        return found
+
+    def _wall(self) -> Slip:
+        """Return what walls at rest do: linear cells by name only without contacts."""
+        return wall() if self.violent and self.contact is None else Slip()
+
+    def _gap(self, measured: float = 0.0) -> float:
+        """Return the gap between pieces, m: `gap`, else the measured one, but two cells apart.
+
+        With contact they may touch.
+        """
+        if self.gap is not None:
+            return self.gap
+        return measured if self.contact is not None else max(measured, 2 * self.cell_size)
+
+    def _gap_deviation(self, what: str, measured: float = 0.0) -> list[Deviation]:
+        """Return that a gap is not the measured one, if so."""
+        gap = self._gap(measured)
+        if abs(gap - measured) < 1e-9:
+            return []
+        why = "bodies share velocities at nodes" if self.contact is None else "chosen"
+        return [Deviation(f"gap between {what}", f"{measured:g} m", f"{gap:g} m", why)]
 
     def _bed_at(self, x: float) -> float:
         """Return the height of the bed at x, m."""
@@ -299,6 +336,8 @@ class Facility(Value):
 
     def _across(self, width: float) -> tuple[float, float]:
         """Return the y between which the scene lies: half of it from the centreline."""
+        if self.width == "strip":
+            return (0.0, self.cell_size)
         half = max(self._cells(0.5 * width), self.cell_size)
         return (0.0, half) if self.width == "half" else (-half, half)
 
@@ -310,9 +349,10 @@ class Facility(Value):
     ) -> Scene:
         """Return an empty scene between two corners (x, y, z), moved out to faces of cells."""
         h, axes = self.cell_size, self.axes
-        # Levels of a slice are better with APIC, loads in space with AFLIP (docs/flumes).
-        calm = self.granular or (axes.flat and not self.violent)
-        transfer = Transfer() if calm else Transfer(scheme="AFLIP", flip=0.95)
+        # A strip, which has no structure, goes on as a near field with one; others name none.
+        transfer = PAST_STRUCTURES if self.width == "strip" else None
+        if self.granular:
+            transfer = Transfer()
         low = [math.floor(x / h + 1e-6) * h for x in lower]
         high = [math.ceil(x / h - 1e-6) * h for x in upper]
         return Scene(
@@ -331,7 +371,7 @@ class Facility(Value):
 
 
 def wall() -> Slip:
-    """Return what walls and pistons do."""
+    """Return what pistons do, and walls that ask for linear cells by name."""
     return Slip(cell="linear")
 
 
@@ -354,6 +394,14 @@ def check_debris(
                    "debris.DebrisField")  # fmt: skip
         return None
     return item
+
+
+def softened(what: str, measured: float, modulus: float) -> Deviation:
+    """Return that debris is softer than it is by `modulus` in place of `measured`, Pa."""
+    share = math.sqrt(modulus / measured)
+    return Deviation(f"E of the {what}", f"{measured:.2g} Pa", f"{modulus:.3g} Pa",
+                     f"longer steps; a dry blow, v A √(E ρ), is √(E/E₀) = {share:.2g} of its "
+                     "own")  # fmt: skip
 
 
 def modulus_at_speed(density: float, poisson: float, speed: float) -> float:

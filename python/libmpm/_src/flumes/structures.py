@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from libmpm._src.base.values import nearest, shown
+from libmpm._src.boundaries.contact_laws import Fluid, Friction
 from libmpm._src.boundaries.responses import Separable
 from libmpm._src.errors import SceneError
 from libmpm._src.scene.scene import Scene
@@ -16,8 +17,8 @@ from libmpm._src.shapes.primitives import HalfSpace
 from libmpm._src.shapes.solid import Solid
 
 __all__ = [
-    "EDGES", "EDGE_TEXT", "FRICTION", "Edges", "add_bed_friction", "add_structure", "bevelled",
-    "friction", "structure_solid",
+    "CONTACT_TEXT", "EDGES", "EDGE_TEXT", "FRICTION", "Edges", "add_bed_friction", "add_contacts",
+    "add_structure", "bevelled", "friction", "structure_solid",
 ]  # fmt: skip
 
 Edges = Literal["free", "bevel"]
@@ -27,6 +28,12 @@ EDGES = ("free", "bevel")
 EDGE_TEXT = (
     '"free": a box on faces of cells, whose faces hold the nodes beside them while nodes that '
     'touch an edge or a corner alone are free; "bevel": edges cut at 45° by one cell, a surface'
+)
+
+#: What a field `contact` means, for the facilities that have one.
+CONTACT_TEXT = (
+    "μ between pieces of debris, which then have velocities of their own, touch each other and are "
+    "pushed by water; None = all bodies share one velocity at a node"
 )
 
 #: Coulomb friction μ of debris on a bed, with its source: (debris, bed, state) -> (μ, source).
@@ -119,7 +126,32 @@ def structure_solid(box: Box, edges: Edges, cell_size: float, half: bool = False
     return bevelled(Box(lower=tuple(lower), upper=tuple(box.upper)), cell_size)
 
 
-def add_structure(scene: Scene, name: str, box: Box, edges: Edges, *, half: bool = False) -> str:
-    """Add a rigid box that lets water go as a boundary; see `structure_solid`."""
+def add_structure(
+    scene: Scene, name: str, box: Box, edges: Edges, *, half: bool = False, contact: bool = False
+) -> str:
+    """Add a rigid box that lets water go as a boundary; see `structure_solid`.
+
+    Its cells are linear by name; with `contact` they are the scene's own choice, which holds debris
+    there (`docs/contact.md`).
+    """
     shape = structure_solid(box, edges, scene.cell_size, half)
-    return scene.add_boundary(name=name, shape=shape, response=Separable(cell="linear"))
+    response = Separable(cell="auto" if contact else "linear")
+    return scene.add_boundary(name=name, shape=shape, response=response)
+
+
+def add_contacts(scene: Scene, friction: float | None, *, water: bool = True) -> None:
+    """Let bodies "debris..." touch with Coulomb friction, and fluids without; None adds nothing.
+
+    Contacts are "debris", where there are two pieces or more, and "afloat" for each fluid, the
+    second and later ones numbered. `water` False leaves out fluids, where an inflow feeds them.
+    """
+    if friction is None:
+        return
+    pieces = [b for b in scene.bodies if b.name.startswith("debris")]
+    fluids = [b.name for b in scene.bodies if b.material.table.stores_volume] if water else []
+    if len(pieces) > 1:
+        scene.add_contact(name="debris", between=("debris*", "debris*"),
+                          law=Friction(static=friction))  # fmt: skip
+    for k, name in enumerate(fluids, 1):
+        scene.add_contact(name="afloat" if k == 1 else f"afloat-{k}", between=("debris*", name),
+                          law=Fluid())  # fmt: skip

@@ -12,7 +12,7 @@ from libmpm._src.base.declarations import given
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, value
 from libmpm._src.boundaries.flows import Inflow, Outflow
-from libmpm._src.boundaries.responses import Prescribed
+from libmpm._src.boundaries.responses import Prescribed, Slip
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes import criteria as measures
 from libmpm._src.flumes import records
@@ -28,12 +28,13 @@ from libmpm._src.flumes.facility import (
     check_debris,
     modulus_at_speed,
     rectangle,
-    wall,
+    softened,
 )
 from libmpm._src.flumes.structures import (
     EDGE_TEXT,
     EDGES,
     Edges,
+    add_contacts,
     add_structure,
     structure_solid,
 )
@@ -102,11 +103,13 @@ class WASIRF(Facility):
     Depth 0.20 m and underside 0.15 m are chosen here.
 
     Water comes in at `start` by an inflow at the still level and leaves through the far end with
-    the same speed; it moves from the beginning. In a slice APIC, in space AFLIP 0.95 and linear
-    cells at walls. No drag of bed and walls, no turbulence, no wind.
+    the same speed; it moves from the beginning. Transfer and cells at walls are what the scene
+    takes that names none, but for linear cells at the box. No drag of bed and walls, no turbulence,
+    no wind.
 
-    Debris shares the velocity of the water at the nodes of the grid: there is no contact with slip
-    or friction between bodies yet.
+    Debris shares the velocity of the water at the nodes of the grid. `contact` gives pieces their
+    own against each other; water moves with both, since a contact with it is refused beside an
+    inflow.
 
     Raises `SceneError`.
 
@@ -147,7 +150,13 @@ class WASIRF(Facility):
         "1:4, or a `debris.DebrisField`",
         default=None,
     )
-    gap: float | None = given("between bars; None = two cells", default=None, unit="m", low=0)
+    gap: float | None = given("between bars; None = two cells, with `contact` none", default=None,
+                              unit="m", low=0)  # fmt: skip
+    contact: float | None = given(
+        "μ between pieces of debris, which then have velocities of their own; None = all bodies "
+        "share one velocity at a node, as pieces and water do in any case",
+        default=None, unit="1", low=0,
+    )  # fmt: skip
     seed: int = given(
         "of shifts of the debris by up to a quarter of a cell; 0 = none", default=0, unit="1",
         low=0, whole=True,
@@ -169,8 +178,6 @@ class WASIRF(Facility):
                 check.fail("structure is 'box' with width 'slice', where it would close the flume; "
                            "expected None; use width='half'")  # fmt: skip
         found["debris"] = check_debris(check, self.debris, (*_PIECES, *_BARS), self.width)
-        if self.gap is not None:
-            found["gap"] = check.given("gap", self)
         check.choice("edges", self.edges, EDGES)
         found["seed"] = check.given("seed", self)
         return found
@@ -201,7 +208,7 @@ class WASIRF(Facility):
             velocity=axes.point(u, 0.0, 0.0),
         )  # fmt: skip
         faces = ("y-",) if axes.flat else ("y-", "y+", "z-")
-        made.add_boundary(name="walls", shape=DomainWalls(faces=faces), response=wall())
+        made.add_boundary(name="walls", shape=DomainWalls(faces=faces), response=Slip())
         moves = TimeTable((0.0,), (axes.point(u, 0.0, 0.0),))
         ends = self.pump()
         for name, low, high in (("pump", first, ends[0]), ("drain-pump", ends[1], made.upper[0])):
@@ -213,12 +220,14 @@ class WASIRF(Facility):
         made.add_flow(name="feed", flow=Inflow(body="water", face="x-", velocity=u, level=level))
         made.add_flow(name="drain", flow=Outflow(face="x+", velocity=u))
         if self.structure is not None:
-            add_structure(made, "box", self.box(), self.edges, half=self.width == "half")
+            add_structure(made, "box", self.box(), self.edges, half=self.width == "half",
+                          contact=self.contact is not None)  # fmt: skip
         if self.debris is not None:
             field = self.field()
             names = add_field(made, field, elevation=level + 0.5 * self.cell_size,
                               half=self.width == "half")  # fmt: skip
             track(made, names)
+            add_contacts(made, self.contact, water=False)
         for one in self.instruments():
             if one.kind == "level":
                 sensor: Any = axes.gauge(one.x, one.y, one.z, 1 / 20, max(0.1, self.cell_size))
@@ -260,7 +269,7 @@ class WASIRF(Facility):
                 ),
             ),
         )  # fmt: skip
-        gap = 2 * self.cell_size if self.gap is None else self.gap
+        gap = self._gap()
         deep = rows * sizes[0] + (rows - 1) * gap
         made = ordered(piece, rows=rows, columns=columns, clearance=gap,
                        centre=(_FRONT - _AWAY - 0.5 * deep, 0.0))  # fmt: skip
@@ -316,8 +325,8 @@ class WASIRF(Facility):
                 found += lengthened(f"box {what}", edge, round(by * (high[k] - low[k]), 9))
         if self.debris is not None:
             modulus = self.field().prototypes[0].material.parameters()["youngs_modulus"]
-            found.append(Deviation("E of the debris", "0.8 GPa", f"{modulus:.3g} Pa",
-                                    "longer steps; single blows are softer"))  # fmt: skip
+            found.append(softened("debris", 0.8e9, modulus))
+            found += self._gap_deviation("bars")
         return tuple(found)
 
     def criteria(self) -> tuple[Criterion, ...]:

@@ -21,11 +21,11 @@ from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.parts import Body, Boundary
 from libmpm._src.shapes.solid import Solid
 
-__all__ = ["default_transfer", "is_structure"]
+__all__ = ["PAST_STRUCTURES", "default_transfer", "is_structure"]
 
 _PLAIN = Transfer()
 #: Of less a flow loses more, of more noise is left (`docs/tradeoff.md`).
-_PAST_STRUCTURES = Transfer(scheme="AFLIP", flip=0.99)
+PAST_STRUCTURES = Transfer(scheme="AFLIP", flip=0.99)
 _GRAINS = Transfer(scheme="AFLIP", flip=0.95)
 
 
@@ -80,7 +80,7 @@ def default_transfer(scene: _Scene) -> Transfer:
     """
     past = any(is_structure(scene, b) for b in scene.boundaries)
     if past and any(body.material.table.stores_volume for body in scene.bodies):
-        wanted = _PAST_STRUCTURES
+        wanted = PAST_STRUCTURES
     elif any(isinstance(body.material, DruckerPrager) for body in scene.bodies):
         wanted = _GRAINS
     else:

@@ -11,17 +11,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from libmpm._src.base.values import Checker, plain, warn
+from libmpm._src.base.values import Checker, warn
 from libmpm._src.errors import SceneError
 from libmpm._src.scene.contact_fields import rigid_bodies
 from libmpm._src.scene.cut import cells_within, cut_parts, require_particles
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.old_defaults import with_old_defaults
-from libmpm._src.scene.places import named_cells
 from libmpm._src.scene.start import RestoredBody, Start, digest_of
 from libmpm._src.sensors.engine_sensors import ParticleTracker
 from libmpm._src.sensors.python_sensors import AttributeTracker
 from libmpm._src.shapes.boxes import Box, OrientedBox
+from libmpm._src.shapes.prisms import Extrusion
+from libmpm._src.shapes.solid import Solid
 
 __all__ = ["scene_from_checkpoint"]
 
@@ -122,12 +123,7 @@ def _cut_out(
     data = before.to_dict()
     data.pop("start", None)
     data |= {"lower": lower, "upper": upper}
-    # What stood on a wall may lie outside; the wall's cells stay as they were.
-    data["boundaries"] = [
-        told | {"response": plain(named_cells(before, boundary))}
-        for told, boundary in zip(data["boundaries"], before.boundaries, strict=True)
-        if boundary.name not in gone
-    ]
+    data["boundaries"] = [b for b in data["boundaries"] if b["name"] not in gone]
     data["sensors"] = [s for s in data["sensors"] if s["name"] not in blind]
     bodies = [dataclasses.replace(one, left=left[one.name]) for one in start.bodies]
     start = dataclasses.replace(
@@ -148,16 +144,24 @@ def _side_by_side(
     problems = []
 
     def widened(what: str, shape: dict[str, Any]) -> dict[str, Any]:
-        ends = shape["lower"][axis], shape["upper"][axis]
+        prism = shape["type"] == Extrusion.__name__
+        ends = [shape[end] if prism else shape[end][axis] for end in ("lower", "upper")]
         if ends[0] > low + slack or ends[1] < high - slack:
             problems.append(
-                f"{what}: its box spans {ends[0]:g} to {ends[1]:g} m on axis {axis}; expected "
-                f"all of the slice, {low:g} to {high:g} m, where the run is tiled; run the trunk "
-                "without it and add it to the tiled scene"
+                f"{what}: its {'prism' if prism else 'box'} spans {ends[0]:g} to {ends[1]:g} m on "
+                f"axis {axis}; expected all of the slice, {low:g} to {high:g} m, where the run is "
+                "tiled; run the trunk without it and add it to the tiled scene"
             )
+        if prism:
+            return shape | {"upper": max(wide, ends[1])}
         upper = list(shape["upper"])
         upper[axis] = max(wide, ends[1])
         return shape | {"upper": upper}
+
+    def is_wide(shape: dict[str, Any]) -> bool:
+        kind = shape["type"]
+        return bool(kind == Box.__name__ or
+                    (kind == Extrusion.__name__ and shape["axis"] == "xyz"[axis]))  # fmt: skip
 
     for body in before.bodies:
         shape = body.shape
@@ -175,9 +179,19 @@ def _side_by_side(
     for kind, singular in (("bodies", "body"), ("boundaries", "boundary")):
         parts[kind] = [
             part | {"shape": widened(f"{singular} '{part['name']}'", part["shape"])}
-            if part["shape"]["type"] == Box.__name__ else part
+            if is_wide(part["shape"]) else part
             for part in data[kind]
         ]  # fmt: skip
+    for boundary in before.boundaries:
+        solid = boundary.shape
+        if isinstance(solid, Solid) and not is_wide(solid.to_dict()):
+            ends = [end[axis] for end in solid.bounds()]
+            if ends[0] > low + slack or ends[1] < wide - slack:
+                problems.append(
+                    f"boundary '{boundary.name}': its shape spans {ends[0]:g} to {ends[1]:g} m on "
+                    f"axis {axis}; expected all of the tiles, {low:g} to {wide:g} m; make it as "
+                    "wide in the trunk, or add it to the tiled scene"
+                )
     if problems:
         raise SceneError(problems)
     upper = list(before.upper)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from libmpm._src.base.time_tables import TimeTable
-from libmpm._src.boundaries.responses import Mirror, Response
+from libmpm._src.boundaries.responses import Mirror
 from libmpm._src.boundaries.wall_cells import linear_by_default, strains_linearly
 from libmpm._src.grids import placing
 from libmpm._src.grids.shapes import Outline
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from libmpm._src.scene.parts import Body, Boundary
 
 __all__ = ["Plane", "body_counts", "extent_of", "faces_present", "initial_gravity", "new_bodies"]
-__all__ += ["linear_all_round", "named_cells", "planes", "snap", "vertical_axis"]
+__all__ += ["linear_all_round", "planes", "snap", "vertical_axis"]
 
 #: Part of a cell that rounding of coordinates may make.
 _ROUNDING = 1e-6
@@ -99,25 +99,6 @@ def linear_all_round(scene: SceneData, boundary: Boundary) -> bool:
     """Return whether the cells beside all faces of a boundary strain linearly."""
     faces, known = faces_present(scene, boundary) or ("",), linear_by_default(scene)
     return all(strains_linearly(scene, boundary, face, known) for face in faces)
-
-
-def named_cells(scene: SceneData, boundary: Boundary) -> Response | dict[str, Response]:
-    """Return the response of a boundary with the cells that it has in this scene by name."""
-    given, known = boundary.response, linear_by_default(scene)
-
-    def named(response: Response, face: str) -> Response:
-        if getattr(response, "cell", "held") != "auto":
-            return response
-        linear = strains_linearly(scene, boundary, face, known)
-        cell = "linear" if linear else "held"
-        return type(response).from_dict(response.to_dict() | {"cell": cell})  # type: ignore[no-any-return]
-
-    faces = faces_present(scene, boundary) or ("",)
-    if not isinstance(given, Response):
-        return {face: named(response, face) for face, response in given.items()}
-    every = {face: named(given, face) for face in faces}
-    first = next(iter(every.values()))
-    return first if all(response == first for response in every.values()) else every
 
 
 def planes(scene: SceneData) -> list[Plane]:

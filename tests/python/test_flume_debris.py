@@ -1,0 +1,108 @@
+"""Debris of laboratory flumes: seeds, contact between pieces, and their near field."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm import flumes
+from libmpm._src.flumes.debris import add_field
+from libmpm._src.flumes.structures import add_contacts
+
+
+def test_seeds_shift_debris_by_less_than_a_quarter_of_a_cell():
+    first, again, other = (
+        flumes.WasedaBasin.of_case("5x1-up", seed=s).field() for s in (1, 1, 2)
+    )  # fmt: skip
+    plain = flumes.WasedaBasin.of_case("5x1-up").field()
+    assert first == again != other
+    moved = [(p.x - q.x, p.y - q.y) for p, q in zip(first.pieces, plain.pieces, strict=True)]
+    assert 0 < np.abs(moved).max() <= 0.25 * 0.02
+    assert moved[0] == pytest.approx(moved[3])  # one above the other
+    # Without gaps they move as one, and touch as before.
+    first, other = (
+        flumes.WasedaBasin.of_case("5x1-up", contact=0.3, seed=s).field() for s in (1, 2)
+    )
+    plain = flumes.WasedaBasin.of_case("5x1-up", contact=0.3).field()
+    moved = [(p.x - q.x, p.y - q.y) for p, q in zip(first.pieces, plain.pieces, strict=True)]
+    assert np.ptp(moved, axis=0) == pytest.approx(0.0, abs=1e-8) and first != other
+    assert 0 < np.abs(moved).max() <= 0.25 * 0.02
+    half = flumes.LargeWaveFlume.of_case("8-L-1.0x0.4", seed=3)
+    straight = flumes.LargeWaveFlume.of_case("8-L-1.0x0.4")
+    assert [p.y for p in half.field().pieces] == [p.y for p in straight.field().pieces]
+
+
+def test_contact_lets_bars_touch_and_names_their_laws():
+    flume = flumes.LargeWaveFlume.of_case("8-L-1.0x0.4", contact=0.3)
+    found = {c.name: (c.between, c.law) for c in flume.scene().contacts}
+    assert found == {
+        "debris": (("debris*", "debris*"), libmpm.contacts.Friction(static=0.3)),
+        "afloat": (("debris*", "water"), libmpm.contacts.Fluid()),
+    }
+    assert flume.field().clearance == 0.0
+    apart = replace(flume, contact=None)
+    assert apart.field().clearance == 2 * flume.cell_size and not apart.scene().contacts
+    gaps = [[d.scene for d in f.deviations() if "gap" in d.what] for f in (flume, apart)]
+    assert gaps == [[], ["0.1 m"]]
+    # Blocks of the other basin had gaps, which stay.
+    basin = flumes.DirectionalWaveBasin(width="full", cell_size=0.05, debris="hdpe", contact=0.3)
+    assert basin.field().clearance == pytest.approx(0.051)
+    with pytest.raises(libmpm.SceneError, match=r"contact is 0\.3; expected None: it"):
+        flume.near_field("nowhere")
+    assert flume.trunk().contact is None
+
+
+@pytest.mark.parametrize(("contact", "opened"), [(0.3, 0.04), (None, 0.0)])
+def test_pieces_that_touch_part_with_contact_alone(contact, opened):
+    flume = flumes.WasedaBasin(
+        width="full", cell_size=0.02, debris="3x1-upstream", gap=0.0, contact=contact
+    )
+    scene = libmpm.Scene(dimension=3, cell_size=0.02, lower=(4.5, -0.4, 0.1), upper=(4.9, 0.4, 0.5))
+    names = add_field(scene, flume.field(), elevation=0.26, displaces=())
+    for name, speed in zip(names, (-0.2, 0.0, 0.2), strict=True):
+        scene.replace(name, velocity=(0.0, speed, 0.0))
+    add_contacts(scene, flume.contact)
+    sim = libmpm.Simulation(scene, device="cpu", threads=1)
+
+    def gaps():
+        y = [np.asarray(sim.particles[name]["position"])[:, 1] for name in names]
+        return np.array([b.min() - a.max() for a, b in itertools.pairwise(y)])
+
+    before = gaps()
+    sim.run(until=0.2, progress=False)
+    assert gaps() - before == pytest.approx(opened, abs=0.001)
+
+
+def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path):
+    flume = flumes.LargeWaveFlume(
+        width="half", cell_size=0.2, structure="box", debris="1-T-0.1x0.5", gap=0.4, end=60.0
+    )
+    given = {"begin": 15.2, "lower": 30.0, "until": 15.4, "device": "cpu"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        made = flume.near_field(tmp_path, **given)
+        log = (tmp_path / "trunk" / "log.json").stat().st_mtime_ns
+        again = flume.near_field(tmp_path, **given)
+        assert again == made and (tmp_path / "trunk" / "log.json").stat().st_mtime_ns == log
+        assert made.lower[0] == pytest.approx(30.0) and made.upper[0] == pytest.approx(60.0)
+        assert made.upper[1] == pytest.approx(1.8)
+        # The strip keeps velocities as the flume with its box would, which it continues as.
+        assert made.transfer == flume.scene().transfer and made.transfer.flip == 0.99
+        assert {"bed", "walls", "near-piston", "box"} == {b.name for b in made.boundaries}
+        assert {"WG2", "WG3", "USWG2", "ADV", "box"} <= {s.name for s in made.sensors}
+        sim = libmpm.Simulation(made, device="cpu", threads=1)
+        sim.step(3)
+        whole = libmpm.Simulation(flume.scene(), device="cpu", threads=1)
+    # At rest, and the water of half of the flume from the cut on.
+    beyond = np.asarray(whole.particles["water"]["position"])[:, 0] >= 30.0
+    assert len(sim.particles["water"]) == pytest.approx(np.count_nonzero(beyond), rel=0.003)
+    assert [b.name for b in made.bodies] == ["water", "debris-1"]
+    with pytest.raises(libmpm.SceneError, match="lower is 40 m; expected between the stations"):
+        flume.near_field(tmp_path, lower=40.0)
+    with pytest.raises(libmpm.SceneError, match="holds another run"):
+        replace(flume, cell_size=0.25).near_field(tmp_path)
