@@ -80,7 +80,9 @@ def main() -> None:
     parser.add_argument("--particles", type=int, default=8_000_000)
     parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--rows", nargs="*", default=list(ROWS), help="names of rows")
-    parser.add_argument("--only", choices=["smoothing", "phased"], help="rows of this question alone")
+    parser.add_argument(
+        "--only", choices=["smoothing", "phased"], help="rows of this question alone"
+    )
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--threads", type=int, help="of a CPU; None = all")
     parser.add_argument("--json", type=Path)

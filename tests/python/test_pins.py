@@ -24,13 +24,21 @@ TRANSFERS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
+def by(scheme: str) -> libmpm.Method:
+    return libmpm.Method(transfer=libmpm.methods.Transfer(scheme=scheme, **TRANSFERS[scheme]))
+
+
 @pytest.mark.parametrize("scheme", TRANSFERS)
 @pytest.mark.parametrize("d", [2, 3])
 def test_pinned_vertices_are_where_their_pins_are(d: int, scheme: str) -> None:
     """To rounding, after any number of steps, whatever the transfer and the body's velocity."""
     way = [0.004, -0.002, 0.001][:d]
     pins = (Pin(face="x-"), Pin(face="x+", motion=moved(0.01, way)))
-    scene = bar(d, pins, method=libmpm.Method(transfer=libmpm.methods.Transfer(scheme=scheme, **TRANSFERS[scheme])))
+    scene = bar(
+        d,
+        pins,
+        method=by(scheme),
+    )
     sim = libmpm.Simulation(scene, **FAST)
     body = sim.particles["bar"]
     rest = body["position"]
@@ -53,7 +61,7 @@ def test_momentum_is_what_gravity_and_pins_have_given(scheme: str) -> None:
     """Step by step and to rounding: the pins' push is all that is missing of the weight."""
     pins = (Pin(face="x-"), Pin(face="x+", components=("y",)))
     scene = bar(2, pins, gravity=(3.0, -9.81),
-                method=libmpm.Method(transfer=libmpm.methods.Transfer(scheme=scheme, **TRANSFERS[scheme])))  # fmt: skip
+                method=by(scheme))  # fmt: skip
     for k in (0, 1):
         scene.add_sensor(name=f"pin {k}", sensor=sensors.PinForce(body="bar", pin=k))
     sim = libmpm.Simulation(scene, **FAST, time_step=1e-4)
@@ -99,6 +107,7 @@ def test_a_pin_takes_a_load_at_the_other_end() -> None:
 
 def test_bits_of_pins(tmp_path: Path) -> None:
     """Threads, a resumed run and ranks have the same, sensors of one rank too."""
+
     def scene(sensor: bool) -> Scene:
         pins = (Pin(face="x-"), Pin(face="x+", motion=moved(0.01, [0.01, 0.005])))
         made = bar(2, pins, gravity=(0.0, -9.81))

@@ -99,7 +99,7 @@ def pinned_cantilever(cells: int = 4, edge: float = 0.5, ratio: float = 0.3) -> 
         dimension=2, cell_size=dx, lower=(0, 0), upper=room, method=libmpm.Method(cfl=0.3)
     )
     low = np.array([8 * dx, 0.5 * room[1] - 0.05 + 0.2 * dx])
-    mesh = mesh_of(low, low + [long, 0.1], edge * dx)
+    mesh = mesh_of(low, low + np.array([long, 0.1]), edge * dx)
     scene.add_body(name="beam", shape=mesh, pins=Pin(face="x-"),
                    material=solid("NeoHookean", DENSITY, MODULUS, ratio))  # fmt: skip
     sim = libmpm.Simulation(scene, device="cpu", precision="double")

@@ -164,9 +164,8 @@ class Body(Value):
     ) -> tuple[Any, ...]:
         """Return a field of values of one kind, of which one alone needs no tuple."""
         given = getattr(self, name)
-        items = (given,) if isinstance(given, kind) else None
-        if items is None and not isinstance(given, str):
-            items = sequence(given)
+        single = isinstance(given, kind)
+        items = [given] if single else None if isinstance(given, str) else sequence(given)
         if items is None:
             check.fail(f"{name} is {shown(given)}; expected a tuple of {example}")
             return ()
