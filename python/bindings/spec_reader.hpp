@@ -237,6 +237,7 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
             b.tractions.push_back(std::move(pull));
         }
     }
+    if (d.contains("element_stress")) b.element_stress = doubles(d["element_stress"]);
     if (d.contains("pins")) {
         for (const auto& item : d["pins"]) {
             const py::dict given = item.cast<py::dict>();

@@ -75,6 +75,7 @@ struct ElementsView {
     T* force;                    // (elements, D, D): on vertices 1 to D, times a cell
     T* grown;                    // (elements,): V (J - 1)/(D + 1); null without volumes of vertices
     T* kept;                     // (elements, kept_reals): of laws that flow, else null
+    const T* start_stress;       // (elements, 4 or 6): Cauchy at rest, Pa; in 2D zz last; or null
     // By number of vertex.
     std::int32_t* rest_cell;      // (vertices, D)
     T* rest_offset;               // (vertices, D)
@@ -162,6 +163,23 @@ MPM_INLINE V element_pressure(const ElementsView<T, D>& mesh, std::int64_t e) {
     return V(1.0 / (D + 1)) * sum;
 }
 
+/// Numbers of a stress at rest.
+template <int D>
+inline constexpr int start_reals = D == 2 ? 4 : 6;
+
+/// What a stress at rest S adds to Kirchhoff's: F S F^T, so that with the energy V S:(F^T F - I)/2
+/// forces stay the derivative of one. With S alone at F = I it is the stress itself.
+template <class V, class T, int D>
+MPM_INLINE Mat<V, D> start_kirchhoff(const ElementsView<T, D>& mesh, std::int64_t e,
+                                     const Mat<V, D>& h) {
+    V own[start_reals<D>];
+    MPM_UNROLL for (int r = 0; r < start_reals<D>; ++r) own[r] =
+        V(mesh.start_stress[e * start_reals<D> + r]);
+    Mat<V, D> f = h;
+    MPM_UNROLL for (int a = 0; a < D; ++a) f.e[a][a] = f.e[a][a] + ScalarOf<V>(1);
+    return product_transposed(product(f, load_symmetric<D>(own)), f);
+}
+
 /// Leaves an element's forces, and what it keeps; whether it may go on so.
 template <class Material, class T, int D, class Constants>
 MPM_INLINE bool push_element(const ElementsView<T, D>& mesh, const Constants& k, std::int64_t e) {
@@ -179,6 +197,11 @@ MPM_INLINE bool push_element(const ElementsView<T, D>& mesh, const Constants& k,
         tau = kirchhoff_at<Material>(h, k);
     }
     if (mesh.grown) take_vertex_pressure<Material>(tau, change, element_pressure<T>(mesh, e), k);
+    if (mesh.start_stress) {
+        const Mat<T, D> more = start_kirchhoff(mesh, e, h);
+        MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) tau.e[a][b] =
+            tau.e[a][b] + more.e[a][b];
+    }
     const Mat<T, D> pull = element_pull(tau, h, inverse);
     const T volume = mesh.volume[e];
     MPM_UNROLL for (int n = 0; n < D; ++n) MPM_UNROLL for (int a = 0; a < D; ++a)
@@ -288,6 +311,27 @@ struct ElementSeen {
     double own_energy;              // the same without what is vertices'
     double plastic_strain;          // accumulated and equivalent; of laws that flow
 };
+/// Stress, pressure and energy of a stress at rest. Its zz in two dimensions stays as it is, over J.
+template <class T, int D>
+void add_start_stress(const ElementsView<T, D>& mesh, std::int64_t e, const Mat<double, D>& h,
+                      ElementSeen<D>& seen) {
+    const Mat<double, D> tau = start_kirchhoff(mesh, e, h);
+    double own[start_reals<D>], work = 0, sum = trace(tau);
+    for (int r = 0; r < start_reals<D>; ++r)
+        own[r] = double(mesh.start_stress[e * start_reals<D> + r]);
+    if (D == 2) sum += own[start_reals<D> - 1];
+    const Mat<double, D> s = load_symmetric<D>(own);
+    for (int a = 0; a < D; ++a)
+        for (int b = 0; b < D; ++b) {
+            seen.stress[a][b] += tau.e[a][b] / seen.volume_ratio;
+            double green = 0.5 * (h.e[a][b] + h.e[b][a]);
+            for (int i = 0; i < D; ++i) green += 0.5 * h.e[i][a] * h.e[i][b];
+            work += s.e[a][b] * green;
+        }
+    seen.pressure -= sum / (3 * seen.volume_ratio);
+    seen.energy += double(mesh.volume[e]) * work;
+    seen.own_energy += double(mesh.volume[e]) * work;
+}
 template <class Material, class T, int D>
 ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
                            const double* parameters) {
@@ -323,6 +367,7 @@ ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
     seen.pressure -= more;
     for (int a = 0; a < D; ++a)
         for (int b = 0; b < D; ++b) seen.stress[a][b] = o.stress[a][b] + (a == b ? more : 0.0);
+    if (mesh.start_stress) add_start_stress(mesh, e, h, seen);
     return seen;
 }
 

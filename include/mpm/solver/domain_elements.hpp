@@ -16,6 +16,7 @@ void Domain<X, T, D>::make_mesh(Body& body, const BodySpec& s) {
         body.mesh = std::make_unique<ElementMesh<X, T, D>>(
             exec_, s.name, position, s.elements, s.vertex_volumes, body.elements.kept,
             spec_.cell_size, body.material->density(s.parameters.data()));
+        body.mesh->stress(s.element_stress);
         body.mesh->pin(s.pins);
         body.ops = vertex_ops<X, T, D>();
     }

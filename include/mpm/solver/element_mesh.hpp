@@ -32,9 +32,10 @@ void check_mesh(const std::string& body, int dimension, const std::vector<double
 /// Memory of a mesh with numbers of `real` bytes.
 template <int D>
 double planned_mesh_bytes(std::uint64_t elements, std::uint64_t vertices, bool vertex_volumes,
-                          int kept, bool loaded, bool pinned, int real) {
+                          int kept, bool loaded, bool pinned, bool stressed, int real) {
     const int of_volumes = vertex_volumes ? 1 : 0,
-              by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + kept),
+              by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + kept +
+                                              (stressed ? start_reals<D> : 0)),
               by_vertex = 4 * (2 * D + 1) + (pinned ? 5 : 0) +
                           real * (2 * D + 3 * of_volumes + (loaded ? D : 0));
     return double(elements) * by_element + double(vertices) * by_vertex;
@@ -59,6 +60,7 @@ public:
           force_(exec),
           grown_(exec),
           kept_(exec),
+          start_stress_(exec),
           rest_offset_(exec),
           beyond_(exec),
           vertex_volume_(exec),
@@ -142,6 +144,7 @@ public:
         v.force = force_.data();
         v.grown = vertex_volumes_ ? grown_.data() : nullptr;
         v.kept = kept_reals_ > 0 ? kept_.data() : nullptr;
+        v.start_stress = start_stress_.size() > 0 ? start_stress_.data() : nullptr;
         v.rest_cell = rest_cell_.data();
         v.rest_offset = rest_offset_.data();
         v.cells = cells_.data();
@@ -169,6 +172,10 @@ public:
     T* load() {
         if (load_.size() == 0) load_.assign(std::vector<T>(vertices_ * D, T(0)));
         return load_.data();
+    }
+    /// Stresses at rest, (elements, `start_reals`), Pa; of none nothing is held.
+    void stress(const std::vector<double>& numbers) {
+        if (!numbers.empty()) start_stress_.assign(std::vector<T>(numbers.begin(), numbers.end()));
     }
     /// Which of the pinned vertices each is, in the order of their pins, or -1; null without pins.
     const std::int32_t* pinned() const { return pinned_.size() > 0 ? pinned_.data() : nullptr; }
@@ -214,7 +221,7 @@ public:
     std::size_t bytes() const {
         return vertex_.bytes() + rest_cell_.bytes() + cells_.bytes() + start_.bytes() +
                corner_.bytes() + inverse_.bytes() + volume_.bytes() + force_.bytes() +
-               grown_.bytes() + kept_.bytes() + rest_offset_.bytes() + beyond_.bytes() +
+               grown_.bytes() + kept_.bytes() + start_stress_.bytes() + rest_offset_.bytes() + beyond_.bytes() +
                vertex_volume_.bytes() + vertex_change_.bytes() + pressure_.bytes() + load_.bytes() +
                pinned_.bytes() + held_.bytes() + inverted_.bytes() + energy_.bytes() +
                pushed_.bytes() + measured_.bytes() + pressed_.bytes() +
@@ -229,7 +236,7 @@ private:
 
     Buffer<X, std::int32_t> vertex_, rest_cell_, cells_;
     Buffer<X, std::uint32_t> start_, corner_;
-    Buffer<X, T> inverse_, volume_, force_, grown_, kept_;
+    Buffer<X, T> inverse_, volume_, force_, grown_, kept_, start_stress_;
     Buffer<X, T> rest_offset_, beyond_, vertex_volume_, vertex_change_, pressure_, load_;
     Buffer<X, std::int32_t> pinned_;
     Buffer<X, std::uint8_t> held_;

@@ -110,6 +110,7 @@ struct BodySpec {
     // of positive orientation; volumes of vertices in place of the elements' own.
     std::vector<std::int32_t> elements;
     bool vertex_volumes = false;
+    std::vector<double> element_stress;  // (m, 4 or 6) Pa: xx, yy, xy, zz or as LinearElastic's
     Rows all_vertices;  // of a rank of several: of the whole mesh, by id; else empty
     RigidSpec rigid;
     std::vector<TractionSpec> tractions;  // of elements, and on functions over cells

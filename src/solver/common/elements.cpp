@@ -33,7 +33,12 @@ std::string not_of_elements(const Spec& spec, const BodySpec& b) {
     if (works_between_parts(b))
         return "smoothing or assumed fields over cells, numerical damping or placed forces; leave "
                "them out";
-    if (b.pressure || b.state) return "a pressure or a stress to begin with; begin at rest";
+    if (b.pressure || b.state) return "a pressure to begin with; give it a stress";
+    if (!b.element_stress.empty() &&
+        b.element_stress.size() !=
+            b.elements.size() / corners * std::size_t(spec.dimension == 2 ? 4 : 6))
+        return std::to_string(b.element_stress.size()) + " numbers of stress at rest; give each " +
+               "element as many as its dimension has";
     if (b.vertex_volumes && !material_of_vertex_volumes(b.material))
         return "volumes of vertices with " + b.material +
                ", whose volume flows; choose volumes of elements";

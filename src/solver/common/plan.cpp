@@ -367,14 +367,15 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         p.vertex_volumes = body.vertex_volumes;
         if (p.elements > 0) {
             p.kept = kept_by_element(body.material, D);
-            const bool loaded = !body.tractions.empty(), pinned = !body.pins.empty();
+            const bool loaded = !body.tractions.empty(), pinned = !body.pins.empty(),
+                       stressed = !body.element_stress.empty();
             p.state_columns = 1;
             p.columns.push_back({"mass_share", 1, real});
             plan.memory_particles +=
                 D == 2 ? planned_mesh_bytes<2>(p.elements, p.particles, p.vertex_volumes, p.kept,
-                                               loaded, pinned, real)
+                                               loaded, pinned, stressed, real)
                        : planned_mesh_bytes<3>(p.elements, p.particles, p.vertex_volumes, p.kept,
-                                               loaded, pinned, real);
+                                               loaded, pinned, stressed, real);
         } else {
             p.rigid = body.rigid.given;
             p.state_columns = m.reals(D);

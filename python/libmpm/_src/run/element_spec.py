@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
+from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, constant, engine_table
 from libmpm._src.materials.material import flows_at_constant_volume
 from libmpm._src.run.hydrostatic import at_hand
@@ -35,6 +37,8 @@ def mesh_part(body: Body, points: Rows) -> dict[str, Any]:
         "element_volumes": mesh.volumes_for(ratio, flows=flows_at_constant_volume(body.material)),
         "position": at_hand(points),
     }
+    if body.stress is not None:
+        told["element_stress"] = _stress(body, mesh, ratio).ravel()
     if body.tractions:
         told["tractions"] = [_traction(mesh, t) for t in body.tractions]
     if body.pins:
@@ -47,6 +51,19 @@ def mesh_part(body: Body, points: Rows) -> dict[str, Any]:
             for pin in body.pins
         ]
     return told
+
+
+def _stress(body: Body, mesh: ElementMesh, ratio: float) -> npt.NDArray[np.float64]:
+    """Return Cauchy stresses at rest by element, (m, 4 or 6) Pa; in 2D zz follows, last."""
+    assert body.stress is not None
+    if isinstance(body.stress, Field):
+        middle = mesh.positions()[mesh.elements].mean(axis=1)
+        stress = body.stress.at(middle, f"body '{body.name}': stress")
+    else:
+        stress = np.tile(np.asarray(body.stress, dtype=np.float64), (len(mesh.elements), 1))
+    if mesh.dimension == 2:
+        stress = np.column_stack([stress, ratio * (stress[:, 0] + stress[:, 1])])
+    return stress
 
 
 def _traction(mesh: ElementMesh, traction: Traction) -> dict[str, Any]:

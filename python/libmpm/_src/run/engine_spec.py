@@ -45,6 +45,7 @@ from libmpm._src.sensors.engine_sensors import (
 )
 from libmpm._src.sensors.python_sensors import Sampled
 from libmpm._src.shapes.boxes import Box
+from libmpm._src.shapes.element_mesh import ElementMesh
 from libmpm._src.shapes.filling import bounds_of, fill, relative
 
 if TYPE_CHECKING:
@@ -225,7 +226,7 @@ def _body(scene: SceneData, body: Body, first: int, with_particles: bool) -> dic
     if body.hydrostatic is not None and with_particles:
         pressure = still_water(scene, body.hydrostatic, parameters["density"], at_hand(points))
     starts: dict[str, Any] = {}
-    if body.stress is not None and with_particles:
+    if body.stress is not None and with_particles and not isinstance(body.shape, ElementMesh):
         starts = stored_stress(scene, body, points.rows, points.count)
     return (
         {

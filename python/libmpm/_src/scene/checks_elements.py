@@ -34,6 +34,11 @@ __all__ = [
 LAWS = (
     "FixedCorotated", "NeoHookean", "StVenantKirchhoffHencky", "VonMises", "DruckerPrager",
 )  # fmt: skip
+#: Those of them that flow.
+FLOWING = ("VonMises", "DruckerPrager")
+#: Components of a stress at rest, and its largest part of Young's modulus: it makes waves faster.
+STRESSES = {2: ("xx", "yy", "xy"), 3: ("xx", "yy", "zz", "yz", "xz", "xy")}
+LARGEST_STRESS = 0.25
 #: Longest edge over √d, in cells: beyond it nodes between vertices are empty, and a pressed block
 #: of 2 went through what it lay on.
 LONGEST = 1.05
@@ -62,6 +67,7 @@ def check_elements(check: Checker, scene: SceneData, body: Body, doubts: list[st
     _check_unbuilt(check, scene, body)
     _check_tractions(check, scene, body)
     _check_pins(check, scene, body)
+    _check_stress(check, scene, body)
     _doubt_thin(scene, body, mesh, doubts)
     _doubt_slow(scene, body, mesh, doubts)
 
@@ -97,7 +103,6 @@ def _check_unbuilt(check: Checker, scene: SceneData, body: Body) -> None:
                  "volumes='vertex' of the mesh serves in its place; leave it out"),
         "smoothing": (body.smoothing is not None, body.smoothing, "leave it out"),
         "assumed": (body.assumed is not None, body.assumed, "leave it out"),
-        "stress": (body.stress is not None, body.stress, "it begins at rest; leave it out"),
         "damping": (body.damping > 0, body.damping, "leave it out"),
         "force": (body.force is not None, body.force, "leave it out"),
     }  # fmt: skip
@@ -162,6 +167,33 @@ def _check_pins(check: Checker, scene: SceneData, body: Body) -> None:
                 f"[{owner[twice[0]]}]'s too; expected each in one pin; make `within` smaller"
             )
         owner[chosen] = k
+
+
+def _check_stress(check: Checker, scene: SceneData, body: Body) -> None:
+    """Check a stress at rest, of a body that elements' laws have."""
+    stress, have = body.stress, body.material.parameters()
+    if stress is None or body.material.table.name not in LAWS:
+        return
+    if body.material.table.name in FLOWING:
+        check.fail(
+            f"stress is given for {body.material.table.name}, which would have to say whether it "
+            "flows with it; expected a law without flow; use NeoHookean, or load it step by step"
+        )
+    names = STRESSES[scene.dimension]
+    if len(stress) != len(names):
+        check.fail(
+            f"stress has {len(stress)} components; expected {len(names)}: {', '.join(names)}"
+            + ("; zz follows as ν (xx + yy)" if scene.dimension == 2 else "")
+        )
+        return
+    if isinstance(stress, Field):
+        return
+    largest, most = max(map(abs, stress)), LARGEST_STRESS * have["youngs_modulus"]
+    if largest > most:
+        check.fail(
+            f"stress is up to {largest:g} Pa; expected at most {LARGEST_STRESS:g} of Young's "
+            f"modulus, {most:g} Pa, since time steps are those of the law alone; give less"
+        )
 
 
 def _reach(mesh: ElementMesh) -> str:

@@ -68,7 +68,8 @@ class Body(Value):
     )
     stress: Sequence[float] | Field | None = given(
         "Cauchy stress at the start, or a `Field`: xx, yy, xy, zz of Hypoelastic in 2D; xx, "
-        "yy, xy of LinearElastic in 2D, whose zz follows; xx, yy, zz, yz, xz, xy in 3D",
+        "yy, xy of LinearElastic in 2D, whose zz follows, and of elements of laws without flow, at "
+        "their middles; xx, yy, zz, yz, xz, xy in 3D",
         default=None,
         unit="Pa",
         shape="(3|4|6,)",
