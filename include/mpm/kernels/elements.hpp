@@ -311,7 +311,8 @@ struct ElementSeen {
     double own_energy;              // the same without what is vertices'
     double plastic_strain;          // accumulated and equivalent; of laws that flow
 };
-/// Stress, pressure and energy of a stress at rest. Its zz in two dimensions stays as it is, over J.
+/// Stress, pressure and energy of a stress at rest. Its zz in two dimensions stays as it is, over
+/// J.
 template <class T, int D>
 void add_start_stress(const ElementsView<T, D>& mesh, std::int64_t e, const Mat<double, D>& h,
                       ElementSeen<D>& seen) {

@@ -35,7 +35,7 @@ double planned_mesh_bytes(std::uint64_t elements, std::uint64_t vertices, bool v
                           int kept, bool loaded, bool pinned, bool stressed, int real) {
     const int of_volumes = vertex_volumes ? 1 : 0,
               by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + kept +
-                                              (stressed ? start_reals<D> : 0)),
+                                                     (stressed ? start_reals<D> : 0)),
               by_vertex = 4 * (2 * D + 1) + (pinned ? 5 : 0) +
                           real * (2 * D + 3 * of_volumes + (loaded ? D : 0));
     return double(elements) * by_element + double(vertices) * by_vertex;
@@ -221,11 +221,11 @@ public:
     std::size_t bytes() const {
         return vertex_.bytes() + rest_cell_.bytes() + cells_.bytes() + start_.bytes() +
                corner_.bytes() + inverse_.bytes() + volume_.bytes() + force_.bytes() +
-               grown_.bytes() + kept_.bytes() + start_stress_.bytes() + rest_offset_.bytes() + beyond_.bytes() +
-               vertex_volume_.bytes() + vertex_change_.bytes() + pressure_.bytes() + load_.bytes() +
-               pinned_.bytes() + held_.bytes() + inverted_.bytes() + energy_.bytes() +
-               pushed_.bytes() + measured_.bytes() + pressed_.bytes() +
-               (share_ ? share_->bytes() : 0);
+               grown_.bytes() + kept_.bytes() + start_stress_.bytes() + rest_offset_.bytes() +
+               beyond_.bytes() + vertex_volume_.bytes() + vertex_change_.bytes() +
+               pressure_.bytes() + load_.bytes() + pinned_.bytes() + held_.bytes() +
+               inverted_.bytes() + energy_.bytes() + pushed_.bytes() + measured_.bytes() +
+               pressed_.bytes() + (share_ ? share_->bytes() : 0);
     }
 
 private:

@@ -58,16 +58,16 @@ Registers registers_of(const std::string& function) {
 TEST(Levels, use_the_vectors_they_are_for) {
     if (lines_of("objdump --version 2>/dev/null").empty())
         GTEST_SKIP() << "objdump is not installed";
-    const Registers v3 = registers_of("run_block_v3");
+    const Registers v3 = registers_of("run_at_v3");
     ASSERT_GT(v3.lines, 100) << "no pass for x86-64-v3 in " MPM_CPU_LIBRARY;
     EXPECT_GT(v3.ymm, 500);
     EXPECT_GT(v3.fma, 100);
     EXPECT_EQ(v3.zmm, 0);
-    const Registers v4 = registers_of("run_block_v4");
+    const Registers v4 = registers_of("run_at_v4");
     ASSERT_GT(v4.lines, 100) << "no pass for x86-64-v4";
     EXPECT_GT(v4.ymm + v4.zmm, 500);
     // Negative control: the pass for any processor has none of it.
-    const Registers any = registers_of("run_block");
+    const Registers any = registers_of("run_at_base");
     ASSERT_GT(any.lines, 100);
     EXPECT_EQ(any.ymm + any.zmm + any.fma, 0);
 }

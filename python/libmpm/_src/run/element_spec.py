@@ -38,7 +38,7 @@ def mesh_part(body: Body, points: Rows) -> dict[str, Any]:
         "position": at_hand(points),
     }
     if body.stress is not None:
-        told["element_stress"] = _stress(body, mesh, ratio).ravel()
+        told["element_stress"] = _stress(body, mesh, ratio or 0.0).ravel()
     if body.tractions:
         told["tractions"] = [_traction(mesh, t) for t in body.tractions]
     if body.pins:
