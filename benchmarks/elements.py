@@ -24,6 +24,7 @@ from result_pages import Line, append, chosen, filled, load, markdown
 import libmpm
 from libmpm._src.cli import bench
 from support import element_cases as cases
+from support import element_impacts as impacts
 from support import element_load_cases as loads
 from support import element_pins as pins
 
@@ -64,6 +65,10 @@ _FINE, _COARSE = [near("force", 1, 0.02), over("rebound", 0.93)], [
 #: Of the tip of a column in a dam break, in mm and s.
 _COLUMN = [over("peak", 42), under("peak", 50), over("peak_time", 0.2), under("peak_time", 0.27),
            over("arrives", 0.12), under("arrives", 0.16)]  # fmt: skip
+
+#: The printed bands of the bar of the WASIRF flume: force of both models, duration of each.
+_WASIRF = [near("force", 1, 0.1), over("duration", round(impacts.DURATIONS[0], 2)),
+           under("duration", round(impacts.DURATIONS[1], 2)), near("impulse", 1, 0.1)]  # fmt: skip
 
 #: Name -> (case, its arguments, bounds).
 CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
@@ -264,6 +269,20 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
         loads.elastic_column, {"dx": dx, "pinned": True}, _COLUMN,
     )
     for dx in (0.004, 0.003, 0.002)
+} | {
+    f"WASIRF bar, {scheme} {flip:g}, {what}": (
+        impacts.wasirf_bar, {"edge": edge, "scheme": scheme, "flip": flip}, _WASIRF,
+    )
+    for what, edge in (
+        ("particles", math.inf), ("h = Δx", 1.0), ("h = 0.8 Δx", 0.8), ("h = Δx/2", 0.5),
+    )
+    for scheme in ("PIC-FLIP", "AFLIP") for flip in (0.0, 0.5, 0.9, 0.99, 0.999)
+} | {
+    f"WASIRF bar, AFLIP {flip:g}, particles, cells half as wide": (
+        impacts.wasirf_bar,
+        {"edge": math.inf, "scheme": "AFLIP", "flip": flip, "cells": 16}, _WASIRF,
+    )
+    for flip in (0.0, 0.99)
 }  # fmt: skip
 
 
