@@ -60,15 +60,18 @@ def wasirf_scene(
 def pulse(time: Array, force: Array) -> Numbers:
     """Return what a force (N) on the wall over time (s) is beside the printed models.
 
-    `force`: largest mean over 0.2 ms over `FORCE`. `duration`: ms above a twentieth of it.
-    `impulse`: over 2 m v.
+    `force`: largest mean over 0.2 ms over `FORCE`. `duration`: ms above a twentieth of it;
+    `at_half`: above half of it (step 2.03, half-sine 2.13). `impulse`: over 2 m v.
     """
     mean = np.convolve(force, np.full(_SMOOTH, 1 / _SMOOTH), mode="valid")
-    loaded = time[force > _LOADED * FORCE]
+    lasts = {}
+    for name, part in (("duration", _LOADED), ("at_half", 0.5)):
+        loaded = time[force > part * FORCE]
+        lasts[name] = 1e3 * float(loaded[-1] - loaded[0]) if len(loaded) else 0.0
     twice = 2 * DENSITY * LONG * SIDE**2 * SPEED
     return {
         "force": float(mean.max()) / FORCE,
-        "duration": 1e3 * float(loaded[-1] - loaded[0]) if len(loaded) else 0.0,
+        **lasts,
         "impulse": float((force * np.diff(time, prepend=0.0)).sum()) / twice,
     }
 
