@@ -3,6 +3,7 @@
     python benchmarks/elements.py                 all cases, half an hour on two threads
     python benchmarks/elements.py --only bar      those whose names begin so
     python benchmarks/elements.py --write         and the table of docs/elements.md
+    python benchmarks/elements.py --figures docs/figures      its figures, from lines of results
 
 A case has bounds (design/elements.md says where they come from); one that is missed is marked.
 One JSON line a case goes to benchmarks/results/elements.jsonl.
@@ -19,11 +20,13 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from element_figures import draw_beams, draw_columns
 from result_pages import Line, append, chosen, filled, load, markdown
 
 import libmpm
 from libmpm._src.cli import bench
 from support import element_cases as cases
+from support import element_impacts as impacts
 from support import element_load_cases as loads
 from support import element_pins as pins
 
@@ -64,6 +67,10 @@ _FINE, _COARSE = [near("force", 1, 0.02), over("rebound", 0.93)], [
 #: Of the tip of a column in a dam break, in mm and s.
 _COLUMN = [over("peak", 42), under("peak", 50), over("peak_time", 0.2), under("peak_time", 0.27),
            over("arrives", 0.12), under("arrives", 0.16)]  # fmt: skip
+
+#: The printed bands of the bar of the WASIRF flume: force of both models, duration of each.
+_WASIRF = [near("force", 1, 0.1), over("duration", round(impacts.DURATIONS[0], 2)),
+           under("duration", round(impacts.DURATIONS[1], 2)), near("impulse", 1, 0.1)]  # fmt: skip
 
 #: Name -> (case, its arguments, bounds).
 CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
@@ -233,7 +240,7 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
         ("h = Δx/2", 0.5, 4, (2e5, 5e5, 1e6, 2e6, 5e6, 1e7, 2e7, 5e7, 1e8, 5e8)),
         ("h = Δx/2", 0.5, 2, (1e6, 5e6, 5e7)),
         ("h = Δx/2", 0.5, 8, (1e6, 5e6)),
-        ("particles", None, 4, (2e5, 1e6, 5e6, 5e7)),
+        ("particles", None, 4, (2e5, 5e5, 1e6, 2e6, 5e6, 1e7, 2e7, 5e7, 1e8, 5e8)),
     )
     for e in moduli
 } | {
@@ -264,6 +271,23 @@ CASES: dict[str, tuple[cases.Case, dict[str, Any], list[Bound]]] = {
         loads.elastic_column, {"dx": dx, "pinned": True}, _COLUMN,
     )
     for dx in (0.004, 0.003, 0.002)
+} | {
+    f"WASIRF bar, {scheme} {flip:g}, {what}": (
+        impacts.wasirf_bar, {"edge": edge, "scheme": scheme, "flip": flip}, _WASIRF,
+    )
+    for what, edge in (
+        ("particles", math.inf), ("h = Δx", 1.0), ("h = 0.8 Δx", 0.8), ("h = Δx/2", 0.5),
+    )
+    for scheme in ("PIC-FLIP", "AFLIP") for flip in (0.0, 0.5, 0.9, 0.99, 0.999)
+    if scheme == "PIC-FLIP" or flip in (0.0, 0.99)
+} | {
+    f"WASIRF bar, {scheme} {flip:g}, {what}, cells half as wide": (
+        impacts.wasirf_bar, {"edge": edge, "scheme": scheme, "flip": flip, "cells": 16}, _WASIRF,
+    )
+    for scheme, flip, what, edge in (
+        ("AFLIP", 0.0, "particles", math.inf), ("AFLIP", 0.99, "particles", math.inf),
+        ("AFLIP", 0.99, "h = Δx/2", 0.5),
+    )
 }  # fmt: skip
 
 
@@ -351,7 +375,7 @@ def table(lines: list[Line]) -> str:
 
 def main() -> int:
     """Do what the command line says."""
-    arguments, names = chosen(__doc__, RESULTS, CASES)
+    arguments, names = chosen(__doc__, RESULTS, CASES, figures=True)
     missed = 0
     for name in names:
         case, given, bounds = CASES[name]
@@ -370,6 +394,9 @@ def main() -> int:
         lines = load(arguments.output)
         for marks, text in ((MARKS, table(lines)), (BESIDE_MARKS, beside(lines))):
             PAGE.write_text(filled(PAGE, *marks, text), encoding="utf-8")
+    if arguments.figures:
+        draw_beams(load(arguments.output), arguments.figures / "beam_under_water.png")
+        draw_columns(arguments.figures / "elastic_column.png")
     return int(missed > 0)
 
 

@@ -11,14 +11,23 @@ from typing import Any
 Line = dict[str, Any]
 
 
-def chosen(doc: str | None, results: Path, cases: Iterable[str]) -> tuple[Namespace, list[str]]:
-    """Return what a command line says, and the cases that it asks for and the file lacks."""
+def chosen(
+    doc: str | None, results: Path, cases: Iterable[str], figures: bool = False
+) -> tuple[Namespace, list[str]]:
+    """Return what a command line says, and the cases that it asks for and the file lacks.
+
+    With `figures` it may name a folder for these, and then runs no case without `--only`.
+    """
     parser = ArgumentParser(description=doc, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--output", type=Path, default=results)
     parser.add_argument("--only", default="", help="cases whose names begin so")
     parser.add_argument("--again", action="store_true", help="cases that are in the file too")
     parser.add_argument("--write", action="store_true", help="the table of the page")
+    if figures:
+        parser.add_argument("--figures", type=Path, help="draw into this folder, run nothing")
     arguments = parser.parse_args()
+    if figures and arguments.figures and not arguments.only:
+        return arguments, []
     done = set() if arguments.again else {x["case"] for x in load(arguments.output)}
     return arguments, [c for c in cases if c.startswith(arguments.only) and c not in done]
 

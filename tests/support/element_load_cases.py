@@ -328,9 +328,20 @@ def elastic_column(
 ) -> Numbers:  # fmt: skip
     """Return when a dam break meets an elastic column, and how far its tip goes and when.
 
+    In mm and s, of `column_motion`.
+    """
+    return column_motion(edge, dx, density, until, modulus, pinned)[0]
+
+
+def column_motion(
+    edge: float | None = 0.5, dx: float = 0.004, density: float = 2500.0, until: float = 0.4,
+    modulus: float = 1e6, pinned: bool = False,
+) -> tuple[Numbers, Array]:  # fmt: skip
+    """Return `elastic_column`'s numbers, and times (s) with how far the tip has gone (mm), (n, 2).
+
     Walhorn et al. (2005): water 0.146 x 0.292 m, column 0.012 x 0.08 m from x = 0.286 m, tank
-    0.584 m; E 1 MPa, ν 0. Bulk modulus of the water 1 MPa. `edge` in cells; None = particles. In
-    mm and s. It stands two cells deep in a region of nodes, or is `pinned` by its foot.
+    0.584 m; E 1 MPa, ν 0. Bulk modulus of the water 1 MPa. `edge` in cells; None = particles. It
+    stands two cells deep in a region of nodes, or is `pinned` by its foot.
     """
     gravity, deep = 9.81, 2
     n = round(0.584 / dx)
@@ -378,7 +389,8 @@ def elastic_column(
         front.append(float(water["position"][:, 0].max()))
     peak = int(np.argmax(moved))
     arrives = next((t for t, x in zip(time, front, strict=True) if x > left - 0.5 * dx), math.nan)
-    return {"arrives": arrives, "peak": moved[peak], "peak_time": time[peak]}
+    found = {"arrives": arrives, "peak": moved[peak], "peak_time": time[peak]}
+    return found, np.array([time, moved]).T
 
 
 # Dominoes ----------------------------------------------------------------------------------------
