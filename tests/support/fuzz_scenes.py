@@ -207,7 +207,9 @@ def _elements(dimension: int) -> libmpm.Scene:
     mesh = kind.box(lower=(0.3,) * d, upper=(0.5,) * d, edge=0.1, volumes="vertex")
     scene.add_body(
         name="bar", shape=mesh, material=materials.NeoHookean(**SOLID), subtract_from=("water",),
+        pins=(libmpm.grids.Pin(face="y-", components=("x",)),), stress=(10.0,) * (3 * d - 3),
     )  # fmt: skip
+    scene.add_sensor(name="pin", sensor=sensors.PinForce(body="bar", interval=0.01))
     return scene
 
 

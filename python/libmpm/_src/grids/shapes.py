@@ -235,7 +235,7 @@ class Pin(Value):
     two with a vertex in common.
     """
 
-    label: ClassVar[str] = "Pin"
+    label: ClassVar[str] = "grids.Pin"
 
     face: str | None = given(
         '"x-", "x+", "y-", "y+" and in 3D "z-" or "z+": an end of the mesh\'s bounds at the start. '
