@@ -219,10 +219,10 @@ def vibration(
         sim.run(until=(len(time)) * period / _LOOKS, progress=False)
         time.append(sim.time)
         moved.append(float(beam["position"][tip, 1].mean()) - rest)
-    return _of_wave(np.array(time), np.array(moved), expected)
+    return of_wave(np.array(time), np.array(moved), expected)
 
 
-def _of_wave(time: Array, moved: Array, expected: float) -> Numbers:
+def of_wave(time: Array, moved: Array, expected: float) -> Numbers:
     """Return the frequency by upward crossings, and the decay of peaks between them."""
     up = np.flatnonzero((moved[:-1] < 0) & (moved[1:] >= 0))
     share = -moved[up] / (moved[up + 1] - moved[up])

@@ -14,7 +14,7 @@ import scipy.sparse.linalg
 import libmpm
 from libmpm import boundaries, sensors
 from libmpm.grids import Pin
-from support.element_cases import Numbers, mesh_of, solid, timoshenko
+from support.element_cases import Numbers, mesh_of, of_wave, solid, timoshenko
 from support.element_load_cases import ramp
 
 Array = npt.NDArray[np.float64]
@@ -117,8 +117,5 @@ def pinned_cantilever(cells: int = 4, edge: float = 0.5, ratio: float = 0.3) -> 
         sim.run(until=len(time) / (100 * expected), progress=False)
         time.append(sim.time)
         gone.append(float((beam["position"][tip, 1] - position[tip, 1]).mean()))
-    at, y = np.array(time), np.array(gone)
-    up = np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
-    zeros = at[up] - y[up] / (y[up + 1] - y[up]) * (at[up + 1] - at[up])
-    found = float((len(zeros) - 1) / (zeros[-1] - zeros[0]))
-    return {"over the mesh alone": found / mesh_alone(mesh, ratio), "frequency": found / expected}
+    found = of_wave(np.array(time), np.array(gone), expected)["frequency"]
+    return {"over the mesh alone": found * expected / mesh_alone(mesh, ratio), "frequency": found}

@@ -154,6 +154,34 @@ class Outline(Shape):
         return np.hstack([points[:-1], points[1:]])
 
 
+def _check_place(
+    check: Checker, part: Traction | Pin, bounds_of: str, around: str
+) -> dict[str, Any]:
+    """Check an end of a body's bounds, a box, or both, of which one is needed."""
+    told: dict[str, Any] = {}
+    if part.face is not None:
+        told["face"] = check.choice("face", part.face, faces_of(3))
+    elif part.within is None:
+        check.fail(
+            f"face and within are missing; expected one of them or both: {bounds_of} "
+            f"bounds, or within=shapes.Box(lower=, upper=) around {around}"
+        )
+    if part.within is not None:
+        check.instance("within", part.within, (Box,), "shapes.Box(lower=..., upper=...)")
+    return told
+
+
+def _misplaced(part: Traction | Pin, dimension: int) -> list[str]:
+    """Return what of its place is not of this dimension."""
+    found = []
+    if part.face is not None and part.face not in faces_of(dimension):
+        found.append(f"face is {part.face!r} in {dimension}D; expected "
+                     f"{', '.join(faces_of(dimension))}")  # fmt: skip
+    if part.within is not None and part.within.dimension != dimension:
+        found.append(f"within is a box in {part.within.dimension}D; expected {dimension}D")
+    return found
+
+
 @value
 class Traction(Value):
     """A force on a part of the surface of a body of elements, or of a box on a grid of functions.
@@ -187,16 +215,7 @@ class Traction(Value):
     )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        told: dict[str, Any] = {}
-        if self.face is not None:
-            told["face"] = check.choice("face", self.face, faces_of(3))
-        elif self.within is None:
-            check.fail(
-                "face and within are missing; expected one of them or both: face='x+' of a body's "
-                "bounds, or within=shapes.Box(lower=, upper=) around a part of a mesh's surface"
-            )
-        if self.within is not None:
-            check.instance("within", self.within, (Box,), "shapes.Box(lower=..., upper=...)")
+        told = _check_place(check, self, "face='x+' of a body's", "a part of a mesh's surface")
         if isinstance(self.value, TimeTable):
             if self.value.components not in (2, 3):
                 check_vector_table(check, "value", self.value, 3, "Pa")
@@ -212,12 +231,7 @@ class Traction(Value):
             components = len(self.value)
         if components != dimension:
             found.append(f"value has {components} numbers; expected {dimension}, in Pa")
-        if self.face is not None and self.face not in faces_of(dimension):
-            found.append(f"face is {self.face!r} in {dimension}D; expected "
-                         f"{', '.join(faces_of(dimension))}")  # fmt: skip
-        if self.within is not None and self.within.dimension != dimension:
-            found.append(f"within is a box in {self.within.dimension}D; expected {dimension}D")
-        return found
+        return found + _misplaced(self, dimension)
 
 
 @value
@@ -257,16 +271,7 @@ class Pin(Value):
     )
 
     def _check(self, check: Checker) -> dict[str, Any]:
-        told: dict[str, Any] = {}
-        if self.face is not None:
-            told["face"] = check.choice("face", self.face, faces_of(3))
-        elif self.within is None:
-            check.fail(
-                "face and within are missing; expected one of them or both: face='x-' of a mesh's "
-                "bounds, or within=shapes.Box(lower=, upper=) around the vertices"
-            )
-        if self.within is not None:
-            check.instance("within", self.within, (Box,), "shapes.Box(lower=..., upper=...)")
+        told = _check_place(check, self, "face='x-' of a mesh's", "the vertices")
         if self.motion is not None:
             example = "boundaries.Displacement(TimeTable(...)) or None"
             check.instance("motion", self.motion, (Displacement,), example)
@@ -290,12 +295,7 @@ class Pin(Value):
 
     def _misfits(self, dimension: int) -> list[str]:
         """Return what of it is not of this dimension."""
-        found = []
-        if self.face is not None and self.face not in faces_of(dimension):
-            found.append(f"face is {self.face!r} in {dimension}D; expected "
-                         f"{', '.join(faces_of(dimension))}")  # fmt: skip
-        if self.within is not None and self.within.dimension != dimension:
-            found.append(f"within is a box in {self.within.dimension}D; expected {dimension}D")
+        found = _misplaced(self, dimension)
         if max(self.axes(dimension)) >= dimension:
             found.append(f"components is {self.components!r}; expected axes of {dimension}D")
         if self.motion is not None and self.motion.table.components != dimension:

@@ -17,15 +17,16 @@ if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Body
 
-__all__ = ["check_stress", "stored_stress"]
+__all__ = ["PLANE", "SPACE", "check_stress", "stored_stress"]
 
 Floats = npt.NDArray[np.float64]
 
-_PLANE, _SPACE = ("xx", "yy", "xy"), ("xx", "yy", "zz", "yz", "xz", "xy")
+#: Components of a stress in the plane, whose zz follows, and in space.
+PLANE, SPACE = ("xx", "yy", "xy"), ("xx", "yy", "zz", "yz", "xz", "xy")
 #: Components that are given, by material and dimension.
 _GIVEN: dict[str, dict[int, tuple[str, ...]]] = {
-    "Hypoelastic": {2: (*_PLANE, "zz"), 3: _SPACE},
-    "LinearElastic": {2: _PLANE, 3: _SPACE},
+    "Hypoelastic": {2: (*PLANE, "zz"), 3: SPACE},
+    "LinearElastic": {2: PLANE, 3: SPACE},
 }
 #: Range of the volume ratio less 1 in which the engine takes a small strain.
 _LEAST, _MOST = -0.95, 19.0
@@ -56,7 +57,7 @@ def check_stress(scene: SceneData, body: Body, check: Checker) -> None:
             )
     names = _GIVEN[table.name][scene.dimension]
     if len(stress) != len(names):
-        follows = "; zz follows as ν (xx + yy)" if names == _PLANE else ""
+        follows = "; zz follows as ν (xx + yy)" if names == PLANE else ""
         check.fail(
             f"stress has {len(stress)} components for {table.name} in {scene.dimension} "
             f"dimensions; expected {len(names)}: {', '.join(names)}{follows}"

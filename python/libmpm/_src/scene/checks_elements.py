@@ -9,6 +9,7 @@ import numpy as np
 
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.values import Checker, shown
+from libmpm._src.materials.initial_stress import PLANE, SPACE
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.methods.method import FBar
 from libmpm._src.scene.places import initial_gravity
@@ -36,8 +37,7 @@ LAWS = (
 )  # fmt: skip
 #: Those of them that flow.
 FLOWING = ("VonMises", "DruckerPrager")
-#: Components of a stress at rest, and its largest part of Young's modulus: it makes waves faster.
-STRESSES = {2: ("xx", "yy", "xy"), 3: ("xx", "yy", "zz", "yz", "xz", "xy")}
+#: Largest part of Young's modulus that a stress at rest may have: it makes waves faster.
 LARGEST_STRESS = 0.25
 #: Longest edge over √d, in cells: beyond it nodes between vertices are empty, and a pressed block
 #: of 2 went through what it lay on.
@@ -179,7 +179,7 @@ def _check_stress(check: Checker, scene: SceneData, body: Body) -> None:
             f"stress is given for {body.material.table.name}, which would have to say whether it "
             "flows with it; expected a law without flow; use NeoHookean, or load it step by step"
         )
-    names = STRESSES[scene.dimension]
+    names = PLANE if scene.dimension == 2 else SPACE
     if len(stress) != len(names):
         check.fail(
             f"stress has {len(stress)} components; expected {len(names)}: {', '.join(names)}"
