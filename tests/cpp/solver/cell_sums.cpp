@@ -43,6 +43,23 @@ const Form forms[] = {{"C0", only(CellForm::constant)},
                       {"F0AL2", flux(FluxLimiter::quadratic, true)},
                       {"F1", only(CellForm::linear_flux)}};
 
+/// Waves of `amplitude` in every component of the state of a body that begins here. Where a field
+/// is zero but for rounding, rounding decides which of its cells are extrema.
+void begin_with_waves(const Spec& s, BodySpec& b, int width, double amplitude) {
+    const std::vector<double> x = test::positions(b, s.dimension);
+    std::vector<double> state(b.count * std::size_t(width));
+    for (std::size_t k = 0; k < b.count; ++k)
+        for (int c = 0; c < width; ++c) {
+            double phase = 0.4 + c;
+            for (int a = 0; a < s.dimension; ++a)
+                phase += (0.83 - 0.21 * a) * x[k * std::size_t(s.dimension) + std::size_t(a)] /
+                         s.cell_size;
+            state[k * std::size_t(width) + std::size_t(c)] = amplitude * std::sin(phase);
+        }
+    b.state_width = width;
+    b.state = rows_of(std::move(state), width);
+}
+
 /// Water and an elastic block that are thrown against walls, both smoothed.
 Spec thrown(int dimension, bool single, Kernel kernel, const SmoothingChoice& choice) {
     const bool flat = dimension == 2;
@@ -69,6 +86,8 @@ Spec thrown(int dimension, bool single, Kernel kernel, const SmoothingChoice& ch
     for (BodySpec& b : s.bodies) b.cell_smoothing = choice;
     s.bodies[0].smoothed_field = "volume";
     s.bodies[1].smoothed_field = "strain";
+    begin_with_waves(s, s.bodies[0], 1, 1e-3);
+    begin_with_waves(s, s.bodies[1], flat ? 3 : 6, 1e-3);
     test::add_walls(s, Response::separable);
     return s;
 }
