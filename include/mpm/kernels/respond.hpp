@@ -1,5 +1,6 @@
-// The material's part of the phased step, one particle at a time and without a kernel: state,
-// velocity and position advance, and what is to be deposited is left in scratch. See phase.hpp.
+// The material's part of the phased step, for one particle or several side by side and without a
+// kernel: state, velocity and position advance, and what is to be deposited is left in scratch. See
+// phase.hpp.
 #pragma once
 
 #include "mpm/kernels/phase.hpp"
@@ -36,17 +37,44 @@ struct DepositBound {
     }
 };
 
-/// A particle's volume loss 1 - J after its update.
-template <class Material, Smoothing S, class T, int D, class P>
-MPM_INLINE T loss_of(const P& pass, const T (&state)[state_reals<Material, D, S>]) {
-    constexpr int reals = Material::template reals<D>;
-    if constexpr (Material::volumetric || SaysVolume<Material, T, D>) {
-        return volume_loss_in<Material, S, T, D>(state);
+namespace detail {
+
+/// A lane of a number, which of a scalar is the number.
+template <class V>
+MPM_INLINE ScalarOf<V> lane_of(const V& v, int lane) {
+    if constexpr (NumberTraits<V>::lanes == 1)
+        return v;
+    else
+        return v[lane];
+}
+/// The number whose lanes are f(lane).
+template <class V, class F>
+MPM_INLINE V by_lanes(const F& f) {
+    if constexpr (NumberTraits<V>::lanes == 1) {
+        return f(0);
     } else {
-        double real[reals];
-        for (int r = 0; r < reals; ++r) real[r] = double(state[r]);
-        const double still[D][D] = {};
-        return T(1 - Material::template observe<D>(real, still, pass.parameters).volume_ratio);
+        V out;
+        MPM_NO_UNROLL for (int l = 0; l < NumberTraits<V>::lanes; ++l) out.raw[l] = f(l);
+        return out;
+    }
+}
+
+}  // namespace detail
+
+/// A particle's volume loss 1 - J after its update.
+template <class Material, Smoothing S, class V, int D, class P>
+MPM_INLINE V loss_of(const P& pass, const V (&state)[state_reals<Material, D, S>]) {
+    constexpr int reals = Material::template reals<D>;
+    if constexpr (Material::volumetric || SaysVolume<Material, V, D>) {
+        return volume_loss_in<Material, S, V, D>(state);
+    } else {
+        return detail::by_lanes<V>([&](int l) MPM_INLINE_LAMBDA {
+            double real[reals];
+            for (int r = 0; r < reals; ++r) real[r] = double(detail::lane_of(state[r], l));
+            const double still[D][D] = {};
+            return ScalarOf<V>(
+                1 - Material::template observe<D>(real, still, pass.parameters).volume_ratio);
+        });
     }
 }
 
@@ -61,12 +89,29 @@ MPM_INLINE StepNumbers<T, Material> phase_numbers(
     return numbers;
 }
 
-/// What `respond_particle` found.
+/// What `respond` found. The largest deposits are for sums in fixed point: lanes have none.
 template <class G>
 struct Responded {
-    bool sound;
-    bool far;
-    G momentum, average;  // largest deposits
+    MaskOf<G> sound;
+    MaskOf<G> far;
+    G momentum, average;
+};
+
+/// The numbers of particle q, where its body keeps them.
+template <class X, class T, int D>
+struct OneParticle {
+    using Number = T;
+    using G = typename Pass<X, T, D>::Grid;
+    const Pass<X, T, D>& pass;
+    std::uint32_t q;
+    MPM_INLINE T offset(int a) const { return pass.body.offset[a][q]; }
+    MPM_INLINE void set_offset(int a, T x) const { pass.body.offset[a][q] = x; }
+    MPM_INLINE T state(int r) const { return pass.body.state[r][q]; }
+    MPM_INLINE void set_state(int r, T x) const { pass.body.state[r][q] = x; }
+    MPM_INLINE G scratch(int c) const { return pass.scratch[std::size_t(c) * pass.body.count + q]; }
+    MPM_INLINE void set_scratch(int c, G x) const {
+        pass.scratch[std::size_t(c) * pass.body.count + q] = x;
+    }
 };
 
 /// A parallelepiped follows F <- (I + dt grad v) F, where the material does not; false where it
@@ -96,98 +141,119 @@ MPM_INLINE bool advance_edges(const Phase<X, T, D>& phase, T move, const Affine<
     return fits;
 }
 
-template <class Material, Smoothing S, class X, class T, int D>
-MPM_INLINE Responded<typename Pass<X, T, D>::Grid> respond_particle(
-    const Phase<X, T, D>& phase, const StepNumbers<T, Material>& k, bool due, std::uint32_t q) {
-    using G = typename Pass<X, T, D>::Grid;
+/// `p` holds the particle's numbers, or those of several: `OneParticle`.
+template <class Material, Smoothing S, class X, class T, int D, class P>
+MPM_INLINE Responded<typename P::G> respond(const Phase<X, T, D>& phase,
+                                            const StepNumbers<T, Material>& k, bool due,
+                                            const P& p) {
+    using V = typename P::Number;
+    using G = typename P::G;
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
-    const auto& pass = phase.pass;
+    constexpr bool alone = NumberTraits<V>::lanes == 1;
     const PhaseNumbers& n = phase.n;
     const SchemeNumbers& scheme = n.scheme;
     const Scratch<D> column{C};
-    const std::size_t count = pass.body.count;
-    const auto at = [&](int c) -> G& { return pass.scratch[std::size_t(c) * count + q]; };
+    const V zero = V(T(0));
 
-    Vec<T, D> xi;
-    T state[R];
-    MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = pass.body.offset[a][q];
-    MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = pass.body.state[r][q];
+    Vec<V, D> xi;
+    V state[R];
+    MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = p.offset(a);
+    MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = p.state(r);
     Affine<G, D, C> u, out;
     MPM_UNROLL for (int c = 0; c < C; ++c) {
-        u.value[c] = at(column.value(c));
-        MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] = at(column.slope(a, c));
+        u.value[c] = p.scratch(column.value(c));
+        MPM_UNROLL for (int a = 0; a < D; ++a) u.slope[a][c] = p.scratch(column.slope(a, c));
     }
     if (n.separate_affine()) {
         MPM_UNROLL for (int c = 0; c < D; ++c) MPM_UNROLL for (int a = 0; a < D; ++a)
-            at(column.slope(a, c)) = at(column.stress(a, c));
+            p.set_scratch(column.slope(a, c), p.scratch(column.stress(a, c)));
     }
-    const Mat<T, D> tau = update_state<Material, S, true, T, D, G>(u, state, k, out);
-    MPM_UNROLL for (int r = 0; r < R; ++r) pass.body.state[r][q] = state[r];
+    const Mat<V, D> tau = update_state<Material, S, true, V, D, G>(u, state, k, out);
+    MPM_UNROLL for (int r = 0; r < R; ++r) p.set_state(r, state[r]);
 
     // Velocities: what is kept, and what moves the particle.
-    Vec<T, D> kept, moves;
-    MPM_UNROLL for (int a = 0; a < D; ++a) kept[a] = moves[a] = T(u.value[a]);
+    Vec<V, D> kept, moves;
+    MPM_UNROLL for (int a = 0; a < D; ++a) kept[a] = moves[a] = V(u.value[a]);
     if (scheme.memory == Memory::flip) {
         const T alpha = n.sweeps && due ? T(0) : T(scheme.keep);
-        T share = T(0);
-        if (scheme.rule != ShiftRule::none && !(n.guard >= 0 && at(column.guard()) > G(0)))
-            share = shift_share(scheme, loss_of<Material, S, T, D>(pass, state));
+        V share = zero;
+        if (scheme.rule != ShiftRule::none) {
+            const V loss = loss_of<Material, S, V, D>(phase.pass, state);
+            share = detail::by_lanes<V>([&](int l) MPM_INLINE_LAMBDA {
+                return shift_share(scheme, detail::lane_of(loss, l));
+            });
+            if (n.guard >= 0) share = select(zero < V(p.scratch(column.guard())), zero, share);
+        }
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            const T unseen = alpha * (pass.body.state[n.velocity + a][q] - T(at(column.before(a))));
+            const V unseen = alpha * (p.state(n.velocity + a) - V(p.scratch(column.before(a))));
             kept[a] = kept[a] + unseen;
             moves[a] = moves[a] + share * unseen;
         }
     } else if (scheme.memory == Memory::xpic) {
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            const T own = pass.body.state[n.velocity + a][q], before = T(at(column.before(a)));
-            const T filtered = due ? T(at(column.filtered(a))) : own;
-            kept[a] = filtered + T(u.value[a]) - before;
-            moves[a] = moves[a] - T(0.5) * (T(u.value[a]) - before) - T(0.5) * (own - filtered);
+            const V own = p.state(n.velocity + a), before = V(p.scratch(column.before(a)));
+            const V filtered = due ? V(p.scratch(column.filtered(a))) : own;
+            kept[a] = filtered + V(u.value[a]) - before;
+            moves[a] = moves[a] - T(0.5) * (V(u.value[a]) - before) - T(0.5) * (own - filtered);
         }
     }
-    bool fine = true, far = false;
-    T least_edge = T(n.kernel.half_edge);
+    MaskOf<V> fine = zero <= zero, far = zero < zero;
+    V least_edge = V(T(n.kernel.half_edge));
     MPM_UNROLL for (int a = 0; a < D; ++a) {
-        if (n.velocity >= 0) pass.body.state[n.velocity + a][q] = kept[a];
+        if (n.velocity >= 0) p.set_state(n.velocity + a, kept[a]);
         if (n.extent >= 0) {
-            T& stretch = pass.body.state[n.extent + a][q];
-            stretch = stretch + k.move * T(u.slope[a][a]) * (T(1) + stretch);
-            const T edge = T(n.kernel.half_edge) * (T(1) + stretch);
-            fine = fine && edge <= T(largest_half_edge) && edge > T(0);
+            V stretch = p.state(n.extent + a);
+            stretch = stretch + k.move * V(u.slope[a][a]) * (T(1) + stretch);
+            p.set_state(n.extent + a, stretch);
+            const V edge = T(n.kernel.half_edge) * (T(1) + stretch);
+            fine = fine & (edge <= V(T(largest_half_edge))) & (zero < edge);
             least_edge = smaller(least_edge, edge);
         }
         xi[a] = xi[a] + k.move * moves[a];
-        pass.body.offset[a][q] = xi[a];
-        far = far || absolute(xi[a]) > T(far_from_home);
+        p.set_offset(a, xi[a]);
+        far = far | (absolute(xi[a]) > V(T(far_from_home)));
     }
-    if (n.edges >= 0) fine = fine && advance_edges<D, C>(phase, k.move, u, q);
+    if constexpr (alone) {
+        if (n.edges >= 0) fine = fine && advance_edges<D, C>(phase, k.move, u, p.q);
+    }
 
-    const G force = G(T(0.25) * k.impulse);  // dt / (rho0 dx)
-    const DepositBound bound = DepositBound::of(n.kernel, least_edge);
-    Responded<G> found{fine && sound<Material>(xi, state), far, G(0), G(0)};
+    const auto force = G(T(0.25) * k.impulse);  // dt / (rho0 dx)
+    fine = fine & sound<Material>(xi, state);
+    Responded<G> found{fine, far, G(ScalarOf<G>(0)), G(ScalarOf<G>(0))};
     MPM_UNROLL for (int c = 0; c < D; ++c) {
-        at(column.value(c)) = G(kept[c]);
-        G tilt = G(0), pull = G(0);
-        MPM_UNROLL for (int a = 0; a < D; ++a) {
-            const G stress = force * G(tau.e[c][a]);
-            at(column.stress(a, c)) = stress;
-            pull = pull + absolute(stress);
-            if (scheme.affine) tilt = tilt + absolute(at(column.slope(a, c)));
-        }
-        found.momentum = larger(
-            found.momentum, absolute(G(kept[c])) + G(bound.reach) * tilt + G(bound.pull) * pull);
-        // Keeps not-a-number.
-        found.momentum = found.momentum + (absolute(G(kept[c])) + tilt + pull) * G(0);
+        p.set_scratch(column.value(c), G(kept[c]));
+        MPM_UNROLL for (int a = 0; a < D; ++a)
+            p.set_scratch(column.stress(a, c), force * G(tau.e[c][a]));
     }
     if constexpr (C > D) {
-        at(column.value(D)) = out.value[D];
-        found.average = absolute(out.value[D]);
-        MPM_UNROLL for (int a = 0; a < D; ++a) {
-            at(column.slope(a, D)) = out.slope[a][D];
-            found.average = found.average + G(bound.reach) * absolute(out.slope[a][D]);
+        p.set_scratch(column.value(D), out.value[D]);
+        MPM_UNROLL for (int a = 0; a < D; ++a) p.set_scratch(column.slope(a, D), out.slope[a][D]);
+    }
+    if constexpr (alone) {
+        const DepositBound bound = DepositBound::of(n.kernel, least_edge);
+        MPM_UNROLL for (int c = 0; c < D; ++c) {
+            G tilt = G(0), pull = G(0);
+            MPM_UNROLL for (int a = 0; a < D; ++a) {
+                pull = pull + absolute(force * G(tau.e[c][a]));
+                if (scheme.affine) tilt = tilt + absolute(p.scratch(column.slope(a, c)));
+            }
+            found.momentum = larger(found.momentum, absolute(G(kept[c])) + G(bound.reach) * tilt +
+                                                        G(bound.pull) * pull);
+            // Keeps not-a-number.
+            found.momentum = found.momentum + (absolute(G(kept[c])) + tilt + pull) * G(0);
+        }
+        if constexpr (C > D) {
+            found.average = absolute(out.value[D]);
+            MPM_UNROLL for (int a = 0; a < D; ++a) found.average =
+                found.average + G(bound.reach) * absolute(out.slope[a][D]);
         }
     }
     return found;
+}
+template <class Material, Smoothing S, class X, class T, int D>
+MPM_INLINE Responded<typename Pass<X, T, D>::Grid> respond_particle(
+    const Phase<X, T, D>& phase, const StepNumbers<T, Material>& k, bool due, std::uint32_t q) {
+    return respond<Material, S>(phase, k, due, OneParticle<X, T, D>{phase.pass, q});
 }
 
 /// What a particle deposits before the first step, from its given velocity in the first D columns

@@ -341,6 +341,38 @@ protected:
 #endif
     };
 
+    /// What a lane gets does not depend on its neighbours, to the bit: which particles share a pack
+    /// depends on how ranks store them.
+    template <int D>
+    void neighbours_of_lanes() {
+        using V = Pack<float, 8>;
+        const auto constants = M::template constants<float>(q());
+        for (const auto f : Clones<V, D, float>::all())
+            for (int round = 0; round < 30; ++round) {
+                Mat<V, D> mixed;
+                for (int l = 0; l < 8; ++l) {
+                    const auto strain = random.template matrix<D>(0.2 * std::pow(10.0, -l));
+                    for (int a = 0; a < D; ++a)
+                        for (int b = 0; b < D; ++b) mixed.e[a][b].raw[l] = float(strain.e[a][b]);
+                }
+                Answer<V, D> together, alike;
+                f(mixed, constants, together);
+                for (int l = 0; l < 8; ++l) {
+                    Mat<V, D> same;
+                    for (int a = 0; a < D; ++a)
+                        for (int b = 0; b < D; ++b) same.e[a][b] = V(mixed.e[a][b][l]);
+                    f(same, constants, alike);
+                    ASSERT_EQ(together.admissible[l], alike.admissible[l]) << "lane " << l;
+                    if (!alike.admissible[l]) continue;
+                    for (int a = 0; a < D; ++a)
+                        for (int b = 0; b < D; ++b) {
+                            ASSERT_EQ(together.stress(a, b)[l], alike.stress(a, b)[l]) << l;
+                            ASSERT_EQ(together.rated(a, b)[l], alike.rated(a, b)[l]) << l;
+                        }
+                }
+            }
+    }
+
     /// Strains down to the smallest numbers there are: a wave's forerunner decays through them.
     /// Nothing becomes NaN, and the stress is that of a strain where nothing can vanish, scaled.
     template <class T, int D, class V = T>
@@ -431,6 +463,7 @@ MPM_IN_BOTH_DIMENSIONS(wave_speed)
 MPM_IN_BOTH_DIMENSIONS(admissible_range)
 MPM_IN_BOTH_DIMENSIONS(single_precision)
 MPM_IN_BOTH_DIMENSIONS(lanes)
+MPM_IN_BOTH_DIMENSIONS(neighbours_of_lanes)
 MPM_IN_BOTH_DIMENSIONS(faint_strains_in_single)
 MPM_IN_BOTH_DIMENSIONS(faint_strains_in_double)
 MPM_IN_BOTH_DIMENSIONS(faint_strains_in_lanes)

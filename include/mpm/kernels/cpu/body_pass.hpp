@@ -11,7 +11,6 @@
 #include <memory>
 
 #include "mpm/kernels/cpu/arena.hpp"
-#include "mpm/kernels/cpu/levels.hpp"
 #include "mpm/kernels/cpu/phases.hpp"
 #include "mpm/kernels/keep.hpp"
 

@@ -9,20 +9,10 @@
 // 32-byte packs widen with the function that they are inlined into, so everything is.
 #if defined(__x86_64__) && !defined(LIBMPM_SANITIZED) && !defined(__clang__)
 #define MPM_HAS_LEVELS 1
-// Never a copy for a caller's constants: it rounds otherwise.
-#define MPM_LEVEL_V3 __attribute__((target("arch=x86-64-v3"), flatten, noinline, noclone))
-#define MPM_LEVEL_V4 __attribute__((target("arch=x86-64-v4"), flatten, noinline, noclone))
-// The loader picks the clone for the processor.
-#define MPM_CLONES \
-    __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4"), flatten, noinline))
+#define MPM_LEVEL_V3 __attribute__((target("arch=x86-64-v3"), flatten, noinline))
+#define MPM_LEVEL_V4 __attribute__((target("arch=x86-64-v4"), flatten, noinline))
 #else
 #define MPM_HAS_LEVELS 0
-#define MPM_CLONES
-#endif
-#if defined(__clang__)
-#define MPM_LEVEL_BASE __attribute__((noinline))
-#else
-#define MPM_LEVEL_BASE __attribute__((noinline, noclone))
 #endif
 
 namespace mpm::cpu {
@@ -68,7 +58,7 @@ enum class Levels { base, up_to_v3, all };
 // B::run<packs>(...) with the instructions of a level. Packs are for wide vectors: without them a
 // particle at a time is as fast and compiles in a third of the time.
 template <class B, class... A>
-MPM_LEVEL_BASE void run_at_base(A... a) {
+void run_at_base(A... a) {
     B::template run<!MPM_HAS_LEVELS>(a...);
 }
 #if MPM_HAS_LEVELS

@@ -1,43 +1,15 @@
-// CPU: particles of the phased step side by side, sums of one block's particles on their way to the
-// grid, and the order in which blocks bring theirs.
+// CPU: sums of one block's particles on their way to the grid in the phased step, and the order in
+// which blocks bring theirs.
 #pragma once
 
 #include <cstring>
 #include <memory>
 
 #include "mpm/kernels/cpu/arena.hpp"
-#include "mpm/kernels/cpu/levels.hpp"
 #include "mpm/kernels/cpu/phases.hpp"
 #include "mpm/kernels/transfers.hpp"
 
 namespace mpm::cpu {
-
-/// What the transfers read and write of the particles from q on, a lane each. Of lanes that are not
-/// taken 0 is read and nothing written.
-template <class T, int D>
-struct PackOfParticles {
-    using Number = Pack<T, lanes<T>>;
-    using Mask = MaskOf<Number>;
-    const Pass<Cpu, T, D>& pass;
-    std::uint32_t q;
-    Mask taken;
-    bool whole;
-
-    MPM_INLINE Number load(const T* column) const {
-        const Number x = Number::load(column + q);
-        return whole ? x : select(taken, x, Number(T(0)));
-    }
-    MPM_INLINE Number state(int r) const { return load(pass.body.state[r]); }
-    MPM_INLINE Number scratch(int c) const {
-        return load(pass.scratch + std::size_t(c) * pass.body.count);
-    }
-    MPM_INLINE void set_scratch(int c, Number x) const {
-        T* column = pass.scratch + std::size_t(c) * pass.body.count;
-        if (whole) return x.store(column + q);
-        for (int l = 0; l < Number::lanes; ++l)
-            if (taken[l]) column[q + l] = x[l];
-    }
-};
 
 /// Sums of one block's particles, of all nodes that they can reach from the cells beside their own,
 /// with the particles' mass. Together they go to the grid, so that a block of nodes gets one number

@@ -19,22 +19,26 @@ namespace mpm {
 namespace detail {
 
 /// Rotation of the polar decomposition of a matrix with positive determinant by Newton's iteration,
-/// which doubles the correct digits each round; it stops when no lane moves any more.
+/// which doubles the correct digits each round. Each lane stops for itself, when it moves no more:
+/// what it gets does not depend on its neighbours.
 template <class V>
 MPM_INLINE Mat<V, 3> polar_rotation(const Mat<V, 3>& f) {
     using T = ScalarOf<V>;
     constexpr T still = sizeof(T) == 4 ? T(1e-4) : T(1e-8);  // squared by the round that follows it
     Mat<V, 3> r = f;
+    MaskOf<V> active = V(T(0)) <= V(T(0));
     for (int round = 0; round < 12; ++round) {
         const Mat<V, 3> c = cofactors(r);
-        const V half = T(0.5) / determinant(r, c);
+        const V own = select(active, V(T(0.5)), V(T(1)));
+        const V other = select(active, T(0.5) / determinant(r, c), V(T(0)));
         V moved = V(T(0));
         MPM_UNROLL for (int i = 0; i < 3; ++i) MPM_UNROLL for (int j = 0; j < 3; ++j) {
-            const V next = T(0.5) * r.e[i][j] + half * c.e[i][j];
+            const V next = own * r.e[i][j] + other * c.e[i][j];
             moved = larger(moved, absolute(next - r.e[i][j]));
             r.e[i][j] = next;
         }
-        if (!any(moved > V(still))) break;
+        active = moved > V(still);
+        if (!any(active)) break;
     }
     return r;
 }

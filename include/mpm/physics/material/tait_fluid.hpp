@@ -63,16 +63,22 @@ struct TaitFluid {
     static constexpr int reals = 1;
 
     /// p(j), Pa. Water hardly ever leaves the range where a short series has all the digits of
-    /// single precision.
+    /// single precision. Each lane stands in its own range: its neighbours change nothing.
     template <class V, class T>
     MPM_INLINE static V pressure(V j, const Constants<T>& k) {
         if constexpr (sizeof(T) == 4) {
-            if (all(absolute(j) <= V(k.series_limit))) {
-                V sum = V(k.series[4]);
-                MPM_UNROLL for (int n = 3; n >= 0; --n) sum = sum * j + k.series[n];
-                return (k.bulk * j) * (sum * j + T(1));
-            }
+            const MaskOf<V> close = absolute(j) <= V(k.series_limit);
+            V sum = V(k.series[4]);
+            MPM_UNROLL for (int n = 3; n >= 0; --n) sum = sum * j + k.series[n];
+            const V by_series = (k.bulk * j) * (sum * j + T(1));
+            return all(close) ? by_series : select(close, by_series, by_law(j, k));
+        } else {
+            return by_law(j, k);
         }
+    }
+
+    template <class V, class T>
+    MPM_INLINE static V by_law(V j, const Constants<T>& k) {
         return k.stiffness * expm1_of(-k.exponent * log1p_of(-j));
     }
 
