@@ -15,9 +15,9 @@ struct Spectrum {
 
 namespace detail {
 
-/// Turns the plane of axes p and q so that a(p, q) vanishes, in lanes that are `active`.
+/// Turns the plane of axes p and q so that a(p, q) vanishes.
 template <class V, int N>
-MPM_INLINE void jacobi_turn(Mat<V, N>& a, Mat<V, N>& axes, int p, int q, MaskOf<V> active) {
+MPM_INLINE void jacobi_turn(Mat<V, N>& a, Mat<V, N>& axes, int p, int q) {
     using T = ScalarOf<V>;
     const V zero = V(T(0)), apart = a.e[q][q] - a.e[p][p], twice = T(2) * a.e[p][q];
     // Never below what it stands for, also where the squares have vanished: a tangent beyond one
@@ -25,13 +25,12 @@ MPM_INLINE void jacobi_turn(Mat<V, N>& a, Mat<V, N>& axes, int p, int q, MaskOf<
     const V reach =
         absolute(apart) + larger(square_root(apart * apart + twice * twice), absolute(twice));
     const V ratio = twice / select(zero < reach, reach, V(T(1)));
-    // By nothing, all that follows leaves every entry as it is.
-    const V tangent = select(active, select(apart < zero, -ratio, ratio), zero);
+    const V tangent = select(apart < zero, -ratio, ratio);
     const V cosine = T(1) / square_root(tangent * tangent + T(1)), sine = tangent * cosine;
     const V moved = tangent * a.e[p][q];
     a.e[p][p] = a.e[p][p] - moved;
     a.e[q][q] = a.e[q][q] + moved;
-    a.e[p][q] = a.e[q][p] = select(active, zero, a.e[p][q]);
+    a.e[p][q] = a.e[q][p] = zero;
     MPM_UNROLL for (int k = 0; k < N; ++k) {
         if (k != p && k != q) {
             const V x = a.e[k][p], y = a.e[k][q];
@@ -64,19 +63,23 @@ MPM_INLINE Spectrum<V, N> spectrum(const Mat<V, N>& matrix) {
         out.axes.e[i][j] = V(T(i == j ? 1 : 0));
     }
     if constexpr (N == 2) {
-        detail::jacobi_turn(a, out.axes, 0, 1, V(T(0)) <= V(T(0)));
+        detail::jacobi_turn(a, out.axes, 0, 1);
     } else {
         // What is left of the other entries is squared by every sweep.
         constexpr T still = sizeof(T) == 4 ? T(1e-9) : T(1e-18);
         for (int sweep = 0; sweep < 8; ++sweep) {
             const V left =
                 larger(absolute(a.e[0][1]), larger(absolute(a.e[0][2]), absolute(a.e[1][2])));
-            // Each lane stops for itself: what it gets does not depend on its neighbours.
             const MaskOf<V> active = left > V(still);
             if (!any(active)) break;
-            detail::jacobi_turn(a, out.axes, 0, 1, active);
-            detail::jacobi_turn(a, out.axes, 0, 2, active);
-            detail::jacobi_turn(a, out.axes, 1, 2, active);
+            // Each lane stops for itself, so that what it gets does not depend on its neighbours:
+            // what is diagonal is turned by nothing.
+            MPM_UNROLL for (int i = 0; i < N; ++i) MPM_UNROLL for (int j = 0; j < i; ++j) {
+                a.e[i][j] = a.e[j][i] = select(active, a.e[i][j], V(T(0)));
+            }
+            detail::jacobi_turn(a, out.axes, 0, 1);
+            detail::jacobi_turn(a, out.axes, 0, 2);
+            detail::jacobi_turn(a, out.axes, 1, 2);
         }
     }
     MPM_UNROLL for (int i = 0; i < N; ++i) out.value[i] = size * a.e[i][i];
