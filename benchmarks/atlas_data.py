@@ -20,6 +20,7 @@ LOSS = 0.05
 FIXED = (
     "transfer", "kernel", "fbar", "solid_fbar", "size", "material", "precision", "pipeline", "step",
     "walls", "layer", "per_cell", "bulk", "smoothing", "assumed", "contact",
+    "solids",
 )  # fmt: skip
 
 CASES = {m.name: m for m in MEASURED}
@@ -122,7 +123,7 @@ def entry(line: Line, base: Line) -> dict[str, Any]:
             "walls": line["option"].get("walls"),
             **{
                 k: v
-                for k in ("smoothing", "assumed", "contact")
+                for k in ("smoothing", "assumed", "contact", "solids")
                 if (v := getattr(option, k)) is not None
             },
         },

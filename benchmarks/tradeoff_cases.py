@@ -27,6 +27,7 @@ from tradeoff_scenes import (
 
 import libmpm
 from libmpm import cases
+from libmpm._src.advice.tradeoff.choices import apply_choices
 from libmpm._src.boundaries.wall_cells import with_held_cells
 
 Parameters = Mapping[str, Any]
@@ -56,7 +57,7 @@ class Measured:
     m or cells, and `breadth`, that of the full scene; `packs`, the number of particles; the bulk
     modulus up to `stiffest` parts of real water's. `only` limits the options by name, beside those
     that change the case if `changes`; `brief`: to the short list on a device. `meeting` names two
-    bodies that contact may keep apart, with `friction`.
+    bodies that contact may keep apart, with `friction`. `meshes`: solids may be elements.
 
     The atlas: `across` cells in the smallest length that matters; `head`, Pa, the pressure and
     `speed`, m/s, the motion that the bulk modulus, Pa, is to be compared with, or the speed itself
@@ -89,6 +90,7 @@ class Measured:
     only: tuple[str, ...] = ()
     brief: bool = False
     changes: bool = True
+    meshes: bool = False  # its solid bodies may be elements
     meeting: tuple[str, str] | None = None
     friction: float = 0.0
     across: Callable[[Parameters], float] = _cells
@@ -118,6 +120,10 @@ class Measured:
             return False
         finest = self.finest if size == "small" else min(self.finest, 2.0)
         changed = option.group in CHANGING
+        if option.solids is not None:
+            # Elements and rigid bodies run on the CPU alone; these need water for their time step.
+            fits = self.meshes if option.solids == "elements" else self.mixed
+            return fits and size == "small"
         if option.contact is not None:
             fits = self.meeting is not None and option.contact == self.contact_law
             return fits and (option.walls is None or self.boundary == "walls")
@@ -195,6 +201,9 @@ class Measured:
             if option.per_cell is not None:
                 body["particles_per_cell"] = option.per_cell
         made = libmpm.Scene.from_dict(plain)
+        if option.solids is not None:
+            solid = [b.name for b in made.bodies if not b.material.table.stores_volume]
+            made = apply_choices(made, {option.solids: solid})
         if option.contact is not None:
             assert self.meeting is not None
             solids = libmpm.contacts.Friction(static=self.friction)
@@ -286,7 +295,7 @@ MEASURED: tuple[Measured, ...] = (
         length=("level_low",),
     ),
     Measured(
-        case=lame_case("mode", 0.3, 20, 6.0), kind="solid", cfl=0.4, energy=_kinetic,
+        case=lame_case("mode", 0.3, 20, 6.0), kind="solid", cfl=0.4, meshes=True, energy=_kinetic,
         sizes={"small": {}, "device": {"cells": 64}},
         expected={"period": 1.0, "energy_left": 1.0},
         shown={
@@ -297,7 +306,7 @@ MEASURED: tuple[Measured, ...] = (
         finest=4.0, speed=0.005,
     ),
     Measured(
-        case=lame_case("mode-incompressible", 0.499, 12, 3.0), kind="solid", cfl=0.4,
+        case=lame_case("mode-incompressible", 0.499, 12, 3.0), kind="solid", cfl=0.4, meshes=True,
         energy=_kinetic,
         sizes={"small": {}, "device": {"cells": 32}},
         expected={"period": 1.0, "energy_left": 1.0},
@@ -306,7 +315,7 @@ MEASURED: tuple[Measured, ...] = (
         brief=True, finest=4.0, speed=0.005, judged=("period",),
     ),
     Measured(
-        case=SPIN_CASE, kind="solid", cfl=0.4, energy=_kinetic,
+        case=SPIN_CASE, kind="solid", cfl=0.4, meshes=True, energy=_kinetic,
         sizes={"small": {}, "device": {"cells": 24}},
         expected={"angle": 1.0, "swelling": 0.0},
         shown={
@@ -328,7 +337,7 @@ MEASURED: tuple[Measured, ...] = (
         depth="slab", brief=True,
     ),
     Measured(
-        case=cases.case("incline"), kind="solid", cfl=0.4,
+        case=cases.case("incline"), kind="solid", cfl=0.4, meshes=True,
         sizes={"small": {"cells": 4, "angle": 31.0}, "device": {"cells": 8, "angle": 31.0}},
         expected={
             "distance_ratio_0": 1.0, "distance_ratio_0.5": 1.0, "distance_ratio_0.95": 1.0,
@@ -380,7 +389,7 @@ MEASURED: tuple[Measured, ...] = (
         judged=("load",),
     ),
     Measured(
-        case=cases.case("surge-debris-load"), kind="water", cfl=0.3, mixed=True,
+        case=cases.case("surge-debris-load"), kind="water", cfl=0.3, mixed=True, meshes=True,
         sizes={"small": {"cells": 8, "wall": "held"}, "device": {"cells": 16, "wall": "held"}},
         expected={"load": 1.0, "still": 1.0},
         shown={}, boundary="walls", changes=False,
@@ -407,7 +416,7 @@ MEASURED: tuple[Measured, ...] = (
         speed=math.sqrt(0.8 * GRAVITY),
     ),
     Measured(
-        case=FLOATING_CASE, kind="water", cfl=0.4, mixed=True,
+        case=FLOATING_CASE, kind="water", cfl=0.4, mixed=True, meshes=True,
         sizes={"small": {}, "device": {"cells": 16}},
         expected={"draft": 1.0, "swing": 0.0},
         shown={}, state="elastic block afloat", only=SHORT,
@@ -415,27 +424,27 @@ MEASURED: tuple[Measured, ...] = (
         meeting=("block", "water"),
     ),
     Measured(
-        case=BAR_CASE, kind="solid", cfl=0.4, energy=_kinetic,
+        case=BAR_CASE, kind="solid", cfl=0.4, meshes=True, energy=_kinetic,
         sizes={"small": {}, "device": {"cells": 128}},
         expected={"period": 1.0, "energy_left": 1.0},
         shown={}, state="small vibration along the bar", only=SHORT, finest=4.0, speed=0.005,
         materials=True,
     ),
     Measured(
-        case=IMPACT_CASE, kind="solid", cfl=0.4, energy=_kinetic,
+        case=IMPACT_CASE, kind="solid", cfl=0.4, meshes=True, energy=_kinetic,
         sizes={"small": {}, "device": {"cells": 128}},
         expected={"contact": 1.0, "restitution": 1.0},
         shown={}, state="blow against a rigid wall", only=SHORT, finest=4.0, speed=0.01,
     ),
     Measured(
-        case=PAIR_CASE, kind="solid", cfl=0.4, energy=_kinetic,
+        case=PAIR_CASE, kind="solid", cfl=0.4, meshes=True, energy=_kinetic,
         sizes={"small": {}, "device": {"cells": 128}},
         expected={"contact": 1.0, "restitution": 1.0},
         shown={}, state="blow of two bars, end on", only=(BASELINE, "AFLIP 0.95"), changes=False,
         speed=0.01, meeting=("left", "solid"),
     ),
     Measured(
-        case=SLIDE_CASE, kind="solid", cfl=0.4,
+        case=SLIDE_CASE, kind="solid", cfl=0.4, meshes=True,
         sizes={"small": {}, "device": {"cells": 16}},
         expected={"distance": 1.0},
         shown={}, state="block that slides on another", only=(BASELINE, "AFLIP 0.95"),

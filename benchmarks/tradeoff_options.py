@@ -20,6 +20,7 @@ WATER = 2.2e9  # Pa, bulk modulus of real water
 #: Fields of an option that lines name only where they are not the usual ones.
 CHANGES = (
     "size", "shifting", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed", "contact",
+    "solids",
 )  # fmt: skip
 #: Forms of F-bar whose smoothing is set by a length.
 BY_LENGTH = ("two-volume", "split", "literal")
@@ -42,7 +43,9 @@ class Option:
     The others change the case: `cells` is the number of cells along a length, parts of the case's
     own; `per_cell` the number of particles, None is two an axis; `bulk` the bulk modulus, parts of
     that of real water; `extent` "slice", two cells thick, or "full" in three dimensions. `contact`
-    is the law by which bodies that meet have velocities of their own, "Friction" or "Fluid".
+    is the law by which bodies that meet have velocities of their own, "Friction" or "Fluid";
+    `solids` what solid bodies are made of in place of particles: "elements" of half a cell, or
+    "rigid".
     """
 
     name: str
@@ -66,6 +69,7 @@ class Option:
     smoothing: str | None = None
     assumed: str | None = None
     contact: str | None = None
+    solids: str | None = None
     beside: str = BASELINE
 
     def choices(self, cfl: float, cell_size: float, wave_speed: float) -> Options:
@@ -333,6 +337,15 @@ OPTIONS: tuple[Option, ...] = (
     Option("F-bar one-volume-gradient, shifting", "F-bar", fbar=FORMS[0], shifting=True),
     *(Option(f"solid F-bar {form}", "solid", solid_fbar=form) for form in FORMS),
     *(Option(law, "solid", material=law) for law in LAWS),
+    Option("elements", "solid", solids="elements"),
+    Option(
+        "elements, AFLIP 0.95",
+        "solid",
+        transfer=Transfer(scheme="AFLIP", flip=0.95),
+        solids="elements",
+        beside="AFLIP 0.95",
+    ),
+    Option("rigid", "solid", solids="rigid"),
     Option("mirrored walls", "boundary", walls=Mirror()),
     Option("linear walls", "boundary", walls=LINEAR),
     *(

@@ -23,13 +23,15 @@ def seconds(line: Line) -> float:
 
 
 def newest(lines: Iterable[Line]) -> dict[tuple[str, str], Line]:
-    """Return the last line of each option and case; of the baseline one with median time."""
+    """Return the last line of each option and case; of the baseline, which runs again and again,
+    the one with the median time of its last commit."""
     found: dict[tuple[str, str], list[Line]] = {}
     for line in lines:
         found.setdefault((line["option"]["name"], line["case"]), []).append(line)
     rows = {k: some[-1] for k, some in found.items()}
     for k, some in found.items():
-        if k[0] == BASELINE and (ran := [line for line in some if not line["failed"]]):
+        last = [line for line in some if line["commit"] == some[-1]["commit"]]
+        if k[0] == BASELINE and (ran := [line for line in last if not line["failed"]]):
             rows[k] = sorted(ran, key=seconds)[len(ran) // 2] | {"cost": 1.0}
     return rows
 

@@ -250,7 +250,7 @@ def full():
 
 def test_choices_change_what_they_say_and_nothing_else(full):
     before = full.to_dict()
-    assert set(VALUES) | {"bulk_modulus", "rigid"} == set(CHOICES)
+    assert set(VALUES) | {"bulk_modulus", "rigid", "elements"} == set(CHOICES)
     for name, (value, read) in VALUES.items():
         made = apply_choices(full, {name: value})
         assert read(made) == value, name
@@ -261,7 +261,35 @@ def test_choices_change_what_they_say_and_nothing_else(full):
     stiff = apply_choices(full, {"rigid": ("block",)})
     assert stiff.bodies[1].material == materials.Rigid(density=500.0)
     assert stiff.bodies[0] == full.bodies[0] and apply_choices(full, {"rigid": ()}) == full
+    meshed = apply_choices(full, {"elements": ("block",), "cell_size": 0.1})
+    assert isinstance(meshed.bodies[1].shape, shapes.Triangles)
+    assert meshed.bodies[1].shape.edge == pytest.approx(0.05)
+    assert meshed.bodies[1].shape.total_volume() == pytest.approx(0.01)
+    assert meshed.bodies[0] == full.bodies[0] and apply_choices(full, {"elements": ()}) == full
     assert full.to_dict() == before
+
+
+def test_a_mesh_that_cuts_corners_off_has_the_mass_of_the_solid():
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 2))
+    disc = shapes.Sphere(centre=(1.0, 1.0), radius=0.4)
+    law = materials.NeoHookean(density=500.0, youngs_modulus=1e5, poissons_ratio=0.3)
+    scene.add_body(name="disc", shape=disc, material=law)
+    body = apply_choices(scene, {"elements": "disc"}).bodies[0]
+    assert body.shape.total_volume() < 0.998 * math.pi * 0.4**2
+    mass = body.material.density * body.shape.total_volume()
+    assert mass == pytest.approx(500 * math.pi * 0.4**2)
+
+
+def test_only_solids_that_can_be_meshed_become_elements(full, tmp_path):
+    with pytest.raises(SceneError, match="elements has 'water', which is no solid body"):
+        apply_choices(full, {"elements": ("water",)})
+    scene = libmpm.Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(2, 2))
+    law = materials.NeoHookean(density=500.0, youngs_modulus=1e5, poissons_ratio=0.3)
+    np.savetxt(tmp_path / "dots.csv", [(0.5, 0.5), (0.55, 0.5)], delimiter=",")
+    dots = shapes.PointFile(file=tmp_path / "dots.csv", volume=0.0025)
+    scene.add_body(name="dots", shape=dots, material=law)
+    with pytest.raises(SceneError, match="'dots', whose particles come from PointFile"):
+        apply_choices(scene, {"elements": ("dots",)})
 
 
 def test_names_stand_for_their_values(full):

@@ -17,6 +17,7 @@ from libmpm._src.run import backends
 from libmpm._src.run.choices import PIPELINES, PRECISIONS
 from libmpm._src.scene.parts import Body
 from libmpm._src.scene.scene import Scene
+from libmpm._src.shapes.element_mesh import ElementMesh, Tetrahedra, Triangles
 from libmpm._src.shapes.solid import GivenPoints
 from libmpm._src.studies.study.plan import OPTIONS
 
@@ -217,18 +218,46 @@ def _put_layer(document: Document, scene: Scene, value: Any) -> None:
             part["layer"] = plain(value)
 
 
-def _put_rigid(document: Document, scene: Scene, value: tuple[str, ...]) -> None:
+def _named_solids(axis: str, scene: Scene, value: tuple[str, ...]) -> None:
     solids = {b.name for b in scene.bodies if not b.material.table.stores_volume}
     for name in value:
         if name not in solids:
             raise SceneError(
-                f"tradeoff: rigid has '{name}', which is no solid body of the scene; "
+                f"tradeoff: {axis} has '{name}', which is no solid body of the scene; "
                 f"{nearest(name, sorted(solids))}"
             )
+
+
+def _put_rigid(document: Document, scene: Scene, value: tuple[str, ...]) -> None:
+    _named_solids("rigid", scene, value)
     for part, body in zip(document["bodies"], scene.bodies, strict=True):
         if body.name in value:
             density = body.material.parameters()["density"]
             part["material"] = Rigid(density=density).to_dict()
+
+
+def _put_elements(document: Document, scene: Scene, value: tuple[str, ...]) -> None:
+    _named_solids("elements", scene, value)
+    mesh = Triangles if scene.dimension == 2 else Tetrahedra
+    for part, body in zip(document["bodies"], scene.bodies, strict=True):
+        if body.name not in value or isinstance(body.shape, ElementMesh):
+            continue
+        if isinstance(body.shape, GivenPoints | Cells | Points):
+            kind = type(body.shape).__name__
+            raise SceneError(
+                f"tradeoff: elements has '{body.name}', whose particles come from {kind}; expected "
+                f"a solid of libmpm.shapes, which can be meshed"
+            )
+        # Half a cell is as good as 2ᵈ particles a cell (docs/elements.md).
+        made = mesh.fill(solid=body.shape, edge=0.5 * document["cell_size"])
+        part["shape"] = made.to_dict()
+        # A mesh that cuts corners off has the solid's mass all the same.
+        whole = body.shape.volume()
+        if whole is not None and abs(made.total_volume() / whole - 1) > 1e-9:
+            density = body.material.parameters()["density"] * whole / made.total_volume()
+            part["material"] = {**part["material"], "density": density}
+        for of_particles in ("particles_per_cell", "lattice", "sampling", "fbar"):
+            part.pop(of_particles, None)
 
 
 _NEVER: Callable[[Scene], str] = lambda scene: ""  # noqa: E731
@@ -247,6 +276,7 @@ CHOICES: Mapping[str, Choice] = {
     "solid_fbar": Choice(_fbar, _bar_solid, _put_bodies("fbar", _smooths_solid)),
     "layer": Choice(_layer, _bar_layer, _put_layer),
     "rigid": Choice(_names, _on_functions, _put_rigid),
+    "elements": Choice(_names, _on_functions, _put_elements),
 }
 
 
@@ -305,6 +335,6 @@ def apply_choices(scene: Scene, values: Mapping[str, Any]) -> Scene:
     taken = {name: CHOICES[name].take(check, name, value) for name, value in values.items()}
     check.finish()
     document = scene.to_dict()
-    for name, value in taken.items():
-        CHOICES[name].put(document, scene, value)
+    for name in (name for name in CHOICES if name in taken):  # elements by the cells of cell_size
+        CHOICES[name].put(document, scene, taken[name])
     return Scene.from_dict(document)
