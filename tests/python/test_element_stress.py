@@ -166,3 +166,11 @@ def test_stresses_that_are_refused(stress: Any, law: str, said: str) -> None:
             material=getattr(materials, law)(**given), stress=stress,
         )  # fmt: skip
         scene.validate()
+
+
+def test_a_field_is_held_to_the_bound_of_a_constant() -> None:
+    scene = block(2, Field(components=("1e6 * (x - 0.5)", "0", "0")))
+    scene.validate()
+    said = "stress is beyond 0.25 of Young's modulus, 250000 Pa, in .* elements, the first"
+    with pytest.raises(SceneError, match=said):
+        libmpm.Simulation(scene, **FAST)

@@ -9,8 +9,10 @@ import numpy.typing as npt
 
 from libmpm._src.base.formulas import Field
 from libmpm._src.base.time_tables import TimeTable, constant, engine_table
+from libmpm._src.errors import SceneError
 from libmpm._src.materials.material import flows_at_constant_volume
 from libmpm._src.run.hydrostatic import at_hand
+from libmpm._src.scene.checks_elements import LARGEST_STRESS
 from libmpm._src.shapes.element_mesh import ElementMesh
 from libmpm._src.shapes.element_surface import chosen_faces, chosen_vertices, shares
 
@@ -59,6 +61,16 @@ def _stress(body: Body, mesh: ElementMesh, ratio: float) -> npt.NDArray[np.float
     if isinstance(body.stress, Field):
         middle = mesh.positions()[mesh.elements].mean(axis=1)
         stress = body.stress.at(middle, f"body '{body.name}': stress")
+        largest = np.abs(stress).max(axis=1)
+        most = LARGEST_STRESS * body.material.parameters()["youngs_modulus"]
+        if (beyond := np.flatnonzero(largest > most)).size:
+            first = beyond[0]
+            at = ", ".join(f"{x:g}" for x in middle[first])
+            raise SceneError(
+                f"body '{body.name}': stress is beyond {LARGEST_STRESS:g} of Young's modulus, "
+                f"{most:g} Pa, in {beyond.size} elements, the first {first} at ({at}) m with "
+                f"{largest[first]:g} Pa; time steps are those of the law alone; give less"
+            )
     else:
         stress = np.tile(np.asarray(body.stress, dtype=np.float64), (len(mesh.elements), 1))
     if mesh.dimension == 2:
