@@ -197,6 +197,27 @@ def test_sensors_of_elements() -> None:
     assert found["peak here"] <= found["peak"] and found["least here"] >= found["least"]
 
 
+@pytest.mark.parametrize("d", [2, 3])
+def test_components_and_principal_stresses_of_elements(d: int) -> None:
+    sim = libmpm.Simulation(cases.small_scene(d), **FAST)
+    sim.step(150)
+    view = sim.particles["block"]
+    stress = np.zeros((len(view["element_stress"]), 3, 3))
+    stress[:, :d, :d] = view["element_stress"]
+    if d == 2:
+        stress[:, 2, 2] = -3 * view["element_pressure"] - stress[:, 0, 0] - stress[:, 1, 1]
+    scale = np.abs(stress).max()
+    assert scale > 0
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        name = f"element_stress_{'XYZ'[i]}{'XYZ'[j]}"
+        assert view[name] == pytest.approx(stress[:, i, j], abs=1e-12 * scale), name
+    first, second, third = (view[f"element_stress_{k}"] for k in (1, 2, 3))
+    assert (first >= second).all() and (second >= third).all()
+    assert first + second + third == pytest.approx(-3 * view["element_pressure"], abs=1e-9 * scale)
+    mises = np.sqrt(0.5 * ((first - second) ** 2 + (second - third) ** 2 + (third - first) ** 2))
+    assert view["element_von_mises"] == pytest.approx(mises, abs=1e-9 * scale)
+
+
 @pytest.mark.parametrize(
     ("sensor", "said"),
     [

@@ -31,9 +31,11 @@ class BodyView(Mapping[str, NDArray[Any]]):
     Scalars are (n,), vectors (n, dimension), tensors (n, dimension, dimension), float64 in SI
     units; ``id`` is uint64 and ``position`` is in world coordinates, m. Of a body of elements rows
     are its vertices; ``element_stress`` (m, dimension, dimension), ``element_pressure``,
-    ``element_von_mises``, ``element_volume_ratio``, ``element_energy`` and, of laws that flow,
-    ``element_plastic_strain`` (m,) have one for each element, in the mesh's order. Of ranks that
-    are processes one has an element; on the others its row is not a number (`Simulation.gather`).
+    ``element_von_mises``, principal stresses ``element_stress_1`` to ``_3``, components
+    ``element_stress_XX``, ..., ``element_volume_ratio``, ``element_energy`` and, of laws that
+    flow, ``element_plastic_strain`` (m,) have one for each element, in the mesh's order. Of ranks
+    that are processes one has an element; on the others its row is not a number
+    (`Simulation.gather`).
     """
 
     def __init__(self, simulation: Running, index: int, name: str) -> None:

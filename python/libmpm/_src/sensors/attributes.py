@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -131,11 +132,12 @@ def _log_volume(s: Source) -> Array:
     return s.body.material.parameters()["log_plastic_volume"] + s.column("consolidation")
 
 
-def _element_von_mises(s: Source) -> Array:
+def _element_cauchy(s: Source) -> Array:
+    """Return σ of elements, (m, 3, 3), Pa; in plane strain σ_zz = -3p - σ_xx - σ_yy."""
     stress, pressure = (s.arrays[name] for name in _ELEMENT_STRESS)
     if stress.shape[-1] == 2:
         stress = tensors.solid(stress, -3 * pressure - np.trace(stress, axis1=1, axis2=2))
-    return tensors.von_mises(stress, 1.5)
+    return stress
 
 
 def of_elements(name: str) -> bool:
@@ -168,7 +170,12 @@ def _table() -> dict[str, Attribute]:
         smoothed = ("volume_ratio_smoothed",)
         add(name, "1", smoothed, lambda s: s.arrays[_smoothed(s.arrays)])
     plain("Pressure", "Pa", "pressure")
-    add("element_von_mises", "Pa", _ELEMENT_STRESS, _element_von_mises, "elements")
+    of_element = partial(add, unit="Pa", reads=_ELEMENT_STRESS, needs="elements")
+    of_element("element_von_mises", make=lambda s: tensors.von_mises(_element_cauchy(s), 1.5))
+    for k in (1, 2, 3):
+        of_element(f"element_stress_{k}", make=_of(_element_cauchy, tensors.principal, k))
+    for (i, row), (j, line) in combinations_with_replacement(enumerate("XYZ"), 2):
+        of_element(f"element_stress_{row}{line}", make=_component(_element_cauchy, i, j))
     add("VonMisesStress", "Pa", _STRESS, lambda s: tensors.von_mises(s.cauchy(), 1.5))
     add("VonMisesStrain", "1", _F, lambda s: tensors.von_mises(s.strain(), 2 / 3), "strain")
     add("PorePressure", "Pa", (), None, "pore")
