@@ -187,3 +187,49 @@ def test_what_has_no_pins_is_refused() -> None:
         scene.validate()
     for words in ("pins on a grid of square cells", "body 'b' has no pins"):
         assert words in str(error.value)
+
+
+def pinned_wall(depth: float, length: float, modulus: float) -> Scene:
+    """Return a wall four cells thick, pinned by its foot, before water in 8 cells of its depth."""
+    cell = depth / 8
+    upper = (round(1.6 / cell) * cell, round(1.0 / cell) * cell)
+    scene = Scene(dimension=2, cell_size=cell, lower=(0, 0), upper=upper, gravity=(0, -9.81))
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(0, 0), upper=(length, depth)), hydrostatic=depth,
+        material=materials.TaitFluid(bulk_modulus=2e5),
+    )  # fmt: skip
+    scene.add_body(
+        name="wall",
+        shape=shapes.Triangles.box(lower=(0.8, 0), upper=(0.8 + 4 * cell, 0.8), edge=cell / 2),
+        material=materials.NeoHookean(density=1000, youngs_modulus=modulus, poissons_ratio=0.3),
+        pins=Pin(face="y-"),
+    )
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
+    scene.add_contact(name="face", between=("water", "wall"), law=libmpm.contacts.Fluid())
+    scene.add_sensor(name="pin", sensor=sensors.PinForce(body="wall", interval=0.01))
+    scene.add_sensor(name="load", sensor=sensors.ContactLoad(contact="face", interval=0.01))
+    return scene
+
+
+def test_a_pinned_wall_has_the_load_of_still_water_as_reaction() -> None:
+    sim = libmpm.Simulation(pinned_wall(0.5, 0.8, 2e7), device="cpu")
+    sim.run(until=1.0, progress=False)
+    still = 0.5 * 1000 * 9.81 * 0.5**2
+    for name in ("pin", "load"):
+        series = sim.sensors[name]
+        mean = series.values[series.time > 0.6, 0].mean()
+        assert mean == pytest.approx(still, rel=0.005), name  # 1225.4 and 1225.4 of 1226.3 N/m
+
+
+def test_a_surge_on_a_wall_that_bends_gives_its_foot_what_the_wall_does_not_keep() -> None:
+    sim = libmpm.Simulation(pinned_wall(0.4, 0.4, 2e6), device="cpu")
+    sim.run(until=0.8, progress=False)
+    impulse = {}
+    for name in ("pin", "load"):
+        series = sim.sensors[name]
+        width = np.diff(np.concatenate([[0.0], series.time]))
+        impulse[name] = float(np.nansum(series.values[:, 0] * width))
+    wall = sim.particles["wall"].read(["mass", "velocity"])
+    kept = float((wall["mass"] * wall["velocity"][:, 0]).sum())
+    assert abs(kept) > 0.002 * impulse["load"]  # it swings
+    assert impulse["pin"] == pytest.approx(impulse["load"] - kept, rel=0.003)
