@@ -150,6 +150,7 @@ TEST_P(LookAhead, keeps_particles_within_their_tiles) {
 
 /// The same where few particles are fast: then the drift calls for sorts, and not the strays.
 TEST_P(LookAhead, keeps_a_jet_within_its_tiles) {
+    if (test::sanitized && dimension == 3) GTEST_SKIP() << "as in the plane, and long";
     // Two steps and more between sorts, whatever the drift may be.
     Spec s = flight(dimension, 4, 6, on == On::cpu ? 12 : 15);
     std::vector<int> lower(std::size_t(dimension), 30), upper(std::size_t(dimension), 44);
@@ -207,6 +208,7 @@ TEST_P(LookAhead, leaves_positions_to_say_who_has_left) {
 
 /// The sorts of a run do not depend on who works, how many and with how many halts.
 TEST_P(LookAhead, has_the_bits_of_one_run) {
+    if (test::sanitized && dimension == 3) GTEST_SKIP() << "as in the plane, and long";
     Spec scene = test::gauged_scene(dimension, true);
     scene.threads = 1;
     const auto whole = make(scene, on), split = make(scene, on), resumed = make(scene, on);

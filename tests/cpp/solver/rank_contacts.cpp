@@ -160,6 +160,7 @@ TEST_P(RankContactDevices, have_the_bits_of_one) {
 }
 
 TEST_P(RankContactDevices, may_cut_anew_at_every_sort) {
+    if (test::sanitized && dimension == 3) GTEST_SKIP() << "as in the plane, and long";
     const int steps = (dimension == 3 ? 4 : 2) * half;  // until cuts have to move
     const auto one = make(scene());
     go(*one, steps);
@@ -183,6 +184,7 @@ TEST_P(RankContactDevices, beside_linear_walls) {
 }
 
 TEST_P(RankContactDevices, resume_on_another_number) {
+    if (test::sanitized && dimension == 3) GTEST_SKIP() << "as in the plane, and long";
     const auto one = make(scene());
     go(*one, half);
     const State saved = one->save();

@@ -63,6 +63,7 @@ TEST_P(RankDevices, have_the_bits_of_one) {
 /// Transfers that store velocities, in one pass and phased, other kernels, and volumes that are
 /// averaged within the step.
 TEST_P(RankDevices, have_the_bits_of_one_by_any_method) {
+    if (test::sanitized && dimension == 3) GTEST_SKIP() << "as in the plane, and long";
     const std::vector<std::function<void(Spec&)>> methods = {
         [](Spec& s) { s.transfer.scheme = "AFLIP"; },
         [](Spec& s) {
@@ -108,6 +109,7 @@ TEST_P(RankDevices, have_the_bits_of_one_by_any_method) {
 
 /// At planes, and with groups of bodies; until a sort moves the cuts, and again after a resume.
 TEST_P(RankDevices, begin_where_they_are_asked_to) {
+    if (test::sanitized && dimension == 3) GTEST_SKIP() << "as in the plane, and long";
     const auto one = make(scene());
     go(*one, 2 * half);
     for (bool planes : {true, false}) {
