@@ -149,23 +149,31 @@ def latest(lines: Iterable[Line]) -> dict[tuple[str, str], dict[tuple[str, str],
     return {place: newest(some) for place, some in found.items()}
 
 
-def finer(entry: Mapping[str, Any], some: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return what was measured of a setting with more cells; a slice has the plane's."""
+def is_finer(option: str, own: str) -> bool:
+    """Return whether an option is another one with more cells; a slice has the plane's."""
 
     def choices(name: str) -> tuple[Any, ...]:
         return tuple(getattr(NAMED[name], f) for f in FIXED)
 
+    return NAMED[option].cells > NAMED[own].cells and choices(option) == choices(own)
+
+
+def finer(entry: Mapping[str, Any], some: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return what was measured of a setting with more cells."""
     own = entry["option"]
-    return [
-        e for e in some
-        if e["case"] == entry["case"] and NAMED[e["option"]].cells > NAMED[own].cells
-        and choices(e["option"]) == choices(own)
-    ]  # fmt: skip
+    return [e for e in some if e["case"] == entry["case"] and is_finer(e["option"], own)]
 
 
-def accidental(entry: Mapping[str, Any], some: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether more cells make the error larger by a half and 0.2 %, or let motion die."""
+def accidental(
+    entry: Mapping[str, Any],
+    some: Sequence[Mapping[str, Any]],
+    broken: Sequence[tuple[str, str]] = (),
+) -> bool:
+    """Return whether more cells make the error larger by a half and 0.2 %, or let motion die, or
+    break the run: `broken` are options and cases."""
     if entry["worst"] is None:
+        return True
+    if any(c == entry["case"] and is_finer(o, entry["option"]) for o, c in broken):
         return True
     limit = 1.5 * entry["worst"] + 2e-3
     kept = finer(entry, some)
@@ -181,8 +189,9 @@ def entries(rows: Mapping[tuple[str, str], Line]) -> list[dict[str, Any]]:
     cases = {name: k for k, name in enumerate(CASES)}
     keys = sorted(rows, key=lambda key: (cases[key[1]], order[key[0]]))
     ran = [k for k in keys if not rows[k]["failed"] and not rows[BASELINE, k[1]]["failed"]]
+    broken = [k for k in keys if rows[k]["failed"]]
     made = [entry(rows[k], rows[BASELINE, k[1]]) for k in ran]
-    return [e | {"accidental": accidental(e, made)} for e in made]
+    return [e | {"accidental": accidental(e, made, broken)} for e in made]
 
 
 def shipped(lines: Sequence[Line]) -> str:

@@ -109,7 +109,8 @@ def test_options_differ_by_one_choice_from_what_they_stand_beside():
     names = {o.name: o for o in OPTIONS}
     assert len(names) == len(OPTIONS)
     plain = ("fbar", "solid_fbar", "material", "precision", "pipeline", "step", "walls", "layer")
-    changes = ("size", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed", "contact")
+    changes = ("size", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed", "contact",
+               "solids")  # fmt: skip
     fields = ("transfer", "kernel", *plain, *changes)
     for option in OPTIONS:
         other = names[option.beside]
