@@ -68,13 +68,14 @@ struct TaitFluid {
     MPM_INLINE static V pressure(V j, const Constants<T>& k) {
         if constexpr (sizeof(T) == 4) {
             const MaskOf<V> close = absolute(j) <= V(k.series_limit);
-            V sum = V(k.series[4]);
-            MPM_UNROLL for (int n = 3; n >= 0; --n) sum = sum * j + k.series[n];
-            const V by_series = (k.bulk * j) * (sum * j + T(1));
-            return all(close) ? by_series : select(close, by_series, by_law(j, k));
-        } else {
-            return by_law(j, k);
+            if (any(close)) {
+                V sum = V(k.series[4]);
+                MPM_UNROLL for (int n = 3; n >= 0; --n) sum = sum * j + k.series[n];
+                const V by_series = (k.bulk * j) * (sum * j + T(1));
+                return all(close) ? by_series : select(close, by_series, by_law(j, k));
+            }
         }
+        return by_law(j, k);
     }
 
     template <class V, class T>
