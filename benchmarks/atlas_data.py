@@ -167,7 +167,7 @@ def finer(entry: Mapping[str, Any], some: Sequence[Mapping[str, Any]]) -> list[M
 def accidental(
     entry: Mapping[str, Any],
     some: Sequence[Mapping[str, Any]],
-    broken: Sequence[tuple[str, str]] = (),
+    broken: Sequence[tuple[str, str]],
 ) -> bool:
     """Return whether more cells make the error larger by a half and 0.2 %, or let motion die, or
     break the run: `broken` are options and cases."""

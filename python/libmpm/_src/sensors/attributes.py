@@ -56,14 +56,15 @@ class Source:
         """Return F, (n, 3, 3)."""
         return tensors.solid(self.arrays["deformation_gradient"], 1.0)
 
-    def cauchy(self) -> Array:
-        """Return σ, (n, 3, 3), Pa; in plane strain σ_zz = -3p - σ_xx - σ_yy."""
-        stress = self.arrays["stress"]
+    def cauchy(self, of: str = "") -> Array:
+        """Return σ, (n, 3, 3), Pa; in plane strain σ_zz = -3p - σ_xx - σ_yy.
+
+        `of` is "element_" for that of elements, empty for that of particles.
+        """
+        stress, pressure = self.arrays[f"{of}stress"], self.arrays[f"{of}pressure"]
         if stress.shape[-1] == 3:
             return stress
-        return tensors.solid(
-            stress, -3 * self.arrays["pressure"] - np.trace(stress, axis1=1, axis2=2)
-        )
+        return tensors.solid(stress, -3 * pressure - np.trace(stress, axis1=1, axis2=2))
 
     def strain(self) -> Array:
         """Return the small strain, (n, 3, 3); of linear elasticity the one that it stores."""
@@ -133,11 +134,8 @@ def _log_volume(s: Source) -> Array:
 
 
 def _element_cauchy(s: Source) -> Array:
-    """Return σ of elements, (m, 3, 3), Pa; in plane strain σ_zz = -3p - σ_xx - σ_yy."""
-    stress, pressure = (s.arrays[name] for name in _ELEMENT_STRESS)
-    if stress.shape[-1] == 2:
-        stress = tensors.solid(stress, -3 * pressure - np.trace(stress, axis1=1, axis2=2))
-    return stress
+    """Return σ of elements, (m, 3, 3), Pa."""
+    return s.cauchy("element_")
 
 
 def of_elements(name: str) -> bool:
