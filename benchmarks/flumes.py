@@ -2,10 +2,13 @@
 
     python benchmarks/flumes.py lwf --level laptop [--device cuda] [--budget SECONDS] [--threads N]
                                 [--cell-size M] [--debris LAYOUT] [--set NAME=VALUE ...]
-                                [--output FILE] [--figures FOLDER]
+                                [--output FILE] [--figures FOLDER] [--near FOLDER [--trunk]]
 
 `--set` changes any argument of the facility, such as structure=null. Goes to
 benchmarks/results/flumes.jsonl. A run that its budget ends is compared in what it reached.
+`--near`: the near field of the Large Wave Flume, from a strip's run in that folder, which is run
+first where it is not there; `--trunk` runs that alone. `--device cuda:0,cuda:1`: on several; a
+strip on the first.
 """
 
 from __future__ import annotations
@@ -49,6 +52,8 @@ def main() -> int:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--budget", type=float, default=math.inf, help="of the clock, s")
+    parser.add_argument("--near", type=Path, metavar="FOLDER", help="run of the strip")
+    parser.add_argument("--trunk", action="store_true", help="with --near: no more than that run")
     parser.add_argument("--output", type=Path, default=RESULTS)
     parser.add_argument("--figures", type=Path, help="folder for the figure and the table")
     given = parser.parse_args()
@@ -58,9 +63,22 @@ def main() -> int:
     flume = flumes.named(given.name).at_level(given.level, **changes)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", libmpm.ModelWarning)
-        sim = libmpm.Simulation(flume.scene(), device=given.device, threads=given.threads)
+        devices = given.device.split(",")
+        before = time.monotonic()
+        if given.near is None:
+            scene = flume.scene()
+        else:
+            assert isinstance(flume, flumes.LargeWaveFlume)
+            scene = flume.near_field(given.near, device=devices[0])
+        trunk = round(time.monotonic() - before, 1)
+        if given.trunk:
+            print(f"the strip: {trunk} s")
+            return 0
+        sim = libmpm.Simulation(
+            scene, device=devices if len(devices) > 1 else devices[0], threads=given.threads
+        )
         failed, begun, last = "", time.monotonic(), flume.until
-        particles = sum(len(sim.particles[b.name]) for b in flume.scene().bodies)
+        particles = sum(len(sim.particles[b.name]) for b in scene.bodies)
         try:
             while sim.time < last and time.monotonic() - begun < given.budget:
                 sim.run(until=min(sim.time + last / 50, last), progress=False)
@@ -78,6 +96,7 @@ def main() -> int:
         "hardware": platform.processor() or platform.machine(), "threads": given.threads,
         "particles": particles, "steps": sim.steps, "reached": sim.time, "until": last,
         "failed": failed, "seconds": round(wall, 1), "rows": rows,
+        **({"near": True, "seconds_before": trunk} if given.near else {}),
         "commit": bench.commit(), "version": libmpm.__version__,
     }  # fmt: skip
     append(given.output, line)

@@ -5,6 +5,8 @@ The in-air studies of Bonus (2023), 10.3 and 10.4. No gravity, no fluid: blocks 
 in plane strain; with Poisson's ratio 0 its forces per metre times the height are those of the
 blocks, and v A √(ρE) is exact for one that hits head-on. The solid is fixed corotated, as in the
 source, because blocks turn over: the small strain of linear elasticity would take that for strain.
+`InAir(dimension=3, edge=0.5)` is the same in space, with blocks of finite elements
+(`benchmarks/debris_elements.py`).
 
 The nearest corner starts two cells from the wall, beyond the reach of the grid's functions. A run
 ends when the last block has had time to reach the wall and to turn over: extent along the flow plus
@@ -52,6 +54,8 @@ GAP = 0.05
 #: Cells between the nearest corner and the wall at the start; room on the other sides, m, and the
 #: way that the last block has left, m.
 CLEAR, ROOM, AFTER = 2, 1.0, 0.6
+#: In space: cells above and below the blocks.
+OVER = 4
 #: What a field is described by in the table of results.
 MEASURES = ("c", "n", "theta15", "D_theta_75", "theta_mean", "theta_std", "s", "L_x", "L_y")
 #: Share of a random field's footprint that blocks may cover at most.
@@ -68,6 +72,10 @@ class InAir:
     """E, Pa."""
     blocks: int = 32
     """Most blocks of a random field, ≥ 2."""
+    dimension: int = 2
+    """2, the plan in plane strain, or 3."""
+    edge: float | None = None
+    """Edge of finite elements, in cells; None = particles."""
 
     @property
     def head_on(self) -> float:
@@ -124,15 +132,20 @@ class InAir:
         # What rebounds first goes back for the whole time, at its speed of arrival at most.
         back = high[0] - low[0] + SPEED * self.until(field) + ROOM
         cells = np.ceil([back / dx, 0.5 * (high[1] - low[1] + 2 * ROOM) / dx])
+        above = OVER * dx
         scene = libmpm.Scene(
-            dimension=2,
+            dimension=self.dimension,
             cell_size=dx,
-            lower=(-cells[0] * dx, -cells[1] * dx),
-            upper=(0, cells[1] * dx),
+            lower=(-cells[0] * dx, -cells[1] * dx, -above)[: self.dimension],
+            upper=(0, cells[1] * dx, HEIGHT + above)[: self.dimension],
             name="debris in air",
         )
         start = field.moved((-CLEAR * dx - high[0], -0.5 * (low[1] + high[1])))
-        start.add_to(scene, velocity=(SPEED, 0))
+        start.add_to(
+            scene,
+            velocity=(SPEED, 0, 0)[: self.dimension],
+            edge=None if self.edge is None else self.edge * dx,
+        )
         walls = shapes.DomainWalls()
         scene.add_boundary(name="walls", shape=walls, response=boundaries.Separable())
         load = sensors.LoadCell(boundary="walls", faces=("x+",), interval=0.1 / self.cutoff)
@@ -149,7 +162,7 @@ class InAir:
     def load(self, case: studies.StudyCase) -> analysis.Signal:
         """Return the force on the wall, N: that per metre of the plan times the height."""
         found = analysis.Signal.from_series(case.sensors["load"], "force_x")
-        value = HEIGHT * found.value
+        value = (HEIGHT if self.dimension == 2 else 1.0) * found.value
         return analysis.Signal(found.time, value, sampling="mean", start=found.start)
 
     def response(self, case: studies.StudyCase, field: debris.DebrisField) -> dict[str, float]:

@@ -550,7 +550,6 @@ def scene_problems(scene: Scene) -> tuple[list[str], list[str]]:
           poissons_ratio=0.3)}, "material is LinearElastic for elements"),
         ({"particles_per_cell": 27}, "particles_per_cell is 27 for a body of elements"),
         ({"sampling": shapes.Jitter(share=0.5, seed=1)}, "sampling is .* the vertices are given"),
-        ({"damping": 0.1}, "damping is 0.1 for a body of elements"),
         ({"velocity": (1, 0)}, "velocity has 2 numbers"),
     ],
 )  # fmt: skip

@@ -42,7 +42,7 @@ def run(ranks, code, folder, **environment):
     made = start(ranks, code, folder, **environment)
     for process in made:
         try:
-            told = process.communicate(timeout=120)
+            told = process.communicate(timeout=300)
         except subprocess.TimeoutExpired:
             for one in made:
                 one.kill()

@@ -54,6 +54,23 @@ MPM_HD inline double most_moved(double speed, double dt, double cell_size) {
     return (1 + light_nodes_add) * speed * dt / cell_size;
 }
 
+/// Fastest component of what is driven by tables of places over the coming step, m/s.
+template <int D>
+MPM_CALL double driven_speed(const TimeTableView* drives, int count, double time, double dt) {
+    const Reconverge at_return;
+    double most = 0;
+    for (int k = 0; k < count; ++k) {
+        double before[D], after[D];
+        drives[k].at(time, before);
+        drives[k].at(time + dt, after);
+        for (int a = 0; a < D; ++a) {
+            const double way = after[a] < before[a] ? before[a] - after[a] : after[a] - before[a];
+            if (way > most * dt) most = way / dt;
+        }
+    }
+    return most;
+}
+
 struct Clock {
     double time, dt, dt_next, dt_stable;
     std::int64_t step;
@@ -217,6 +234,9 @@ struct Decide {
     int supply_count = 0;
     double supplied_mass = 0;  // that layers of one step may add to a node, kg
     double shift = 0;          // that particles may be shifted by in a step that shifts, cells
+    // Of vertices that pins drive, whatever the nodes around them do.
+    const TimeTableView* drives = nullptr;
+    int drive_count = 0;
 
     /// What is read comes first and together: on a device one thread does this, and each read that
     /// had to wait for a write before it would cost more than all the rest.
@@ -228,7 +248,9 @@ struct Decide {
                      drift = clock->drift, drift_limit = clock->drift_limit, until = clock->until,
                      numbers_dt = clock->numbers_dt, numbers_dt_next = clock->numbers_dt_next;
         const std::int64_t step = clock->step, steps_left = clock->steps_left;
-        const double speed = maxima[max_speed], mass = maxima[max_mass];
+        const double driven = drive_count > 0 ? driven_speed<D>(drives, drive_count, time, dt) : 0,
+                     speed = maxima[max_speed] < driven ? driven : maxima[max_speed],
+                     mass = maxima[max_mass];
         double gravity[D], deposited[quantities], before[quantities], limit[quantities];
         for (int a = 0; a < D; ++a) gravity[a] = clock->gravity[a];
         for (int q = 0; q < quantities; ++q) {

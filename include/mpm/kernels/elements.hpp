@@ -13,6 +13,7 @@
 
 #include <string>
 
+#include "mpm/kernels/respond.hpp"
 #include "mpm/kernels/transfers.hpp"
 #include "mpm/physics/element.hpp"
 
@@ -81,29 +82,40 @@ struct ElementsView {
     T* rest_offset;               // (vertices, D)
     std::int32_t* cells;          // (vertices, D): whole cells from its place at rest
     T* beyond;                    // (vertices, D): and the rest of its displacement
+    T* moved;                     // (vertices, D): how far it was moved, cells; null undamped
     const std::uint32_t* start;   // (vertices + 1)
     const std::uint32_t* corner;  // element * (D + 1) + which of its vertices, ascending
     const T* vertex_volume;       // (vertices,): sum V/(D + 1), m^D
     T* vertex_change;             // (vertices,): J_a - 1
     T* pressure;                  // (vertices,): U'(J_a), Pa
-    const T* load;                // (vertices, D): of tractions, times a cell; null without any
+    T* load;                      // (vertices, D): of tractions, times a cell; null without any
     const std::uint8_t* held;     // (vertices,): bit of each axis along which a pin has it, or null
     std::uint64_t* inverted;      // the first element that is, else no_fault
+    ElementDamping<T> damping;
 
     MPM_INLINE int number(std::int64_t element, int k) const {
         return vertex[element * corners + k];
     }
 };
 
+/// A component of a vertex' displacement is now this; `entry`: of `cells`.
+template <class T, int D>
+MPM_INLINE void place_vertex(const ElementsView<T, D>& mesh, std::int64_t entry, std::int32_t cells,
+                             T beyond) {
+    if (mesh.moved)
+        mesh.moved[entry] = T(cells - mesh.cells[entry]) + (beyond - mesh.beyond[entry]);
+    mesh.cells[entry] = cells;
+    mesh.beyond[entry] = beyond;
+}
+
 /// Where vertex q stands, whose home cell in the domain is `cell`.
 template <class T, int D>
 MPM_INLINE void locate_vertex(const ElementsView<T, D>& mesh, const BodyView<T, D>& body,
                               const std::int32_t (&cell)[D], std::uint32_t q) {
     const std::int64_t at = std::int64_t(body.id[q]) * D;
-    MPM_UNROLL for (int a = 0; a < D; ++a) {
-        mesh.cells[at + a] = cell[a] - mesh.rest_cell[at + a];
-        mesh.beyond[at + a] = body.offset[a][q] - mesh.rest_offset[at + a];
-    }
+    MPM_UNROLL for (int a = 0; a < D; ++a)
+        place_vertex(mesh, at + a, cell[a] - mesh.rest_cell[at + a],
+                     body.offset[a][q] - mesh.rest_offset[at + a]);
 }
 /// The same, for its place at rest.
 template <class T, int D>
@@ -180,9 +192,25 @@ MPM_INLINE Mat<V, D> start_kirchhoff(const ElementsView<T, D>& mesh, std::int64_
     return product_transposed(product(f, load_symmetric<D>(own)), f);
 }
 
-/// Leaves an element's forces, and what it keeps; whether it may go on so.
+/// By how much H of an element has changed as its vertices were moved.
+template <class T, int D>
+MPM_INLINE Mat<T, D> element_change(const ElementsView<T, D>& mesh, const Mat<T, D>& inverse,
+                                    std::int64_t e) {
+    const std::int64_t from = std::int64_t(mesh.number(e, 0)) * D;
+    Mat<T, D> moved;
+    MPM_UNROLL for (int k = 0; k < D; ++k) {
+        const std::int64_t to = std::int64_t(mesh.number(e, k + 1)) * D;
+        MPM_UNROLL for (int a = 0; a < D; ++a) moved.e[a][k] =
+            mesh.moved[to + a] - mesh.moved[from + a];
+    }
+    return element_gradient(moved, inverse);
+}
+
+/// Leaves an element's forces, and what it keeps; whether it may go on so. `dt`: of the step that
+/// has moved its vertices, s.
 template <class Material, class T, int D, class Constants>
-MPM_INLINE bool push_element(const ElementsView<T, D>& mesh, const Constants& k, std::int64_t e) {
+MPM_INLINE bool push_element(const ElementsView<T, D>& mesh, const Constants& k, std::int64_t e,
+                             double dt) {
     const Mat<T, D> inverse = element_inverse<T>(mesh, e), h = element_state<T>(mesh, inverse, e);
     const T change = volume_change(h);
     bool fine = true;
@@ -202,6 +230,8 @@ MPM_INLINE bool push_element(const ElementsView<T, D>& mesh, const Constants& k,
         MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) tau.e[a][b] =
             tau.e[a][b] + more.e[a][b];
     }
+    if (mesh.moved)
+        add_damping(tau, h, element_change(mesh, inverse, e), change, mesh.damping, T(dt));
     const Mat<T, D> pull = element_pull(tau, h, inverse);
     const T volume = mesh.volume[e];
     MPM_UNROLL for (int n = 0; n < D; ++n) MPM_UNROLL for (int a = 0; a < D; ++a)
@@ -240,6 +270,19 @@ MPM_INLINE Vec<T, D> push_on_vertex(const ElementsView<T, D>& mesh, std::int64_t
     Vec<T, D> push = force_on_vertex(mesh, number);
     if (mesh.held)
         MPM_UNROLL for (int a = 0; a < D; ++a) if (mesh.held[number] >> a & 1) push[a] = T(0);
+    return push;
+}
+
+/// The same of vertex q, as what a deposit of unit mass takes of it in the coming step, m/s.
+template <class X, class T, int D>
+MPM_INLINE Vec<T, D> push_of_step(const Pass<X, T, D>& pass, const ElementsView<T, D>& mesh,
+                                  std::uint32_t q) {
+    // Forces are kept times a cell: dt_next / dx.
+    const T scale =
+        T(0.25 * pass.numbers->impulse * (pass.body.particle_mass / pass.body.particle_volume));
+    const T m = T(pass.body.particle_mass) * pass.body.state[0][q];
+    Vec<T, D> push = push_on_vertex(mesh, pass.body.id[q]);
+    MPM_UNROLL for (int a = 0; a < D; ++a) push[a] = scale * push[a] / m;
     return push;
 }
 
@@ -302,6 +345,33 @@ MPM_INLINE void for_each_point(const ElementsView<T, D>& mesh, const BodyView<T,
     }
 }
 
+/// Calls f(cell counted from the home block's first, functions there, mass) for what vertex q takes
+/// from nodes, its own mass, and for what the points near it give them.
+template <class X, class T, int D, class F>
+MPM_INLINE void for_each_filling(const Pass<X, T, D>& pass, const ElementsView<T, D>& mesh,
+                                 std::int32_t slot, const int (&home)[D], std::uint32_t q,
+                                 const F& f) {
+    const std::int32_t* corner = pass.grid.table.corners + std::int64_t(slot) * D;
+    const auto add = [&](const Vec<T, D>& offset, T mass) {
+        int cell[D];
+        Vec<T, D> xi, half{};
+        std::int64_t in_domain[D];
+        MPM_UNROLL for (int a = 0; a < D; ++a) {
+            // A vertex is 1.5 cells from its home cell at most, a point of it further.
+            const T x = offset[a];
+            const int shift = x < T(-1.5) ? -2 : (x > T(1.5) ? 2 : cell_shift(x));
+            cell[a] = home[a] + shift;
+            xi[a] = x - T(shift);
+            in_domain[a] = corner[a] + cell[a];
+        }
+        f(cell, stencil_of<3>(KernelChoice{}, xi, half, in_domain), mass);
+    };
+    Vec<T, D> own;
+    MPM_UNROLL for (int a = 0; a < D; ++a) own[a] = pass.body.offset[a][q];
+    add(own, -T(pass.body.particle_mass) * pass.body.state[0][q]);
+    for_each_point(mesh, pass.body, q, T(pass.body.particle_mass / pass.body.particle_volume), add);
+}
+
 /// What readers see of an element, in double.
 template <int D>
 struct ElementSeen {
@@ -314,8 +384,8 @@ struct ElementSeen {
 /// Stress, pressure and energy of a stress at rest. Its zz in two dimensions stays as it is, over
 /// J.
 template <class T, int D>
-void add_start_stress(const ElementsView<T, D>& mesh, std::int64_t e, const Mat<double, D>& h,
-                      ElementSeen<D>& seen) {
+MPM_HD void add_start_stress(const ElementsView<T, D>& mesh, std::int64_t e,
+                             const Mat<double, D>& h, ElementSeen<D>& seen) {
     const Mat<double, D> tau = start_kirchhoff(mesh, e, h);
     double own[start_reals<D>], work = 0, sum = trace(tau);
     for (int r = 0; r < start_reals<D>; ++r)
@@ -333,12 +403,11 @@ void add_start_stress(const ElementsView<T, D>& mesh, std::int64_t e, const Mat<
     seen.energy += double(mesh.volume[e]) * work;
     seen.own_energy += double(mesh.volume[e]) * work;
 }
-template <class Material, class T, int D>
-ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
-                           const double* parameters) {
+template <class Material, class T, int D, class Constants>
+MPM_HD ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
+                                  const double* parameters, const Constants& k) {
     const Mat<double, D> inverse = element_inverse<double>(mesh, e),
                          h = element_state<double>(mesh, inverse, e);
-    const auto k = Material::template constants<double>(parameters);
     double state[Material::template reals<D>];
     if constexpr (flows<Material>) {
         constexpr int n = kept_reals<Material, D>;
@@ -370,6 +439,37 @@ ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
         for (int b = 0; b < D; ++b) seen.stress[a][b] = o.stress[a][b] + (a == b ? more : 0.0);
     if (mesh.start_stress) add_start_stress(mesh, e, h, seen);
     return seen;
+}
+
+template <class Material, class T, int D>
+ElementSeen<D> see_element(const ElementsView<T, D>& mesh, std::int64_t e,
+                           const double* parameters) {
+    return see_element<Material>(mesh, e, parameters,
+                                 Material::template constants<double>(parameters));
+}
+
+/// What vertex q adds to its body's kinetic, elastic and potential energy; `energy`: what elements
+/// have of their own, by vertex.
+template <class Material, class X, class T, int D, class Constants>
+MPM_HD void add_vertex_energies(const Phase<X, T, D>& phase, const ElementsView<T, D>& mesh,
+                                const Constants& k, std::int32_t slot, const int (&home)[D],
+                                std::uint32_t q, const double* energy, double (&sum)[3]) {
+    const auto& pass = phase.pass;
+    const std::int32_t* corner = pass.grid.table.corners + std::int64_t(slot) * D;
+    const double m = pass.body.particle_mass * double(pass.body.state[0][q]),
+                 dx = 1 / pass.numbers->rate;
+    double height = 0;
+    for (int a = 0; a < D; ++a)
+        height += pass.clock->gravity[a] *
+                  (double(corner[a] + home[a]) + 0.5 + double(pass.body.offset[a][q])) * dx;
+    sum[0] += 0.5 * m * speed_squared(phase, q);
+    sum[2] -= m * height;
+    const std::uint32_t number = pass.body.id[q];
+    for (std::uint32_t c = mesh.start[number]; c < mesh.start[number + 1]; ++c)
+        sum[1] += energy[mesh.corner[c] / (D + 1)];
+    if (mesh.grown)
+        sum[1] += (1 - own_volume_share) * double(mesh.vertex_volume[number]) *
+                  volume_energy_of<Material>(double(mesh.vertex_change[number]), k);
 }
 
 /// The elements' part of a step, as the solver calls it: compiled once for each law that they are

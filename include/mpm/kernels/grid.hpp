@@ -127,16 +127,20 @@ struct NodeUpdate {
         }
         return unmirrored_velocity(slot, node, m, p, seen);
     }
-    /// Tells `seen` what boundaries do to a node, with what is known of those beside them.
+    /// Tells `seen` what boundaries do to a node, with what is known of those beside them. `seats`:
+    /// of this step.
     template <class Seen>
     MPM_INLINE void tell(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
-                         const KnownNodes<D>& all, const Seen& seen) const {
+                         const KnownNodes<D>& all, const WallSeats<T>& seats,
+                         const Seen& seen) const {
         if (!all.asks || boundaries.mirrors) {
             velocity(slot, node, m, p, seen);
         } else if (touched[slot]) {
             const std::int64_t at = all.place(slot, node);
-            if (all.asks[at] != WallNode::free)
-                wall_velocity<false>(slot, node, m, p, all.at(at), at, seen);
+            if (all.asks[at] == WallNode::on_lines)
+                wall_velocity<true>(slot, node, m, p, all, at, seen);
+            else if (all.asks[at] != WallNode::free)
+                wall_velocity<false>(slot, node, m, p, all.at(at), at, seen, seats);
         }
     }
     template <class Seen>

@@ -36,6 +36,7 @@ struct MeasureLoads {
     const LoadCellRecord<D>* cells;
     double cell_size;
     KnownNodes<D> known;  // where nodes beside boundaries are listed
+    WallSeats<T> seats = {};
     ContactView of_contact = {};
 
     MPM_INLINE void operator()(std::int64_t i, int number, double* sum) const {
@@ -79,7 +80,7 @@ struct MeasureLoads {
                 return;
             }
         }
-        node.tell(slot, n, m, node.momentum(slot, n), known, seen);
+        node.tell(slot, n, m, node.momentum(slot, n), known, seats, seen);
     }
 };
 

@@ -159,6 +159,30 @@ MPM_INLINE void take_vertex_pressure(Mat<V, D>& tau, V change, V pressure, const
     MPM_UNROLL for (int a = 0; a < D; ++a) tau.e[a][a] = tau.e[a][a] + more;
 }
 
+/// Numerical damping, Pa s: 2 l xi sqrt(M rho) across and 2 l xi sqrt(G rho) along, as Yang (2016),
+/// A.6, has it of normal and shear stresses, in the form that no turn of the axes changes:
+/// viscosity of a compressible fluid.
+template <class T>
+struct ElementDamping {
+    T normal = T(0), shear = T(0);
+    MPM_INLINE bool any() const { return normal > T(0); }
+};
+/// Adds J (lambda_v tr d + 2 mu_v d) of the rate d of an element whose gradient H has changed by
+/// `moved` within `dt`: forces have no torque, and take energy alone.
+template <class V, int D>
+MPM_INLINE void add_damping(Mat<V, D>& tau, const Mat<V, D>& h, const Mat<V, D>& moved, V change,
+                            const ElementDamping<V>& k, V dt) {
+    using T = ScalarOf<V>;
+    Mat<V, D> back = inverse_change(h);
+    MPM_UNROLL for (int a = 0; a < D; ++a) back.e[a][a] = back.e[a][a] + T(1);
+    const Mat<V, D> rate = product(moved, back);
+    const V j = (T(1) + change) / dt, all = (k.normal - k.shear) * trace(rate);
+    MPM_UNROLL for (int a = 0; a < D; ++a) MPM_UNROLL for (int b = 0; b < D; ++b) {
+        const V both = T(0.5) * k.shear * (rate.e[a][b] + rate.e[b][a]);
+        tau.e[a][b] = tau.e[a][b] + j * (a == b ? both + all : both);
+    }
+}
+
 /// P D_m^-T for P = tau F^-T: its column k is what a unit of volume pulls vertex k + 1 back by.
 template <class V, int D>
 MPM_INLINE Mat<V, D> element_pull(const Mat<V, D>& tau, const Mat<V, D>& h,

@@ -169,9 +169,9 @@ private:
     void make_mesh(Body& body, const BodySpec& spec);
     void place_mesh(Body& body);
     void locate_elements(Body& body, int number);
-    void load_elements(Body& body, int number, double time);
-    void push_elements(const Phase<X, T, D>& phase, Body& body, double time);
-    void spread_body(Body& body, const Phase<X, T, D>& phase, double time);
+    void load_elements(Body& body, bool ahead);
+    void push_elements(const Phase<X, T, D>& phase, Body& body, bool ahead);
+    void spread_body(Body& body, const Phase<X, T, D>& phase, bool ahead);
     void see_elements(Body& body, int number, const std::vector<std::string>& names,
                       Attributes& out);
     double mean_volume_ratio(Body& body, int number);
@@ -179,12 +179,11 @@ private:
     std::vector<T> kept_here(const Body& body) const;
     void move_vertices(const std::vector<std::size_t>& moving);
     // domain_pins.hpp
-    void rest_pinned(Body& body, const BodySpec& spec);
+    void rest_pinned(Body& body);
     void pin_vertices(Body& body, const Phase<X, T, D>& phase);
     void bear_pull(Body& body, const Phase<X, T, D>& phase);
     bool has_pin_force(int number);
-    void tell_pins(int number, const std::vector<std::array<double, D>>& push);
-    void sample_pin(Sensor<Base>& sensor, SensorRecord& record);
+    void tell_pins(Body& body, int number);
 
     // domain_meshes.hpp
     bool has_meshes() const {
@@ -198,6 +197,7 @@ private:
     std::vector<std::vector<std::int32_t>> find_owners_of_vertices();
     void tell_wanted(const std::vector<std::vector<std::int32_t>>& owner,
                      const std::vector<std::vector<std::uint8_t>>& pushed, bool all_keep);
+    void link_places();
     void swap_places();
     // domain_rigid.hpp
     void make_rigid(Body& body, const BodySpec& spec);
@@ -420,6 +420,11 @@ private:
         return {wall_velocity_.data(), wall_changed_.data(), boundaries_.asks().data(),
                 wall_seats_.data()};
     }
+    /// What nodes beside boundaries would do by themselves in this step.
+    WallSeats<Grid> wall_seats() const {
+        if (!boundaries_.lists()) return {};
+        return {wall_seats_.data(), boundaries_.asks().data()};
+    }
     template <bool keeps, bool mirrors>
     UpdateGrid<Grid, Sum, D, keeps, mirrors> grid_update(int parity) {
         return {node_update(parity),
@@ -449,6 +454,7 @@ private:
     Fault fault_;
 
     Buffer<X, Clock> clock_buffer_{exec_};
+    Buffer<X, TimeTableView> drives_{exec_};  // of pins that drive vertices
     Buffer<X, BodyConstants> constants_{exec_};
     Buffer<X, BodyNumbers> numbers_{exec_};
     Buffer<X, GroupChannels> groups_{exec_};

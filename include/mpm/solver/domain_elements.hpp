@@ -2,104 +2,97 @@
 // saved as such; here is what is by number of vertex and of element (design/elements.md).
 #pragma once
 
+#include "mpm/kernels/pinned_vertices.hpp"
+#include "mpm/kernels/placing.hpp"
 #include "mpm/solver/domain.hpp"
 
 namespace mpm {
 
 template <class X, class T, int D>
 void Domain<X, T, D>::make_mesh(Body& body, const BodySpec& s) {
-    if constexpr (!X::is_device) {
-        const std::uint64_t vertices = ids_of(s);
-        std::vector<double> position(std::size_t(vertices) * D);
-        (s.all_vertices ? s.all_vertices : s.position)(0, vertices, position.data());
-        body.elements = element_ops<X, T, D>(s.material);
-        body.mesh = std::make_unique<ElementMesh<X, T, D>>(
-            exec_, s.name, position, s.elements, s.vertex_volumes, body.elements.kept,
-            spec_.cell_size, body.material->density(s.parameters.data()));
-        body.mesh->stress(s.element_stress);
-        body.mesh->pin(s.pins);
-        body.ops = vertex_ops<X, T, D>();
+    const std::uint64_t vertices = ids_of(s);
+    std::vector<double> position(std::size_t(vertices) * D);
+    (s.all_vertices ? s.all_vertices : s.position)(0, vertices, position.data());
+    body.elements = element_ops<X, T, D>(s.material);
+    body.mesh = std::make_unique<ElementMesh<X, T, D>>(
+        exec_, s.name, position, s.elements, s.vertex_volumes, body.elements.kept, spec_.cell_size,
+        body.material->density(s.parameters.data()));
+    body.mesh->stress(s.element_stress);
+    body.mesh->pin(s.pins);
+    body.mesh->load_by(s.tractions);
+    if (s.damping > 0) {
+        const double* p = s.parameters.data();
+        const double density = body.material->density(p), l = 2 * spec_.cell_size * s.damping;
+        body.mesh->damp(l * density * body.material->wave_speed(p),
+                        l * std::sqrt(density * body.material->shear_modulus(p)));
     }
+    body.ops = vertex_ops<X, T, D>();
 }
 
 /// Once particles are in their cells: these are the vertices' places at rest. The share of its
 /// mass is what a vertex stores.
 template <class X, class T, int D>
 void Domain<X, T, D>::place_mesh(Body& body) {
-    if constexpr (!X::is_device) {
-        std::vector<T> share;
-        for (const double mass : body.mesh->mass()) share.push_back(T(mass / body.particle_mass));
-        const std::vector<std::uint32_t> id = body.id.host(body.count);
-        for (std::size_t q = 0; q < id.size(); ++q) body.state[0].data()[q] = share[id[q]];
-        body.elements.locate(pass(body, int(&body - bodies_.data()), parity()), body.mesh->view(),
-                             true);
-        if (share_) tell_rest(body);
-    }
+    std::vector<T> share;
+    for (const double mass : body.mesh->mass()) share.push_back(T(mass / body.particle_mass));
+    Buffer<X, T> by_number(exec_);
+    by_number.assign(share);
+    exec_.for_each(body.count, Take<T>{body.id.data(), by_number.data(), body.state[0].data()});
+    body.elements.locate(pass(body, int(&body - bodies_.data()), parity()), body.mesh->view(),
+                         true);
+    exec_.wait();
+    if (share_) tell_rest(body);
 }
 
 /// All vertices move before anyone asks where they are: those of other ranks too.
 template <class X, class T, int D>
 void Domain<X, T, D>::move_vertices(const std::vector<std::size_t>& moving) {
-    if constexpr (!X::is_device) {
-        if (!has_meshes()) return;
-        for (const std::size_t b : moving) {
-            Body& body = bodies_[b];
-            if (!body.mesh) continue;
-            Phase<X, T, D> p = phase(body, int(b), 1 - parity());
-            p.turns = true;
-            pin_vertices(body, p);
-            body.ops.respond(p);
-            after_respond(body, p);
-            body.elements.locate(p.pass, body.mesh->view(), false);
-        }
-        if (share_) swap_places();
-        for (const std::size_t b : moving) {
-            Body& body = bodies_[b];
-            if (body.mesh && body.mesh->vertex_volumes())
-                body.elements.volumes(pass(body, int(b), 1 - parity()), body.mesh->view());
-        }
+    if (!has_meshes()) return;
+    for (const std::size_t b : moving) {
+        Body& body = bodies_[b];
+        if (!body.mesh) continue;
+        Phase<X, T, D> p = phase(body, int(b), 1 - parity());
+        p.turns = true;
+        pin_vertices(body, p);
+        body.ops.respond(p);
+        after_respond(body, p);
+        body.elements.locate(p.pass, body.mesh->view(), false);
+    }
+    if (share_) swap_places();
+    for (const std::size_t b : moving) {
+        Body& body = bodies_[b];
+        if (body.mesh && body.mesh->vertex_volumes())
+            body.elements.volumes(pass(body, int(b), 1 - parity()), body.mesh->view());
     }
 }
 
 /// Where vertices are now, by number, and what volumes of vertices follow from it.
 template <class X, class T, int D>
 void Domain<X, T, D>::locate_elements(Body& body, int number) {
-    if constexpr (!X::is_device) {
-        const Pass<X, T, D> p = pass(body, number, parity());
-        body.elements.locate(p, body.mesh->view(), false);
-        if (body.mesh->vertex_volumes()) body.elements.volumes(p, body.mesh->view());
-    }
+    const Pass<X, T, D> p = pass(body, number, parity());
+    body.elements.locate(p, body.mesh->view(), false);
+    if (body.mesh->vertex_volumes()) body.elements.volumes(p, body.mesh->view());
 }
 
-/// What tractions push vertices by at a time: of a dead load, by the area at rest, what each
-/// vertex has of it. In the order of the scene, so that equal bits follow.
+/// What tractions push vertices by now, or at the end of the step.
 template <class X, class T, int D>
-void Domain<X, T, D>::load_elements(Body& body, int number, double time) {
-    const std::vector<TractionSpec>& all = spec_.bodies[std::size_t(number)].tractions;
-    if (all.empty()) return;
-    if constexpr (!X::is_device) {
-        T* load = body.mesh->load();
-        std::fill_n(load, body.mesh->vertices() * D, T(0));
-        for (const TractionSpec& t : all) {
-            double value[D];
-            TimeTableView{t.value.time.data(), t.value.value.data(),
-                          std::int32_t(t.value.time.size()), D, t.value.end}
-                .at(time, value);
-            for (std::size_t k = 0; k < t.particles.size(); ++k)
-                for (int a = 0; a < D; ++a)
-                    load[t.particles[k] * D + std::size_t(a)] +=
-                        T(t.area[k] * value[a] * spec_.cell_size);
-        }
-    }
+void Domain<X, T, D>::load_elements(Body& body, bool ahead) {
+    T* load = body.mesh->view().load;
+    if (!load) return;
+    exec_.for_each(std::int64_t(body.mesh->vertices()) * D, Constant<T>{T(0), load});
+    for (const auto& t : body.mesh->tractions())
+        exec_.for_each(std::int64_t(t.vertex.size()),
+                       AddTraction<T, D>{t.value, t.vertex.data(), t.area.data(), spec_.cell_size,
+                                         clock_buffer_.data(), ahead, load});
 }
 
 /// The forces of elements where their vertices are; the first that has turned inside out is kept,
-/// and halts the coming step.
+/// and halts the coming step. Devices report it as they spread its vertices.
 template <class X, class T, int D>
-void Domain<X, T, D>::push_elements(const Phase<X, T, D>& phase, Body& body, double time) {
+void Domain<X, T, D>::push_elements(const Phase<X, T, D>& phase, Body& body, bool ahead) {
+    load_elements(body, ahead);
+    body.elements.forces(phase.pass, body.mesh->view());
     if constexpr (!X::is_device) {
-        load_elements(body, int(phase.pass.body_number), time);
-        body.elements.forces(phase.pass, body.mesh->view());
         const std::uint64_t inverted = body.mesh->inverted();
         if (inverted == no_fault) return;
         // Reported by the first of its vertices that is here.
@@ -114,21 +107,21 @@ void Domain<X, T, D>::push_elements(const Phase<X, T, D>& phase, Body& body, dou
     }
 }
 
-/// What a body's particles have in scratch, or vertices with the forces of their elements, at the
-/// time from which these act.
+/// What a body's particles have in scratch, or vertices with the forces of their elements, which
+/// act from the end of the step on, or from now.
 template <class X, class T, int D>
-void Domain<X, T, D>::spread_body(Body& body, const Phase<X, T, D>& phase, double time) {
-    if constexpr (!X::is_device) {
-        if (body.mesh) {
-            push_elements(phase, body, time);
-            bear_pull(body, phase);
-            body.elements.spread(phase, body.mesh->view());
-            if (contact_blocks_ > 0 && plan_.filled >= 0)
-                body.elements.fill(phase, body.mesh->view(), near_contact_.data(), plan_.filled);
-            return;
-        }
+void Domain<X, T, D>::spread_body(Body& body, const Phase<X, T, D>& phase, bool ahead) {
+    if (!body.mesh) {
+        phase_ops_.spread(phase);
+        return;
     }
-    phase_ops_.spread(phase);
+    push_elements(phase, body, ahead);
+    bear_pull(body, phase);
+    const ElementsView<T, D> mesh = body.mesh->view();
+    // The last to spread turns the clock.
+    if (contact_blocks_ > 0 && plan_.filled >= 0)
+        body.elements.fill(phase, mesh, near_contact_.data(), plan_.filled);
+    body.elements.spread(phase, mesh);
 }
 
 /// Attributes of elements, and of vertices what follows from theirs: means weighted by volume, and
@@ -137,95 +130,93 @@ void Domain<X, T, D>::spread_body(Body& body, const Phase<X, T, D>& phase, doubl
 template <class X, class T, int D>
 void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std::string>& names,
                                    Attributes& out) {
-    if constexpr (!X::is_device) {
-        const auto follows = [](const std::string& name) {
-            for (const char* own : {"mass", "volume", "volume_ratio", "density", "pressure",
-                                    "stress", "elastic_energy", "kinetic_energy", "plastic_strain"})
-                if (name == own) return true;
-            return is_of_elements(name);
-        };
-        if (std::none_of(names.begin(), names.end(), follows)) return;
-        locate_elements(body, number);
-        const ElementsView<T, D> mesh = body.mesh->view();
-        const std::size_t elements = body.mesh->elements(), n = body.count;
-        std::vector<ElementSeen<D>> seen(elements);
-        exec_.host_for(mesh.pushed.count, [&](std::int64_t k) {
-            const std::int64_t e = mesh.pushed[k];
-            seen[std::size_t(e)] = body.elements.see(mesh, e, body.parameters.data());
-        });
-        const int rank = share_ ? share_->rank() : 0;
-        const auto put = [&](const std::string& name, std::size_t rows,
-                             std::vector<std::size_t> shape, const auto& value) {
-            if (std::find(names.begin(), names.end(), name) == names.end()) return;
-            Array& a = out.values[name];
-            std::size_t width = 1;
-            for (const std::size_t k : shape) width *= k;
-            a.shape = {rows};
-            a.shape.insert(a.shape.end(), shape.begin(), shape.end());
-            a.data.assign(rows * width, 0.0);
-            const bool of_elements = is_of_elements(name);
-            for (std::size_t k = 0; k < rows; ++k) {
-                double* to = a.data.data() + k * width;
-                if (of_elements && !body.mesh->counts(std::int64_t(k), rank))
-                    std::fill_n(to, width, std::numeric_limits<double>::quiet_NaN());
-                else
-                    value(k, to);
-            }
-        };
-        const std::vector<std::size_t> square = {std::size_t(D), std::size_t(D)};
-        put("element_stress", elements, square, [&](std::size_t e, double* to) {
-            for (int k = 0; k < D * D; ++k) to[k] = seen[e].stress[k / D][k % D];
-        });
-        put("element_pressure", elements, {},
-            [&](std::size_t e, double* to) { *to = seen[e].pressure; });
-        put("element_volume_ratio", elements, {},
-            [&](std::size_t e, double* to) { *to = seen[e].volume_ratio; });
-        put("element_energy", elements, {},
-            [&](std::size_t e, double* to) { *to = seen[e].energy; });
-        put("element_plastic_strain", elements, {},
-            [&](std::size_t e, double* to) { *to = seen[e].plastic_strain; });
+    const auto follows = [](const std::string& name) {
+        for (const char* own : {"mass", "volume", "volume_ratio", "density", "pressure", "stress",
+                                "elastic_energy", "kinetic_energy", "plastic_strain"})
+            if (name == own) return true;
+        return is_of_elements(name);
+    };
+    if (std::none_of(names.begin(), names.end(), follows)) return;
+    locate_elements(body, number);
+    const auto on_host = body.mesh->on_host();
+    const ElementsView<T, D>& mesh = on_host.view;
+    const std::size_t elements = body.mesh->elements(), n = body.count;
+    std::vector<ElementSeen<D>> seen(elements);
+    exec_.host_for(mesh.pushed.count, [&](std::int64_t k) {
+        const std::int64_t e = mesh.pushed[k];
+        seen[std::size_t(e)] = body.elements.see(mesh, e, body.parameters.data());
+    });
+    const int rank = share_ ? share_->rank() : 0;
+    const auto put = [&](const std::string& name, std::size_t rows, std::vector<std::size_t> shape,
+                         const auto& value) {
+        if (std::find(names.begin(), names.end(), name) == names.end()) return;
+        Array& a = out.values[name];
+        std::size_t width = 1;
+        for (const std::size_t k : shape) width *= k;
+        a.shape = {rows};
+        a.shape.insert(a.shape.end(), shape.begin(), shape.end());
+        a.data.assign(rows * width, 0.0);
+        const bool of_elements = is_of_elements(name);
+        for (std::size_t k = 0; k < rows; ++k) {
+            double* to = a.data.data() + k * width;
+            if (of_elements && !body.mesh->counts(std::int64_t(k), rank))
+                std::fill_n(to, width, std::numeric_limits<double>::quiet_NaN());
+            else
+                value(k, to);
+        }
+    };
+    const std::vector<std::size_t> square = {std::size_t(D), std::size_t(D)};
+    put("element_stress", elements, square, [&](std::size_t e, double* to) {
+        for (int k = 0; k < D * D; ++k) to[k] = seen[e].stress[k / D][k % D];
+    });
+    put("element_pressure", elements, {},
+        [&](std::size_t e, double* to) { *to = seen[e].pressure; });
+    put("element_volume_ratio", elements, {},
+        [&](std::size_t e, double* to) { *to = seen[e].volume_ratio; });
+    put("element_energy", elements, {}, [&](std::size_t e, double* to) { *to = seen[e].energy; });
+    put("element_plastic_strain", elements, {},
+        [&](std::size_t e, double* to) { *to = seen[e].plastic_strain; });
 
-        const std::vector<std::uint32_t> id = body.id.host(n);
-        // Sum over the elements of the vertex in row k, each with its part of the volume.
-        const auto sum = [&](std::size_t k, const auto& of) {
-            double all = 0;
-            for (std::uint32_t c = mesh.start[id[k]]; c < mesh.start[id[k] + 1]; ++c) {
-                const std::size_t e = mesh.corner[c] / (D + 1);
-                all += double(mesh.volume[e]) / (D + 1) * of(seen[e]);
-            }
-            return all;
-        };
-        const auto rest = [&](std::size_t k) {
-            return sum(k, [](const ElementSeen<D>&) { return 1.0; });
-        };
-        const auto volume = [&](std::size_t k) {
-            return sum(k, [](const ElementSeen<D>& s) { return s.volume_ratio; });
-        };
-        const std::vector<double>& mass = body.mesh->mass();
-        put("mass", n, {}, [&](std::size_t k, double* to) { *to = mass[id[k]]; });
-        put("volume", n, {}, [&](std::size_t k, double* to) { *to = volume(k); });
-        put("volume_ratio", n, {}, [&](std::size_t k, double* to) { *to = volume(k) / rest(k); });
-        put("density", n, {}, [&](std::size_t k, double* to) { *to = mass[id[k]] / volume(k); });
-        put("pressure", n, {}, [&](std::size_t k, double* to) {
-            *to = sum(k, [](const ElementSeen<D>& s) { return s.pressure; }) / rest(k);
-        });
-        put("stress", n, square, [&](std::size_t k, double* to) {
-            for (int i = 0; i < D * D; ++i)
-                to[i] = sum(k, [&](const ElementSeen<D>& s) { return s.stress[i / D][i % D]; }) /
-                        rest(k);
-        });
-        put("plastic_strain", n, {}, [&](std::size_t k, double* to) {
-            *to = sum(k, [](const ElementSeen<D>& s) { return s.plastic_strain; }) / rest(k);
-        });
-        put("elastic_energy", n, {}, [&](std::size_t k, double* to) {
-            *to = 0;
-            for (std::uint32_t c = mesh.start[id[k]]; c < mesh.start[id[k] + 1]; ++c)
-                *to += seen[mesh.corner[c] / (D + 1)].energy / (D + 1);
-        });
-        const auto kinetic = out.values.find("kinetic_energy");
-        for (std::size_t k = 0; kinetic != out.values.end() && k < n; ++k)
-            kinetic->second.data[k] *= mass[id[k]] / body.particle_mass;
-    }
+    const std::vector<std::uint32_t> id = body.id.host(n);
+    // Sum over the elements of the vertex in row k, each with its part of the volume.
+    const auto sum = [&](std::size_t k, const auto& of) {
+        double all = 0;
+        for (std::uint32_t c = mesh.start[id[k]]; c < mesh.start[id[k] + 1]; ++c) {
+            const std::size_t e = mesh.corner[c] / (D + 1);
+            all += double(mesh.volume[e]) / (D + 1) * of(seen[e]);
+        }
+        return all;
+    };
+    const auto rest = [&](std::size_t k) {
+        return sum(k, [](const ElementSeen<D>&) { return 1.0; });
+    };
+    const auto volume = [&](std::size_t k) {
+        return sum(k, [](const ElementSeen<D>& s) { return s.volume_ratio; });
+    };
+    const std::vector<double>& mass = body.mesh->mass();
+    put("mass", n, {}, [&](std::size_t k, double* to) { *to = mass[id[k]]; });
+    put("volume", n, {}, [&](std::size_t k, double* to) { *to = volume(k); });
+    put("volume_ratio", n, {}, [&](std::size_t k, double* to) { *to = volume(k) / rest(k); });
+    put("density", n, {}, [&](std::size_t k, double* to) { *to = mass[id[k]] / volume(k); });
+    put("pressure", n, {}, [&](std::size_t k, double* to) {
+        *to = sum(k, [](const ElementSeen<D>& s) { return s.pressure; }) / rest(k);
+    });
+    put("stress", n, square, [&](std::size_t k, double* to) {
+        for (int i = 0; i < D * D; ++i)
+            to[i] =
+                sum(k, [&](const ElementSeen<D>& s) { return s.stress[i / D][i % D]; }) / rest(k);
+    });
+    put("plastic_strain", n, {}, [&](std::size_t k, double* to) {
+        *to = sum(k, [](const ElementSeen<D>& s) { return s.plastic_strain; }) / rest(k);
+    });
+    put("elastic_energy", n, {}, [&](std::size_t k, double* to) {
+        *to = 0;
+        for (std::uint32_t c = mesh.start[id[k]]; c < mesh.start[id[k] + 1]; ++c)
+            *to += seen[mesh.corner[c] / (D + 1)].energy / (D + 1);
+    });
+    const auto kinetic = out.values.find("kinetic_energy");
+    for (std::size_t k = 0; kinetic != out.values.end() && k < n; ++k)
+        kinetic->second.data[k] *= mass[id[k]] / body.particle_mass;
 }
 
 /// Of all elements, by their volume. Of several ranks what gives that when it is weighted by their
@@ -233,19 +224,19 @@ void Domain<X, T, D>::see_elements(Body& body, int number, const std::vector<std
 template <class X, class T, int D>
 double Domain<X, T, D>::mean_volume_ratio(Body& body, int number) {
     double now = 0, rest = 0;
-    if constexpr (!X::is_device) {
-        locate_elements(body, number);
-        const ElementsView<T, D> mesh = body.mesh->view();
-        const int rank = share_ ? share_->rank() : 0;
-        for (std::int64_t e = 0; e < mesh.elements; ++e) {
-            const double v = double(mesh.volume[e]);
-            rest += v;
-            if (!body.mesh->counts(e, rank)) continue;
-            now += v * (1 + volume_change(
-                                element_state<double>(mesh, element_inverse<double>(mesh, e), e)));
-        }
-        if (share_) now *= double(mesh.vertices) / double(body.count);
+    locate_elements(body, number);
+    const auto on_host = body.mesh->on_host();
+    const ElementsView<T, D>& mesh = on_host.view;
+    const int rank = share_ ? share_->rank() : 0;
+    for (std::int64_t e = 0; e < mesh.elements; ++e) {
+        const double v = double(mesh.volume[e]);
+        rest += v;
+        if (!body.mesh->counts(e, rank)) continue;
+        now +=
+            v *
+            (1 + volume_change(element_state<double>(mesh, element_inverse<double>(mesh, e), e)));
     }
+    if (share_) now *= double(mesh.vertices) / double(body.count);
     return now / rest;
 }
 
@@ -265,21 +256,20 @@ std::vector<T> Domain<X, T, D>::kept_here(const Body& body) const {
 /// element.
 template <class X, class T, int D>
 Fault Domain<X, T, D>::describe_element(Body& body, Fault fault) {
-    if constexpr (!X::is_device) {
-        const ElementsView<T, D> mesh = body.mesh->view();
-        const auto e = std::int64_t(body.mesh->inverted());
-        const double ratio =
-            1 + volume_change(element_state<double>(mesh, element_inverse<double>(mesh, e), e));
-        fault.ids.clear();
-        for (int k = 0; k <= D; ++k)
-            fault.ids.push_back(body.first_id + std::uint64_t(mesh.number(e, k)));
-        fault.element = e;
-        fault.value = ratio;
-        fault.code = !std::isfinite(ratio)         ? "non-finite"
-                     : ratio > least_element_ratio ? "element-range"
-                                                   : "inverted-element";
-        name_element(fault, body.first_id);
-    }
+    const auto on_host = body.mesh->on_host();
+    const ElementsView<T, D>& mesh = on_host.view;
+    const auto e = std::int64_t(body.mesh->inverted());
+    const double ratio =
+        1 + volume_change(element_state<double>(mesh, element_inverse<double>(mesh, e), e));
+    fault.ids.clear();
+    for (int k = 0; k <= D; ++k)
+        fault.ids.push_back(body.first_id + std::uint64_t(mesh.number(e, k)));
+    fault.element = e;
+    fault.value = ratio;
+    fault.code = !std::isfinite(ratio)         ? "non-finite"
+                 : ratio > least_element_ratio ? "element-range"
+                                               : "inverted-element";
+    name_element(fault, body.first_id);
     return fault;
 }
 

@@ -24,7 +24,7 @@ void put_places(Packer& to, const std::int32_t* cells, const T* beyond,
     to.put(rest.data(), rest.size());
 }
 template <class T, int D>
-void get_places(Unpacker& from, std::int32_t* cells, T* beyond,
+void get_places(Unpacker& from, const ElementsView<T, D>& mesh,
                 const std::vector<std::int32_t>& vertices) {
     std::vector<std::int32_t> whole(vertices.size() * D);
     std::vector<T> rest(whole.size());
@@ -32,10 +32,9 @@ void get_places(Unpacker& from, std::int32_t* cells, T* beyond,
     from.get(rest.data(), rest.size());
     checks::cells_of_vertices(whole);
     for (std::size_t k = 0; k < vertices.size(); ++k)
-        for (std::size_t a = 0; a < D; ++a) {
-            cells[std::size_t(vertices[k]) * D + a] = whole[k * D + a];
-            beyond[std::size_t(vertices[k]) * D + a] = rest[k * D + a];
-        }
+        for (std::size_t a = 0; a < D; ++a)
+            place_vertex(mesh, std::int64_t(vertices[k]) * D + std::int64_t(a), whole[k * D + a],
+                         rest[k * D + a]);
 }
 
 }  // namespace detail
@@ -52,7 +51,8 @@ void Domain<X, T, D>::each_mesh(const F& f) {
 /// Where a body's vertices are at rest, from whoever has them then. All ranks together.
 template <class X, class T, int D>
 void Domain<X, T, D>::tell_rest(Body& body) {
-    const ElementsView<T, D> mesh = body.mesh->view();
+    const auto on_host = body.mesh->on_host();
+    const ElementsView<T, D>& mesh = on_host.view;
     const auto n = std::size_t(mesh.vertices);
     std::fill_n(mesh.cells, n * D, 0);
     std::fill_n(mesh.beyond, n * D, T(0));
@@ -85,6 +85,7 @@ void Domain<X, T, D>::tell_rest(Body& body) {
             mesh.rest_cell[to] = theirs.cells[k];
             mesh.rest_offset[to] = theirs.offset[k];
         }
+    body.mesh->take(on_host);
 }
 
 /// Who has which vertices, by body of elements. All ranks together.
@@ -159,7 +160,7 @@ void Domain<X, T, D>::tell_wanted(const std::vector<std::vector<std::int32_t>>& 
     const std::size_t ranks = std::size_t(s.ranks()), meshes = owner.size();
     using Lists = std::vector<std::vector<std::int32_t>>;  // by body of elements
     const auto first_vertex = [](const Body& body, std::int32_t e) {
-        return std::size_t(body.mesh->view().number(e, 0));
+        return std::size_t(body.mesh->connected().number(e, 0));
     };
     // Elements whose memory comes from a rank: from who had the first vertex.
     std::vector<Lists> keeps(ranks, Lists(meshes)), asked(ranks, Lists(meshes));
@@ -197,8 +198,10 @@ void Domain<X, T, D>::tell_wanted(const std::vector<std::vector<std::int32_t>>& 
             asked[std::size_t(r)][k] = std::move(elements);
         });
     });
+    std::vector<typename ElementMesh<X, T, D>::OnHost> on_host;
     each_mesh([&](Body& body, std::size_t k) {
-        const ElementsView<T, D> mesh = body.mesh->view();
+        on_host.push_back(body.mesh->on_host());
+        const ElementsView<T, D>& mesh = on_host.back().view;
         const std::size_t kept = body.mesh->kept();
         body.mesh->share()->list_peers();
         for (std::size_t r = 0; r < ranks; ++r) {
@@ -210,20 +213,61 @@ void Domain<X, T, D>::tell_wanted(const std::vector<std::vector<std::int32_t>>& 
     });
     exchange("places of vertices", [&](int r, Unpacker& from) {
         each_mesh([&](Body& body, std::size_t k) {
-            const ElementsView<T, D> mesh = body.mesh->view();
+            const ElementsView<T, D>& mesh = on_host[k].view;
             const std::size_t kept = body.mesh->kept();
-            detail::get_places<T, D>(from, mesh.cells, mesh.beyond,
-                                     body.mesh->share()->need[std::size_t(r)]);
+            detail::get_places<T, D>(from, mesh, body.mesh->share()->need[std::size_t(r)]);
             for (const std::int32_t e : keeps[std::size_t(r)][k])
                 from.get(mesh.kept + std::size_t(e) * kept, kept);
         });
     });
+    each_mesh([&](Body& body, std::size_t k) { body.mesh->take(on_host[k]); });
+    if constexpr (X::is_device) link_places();
+}
+
+/// Devices: where each rank reads what others give it in each step, and whether any does.
+template <class X, class T, int D>
+void Domain<X, T, D>::link_places() {
+    RankShare<D>& s = *share_;
+    bool any = false;
+    s.vertices_a_step = 0;
+    each_mesh([&](Body& body, std::size_t) {
+        MeshSwap<X, T, D>& swap = body.mesh->swap();
+        swap.list(*body.mesh->share());
+        s.vertices_a_step += swap.bytes_a_step();
+        any = any || !body.mesh->share()->peers.empty();
+        if (!reaches()) return;
+        std::vector<typename MeshSwap<X, T, D>::Piece> mine;
+        for (int r = 0; r < s.ranks(); ++r) mine.push_back(swap.given(std::size_t(r)));
+        const auto told = s.comm->all_gather_alike(mine, "where its vertices are");
+        for (const int r : s.comm->others())
+            swap.read_at(std::size_t(r), told[std::size_t(r)].at(std::size_t(s.rank())));
+    });
+    // All meet, or none.
+    s.swaps_places = false;
+    for (const bool theirs : s.comm->tell(int(any), "whether elements cross a cut"))
+        s.swaps_places = s.swaps_places || theirs;
 }
 
 /// Once a step, when vertices have moved: where those are that the others' elements have too.
 template <class X, class T, int D>
 void Domain<X, T, D>::swap_places() {
     RankShare<D>& s = *share_;
+    if constexpr (X::is_device) {
+        if (!s.swaps_places) return;
+        // Before anyone packs again, all have met once more for their votes.
+        each_mesh(
+            [&](Body& body, std::size_t) { body.mesh->swap().pack(exec_, body.mesh->view()); });
+        if (reaches()) {
+            meeting_->meet();
+        } else {
+            std::vector<Parcel> out, in;
+            each_mesh([&](Body& body, std::size_t) { body.mesh->swap().add_parcels(out, in); });
+            meeting_->swap(out, in);
+        }
+        each_mesh(
+            [&](Body& body, std::size_t) { body.mesh->swap().unpack(exec_, body.mesh->view()); });
+        return;
+    }
     std::vector<int> peers;
     each_mesh([&](Body& body, std::size_t) {
         const MeshShare& share = *body.mesh->share();
@@ -247,8 +291,7 @@ void Domain<X, T, D>::swap_places() {
         std::move(out), peers, "places of vertices", [&](int r, Unpacker& from) {
             each_mesh([&](Body& body, std::size_t) {
                 const ElementsView<T, D> mesh = body.mesh->view();
-                detail::get_places<T, D>(from, mesh.cells, mesh.beyond,
-                                         body.mesh->share()->need[std::size_t(r)]);
+                detail::get_places<T, D>(from, mesh, body.mesh->share()->need[std::size_t(r)]);
             });
         });
 }

@@ -343,6 +343,7 @@ bool Domain<X, T, D>::sort_among_devices() {
         }
         list_homes(find_homes());  // after which nobody reads our lists any more
     }
+    link_meshes(false);
     return end_of_sort(began);
 }
 

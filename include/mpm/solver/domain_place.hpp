@@ -485,13 +485,11 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
         exec_.for_each(std::int64_t(n), Take<Grid>{body.id.data(), given.data(), to});
     };
     for (int a = 0; a < D; ++a) fill(velocity, D, a, a, 1);
-    rest_pinned(body, spec_.bodies[std::size_t(number)]);
+    rest_pinned(body);
     if (by_columns) {
         const Phase<X, T, D> p = phase(body, number, to);
         body.ops.rest(p);
-        if constexpr (!X::is_device) {
-            if (body.mesh) locate_elements(body, number);
-        }
+        if (body.mesh) locate_elements(body, number);
         const Scratch<D> column{p.n.channels};
         const bool affine = !gradient.empty() && p.n.scheme.affine;
         for (int c = 0; c < D && affine; ++c)
@@ -509,7 +507,7 @@ void Domain<X, T, D>::deposit_body(Body& body, int number, const std::vector<dou
                 body.ops.scatter(p.pass);
             }
         }
-        if (phases || X::is_device) spread_body(body, p, clock_.time);
+        if (phases || X::is_device) spread_body(body, p, false);
     } else {
         body.ops.initial(pass(body, number, to));
     }

@@ -263,9 +263,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         fill(k, &body.frozen_position[(k - active) * D], rest, still,
              &body.frozen_state[(k - active) * std::size_t(body.plan.state_columns)]);
     }
-    if constexpr (!X::is_device) {
-        if (body.mesh) see_elements(body, number, names, out);
-    }
+    if (body.mesh) see_elements(body, number, names, out);
     return out;
 }
 

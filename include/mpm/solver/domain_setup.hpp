@@ -53,18 +53,19 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         Body& body = bodies_.back();
         body.plan = plan_.bodies[b];
         body.material = &material(s.material);
-        body.ops = s.rigid.given ? rigid_ops<X, T, D>() : find_ops(s.material, body.plan.smoothing);
+        if (s.rigid.given)
+            body.ops = rigid_ops<X, T, D>();
+        else if (s.elements.empty())
+            body.ops = find_ops(s.material, body.plan.smoothing);
         body.parameters = s.parameters;
         body.first_id = s.first_id;
         body.particle_mass = s.particle_mass;
         const double density = body.material->density(s.parameters.data());
         body.particle_volume = s.particle_mass / density;
         double lightest = s.particle_mass;
-        if constexpr (!X::is_device) {
-            if (!s.elements.empty()) {
-                make_mesh(body, s);
-                lightest = *std::min_element(body.mesh->mass().begin(), body.mesh->mass().end());
-            }
+        if (!s.elements.empty()) {
+            make_mesh(body, s);
+            lightest = *std::min_element(body.mesh->mass().begin(), body.mesh->mass().end());
         }
         if (s.rigid.given) make_rigid(body, s);
         least_mass_ = std::min(least_mass_, lightest);
@@ -96,6 +97,20 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     for (const auto& b : spec_.bodies)
         for (double v : b.velocity) speed = std::max(speed, std::abs(v));
     speed += steepest_deposit(spec_);
+    std::vector<TimeTableView> drives;
+    for (const BodySpec& b : spec_.bodies)
+        for (const PinSpec& pin : b.pins) {
+            const TableSpec& t = pin.displacement;
+            const TimeTableView table{t.time.data(), t.value.data(), std::int32_t(t.time.size()), D,
+                                      t.end};
+            if (table.count > 0) speed = std::max(speed, driven_speed<D>(&table, 1, 0, clock_.dt));
+        }
+    for (const Body& body : bodies_) {
+        if (!body.mesh) continue;
+        for (const TimeTableView& goal : body.mesh->goals())
+            if (goal.count > 0) drives.push_back(goal);
+    }
+    drives_.assign(drives);
     if (speed * clock_.dt > 0.5 * spec_.cell_size)
         clock_.dt = clock_.dt_next = 0.5 * spec_.cell_size / speed;
 
@@ -111,11 +126,9 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
                          spec_.start.load_impulse, clock_);
     link_table();
     link_homes();
-    if constexpr (!X::is_device) {
-        for (Body& body : bodies_)
-            if (body.mesh) place_mesh(body);
-        if (share_) link_meshes(true);
-    }
+    for (Body& body : bodies_)
+        if (body.mesh) place_mesh(body);
+    if (share_) link_meshes(true);
     first_deposit(spec_);
     exec_.trim();
     for (auto& b : spec_.bodies) {

@@ -175,10 +175,11 @@ void Domain<X, T, D>::load(const State& whole) {
     link_table();
     link_homes();
     if (share_) link_sums();
-    if constexpr (!X::is_device) {
-        if (share_) link_meshes(true);
-    }
+    if (share_) link_meshes(true);
     push_clock();
+    // From where vertices are moved on, of those that nobody has told.
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+        if (bodies_[b].mesh && !share_) locate_elements(bodies_[b], int(b));
     meet_hosts();
     dead_ = false;
     for (Body& body : bodies_)

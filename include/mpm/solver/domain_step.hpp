@@ -1,6 +1,7 @@
 // Domain: the life of a step, and what happens when the clock halts.
 #pragma once
 
+#include "mpm/kernels/pinned_vertices.hpp"
 #include "mpm/kernels/shifting.hpp"
 #include "mpm/kernels/transfers.hpp"
 #include "mpm/solver/domain.hpp"
@@ -46,7 +47,8 @@ void Domain<X, T, D>::update_grid() {
         clock_buffer_.data(), spec_.cell_size,    constants_.data(), numbers_.data(),
         int(bodies_.size()),  sensors_.records(), sensors_.count(),  bits,
         least_mass_,          plan_.wave_speed,   plan_.beyond,      inflow_.records(),
-        inflow_.count(),      inflow_.mass(),     plan_.shift};
+        inflow_.count(),      inflow_.mass(),     plan_.shift,       drives_.data(),
+        int(drives_.size())};
     if constexpr (X::is_device) {
         if (share_) {
             make_velocities(AfterGrid<D>::telling(
@@ -76,13 +78,14 @@ void Domain<X, T, D>::run_sensors() {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D, true>{node, sensors_.measured_slots(), sensors_.load_cells(),
-                                             spec_.cell_size, boundaries_.known(), contact_view()},
+                                             spec_.cell_size, boundaries_.known(), wall_seats(),
+                                             contact_view()},
             sensors_.take_load(clock), sensors_.load_partial(), 0, Nothing{});
     if (loads && contact_blocks_ == 0) {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D>{node, sensors_.measured_slots(), sensors_.load_cells(),
-                                       spec_.cell_size, boundaries_.known()},
+                                       spec_.cell_size, boundaries_.known(), wall_seats()},
             sensors_.take_load(clock), sensors_.load_partial(), share_ ? 0 : sensors_.point_count(),
             points);
     } else if (sensors_.point_count() > 0 && !share_) {
@@ -120,9 +123,10 @@ void Domain<X, T, D>::run_sensors() {
                     s.columns.data(), int(s.spec.ids.size()), spec_.cell_size});
         }
         if (s.spec.kind == SensorKind::energy) sample_energy(s, record);
+        if (s.spec.kind == SensorKind::pin_force)
+            exec_.single(SamplePin<D>{clock, record, s.pin_told.data()});
         if constexpr (!X::is_device) {
             if (s.spec.kind == SensorKind::rigid_motion) sample_rigid(s, *record);
-            if (s.spec.kind == SensorKind::pin_force) sample_pin(s, *record);
         }
     }
 }
@@ -151,16 +155,13 @@ void Domain<X, T, D>::sample_energy(Sensor<Base>& s, SensorRecord* record) {
             p.due = &record->due;
             p.part = Part::speeds;
             if (p.n.velocity < 0) phase_ops_.collect(p);
-            bool done = false;
-            if constexpr (!X::is_device) {
-                if (Body& body = bodies_[b]; body.mesh) {
-                    done = true;
-                    locate_elements(body, int(b));
-                    body.elements.energies(p, body.mesh->view(), &record->due, body.mesh->energy(),
-                                           partial);
-                }
+            if (Body& body = bodies_[b]; body.mesh) {
+                locate_elements(body, int(b));
+                body.elements.energies(p, body.mesh->view(), &record->due, body.mesh->energy(),
+                                       partial);
+            } else {
+                body.ops.phase_energies(p, &record->due, partial);
             }
-            if (!done) bodies_[b].ops.phase_energies(p, &record->due, partial);
         } else if (bodies_[b].homes > 0) {
             bodies_[b].ops.energies(pass(bodies_[b], int(b), parity()), &record->due, partial);
         }
@@ -282,12 +283,7 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
                 body.ops.respond(p);
                 after_respond(body, p);
             }
-            double time = clock_.time;  // from which what is spread acts
-            if constexpr (!X::is_device) {
-                const Clock& clock = *clock_buffer_.data();
-                time = clock.time + clock.dt;
-            }
-            spread_body(body, p, time);
+            spread_body(body, p, true);
             break;
     }
 }
@@ -386,7 +382,9 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             fetch_clock();
             collect_smoothing();
             if (share_) {
-                share_->bytes_of_sums += std::uint64_t(clock_.step - before) * share_->bytes_a_step;
+                const auto done = std::uint64_t(clock_.step - before);
+                share_->bytes_of_sums += done * share_->bytes_a_step;
+                share_->bytes_of_vertices += done * share_->vertices_a_step;
                 // Nobody goes on to what frees memory while another rank's kernels wait.
                 wall_over = now() - began > wall;
                 std::int64_t none = 0;
@@ -471,12 +469,9 @@ Fault Domain<X, T, D>::describe_fault() {
         return out;
     };
     const Fault fault = mpm::describe_fault<D>(spec_, plan_, clock_, describe);
-    if constexpr (!X::is_device) {
-        if (clock_.fault == FaultKind::particle && clock_.fault_particle != fault_elsewhere) {
-            Body& body = bodies_.at(std::size_t(clock_.fault_particle >> 40));
-            if (body.mesh && body.mesh->inverted() != no_fault)
-                return describe_element(body, fault);
-        }
+    if (clock_.fault == FaultKind::particle && clock_.fault_particle != fault_elsewhere) {
+        Body& body = bodies_.at(std::size_t(clock_.fault_particle >> 40));
+        if (body.mesh && body.mesh->inverted() != no_fault) return describe_element(body, fault);
     }
     return fault;
 }

@@ -62,11 +62,9 @@ Condition Domain<X, T, D>::condition(int samples) {
         out.volume_ratio.push_back(std::numeric_limits<double>::quiet_NaN());
         out.moving.push_back(body.count);
         if (body.count == 0) continue;
-        if constexpr (!X::is_device) {
-            if (body.mesh) {
-                out.volume_ratio.back() = mean_volume_ratio(body, int(out.volume_ratio.size()) - 1);
-                continue;
-            }
+        if (body.mesh) {
+            out.volume_ratio.back() = mean_volume_ratio(body, int(out.volume_ratio.size()) - 1);
+            continue;
         }
         const int columns = body.plan.state_columns;
         const std::int64_t wanted = std::max<std::int64_t>(

@@ -6,7 +6,9 @@
 
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <memory>
 #include <string>
@@ -15,8 +17,11 @@
 #include "mpm/core/error.hpp"
 #include "mpm/exec/buffer.hpp"
 #include "mpm/kernels/elements.hpp"
+#include "mpm/kernels/pinned_vertices.hpp"
 #include "mpm/solver/mesh_share.hpp"
+#include "mpm/solver/mesh_swap.hpp"
 #include "mpm/solver/spec.hpp"
+#include "mpm/solver/time_tables.hpp"
 
 namespace mpm {
 
@@ -29,16 +34,26 @@ inline constexpr double largest_element = 1.05;
 void check_mesh(const std::string& body, int dimension, const std::vector<double>& position,
                 const std::vector<std::int32_t>& element, double cell_size);
 
-/// Memory of a mesh with numbers of `real` bytes.
+/// What decides the memory of a mesh.
+struct MeshSizes {
+    std::uint64_t elements, vertices;
+    bool vertex_volumes;
+    int kept;                      // numbers that an element keeps
+    std::uint64_t loaded, pinned;  // vertices of tractions, of pins
+    bool stressed, damped;
+};
+/// With numbers of `real` bytes.
 template <int D>
-double planned_mesh_bytes(std::uint64_t elements, std::uint64_t vertices, bool vertex_volumes,
-                          int kept, bool loaded, bool pinned, bool stressed, int real) {
-    const int of_volumes = vertex_volumes ? 1 : 0,
-              by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + kept +
-                                                     (stressed ? start_reals<D> : 0)),
-              by_vertex = 4 * (2 * D + 1) + (pinned ? 5 : 0) +
-                          real * (2 * D + 3 * of_volumes + (loaded ? D : 0));
-    return double(elements) * by_element + double(vertices) * by_vertex;
+double planned_mesh_bytes(const MeshSizes& m, int real) {
+    const int of_volumes = m.vertex_volumes ? 1 : 0,
+              by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + m.kept +
+                                                     (m.stressed ? start_reals<D> : 0)),
+              by_vertex =
+                  4 * (2 * D + 1) + (m.pinned > 0 ? 5 : 0) +
+                  real * (2 * D + 3 * of_volumes + (m.loaded > 0 ? D : 0) + (m.damped ? D : 0)),
+              by_loaded = 4 + 8, by_pinned = 4 + 4 + 8 + 8 * D;
+    return double(m.elements) * by_element + double(m.vertices) * by_vertex +
+           double(m.loaded) * by_loaded + double(m.pinned) * by_pinned;
 }
 
 template <class X, class T, int D>
@@ -63,12 +78,21 @@ public:
           start_stress_(exec),
           rest_offset_(exec),
           beyond_(exec),
+          moved_(exec),
           vertex_volume_(exec),
           vertex_change_(exec),
           pressure_(exec),
           load_(exec),
           pinned_(exec),
+          pinned_vertex_(exec),
+          pin_(exec),
           held_(exec),
+          pinned_mass_(exec),
+          push_(exec),
+          goal_(exec),
+          tables_(exec),
+          swap_(exec),
+          exec_(exec),
           inverted_(exec),
           energy_(exec),
           pushed_(exec),
@@ -107,6 +131,7 @@ public:
         auto next = start;
         for (std::size_t c = 0; c < element.size(); ++c)
             corner[next[std::size_t(element[c])]++] = std::uint32_t(c);
+        if constexpr (X::is_device) host_ = {element, start, corner};
         vertex_.assign(element);
         start_.assign(start);
         corner_.assign(corner);
@@ -149,6 +174,8 @@ public:
         v.rest_offset = rest_offset_.data();
         v.cells = cells_.data();
         v.beyond = beyond_.data();
+        v.moved = damping_.any() ? moved_.data() : nullptr;
+        v.damping = damping_;
         v.start = start_.data();
         v.corner = corner_.data();
         v.vertex_volume = vertex_volume_.data();
@@ -168,44 +195,142 @@ public:
     std::size_t kept() const { return kept_reals_; }
     std::vector<T> kept_numbers() const { return kept_.host(elements_ * kept_reals_); }
     void keep(const std::vector<T>& numbers) { kept_.assign(numbers); }
-    /// Room for the loads of tractions, (vertices, D), zero when first asked for.
-    T* load() {
-        if (load_.size() == 0) load_.assign(std::vector<T>(vertices_ * D, T(0)));
-        return load_.data();
+    /// Tractions, in the order of the scene.
+    struct Traction {
+        TimeTableView value;
+        Buffer<X, std::uint32_t> vertex;
+        Buffer<X, double> area;
+    };
+    const std::vector<Traction>& tractions() const { return tractions_; }
+    void load_by(const std::vector<TractionSpec>& tractions) {
+        if (tractions.empty()) return;
+        load_.assign(std::vector<T>(vertices_ * D, T(0)));
+        for (const TractionSpec& t : tractions) {
+            tractions_.push_back({tables_.upload(t.value, D), Buffer<X, std::uint32_t>(exec_),
+                                  Buffer<X, double>(exec_)});
+            tractions_.back().vertex.assign(
+                std::vector<std::uint32_t>(t.particles.begin(), t.particles.end()));
+            tractions_.back().area.assign(t.area);
+        }
     }
     /// Stresses at rest, (elements, `start_reals`), Pa; of none nothing is held.
     void stress(const std::vector<double>& numbers) {
         if (!numbers.empty()) start_stress_.assign(std::vector<T>(numbers.begin(), numbers.end()));
     }
-    /// Which of the pinned vertices each is, in the order of their pins, or -1; null without pins.
-    const std::int32_t* pinned() const { return pinned_.size() > 0 ? pinned_.data() : nullptr; }
+    /// Numerical damping, Pa s.
+    void damp(double normal, double shear) {
+        damping_ = {T(normal), T(shear)};
+        moved_.assign(std::vector<T>(vertices_ * D, T(0)));
+    }
+    /// Of each pin, its displacement in m; without rows: none.
+    const std::vector<TimeTableView>& goals() const { return goals_; }
+    bool has_pins() const { return pinned_.size() > 0; }
+    PinsView pins() const {
+        return {std::int64_t(pin_.size()), pinned_.data(), pinned_vertex_.data(), pin_.data(),
+                pinned_mass_.data(),       goal_.data(),   push_.data()};
+    }
     void pin(const std::vector<PinSpec>& pins) {
         if (pins.empty()) return;
-        std::vector<std::int32_t> number(vertices_, -1);
+        std::vector<std::int32_t> number(vertices_, -1), pin_of;
+        std::vector<std::uint32_t> vertex;
         std::vector<std::uint8_t> held(vertices_, 0);
-        std::int32_t next = 0;
-        for (const PinSpec& pin : pins)
+        std::vector<double> mass;
+        std::vector<TimeTableView>& goal = goals_;
+        for (const PinSpec& pin : pins) {
             for (const std::uint64_t v : pin.vertices) {
-                number[std::size_t(v)] = next++;
+                number[std::size_t(v)] = std::int32_t(vertex.size());
+                vertex.push_back(std::uint32_t(v));
+                pin_of.push_back(std::int32_t(goal.size()));
+                mass.push_back(mass_[std::size_t(v)]);
                 for (const int a : pin.axes) held[std::size_t(v)] |= std::uint8_t(1 << a);
             }
+            goal.push_back(pin.displacement.time.empty() ? TimeTableView{}
+                                                         : tables_.upload(pin.displacement, D));
+        }
         pinned_.assign(number);
+        pinned_vertex_.assign(vertex);
+        pin_.assign(pin_of);
         held_.assign(held);
+        pinned_mass_.assign(mass);
+        goal_.assign(goal);
+        push_.assign(std::vector<double>(vertex.size() * D, 0.0));
     }
     /// Room for a number an element, taken when it is first asked for.
     double* energy() {
         energy_.reserve_discard(elements_);
         return energy_.data();
     }
+    /// The mesh where the host reads it, and writes places and what elements keep: on devices a
+    /// copy of what is there, which `take` brings back.
+    class OnHost {
+    public:
+        OnHost(OnHost&&) noexcept = default;
+        ElementsView<T, D> view;
+
+    private:
+        friend ElementMesh;
+        explicit OnHost(const ElementsView<T, D>& v) : view(v) {}
+        std::vector<std::vector<std::byte>> copies_;
+    };
+    OnHost on_host() const {
+        OnHost out(view());
+        if constexpr (X::is_device) {
+            const auto copy = [&]<class E>(const auto& from, E*& to) {
+                if (!to) return;
+                const auto numbers = from.host();
+                auto& bytes = out.copies_.emplace_back(numbers.size() * sizeof(E));
+                std::memcpy(bytes.data(), numbers.data(), bytes.size());
+                to = reinterpret_cast<E*>(bytes.data());
+            };
+            ElementsView<T, D>& v = out.view;
+            v.vertex = host_.vertex.data();
+            v.start = host_.start.data();
+            v.corner = host_.corner.data();
+            copy(inverse_, v.inverse);
+            copy(volume_, v.volume);
+            copy(kept_, v.kept);
+            copy(start_stress_, v.start_stress);
+            copy(rest_cell_, v.rest_cell);
+            copy(rest_offset_, v.rest_offset);
+            copy(cells_, v.cells);
+            copy(beyond_, v.beyond);
+            copy(moved_, v.moved);
+            copy(vertex_volume_, v.vertex_volume);
+            copy(vertex_change_, v.vertex_change);
+            copy(pressure_, v.pressure);
+            copy(inverted_, v.inverted);
+            if (share_) {
+                v.pushed.number = share_->pushed.data();
+                v.measured.number = share_->measured.data();
+                v.pressed.number = share_->pressed.data();
+            }
+        }
+        return out;
+    }
+    void take(const OnHost& from) {
+        if constexpr (X::is_device) {
+            const auto bring = [&]<class E>(const Buffer<X, E>& to, const E* numbers) {
+                if (numbers) exec_.upload(to.data(), numbers, to.size() * sizeof(E));
+            };
+            const ElementsView<T, D>& v = from.view;
+            bring(rest_cell_, v.rest_cell);
+            bring(rest_offset_, v.rest_offset);
+            bring(cells_, v.cells);
+            bring(beyond_, v.beyond);
+            bring(kept_, v.kept);
+        }
+    }
     /// Of several ranks: what this one works on, and what it tells the others. Null on one.
     MeshShare* share() { return share_.get(); }
     const MeshShare* share() const { return share_.get(); }
+    /// Devices of several: what goes between ranks in each step.
+    MeshSwap<X, T, D>& swap() { return swap_; }
     /// By the present owners of its vertices.
     void share_among(std::vector<std::int32_t> owner, int rank, int ranks) {
         share_.reset();  // all are listed meanwhile
         auto share = std::make_unique<MeshShare>();
         share->owner = std::move(owner);
-        share->list(view(), rank, ranks);
+        share->list(connected(), rank, ranks);
         pushed_.assign(share->pushed);
         measured_.assign(share->measured);
         pressed_.assign(share->pressed);
@@ -213,7 +338,17 @@ public:
     }
     /// Whether what counts each element once counts it on this rank.
     bool counts(std::int64_t element, int rank) const {
-        return !share_ || share_->owner[std::size_t(view().number(element, 0))] == rank;
+        return !share_ || share_->owner[std::size_t(connected().number(element, 0))] == rank;
+    }
+    /// Which vertices elements have, where the host reads it; of the rest it knows what there is.
+    ElementsView<T, D> connected() const {
+        ElementsView<T, D> v = view();
+        if constexpr (X::is_device) {
+            v.vertex = host_.vertex.data();
+            v.start = host_.start.data();
+            v.corner = host_.corner.data();
+        }
+        return v;
     }
     /// The first element that was turned inside out, or `no_fault`; forgotten with `begin_anew`.
     std::uint64_t inverted() const { return inverted_.host()[0]; }
@@ -222,10 +357,12 @@ public:
         return vertex_.bytes() + rest_cell_.bytes() + cells_.bytes() + start_.bytes() +
                corner_.bytes() + inverse_.bytes() + volume_.bytes() + force_.bytes() +
                grown_.bytes() + kept_.bytes() + start_stress_.bytes() + rest_offset_.bytes() +
-               beyond_.bytes() + vertex_volume_.bytes() + vertex_change_.bytes() +
+               beyond_.bytes() + moved_.bytes() + vertex_volume_.bytes() + vertex_change_.bytes() +
                pressure_.bytes() + load_.bytes() + pinned_.bytes() + held_.bytes() +
-               inverted_.bytes() + energy_.bytes() + pushed_.bytes() + measured_.bytes() +
-               pressed_.bytes() + (share_ ? share_->bytes() : 0);
+               pinned_vertex_.bytes() + pin_.bytes() + pinned_mass_.bytes() + push_.bytes() +
+               goal_.bytes() + swap_.bytes() + inverted_.bytes() + energy_.bytes() +
+               pushed_.bytes() + measured_.bytes() + pressed_.bytes() +
+               (share_ ? share_->bytes() : 0);
     }
 
 private:
@@ -237,9 +374,23 @@ private:
     Buffer<X, std::int32_t> vertex_, rest_cell_, cells_;
     Buffer<X, std::uint32_t> start_, corner_;
     Buffer<X, T> inverse_, volume_, force_, grown_, kept_, start_stress_;
-    Buffer<X, T> rest_offset_, beyond_, vertex_volume_, vertex_change_, pressure_, load_;
+    Buffer<X, T> rest_offset_, beyond_, moved_, vertex_volume_, vertex_change_, pressure_, load_;
+    ElementDamping<T> damping_;
     Buffer<X, std::int32_t> pinned_;
+    Buffer<X, std::uint32_t> pinned_vertex_;
+    Buffer<X, std::int32_t> pin_;
     Buffer<X, std::uint8_t> held_;
+    Buffer<X, double> pinned_mass_, push_;
+    Buffer<X, TimeTableView> goal_;
+    TimeTables<ExecutorBase<X>> tables_;
+    MeshSwap<X, T, D> swap_;
+    ExecutorBase<X>& exec_;
+    std::vector<Traction> tractions_;
+    std::vector<TimeTableView> goals_;
+    struct Connected {  // devices: where the host reads them
+        std::vector<std::int32_t> vertex;
+        std::vector<std::uint32_t> start, corner;
+    } host_;
     Buffer<X, std::uint64_t> inverted_;
     Buffer<X, double> energy_;
     Buffer<X, std::int32_t> pushed_, measured_, pressed_;

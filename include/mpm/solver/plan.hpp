@@ -123,7 +123,7 @@ bool stores_in_one_pass(const Spec& spec);
 /// Adds to a plan whose bodies are there what they do over cells; refuses what does not fit.
 void plan_cells(const Spec& spec, Plan& plan);
 /// Refuses what bodies of elements are not built for, by its name.
-void check_elements(const Spec& spec, const BackendTraits& backend);
+void check_elements(const Spec& spec);
 /// Refuses what rigid bodies are not built for, by its name.
 void check_rigid(const Spec& spec, const BackendTraits& backend);
 /// Refuses pins of bodies that have no vertices.

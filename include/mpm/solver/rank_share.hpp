@@ -112,6 +112,10 @@ struct RankShare {
     bool wall_over = false;  // for any rank
 
     // Since the start.
+    // Devices, of bodies of elements: whether any rank needs places of others' vertices, and what
+    // this one gives of its own, bytes.
+    bool swaps_places = false;
+    std::uint64_t vertices_a_step = 0;
     std::uint64_t rebalances = 0, migrated = 0, bytes_of_sums = 0, bytes_of_vertices = 0;
     // Devices: of the sums that others get in a step, at most.
     std::uint64_t bytes_a_step = 0;

@@ -31,11 +31,12 @@ struct Sensor {
     Buffer<X, std::int32_t> columns;
     Buffer<X, double> partial;  // energy: of each home, then of the parts of their sum
     Buffer<X, SumSet> set;
-    std::int64_t homes = -1;  // that `set` and `partial` are for
-    // Of a rigid body: its impulses at the sample before. Of a pin: its impulse since then.
-    std::vector<double> told;
+    std::int64_t homes = -1;     // that `set` and `partial` are for
+    std::vector<double> told;    // of a rigid body: its impulses at the sample before
+    Buffer<X, double> pin_told;  // of a pin: its impulse since then
     Samples drained;
-    explicit Sensor(X& x) : times(x), values(x), first(x), ids(x), columns(x), partial(x), set(x) {}
+    explicit Sensor(X& x)
+        : times(x), values(x), first(x), ids(x), columns(x), partial(x), set(x), pin_told(x) {}
 };
 
 template <class X, int D>
@@ -143,6 +144,7 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
         sensor.times.assign(std::vector<double>(capacity, 0.0));
         sensor.values.assign(std::vector<double>(capacity * columns, 0.0));
         sensor.drained.values.shape = {0, columns};
+        if (s.kind == SensorKind::pin_force) sensor.pin_told.assign(std::vector<double>(D, 0.0));
         if (s.kind == SensorKind::load_cell) {
             LoadCellRecord<D> r{};
             r.sensor = int(sensors_.size()) - 1;
@@ -348,7 +350,7 @@ void Sensors<X, D>::save(State& state) const {
     std::vector<double> told;
     for (const auto& s : sensors_) {
         if (!keeps_told(s.spec.kind)) continue;
-        auto own = s.told;
+        auto own = s.spec.kind == SensorKind::pin_force ? s.pin_told.host() : s.told;
         own.resize(rigid_loads, std::numeric_limits<double>::quiet_NaN());
         told.insert(told.end(), own.begin(), own.end());
     }
@@ -371,8 +373,15 @@ void Sensors<X, D>::load(const State& state, const Clock& clock) {
         for (auto& s : sensors_) {
             if (!keeps_told(s.spec.kind)) continue;
             if (told.end() - from < std::ptrdiff_t(rigid_loads)) break;
-            s.told.assign(from, from + std::ptrdiff_t(rigid_loads));
-            if (std::isnan(s.told[0])) s.told.clear();
+            if (s.spec.kind == SensorKind::pin_force) {
+                // Not-a-number where a run was saved before its first step.
+                const bool none = std::isnan(*from);
+                s.pin_told.assign(none ? std::vector<double>(D, 0.0)
+                                       : std::vector<double>(from, from + D));
+            } else {
+                s.told.assign(from, from + std::ptrdiff_t(rigid_loads));
+                if (std::isnan(s.told[0])) s.told.clear();
+            }
             from += std::ptrdiff_t(rigid_loads);
         }
     }

@@ -141,10 +141,12 @@ struct BodySpec {
     std::vector<FieldOfIds> fields;
 };
 
+/// Elements have a damping of their own (physics/element.hpp).
+inline bool damped_particles(const BodySpec& b) { return b.damping > 0 && b.elements.empty(); }
 /// Does a body ask for what only the phased step has between its parts?
 inline bool works_between_parts(const BodySpec& b) {
     return b.cell_smoothing.form != CellForm::none || b.assumed_part != TensorPart::none ||
-           b.damping > 0 || b.force.axis >= 0;
+           damped_particles(b) || b.force.axis >= 0;
 }
 
 inline std::uint64_t ids_of(const BodySpec& b) { return b.id_count ? b.id_count : b.count; }

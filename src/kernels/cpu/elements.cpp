@@ -1,29 +1,11 @@
-// Bodies of elements: of every law that is one of F alone, or flows with Hencky's stress.
+// Bodies of elements, and their vertices as particles.
 #include "mpm/kernels/cpu/elements.hpp"
 
-#include "mpm/core/error.hpp"
-#include "mpm/kernels/model_headers.inc"
+#include "mpm/kernels/element_laws.hpp"
 
 namespace mpm {
 
 namespace {
-
-template <class T, int D, class Material>
-void take(const std::string& name, ElementOps<Cpu, T, D>& ops) {
-    if constexpr (for_elements<Material>) {
-        if (name == Material::name) ops = cpu::element_instance<Material, T, D>();
-    }
-}
-
-template <class T, int D>
-ElementOps<Cpu, T, D> find(const std::string& name) {
-    ElementOps<Cpu, T, D> ops{};
-#define MPM_MODEL(Model) take<T, D, Model>(name, ops);
-#include "mpm/kernels/models.inc"
-#undef MPM_MODEL
-    if (!ops.forces) throw SceneError("material '" + name + "' is not built for elements");
-    return ops;
-}
 
 template <class T, int D>
 BodyOps<Cpu, T, D> vertices() {
@@ -34,14 +16,15 @@ BodyOps<Cpu, T, D> vertices() {
 
 }  // namespace
 
-#define MPM_ELEMENTS(T, D)                                                  \
-    template <>                                                             \
-    ElementOps<Cpu, T, D> element_ops<Cpu, T, D>(const std::string& name) { \
-        return find<T, D>(name);                                            \
-    }                                                                       \
-    template <>                                                             \
-    BodyOps<Cpu, T, D> vertex_ops<Cpu, T, D>() {                            \
-        return vertices<T, D>();                                            \
+#define MPM_ELEMENTS(T, D)                                                                   \
+    template <>                                                                              \
+    ElementOps<Cpu, T, D> element_ops<Cpu, T, D>(const std::string& name) {                  \
+        return element_ops_of<ElementOps<Cpu, T, D>>(                                        \
+            name, []<class Material>() { return cpu::element_instance<Material, T, D>(); }); \
+    }                                                                                        \
+    template <>                                                                              \
+    BodyOps<Cpu, T, D> vertex_ops<Cpu, T, D>() {                                             \
+        return vertices<T, D>();                                                             \
     }
 MPM_ELEMENTS(float, 2)
 MPM_ELEMENTS(float, 3)

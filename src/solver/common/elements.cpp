@@ -31,8 +31,7 @@ std::string not_of_elements(const Spec& spec, const BodySpec& b) {
     if (b.smoothing != SmoothingForm::none)
         return "F-bar; volumes of vertices serve in its place, leave fbar out";
     if (works_between_parts(b))
-        return "smoothing or assumed fields over cells, numerical damping or placed forces; leave "
-               "them out";
+        return "smoothing or assumed fields over cells, or placed forces; leave them out";
     if (b.pressure || b.state) return "a pressure to begin with; give it a stress";
     if (!b.element_stress.empty() &&
         b.element_stress.size() !=
@@ -42,6 +41,8 @@ std::string not_of_elements(const Spec& spec, const BodySpec& b) {
     if (b.vertex_volumes && !material_of_vertex_volumes(b.material))
         return "volumes of vertices with " + b.material +
                ", whose volume flows; choose volumes of elements";
+    if (b.damping > 0 && !material(b.material).shear_modulus)
+        return "numerical damping of " + b.material + ", which has no shear modulus; leave it out";
     if (b.restored || !b.ids.empty())
         return "vertices that are continued from another run; start the scene afresh";
     return {};
@@ -120,7 +121,7 @@ void name_element(Fault& fault, std::uint64_t first_id) {
                          " (crushed or turned inside out)";
 }
 
-void check_elements(const Spec& spec, const BackendTraits& backend) {
+void check_elements(const Spec& spec) {
     for (std::size_t k = 0; k < spec.bodies.size(); ++k) {
         const BodySpec& b = spec.bodies[k];
         if (b.elements.empty()) continue;
@@ -129,7 +130,6 @@ void check_elements(const Spec& spec, const BackendTraits& backend) {
                              remedy + ", or make it of particles");
         };
         if (!spec.functions.kind.empty()) refuse("grids of functions", "use square cells");
-        if (backend.device) refuse(backend.name, "use device=\"cpu\"");
         if ((spec.kernel.kernel != Kernel::quadratic && spec.kernel.kernel != Kernel::cubic) ||
             spec.kernel.clamped)
             refuse("kernel '" + std::string(name_of(spec.kernel.kernel)) +

@@ -23,9 +23,9 @@ bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
     const std::size_t corners = 2 * std::size_t(dimension);
     return !a.rigid.given && !b.rigid.given &&  // each has a motion of its own
            a.elements.empty() == b.elements.empty() && a.vertex_volumes == b.vertex_volumes &&
-           a.elements.size() + b.elements.size() < most_ids && a.tractions.empty() &&
-           b.tractions.empty() && a.pins.empty() && b.pins.empty() && a.element_stress.empty() &&
-           b.element_stress.empty() &&
+           a.elements.size() + b.elements.size() < most_ids && a.damping == b.damping &&
+           a.tractions.empty() && b.tractions.empty() && a.pins.empty() && b.pins.empty() &&
+           a.element_stress.empty() && b.element_stress.empty() &&
            (a.elements.empty() || ids_of(a) + ids_of(b) < most_ids / 2) &&
            a.restored == b.restored && a.bounds.size() == corners && b.bounds.size() == corners &&
            a.material == b.material && a.parameters == b.parameters &&

@@ -90,10 +90,10 @@ CellNumbers cells_of(const Spec& spec, const Scheme& scheme, const BodySpec& bod
     n.part = body.assumed_part;
     n.rate = body.assumed_rate;
     n.force = body.force;
-    if (scheme.affine && (n.deformed || n.part != TensorPart::none || body.damping > 0)) {
-        const char* what = body.damping > 0 ? "damping changes"
-                           : n.deformed     ? "Kernel(moved_nodes=True) changes"
-                                            : "assumed changes";
+    if (scheme.affine && (n.deformed || n.part != TensorPart::none || damped_particles(body))) {
+        const char* what = damped_particles(body) ? "damping changes"
+                           : n.deformed           ? "Kernel(moved_nodes=True) changes"
+                                                  : "assumed changes";
         throw SceneError(who + what + " the velocity gradient of the particles, which transfer '" +
                          spec.transfer.scheme +
                          "' also carries their momentum by. Give Method(transfer=...) one of PIC, "
@@ -110,7 +110,7 @@ CellNumbers cells_of(const Spec& spec, const Scheme& scheme, const BodySpec& bod
                              "Remove smoothing from this body");
         n.components = volume ? 1 : m.reals(spec.dimension);
     }
-    if (body.damping > 0) {
+    if (damped_particles(body)) {
         if (!m.shear_modulus)
             throw SceneError(who + "numerical damping is for elastic solids; " + m.name +
                              " has no shear modulus. Remove damping from this body");

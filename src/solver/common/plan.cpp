@@ -249,13 +249,13 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     }
     check_pipeline(spec, backend);
     check_contact(spec);
-    check_elements(spec, backend);
+    check_elements(spec);
     check_rigid(spec, backend);
     check_pins(spec);
     const bool between =
         spec.deformed_nodes || spec.kernel.modified ||
         std::any_of(spec.bodies.begin(), spec.bodies.end(), [](const BodySpec& b) {
-            return b.assumed_part != TensorPart::none || b.damping > 0 || b.force.axis >= 0;
+            return b.assumed_part != TensorPart::none || damped_particles(b) || b.force.axis >= 0;
         });
     if (between && backend.device)
         throw SceneError(
@@ -367,15 +367,20 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
         p.vertex_volumes = body.vertex_volumes;
         if (p.elements > 0) {
             p.kept = kept_by_element(body.material, D);
-            const bool loaded = !body.tractions.empty(), pinned = !body.pins.empty(),
-                       stressed = !body.element_stress.empty();
+            MeshSizes sizes{p.elements,
+                            p.particles,
+                            p.vertex_volumes,
+                            p.kept,
+                            0,
+                            0,
+                            !body.element_stress.empty(),
+                            body.damping > 0};
+            for (const TractionSpec& t : body.tractions) sizes.loaded += t.particles.size();
+            for (const PinSpec& pin : body.pins) sizes.pinned += pin.vertices.size();
             p.state_columns = 1;
             p.columns.push_back({"mass_share", 1, real});
             plan.memory_particles +=
-                D == 2 ? planned_mesh_bytes<2>(p.elements, p.particles, p.vertex_volumes, p.kept,
-                                               loaded, pinned, stressed, real)
-                       : planned_mesh_bytes<3>(p.elements, p.particles, p.vertex_volumes, p.kept,
-                                               loaded, pinned, stressed, real);
+                D == 2 ? planned_mesh_bytes<2>(sizes, real) : planned_mesh_bytes<3>(sizes, real);
         } else {
             p.rigid = body.rigid.given;
             p.state_columns = m.reals(D);

@@ -53,7 +53,7 @@ Plan plan_functions(const Spec& spec) {
             "dimensions, dimension is " +
             std::to_string(spec.dimension) + "; use dimension=2");
     }
-    check_elements(spec, cpu_traits(Precision::double_));
+    check_elements(spec);
     const auto basis = make_basis(spec.functions);
     Plan plan;
     plan.on_functions = true;

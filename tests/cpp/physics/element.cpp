@@ -452,5 +452,60 @@ TEST(FlowingElements, turned_after_flow_have_turned_stress) {
         for (int b = 0; b < 2; ++b) EXPECT_NEAR(after.e[a][b], expected.e[a][b], 1e-6);
 }
 
+/// Numerical damping: across and along as Yang has it, nothing of what only turns, the same in a
+/// frame that is turned, and never a gain of energy.
+TEST(DampedElements, by_their_rate_of_strain_alone) {
+    const ElementDamping<double> k{3.0, 2.0};
+    const double dt = 1e-3;
+    const auto damped = [&](const Mat<double, 3>& h, const Mat<double, 3>& moved) {
+        Mat<double, 3> tau{};
+        add_damping(tau, h, moved, volume_change(h), k, dt);
+        return tau;
+    };
+    Mat<double, 3> none{}, stretch{}, shear{};
+    stretch.e[0][0] = 1e-4;
+    shear.e[0][1] = 1e-4;
+    EXPECT_NEAR(damped(none, stretch).e[0][0], k.normal * 0.1, 1e-15);
+    EXPECT_NEAR(damped(none, shear).e[0][1], k.shear * 0.5 * 0.1, 1e-15);
+    EXPECT_NEAR(damped(none, shear).e[1][0], k.shear * 0.5 * 0.1, 1e-15);
+
+    test::Random random(7);
+    for (int trial = 0; trial < 50; ++trial) {
+        Mat<double, 3> h{}, rate{}, skew{};
+        for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b) {
+                h.e[a][b] = 0.2 * random.between(-1, 1);
+                rate.e[a][b] = random.between(-1, 1);
+            }
+        for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b) skew.e[a][b] = rate.e[a][b] - rate.e[b][a];
+        Mat<double, 3> f = h;
+        for (int a = 0; a < 3; ++a) f.e[a][a] += 1;
+        const auto turning = damped(h, product(skew, f));
+        const auto moved = product(rate, f);
+        const auto tau = damped(h, moved);
+        double work = 0;
+        for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b) {
+                EXPECT_NEAR(turning.e[a][b], 0, 1e-10);
+                work += tau.e[a][b] * rate.e[a][b];
+            }
+        EXPECT_GT(work, 0);
+        const double c = std::cos(0.7), n = std::sin(0.7);
+        Mat<double, 3> turn{};
+        turn.e[0][0] = turn.e[1][1] = c;
+        turn.e[1][0] = n;
+        turn.e[0][1] = -n;
+        turn.e[2][2] = 1;
+        Mat<double, 3> turned = product(turn, f);
+        for (int a = 0; a < 3; ++a) turned.e[a][a] -= 1;
+        const auto after = damped(turned, product(turn, moved));
+        const auto expected = product_transposed(product(turn, tau), turn);
+        for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b)
+                EXPECT_NEAR(after.e[a][b], expected.e[a][b], 1e-9 * k.normal / dt);
+    }
+}
+
 }  // namespace
 }  // namespace mpm

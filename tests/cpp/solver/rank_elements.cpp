@@ -11,6 +11,7 @@
 #include "mpm/solver/ranks.hpp"
 #include "support/meshes_of_elements.hpp"
 #include "support/ranks.hpp"
+#include "support/slow_engine.hpp"
 #include "support/unruly.hpp"
 
 namespace mpm {
@@ -200,6 +201,111 @@ const std::vector kinds = test::sanitized ? std::vector{Kind{2, true, true}, Kin
                                           : std::vector{Kind{2, false}, Kind{2, true, true},
                                                         Kind{3, true}, Kind{3, false, true}};
 INSTANTIATE_TEST_SUITE_P(All, RankElements, ::testing::ValuesIn(kinds));
+
+/// On devices: dimension, whether ranks reach each other's memory, contact.
+class DeviceElements : public ::testing::TestWithParam<std::tuple<int, bool, bool>> {
+protected:
+    const bool reaches = std::get<1>(GetParam());
+    Spec scene() { return plates({std::get<0>(GetParam()), true, std::get<2>(GetParam())}); }
+    std::unique_ptr<Engine> make(int ranks, int axis, double rebalance_above) {
+        return test::make_slow_engine(test::on_devices(scene(), ranks, axis, rebalance_above),
+                                      reaches);
+    }
+};
+
+TEST_P(DeviceElements, have_the_bits_of_one) {
+    const auto one = test::make_slow_engine(scene());
+    EXPECT_EQ(go(*one, 2 * half).reason, "steps");
+    EXPECT_GT(one->statistics().at("sorts"), 1);
+    const auto samples = one->drain();
+    double migrated = 0, told = 0;
+    for (int ranks : {2, 3}) {
+        for (double rebalance_above : {1.05, 0.0}) {
+            if (test::sanitized && (ranks == 2) == (rebalance_above == 0)) continue;
+            const auto many = make(ranks, ranks == 2 ? 0 : -1, rebalance_above);
+            go(*many, half);
+            go(*many, half);
+            migrated += many->statistics().at("migrated");
+            told += many->statistics().at("bytes_of_vertices");
+            expect_same_meshes(*many, *one);
+            expect_same_samples(many->drain(), samples, scene());
+        }
+    }
+    EXPECT_GT(migrated, 0);
+    EXPECT_GT(told, 0);
+}
+
+TEST_P(DeviceElements, resume_on_another_number) {
+    const auto straight = test::make_slow_engine(scene());
+    go(*straight, half);
+    const auto from_one = straight->save();
+    go(*straight, half);
+    const auto three = make(3, -1, 1.05);
+    three->load(from_one);
+    go(*three, half / 2);
+    const auto again = test::make_slow_engine(scene());
+    again->load(three->save());
+    go(*again, half - half / 2);
+    expect_same_meshes(*again, *straight);
+}
+
+/// Of double precision no further than the CPU's single precision, times a few: sums are integers
+/// on one and numbers on the other.
+TEST_P(DeviceElements, are_as_near_to_double_precision_as_the_cpu) {
+    const auto exact =
+        make_cpu_engine(plates({std::get<0>(GetParam()), false, std::get<2>(GetParam())}));
+    const auto cpu = make_cpu_engine(scene()), device = test::make_slow_engine(scene());
+    for (Engine* e : {exact.get(), cpu.get(), device.get()}) go(*e, 20);
+    const std::vector<std::string> names = {"element_stress", "element_energy",
+                                            "element_volume_ratio"};
+    for (int b = 1; b < 3; ++b) {
+        const Attributes right = exact->attributes(b, names), x = cpu->attributes(b, names),
+                         y = device->attributes(b, names);
+        for (const std::string& name : names) {
+            const auto& of = [&](const Attributes& a) -> const std::vector<double>& {
+                return a.values.at(name).data;
+            };
+            double size = 0, of_cpu = 0, of_device = 0;
+            for (std::size_t k = 0; k < of(right).size(); ++k) {
+                size = std::max(size, std::abs(of(right)[k]));
+                of_cpu = std::max(of_cpu, std::abs(of(x)[k] - of(right)[k]));
+                of_device = std::max(of_device, std::abs(of(y)[k] - of(right)[k]));
+            }
+            EXPECT_GT(size, 0);
+            EXPECT_LT(of_device, 8 * of_cpu + 1e-5 * size) << name << " of " << size;
+        }
+    }
+}
+
+/// Under sanitizers not each with each.
+using Kinds = std::vector<std::tuple<int, bool, bool>>;
+INSTANTIATE_TEST_SUITE_P(All, DeviceElements,
+                         ::testing::ValuesIn(test::sanitized
+                                                 ? Kinds{{2, true, true}, {2, false, false}}
+                                                 : Kinds{{2, true, true},
+                                                         {2, false, false},
+                                                         {3, true, false},
+                                                         {3, false, true}}));
+
+TEST(DeviceElements, name_the_element_that_the_cpu_names) {
+    Spec s = plates({2, true});
+    BodySpec& b = s.bodies[1];
+    b.velocity.assign(2 * b.count, 0.0);
+    for (const std::size_t v : {40u, 50u, 60u, 70u, 80u}) b.velocity[2 * v] = 400;
+    b.parameters[1] = 100;
+    const auto cpu = make_cpu_engine(s);
+    const RunResult expected = go(*cpu, 4000);
+    ASSERT_EQ(expected.fault.code, "inverted-element");
+    for (const int ranks : {1, 2}) {
+        const auto device =
+            test::make_slow_engine(ranks == 1 ? s : test::on_devices(s, ranks, 0, 1.05));
+        const RunResult found = go(*device, 4000);
+        EXPECT_EQ(found.fault.code, expected.fault.code);
+        EXPECT_NEAR(double(found.steps), double(expected.steps), 2);
+        EXPECT_GE(found.fault.element, 0);
+        EXPECT_EQ(found.fault.ids.size(), 3u);
+    }
+}
 
 /// Counts what ranks say of vertices.
 class Listening final : public RankThreads {

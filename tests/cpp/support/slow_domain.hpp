@@ -9,10 +9,12 @@
 #include "mpm/physics/material/fixed_corotated.hpp"
 #include "mpm/physics/material/linear_elastic.hpp"
 #include "mpm/physics/material/tait_fluid.hpp"
+#include "mpm/physics/material/von_mises.hpp"
 #include "mpm/solver/domain.hpp"
 #include "mpm/solver/rank_scene.hpp"
 #include "mpm/solver/ranks.hpp"
 #include "support/slow_device.hpp"
+#include "support/slow_elements.hpp"
 #include "support/slow_engine.hpp"
 
 namespace mpm::test {

@@ -10,7 +10,7 @@ namespace mpm::test {
 
 /// With as many ranks as the scene has, each a thread and a device. `reaches`: ranks read and add
 /// in each other's memory; otherwise everything is sent. Of materials there are TaitFluid, with
-/// every smoothing, FixedCorotated and LinearElastic.
+/// every smoothing, FixedCorotated and LinearElastic; of elements FixedCorotated and VonMises.
 std::unique_ptr<Engine> make_slow_engine(const Spec& s, bool reaches = true);
 
 /// How far particles may drift between sorts there, in cells.

@@ -54,7 +54,7 @@ void find_forces(const Pass<Cpu, T, D>& pass, const ElementsView<T, D>& mesh) {
     num_threads(element_threads(*pass.exec, mesh.pushed.count))
     for (std::int64_t n = 0; n < mesh.pushed.count; ++n) {
         const std::int64_t e = mesh.pushed[n];
-        if (!push_element<Material>(mesh, k, e))
+        if (!push_element<Material>(mesh, k, e, pass.clock->dt))
             Cpu::keep_smallest(mesh.inverted, std::uint64_t(e));
     }
 }
@@ -64,16 +64,12 @@ void spread_vertices_of(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>&
     using A = SpreadArena<T, D, W>;
     const auto& pass = phase.pass;
     const SpreadTargets<D> to(phase.n, phase.part, pass.group);
-    // Forces are kept times a cell.
-    const double density = pass.body.particle_mass / pass.body.particle_volume;
-    const T scale = T(0.25 * pass.numbers->impulse * density);  // dt_next / dx
     for_each_colour<A>(phase, [&](A& arena, std::int32_t slot) {
         std::memset(arena.sums, 0, sizeof arena.sums);
         for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
             const Reached<W, Cpu, T, D> reached(phase, slot, home, q);
             const T m = T(pass.body.particle_mass) * pass.body.state[0][q];
-            Vec<T, D> push = push_on_vertex(mesh, pass.body.id[q]);
-            for (int a = 0; a < D; ++a) push[a] = scale * push[a] / m;
+            const Vec<T, D> push = push_of_step(pass, mesh, q);
             spread_vertex(phase, reached, places_in_arena<A, W, D, A::margin>(reached.at.cell), q,
                           push, [&](int channel, int place, T amount) {
                               arena.sums[place][channel] += m * amount;
@@ -109,32 +105,17 @@ void fill_nodes(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& mesh,
     if (idle(phase)) return;
     using A = FillArena<T, D>;
     const auto& pass = phase.pass;
-    const T density = T(pass.body.particle_mass / pass.body.particle_volume);
     for_each_colour<A>(phase, [&](A& arena, std::int32_t slot) {
         if (!near[slot]) return;
         std::memset(arena.sums, 0, sizeof arena.sums);
-        const std::int32_t* corner = pass.grid.table.corners + std::int64_t(slot) * D;
         for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
-            const auto add = [&](const Vec<T, D>& offset, T mass) {
-                int cell[D];
-                Vec<T, D> xi, half{};
-                std::int64_t in_domain[D];
-                for (int a = 0; a < D; ++a) {
-                    // A vertex is 1.5 cells from its home cell at most, a point of it further.
-                    const T x = offset[a];
-                    const int shift = x < T(-1.5) ? -2 : (x > T(1.5) ? 2 : cell_shift(x));
-                    cell[a] = home[a] + shift;
-                    xi[a] = x - T(shift);
-                    in_domain[a] = corner[a] + cell[a];
-                }
-                const Stencil<T, D, 3> s = stencil_of<3>(KernelChoice{}, xi, half, in_domain);
-                for_each_node(s, places_in_arena<A, 3, D, A::margin>(cell),
-                              [&](const auto&, int place, T w) { arena.sums[place] += mass * w; });
-            };
-            Vec<T, D> own;
-            for (int a = 0; a < D; ++a) own[a] = pass.body.offset[a][q];
-            add(own, -T(pass.body.particle_mass) * pass.body.state[0][q]);
-            for_each_point(mesh, pass.body, q, density, add);
+            for_each_filling(pass, mesh, slot, home, q,
+                             [&](const int(&cell)[D], const Stencil<T, D, 3>& s, T mass) {
+                                 for_each_node(s, places_in_arena<A, 3, D, A::margin>(cell),
+                                               [&](const auto&, int place, T w) {
+                                                   arena.sums[place] += mass * w;
+                                               });
+                             });
         });
         for_each_run<D, A::margin>(
             pass.destinations + std::int64_t(slot) * Block<D>::neighbours,
@@ -153,7 +134,6 @@ void element_energies(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& m
     if (!*due) return;
     const auto& pass = phase.pass;
     const auto k = Material::template constants<double>(pass.parameters);
-    const double dx = 1 / pass.numbers->rate;
 #pragma omp parallel for schedule(static) \
     num_threads(element_threads(*pass.exec, mesh.pushed.count))
     for (std::int64_t n = 0; n < mesh.pushed.count; ++n) {
@@ -164,22 +144,9 @@ void element_energies(const Phase<Cpu, T, D>& phase, const ElementsView<T, D>& m
     num_threads(element_threads(*pass.exec, pass.body.count))
     for (std::int32_t h = 0; h < pass.body.homes; ++h) {
         const std::int32_t slot = pass.body.home[h];
-        const std::int32_t* corner = pass.grid.table.corners + std::int64_t(slot) * D;
         double sum[3] = {};
         for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
-            const double m = pass.body.particle_mass * double(pass.body.state[0][q]);
-            double height = 0;
-            for (int a = 0; a < D; ++a)
-                height += pass.clock->gravity[a] *
-                          (double(corner[a] + home[a]) + 0.5 + double(pass.body.offset[a][q])) * dx;
-            sum[0] += 0.5 * m * speed_squared(phase, q);
-            sum[2] -= m * height;
-            const std::uint32_t number = pass.body.id[q];
-            for (std::uint32_t c = mesh.start[number]; c < mesh.start[number + 1]; ++c)
-                sum[1] += energy[mesh.corner[c] / (D + 1)];
-            if (mesh.grown)
-                sum[1] += (1 - own_volume_share) * double(mesh.vertex_volume[number]) *
-                          volume_energy_of<Material>(double(mesh.vertex_change[number]), k);
+            add_vertex_energies<Material>(phase, mesh, k, slot, home, q, energy, sum);
         });
         for (int n = 0; n < 3; ++n) partial[3 * h + n] = sum[n];
     }

@@ -214,6 +214,9 @@ struct Largest {
         momentum = max(momentum, as_bits(deposit_size<0, D>(u)));
         if constexpr (C > D) group = max(group, as_bits(deposit_size<D, C>(u)));
     }
+    __device__ __forceinline__ void see_momentum(T size) {
+        momentum = max(momentum, as_bits(size));
+    }
     template <class P>
     __device__ __forceinline__ void tell(const P& pass) const {
         tell(pass.deposited + momentum_sum, momentum, known_momentum);

@@ -75,9 +75,8 @@ def built_for_cpu(scene: SceneData) -> str:
         return changed + kernel.text() + (" by moved nodes" if kernel.moved_nodes else "")
     for body in scene.bodies:
         parts = {
-            "of elements": isinstance(body.shape, ElementMesh),
             "with assumed fields": body.assumed is not None,
-            "with numerical damping": body.damping > 0,
+            "with numerical damping": body.damping > 0 and not isinstance(body.shape, ElementMesh),
             "with a placed force": body.force is not None,
         }
         for what in (what for what, there in parts.items() if there):

@@ -103,7 +103,6 @@ def _check_unbuilt(check: Checker, scene: SceneData, body: Body) -> None:
                  "volumes='vertex' of the mesh serves in its place; leave it out"),
         "smoothing": (body.smoothing is not None, body.smoothing, "leave it out"),
         "assumed": (body.assumed is not None, body.assumed, "leave it out"),
-        "damping": (body.damping > 0, body.damping, "leave it out"),
         "force": (body.force is not None, body.force, "leave it out"),
     }  # fmt: skip
     for name, (is_given, item, why) in given.items():

@@ -101,8 +101,8 @@ class Body(Value):
     )
     damping: float = given(
         "ratio ξ of numerical damping, of elastic solids: σ_ij += 2 Δx ξ √(M ρ) d_ij, M the "
-        "modulus of the pressure wave (i = j) or the shear modulus (Yang 2016, A.6); 1 is "
-        "critical in one dimension",
+        "modulus of the pressure wave (i = j) or the shear modulus (Yang 2016, A.6), of elements "
+        "in the form that no turn of the axes changes; 1 is critical in one dimension",
         default=0.0,
         unit="1",
         low=0,
