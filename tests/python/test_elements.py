@@ -699,3 +699,16 @@ def test_slow_impacts_of_long_edges_are_named():
     (text,) = doubts(2.0, 0.025)
     assert "0.07 at 0.0014" in text and "edge ≤ 0.0125 m" in text
     assert not doubts(40.0, 0.025) and not doubts(2.0, 0.0125)
+
+
+def test_a_simulation_shares_the_arrays_of_a_mesh() -> None:
+    """Its scene is a copy, but a mesh cannot change, and as lists it would take seconds."""
+    mesh = shapes.Triangles.box(lower=(0.1, 0.1), upper=(0.5, 0.4), edge=0.05)
+    scene = Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(1, 1))
+    scene.add_body(name="block", shape=mesh, material=WOOD)
+    sim = libmpm.Simulation(scene, device="cpu")
+    scene.replace("block", material=RUBBER)
+    assert sim.scene.bodies[0].material == WOOD
+    assert sim.scene.bodies[0].shape.vertices is mesh.vertices
+    assert isinstance(scene.to_dict()["bodies"][0]["shape"]["vertices"], list)
+    assert isinstance(sim.scene.to_dict()["bodies"][0]["shape"]["vertices"], list)

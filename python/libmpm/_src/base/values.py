@@ -241,6 +241,8 @@ class Value:
 
     #: Name in messages, for instance ``shapes.Box``.
     label: ClassVar[str] = ""
+    #: Whether it is large arrays that cannot change (`arrays_shared`).
+    holds_arrays: ClassVar[bool] = False
     #: Names of the fields, which are what is compared.
     _fields: ClassVar[tuple[str, ...]] = ()
 
@@ -378,10 +380,27 @@ def value(cls: type[T] | None = None, /, *, kw_only: bool = True) -> Any:
     return make if cls is None else make(cls)
 
 
+#: Whether what holds arrays stands in a dictionary as the value that it is.
+_arrays_shared: ContextVar[bool] = ContextVar("libmpm_arrays_shared", default=False)
+
+
+@contextmanager
+def arrays_shared() -> Iterator[None]:
+    """Let `to_dict` leave values with `holds_arrays` as they are: for copies, not for files.
+
+    They cannot change, and a million elements as lists of numbers take half a minute both ways.
+    """
+    token = _arrays_shared.set(True)
+    try:
+        yield
+    finally:
+        _arrays_shared.reset(token)
+
+
 def plain(item: Any) -> Any:
     """Return `item` in terms of JSON; infinity becomes null, the mark of an open end."""
     if isinstance(item, Value):
-        return item.to_dict()
+        return item if item.holds_arrays and _arrays_shared.get() else item.to_dict()
     if isinstance(item, Mapping):
         return {str(k): plain(v) for k, v in item.items()}
     if isinstance(item, tuple | list):

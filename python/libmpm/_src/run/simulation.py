@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.arguments import file_path, keywords_only, shown
-from libmpm._src.base.values import warned_already
+from libmpm._src.base.values import arrays_shared, warned_already
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
@@ -111,7 +111,8 @@ class Simulation(Shown, Acting):
         self._turns = Turns()
         if not isinstance(scene, Scene):
             raise SceneError(f"Simulation: scene is {shown(scene, 80)}; expected a Scene")
-        self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
+        with arrays_shared():
+            self._scene = Scene.from_dict(with_functions(scene.to_dict(), functions))
         precision = choose_precision(self._scene, precision)
         requested: dict[str, Any] = {
             "precision": precision,

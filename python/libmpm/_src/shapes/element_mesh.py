@@ -32,6 +32,7 @@ _MESHERS = ("auto", "lattice", "gmsh")
 class ElementMesh(GivenPoints):
     """What `Tetrahedra` and `Triangles` have in common."""
 
+    holds_arrays: ClassVar[bool] = True
     #: Number of axes.
     _d: ClassVar[int]
 
