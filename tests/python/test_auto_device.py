@@ -61,13 +61,6 @@ SCENES = {
         lambda: scene(methods.Kernel(moved_nodes=True)),
         "kernel 'quadratic' by moved nodes",
     ),
-    "elements": (
-        lambda: scene(
-            shape=shapes.Triangles.box(lower=(0.2, 0.2), upper=(0.6, 0.6), edge=0.1),
-            material=RUBBER,
-        ),
-        "body 'b' of elements",
-    ),
     "assumed fields": (
         lambda: scene(assumed=methods.AssumedFields()),
         "body 'b' with assumed fields",
@@ -81,6 +74,14 @@ SCENES = {
     ),
     "smoothing": (lambda: scene(smoothing=methods.Smoothing()), ""),
     "F-bar": (lambda: scene(material=RUBBER, fbar=methods.FBar(form="split", ratio=0.5)), ""),
+    "elements, damped": (
+        lambda: scene(
+            shape=shapes.Triangles.box(lower=(0.2, 0.2), upper=(0.6, 0.6), edge=0.1),
+            material=RUBBER,
+            damping=0.1,
+        ),
+        "",
+    ),
     "contacts": (touching, ""),
 }
 

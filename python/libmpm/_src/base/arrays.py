@@ -1,9 +1,11 @@
-"""Arrays of other libraries (DLPack, GPU arrays, data frames) brought to the host."""
+"""Arrays of other libraries (DLPack, GPU arrays, data frames) brought to the host; shared arrays."""
 
 from __future__ import annotations
 
 import numbers
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 
 from libmpm._src.errors import Error
 
-__all__ = ["host_array", "real_array"]
+__all__ = ["are_shared", "arrays_shared", "host_array", "real_array"]
 
 #: Device types of DLPack that a processor can read: its own memory, pinned and managed memory.
 _READABLE = (1, 3, 13)
@@ -68,3 +70,24 @@ def real_array(array: Any, what: str) -> NDArray[np.float64]:
     elif found.dtype.kind not in "iuf":
         raise TypeError(f"{what} is an array of {found.dtype}")
     return np.asarray(found, dtype=np.float64)
+
+
+_shared: ContextVar[bool] = ContextVar("libmpm_arrays_shared", default=False)
+
+
+@contextmanager
+def arrays_shared() -> Iterator[None]:
+    """Let `to_dict` leave values with `holds_arrays` as they are: for copies, not for files.
+
+    They cannot change, and a million elements as lists of numbers take half a minute both ways.
+    """
+    token = _shared.set(True)
+    try:
+        yield
+    finally:
+        _shared.reset(token)
+
+
+def are_shared() -> bool:
+    """Return whether they are at this moment."""
+    return _shared.get()

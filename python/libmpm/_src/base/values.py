@@ -25,6 +25,7 @@ from libmpm._src.base.arguments import hint, wrong_arguments
 from libmpm._src.base.arguments import keywords_only as keywords_only
 from libmpm._src.base.arguments import nearest as nearest
 from libmpm._src.base.arguments import shown as shown
+from libmpm._src.base.arrays import are_shared
 from libmpm._src.base.declarations import declared, filled, given
 from libmpm._src.errors import ArgumentError, Error, ModelWarning, SceneError
 
@@ -380,27 +381,10 @@ def value(cls: type[T] | None = None, /, *, kw_only: bool = True) -> Any:
     return make if cls is None else make(cls)
 
 
-#: Whether what holds arrays stands in a dictionary as the value that it is.
-_arrays_shared: ContextVar[bool] = ContextVar("libmpm_arrays_shared", default=False)
-
-
-@contextmanager
-def arrays_shared() -> Iterator[None]:
-    """Let `to_dict` leave values with `holds_arrays` as they are: for copies, not for files.
-
-    They cannot change, and a million elements as lists of numbers take half a minute both ways.
-    """
-    token = _arrays_shared.set(True)
-    try:
-        yield
-    finally:
-        _arrays_shared.reset(token)
-
-
 def plain(item: Any) -> Any:
     """Return `item` in terms of JSON; infinity becomes null, the mark of an open end."""
     if isinstance(item, Value):
-        return item if item.holds_arrays and _arrays_shared.get() else item.to_dict()
+        return item if item.holds_arrays and are_shared() else item.to_dict()
     if isinstance(item, Mapping):
         return {str(k): plain(v) for k, v in item.items()}
     if isinstance(item, tuple | list):

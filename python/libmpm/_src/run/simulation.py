@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.arguments import file_path, keywords_only, shown
-from libmpm._src.base.values import arrays_shared, warned_already
+from libmpm._src.base.arrays import arrays_shared
+from libmpm._src.base.values import warned_already
 from libmpm._src.errors import Error, SceneError
 from libmpm._src.methods.smoothing import history
 from libmpm._src.output.series import Series
