@@ -1,4 +1,4 @@
-"""Arrays of other libraries (DLPack, GPU arrays, data frames) brought to the host; shared arrays."""
+"""Arrays of other libraries (DLPack, GPU arrays, frames) on the host; arrays that copies share."""
 
 from __future__ import annotations
 
