@@ -76,6 +76,26 @@ def test_momentum_is_what_gravity_and_pins_have_given(scheme: str) -> None:
     assert grid == pytest.approx(202e-4 * weight - pushed, rel=1e-9, abs=1e-9)
 
 
+def test_a_fast_pin_shortens_the_step() -> None:
+    """No vertex crosses more than half a cell in one, as no node does; where it is stays exact."""
+    everywhere = Pin(
+        within=shapes.Box(lower=(0, 0), upper=(0.9, 0.5)), motion=moved(5e-3, [0.15, 0])
+    )
+    sim = libmpm.Simulation(bar(2, (everywhere,)), **FAST, time_step=3e-4)
+    body, dx = sim.particles["bar"], sim.scene.cell_size
+    rest = body["position"]
+    ways, times, before = [], [0.0], rest
+    while sim.time < 5.5e-3:
+        sim.step(1)
+        now = body["position"]
+        ways.append(np.abs(now - before).max() / dx)
+        times.append(sim.time)
+        before = now
+    assert max(ways) < 0.55
+    assert min(np.diff(times)) < 0.95 * 3e-4
+    assert now - rest == pytest.approx(np.tile([0.15, 0.0], (len(rest), 1)), abs=1e-12)
+
+
 @pytest.mark.parametrize("cells", [2, 4, 8])
 def test_a_bar_between_pins_pulls_with_its_stiffness(cells: int) -> None:
     """E A ε over the length of the bar itself; held nodes make it half a cell longer."""
