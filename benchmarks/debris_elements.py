@@ -87,7 +87,7 @@ def table(line: dict[str, Any]) -> str:
     """Return the tables of a line, in Markdown."""
     rows = ["| elements over particles, by field | median (10 to 90 %) |", "| --- | --- |"]
     rows += [f"| {LOADS[name]} | {said} |" for name, said in line["ratios"].items()]
-    rows += ["", "| largest load, N | particles | R² | elements | R² |", "| --- | " * 4 + "--- |"]
+    rows += ["", "| largest load, N | particles | R² | elements | R² |", "| --- " * 5 + "|"]
     for name in line["fits"]["particles"]:
         cells = [name]
         for kind in KINDS:
