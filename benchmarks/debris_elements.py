@@ -1,6 +1,6 @@
 """Random debris fields against a wall in air, in space: blocks of particles and of elements.
 
-    python benchmarks/debris_elements.py [-o FOLDER] [--fields 100] [--cell-size 0.025]
+    python benchmarks/debris_elements.py [--output FOLDER] [--fields 100] [--cell-size 0.025]
                                          [--blocks 8] [--device cpu] [--workers N]
                                          [--threads-pool N]
                                          [--columns FILE] [--write]
@@ -12,7 +12,8 @@ small scenes share it best from threads of one process, `--threads-pool 12`. Pri
 written into docs/elements.md with --write: the regressions of the source with both, and the largest
 load of each field as elements over that as particles. One JSON line goes to
 benchmarks/results/debris_elements.jsonl. `--columns`: what was found goes to a file instead, and
-where that is there, nothing runs and the tables are made of it.
+where that is there, nothing runs and the tables are made of it. `--json FILE`: where the line goes
+instead.
 """
 
 from __future__ import annotations
@@ -20,8 +21,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,7 @@ from libmpm._src.cli import bench
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "examples/debris_study"))
 
+import record  # noqa: E402
 from in_air import MEASURES, InAir, regressions  # noqa: E402
 
 RESULTS = ROOT / "benchmarks/results/debris_elements.jsonl"
@@ -54,17 +54,9 @@ def run(given: argparse.Namespace) -> dict[str, Any]:
     }  # fmt: skip
     for kind, edge in KINDS.items():
         made = InAir(cell_size=given.cell_size, blocks=given.blocks, dimension=3, edge=edge)
-        study = made.random(given.output / kind, given.fields, shared_device=given.threads_pool > 1)
-        began = time.monotonic()
-        how: dict[str, Any] = {"device": given.device, "progress": False}
-        if given.threads_pool:
-            with ThreadPoolExecutor(given.threads_pool) as executor:
-                result = study.run(executor, **how)
-        else:
-            result = study.run(workers=given.workers, **how)
-        if result.failed:
-            raise SystemExit(f"{kind}: {result.summary()}")
-        found["seconds"][kind] = round(time.monotonic() - began, 1)
+        study = made.random(given.output / kind, given.fields, **record.sharing(given))
+        result, seconds = record.run(study, given)
+        found["seconds"][kind] = round(seconds, 1)
         found["columns"][kind] = {
             name: [float(x) for x in result[name]]
             for name in (*MEASURES, *LOADS, "particles", "steps")
@@ -103,15 +95,11 @@ def main() -> int:
     """Do what the command line says."""
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
-    parser.add_argument("-o", "--output", type=Path, default=Path("debris-elements"))
     parser.add_argument("--fields", type=int, default=100)
     parser.add_argument("--blocks", type=int, default=8, help="most blocks of a field")
     parser.add_argument("--cell-size", type=float, default=0.025, help="m")
-    parser.add_argument("--device", default="auto")
-    parser.add_argument("--workers", type=int, help="processes")
-    parser.add_argument("--threads-pool", type=int, default=0, help="cases at a time, in threads")
+    record.add_arguments(parser, "debris-elements")
     parser.add_argument("--columns", type=Path, help="file of what was found")
-    parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--write", action="store_true", help="the tables of docs/elements.md")
     given = parser.parse_args()
     if given.columns and given.columns.is_file():
@@ -135,7 +123,7 @@ def main() -> int:
         "particles": {k: round(float(of["particles"].mean())) for k, of in columns.items()},
         "steps": {k: round(float(of["steps"].mean())) for k, of in columns.items()},
     }  # fmt: skip
-    append(given.results, line)
+    append(given.json or RESULTS, line)
     print(table(line))
     if given.write:
         PAGE.write_text(filled(PAGE, *MARKS, table(line)), encoding="utf-8")
