@@ -273,7 +273,7 @@ public:
         std::vector<std::vector<std::byte>> copies_;
     };
     OnHost on_host() const {
-        OnHost out(view());
+        OnHost out(connected());
         if constexpr (X::is_device) {
             const auto copy = [&]<class E>(const auto& from, E*& to) {
                 if (!to) return;
@@ -283,9 +283,6 @@ public:
                 to = reinterpret_cast<E*>(bytes.data());
             };
             ElementsView<T, D>& v = out.view;
-            v.vertex = host_.vertex.data();
-            v.start = host_.start.data();
-            v.corner = host_.corner.data();
             copy(inverse_, v.inverse);
             copy(volume_, v.volume);
             copy(kept_, v.kept);
