@@ -33,12 +33,17 @@ CASES = ("water", "block", "bars", "bars coarse", "bars of particles")
 BARS = 300
 
 
-def tank(scale: float) -> tuple[libmpm.Scene, tuple[int, int, int], int]:
-    """Return water that stands in a tank, the tank's size and its depth in cells."""
+def size_of(scale: float) -> tuple[tuple[int, int, int], int]:
+    """Return the tank's size and the depth of its water, cells."""
     deep = max(24, round(64 * scale ** (1 / 3)))
     cells = 1e6 * scale / deep
     wide = max(32, round(math.sqrt(cells / 2)))
-    size = (round(cells / wide), wide, deep + 24)
+    return (round(cells / wide), wide, deep + 24), deep
+
+
+def tank(scale: float, without: shapes.Box | None = None) -> libmpm.Scene:
+    """Return water that stands in a tank, but for a box."""
+    size, deep = size_of(scale)
     upper = tuple(n * CELL for n in size)
     scene = libmpm.Scene(
         dimension=3, cell_size=CELL, lower=(0, 0, 0), upper=upper, gravity=(0, 0, -9.81)
@@ -48,9 +53,10 @@ def tank(scale: float) -> tuple[libmpm.Scene, tuple[int, int, int], int]:
     )
     shape = shapes.Box(lower=(0, 0, 0), upper=(*upper[:2], deep * CELL))
     scene.add_body(
-        name="water", shape=shape, material=WATER, particles_per_cell=8, hydrostatic=deep * CELL
-    )
-    return scene, size, deep
+        name="water", shape=shape if without is None else shape - without, material=WATER,
+        particles_per_cell=8, hydrostatic=deep * CELL,
+    )  # fmt: skip
+    return scene
 
 
 def add_bars(scene: libmpm.Scene, size: tuple[int, int, int], deep: int, count: int,
@@ -77,18 +83,20 @@ def add_bars(scene: libmpm.Scene, size: tuple[int, int, int], deep: int, count: 
 
 def scene(case: str, scale: float) -> libmpm.Scene:
     """Return the scene of a case."""
-    made, size, deep = tank(scale)
+    size, deep = size_of(scale)
     count = max(2, round(BARS * scale))
     if case == "block":
         # Six tetrahedra a cube of half a cell; as deep as the water at most.
         high = min(28, deep - 4)
         wide = max(4, round(math.sqrt(1e6 * scale / 48 / high)))
         low = np.array([4, 4, 2]) * CELL
-        mesh = shapes.Tetrahedra.box(
-            lower=low, upper=low + np.array([wide, wide, high]) * CELL, edge=CELL / 2
-        )
-        made.add_body(name="block", shape=mesh, material=TIMBER, subtract_from=("water",))
-    elif case.startswith("bars"):
+        box = shapes.Box(lower=low, upper=low + np.array([wide, wide, high]) * CELL)
+        made = tank(scale, without=box)
+        mesh = shapes.Tetrahedra.box(lower=box.lower, upper=box.upper, edge=CELL / 2)
+        made.add_body(name="block", shape=mesh, material=TIMBER)
+        return made
+    made = tank(scale)
+    if case.startswith("bars"):
         edge = {"bars": 0.5, "bars coarse": 1.0}.get(case)
         add_bars(made, size, deep, count, edge)
     return made

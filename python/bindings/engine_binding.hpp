@@ -25,6 +25,18 @@ inline py::array numpy(const std::vector<std::uint64_t>& v) {
     return py::array_t<std::uint64_t>(py::ssize_t(v.size()), v.data());
 }
 
+/// Boxes of a `Window` as readers give them: (lower, upper) of each, m from the domain's corner.
+using Boxes = std::vector<std::pair<std::vector<double>, std::vector<double>>>;
+
+inline Window window_of(const Boxes& boxes) {
+    Window out;
+    for (const auto& [low, high] : boxes) {
+        out.low.insert(out.low.end(), low.begin(), low.end());
+        out.high.insert(out.high.end(), high.begin(), high.end());
+    }
+    return out;
+}
+
 inline py::dict plan_dict(const Plan& p) {
     py::dict out;
     py::list bodies;
@@ -372,17 +384,19 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             py::arg("body"))
         .def(
             "attributes",
-            [](Handle& h, int body, const std::vector<std::string>& names) {
+            [](Handle& h, int body, const std::vector<std::string>& names, const Boxes& within) {
                 std::vector<std::string> without_id;
                 for (const auto& n : names)
                     if (n != "id") without_id.push_back(n);
-                Attributes a = ask(h, [&](Engine& e) { return e.attributes(body, without_id); });
+                Attributes a = ask(h, [&](Engine& e) {
+                    return e.attributes(body, without_id, window_of(within));
+                });
                 py::dict d;
                 d["id"] = numpy(a.id);
                 for (const auto& [name, value] : a.values) d[py::str(name)] = numpy(value);
                 return d;
             },
-            py::arg("body"), py::arg("names"))
+            py::arg("body"), py::arg("names"), py::arg("within") = Boxes())
         .def(
             "attribute",
             [](Handle& h, int body, const std::string& name) -> py::object {
@@ -427,21 +441,23 @@ inline void bind_engine(py::module_& m, const Factory& make, const Planner& plan
             py::arg("pressure"))
         .def(
             "grid",
-            [](Handle& h, const std::string& name) {
-                Array a = ask(h, [&](Engine& e) { return e.grid(name); });
+            [](Handle& h, const std::string& name, const Boxes& within) {
+                Array a = ask(h, [&](Engine& e) { return e.grid(name, window_of(within)); });
                 return numpy(a);
             },
-            py::arg("name"))
-        .def("sums",
-             [](Handle& h) {
-                 NodalSums s = ask(h, [&](Engine& e) { return e.sums(); });
-                 const py::ssize_t d = h.spec.dimension, n = py::ssize_t(s.cell.size()) / d;
-                 py::dict out;
-                 out["cell"] = py::array_t<std::int64_t>({n, d}, s.cell.data());
-                 for (const auto& [name, value] : s.value)
-                     out[py::str(name)] = py::array_t<double>(n, value.data());
-                 return out;
-             })
+            py::arg("name"), py::arg("within") = Boxes())
+        .def(
+            "sums",
+            [](Handle& h, const Boxes& within) {
+                NodalSums s = ask(h, [&](Engine& e) { return e.sums(window_of(within)); });
+                const py::ssize_t d = h.spec.dimension, n = py::ssize_t(s.cell.size()) / d;
+                py::dict out;
+                out["cell"] = py::array_t<std::int64_t>({n, d}, s.cell.data());
+                for (const auto& [name, value] : s.value)
+                    out[py::str(name)] = py::array_t<double>(n, value.data());
+                return out;
+            },
+            py::arg("within") = Boxes())
         .def(
             "condition",
             [](Handle& h, int samples) {

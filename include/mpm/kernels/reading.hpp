@@ -136,4 +136,44 @@ MPM_INLINE bool point_velocity(const KernelChoice& kernel, const double (&cells)
     return true;
 }
 
+/// Rows of chosen blocks, one behind the other: `width` of the `stride` values that a slot has.
+template <class V>
+struct TakeBlocks {
+    const std::int32_t* slots;
+    const V* from;
+    std::int64_t stride, width;
+    V* to;
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        to[i] = from[slots[i / width] * stride + i % width];
+    }
+};
+
+/// What the particles of chosen home blocks store, block behind block; `lanes` workers share one.
+template <class T, int D>
+struct TakeParticles {
+    static constexpr int lanes = 32;
+
+    BodyView<T, D> body;
+    const std::int32_t* slots;
+    const std::uint32_t* row;  // of the first particle of each block
+    int columns;               // of state
+    std::int64_t count;
+    T* to;  // (D + columns, count): offsets, then state
+    std::uint32_t* id;
+    std::uint8_t* cell;  // null where they are stored cell by cell
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::uint32_t* start = body.cell_start + std::int64_t(slots[i / lanes]) * block_cells;
+        for (std::uint32_t q = start[0] + std::uint32_t(i % lanes); q < start[block_cells];
+             q += lanes) {
+            const std::int64_t k = std::int64_t(row[i / lanes]) + (q - start[0]);
+            for (int a = 0; a < D; ++a) to[a * count + k] = body.offset[a][q];
+            for (int r = 0; r < columns; ++r) to[(D + r) * count + k] = body.state[r][q];
+            id[k] = body.id[q];
+            if (cell) cell[k] = body.cell[q];
+        }
+    }
+};
+
 }  // namespace mpm

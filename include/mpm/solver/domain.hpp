@@ -42,6 +42,7 @@
 #include "mpm/solver/rank_share.hpp"
 #include "mpm/solver/rigid_bodies.hpp"
 #include "mpm/solver/sensors.hpp"
+#include "mpm/solver/snapshot.hpp"
 #include "mpm/solver/state_check.hpp"
 
 namespace mpm {
@@ -76,14 +77,15 @@ public:
         return bodies_.at(std::size_t(body)).smoothing;
     }
     std::vector<std::string> attribute_names(int body) const override;
-    Attributes attributes(int body, const std::vector<std::string>& names) override;
+    Attributes attributes(int body, const std::vector<std::string>& names,
+                          const Window& window) override;
     Gathered gather(int body, const std::vector<std::string>& names,
                     const std::vector<double>& origin, IdRange ids) override;
     DenseColumn duplicate(const DenseColumn& column) override;
     void copy_out(const DenseColumn& column, void* to) override;
     void assign(const Assignment& given) override;
-    Array grid(const std::string& name) override;
-    NodalSums sums() override;
+    Array grid(const std::string& name, const Window& window) override;
+    NodalSums sums(const Window& window) override;
     Condition condition(int samples) override;
     State save() override;
     void check(const State& state) const override;
@@ -230,7 +232,8 @@ private:
 
     // domain_read.hpp
     void prepare_velocities();
-    Array positions(Body& body);
+    Base& memory() { return exec_; }
+    NodesSeen<Sum> nodes_in(const Window& window);
     /// The grid on the host, as particles of one block see it.
     struct SeenGrid {
         const Grid* velocity;
@@ -464,6 +467,7 @@ private:
 
     int sorts_of_table_ = 0;
     Buffer<X, Grid> velocity_{exec_};
+    bool velocities_made_ = false;          // for readers, since the state last changed
     Buffer<X, Grid> wall_velocity_{exec_};  // `WallNodes`
     Buffer<X, std::uint8_t> wall_changed_{exec_};
     Buffer<X, Grid> wall_seats_{exec_};

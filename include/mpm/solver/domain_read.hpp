@@ -14,6 +14,7 @@ template <class X, class T, int D>
 void Domain<X, T, D>::prepare_velocities() {
     if (dead_) return;
     fetch_clock();
+    if (velocities_made_) return;
     const Clock kept = clock_;
     clock_.halt = Halt::none;
     push_clock();
@@ -22,34 +23,7 @@ void Domain<X, T, D>::prepare_velocities() {
     exec_.wait();
     clock_ = kept;
     push_clock();
-}
-
-/// Positions in metres from the lower corner, storage order.
-template <class X, class T, int D>
-Array Domain<X, T, D>::positions(Body& body) {
-    Array out;
-    out.shape = {body.count, std::size_t(D)};
-    out.data.resize(std::size_t(body.count) * D);
-    const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
-    const auto cell = body.cell.host(X::is_device ? body.count : 0);
-    const auto home = body.home.host();
-    const auto keys = blocks_.keys().host();
-    for (int a = 0; a < D; ++a) {
-        const auto x = body.offset[a].host(body.count);
-        for (std::int32_t h : home) {
-            std::int64_t block[D];
-            table_.keys_of.block(keys[h], block);
-            const std::uint32_t* cells = start.data() + std::size_t(h) * block_cells;
-            HomeCells homes{cells, X::is_device ? cell.data() : nullptr};
-            for (std::uint32_t q = cells[0]; q < cells[block_cells]; ++q) {
-                int at[D];
-                Block<D>::coordinates(homes.of(q), at);
-                const double centre = double(block[a] * Block<D>::edge + at[a]) + 0.5;
-                out.data[std::size_t(q) * D + a] = (centre + double(x[q])) * spec_.cell_size;
-            }
-        }
-    }
-    return out;
+    velocities_made_ = true;
 }
 
 template <class X, class T, int D>
@@ -109,7 +83,8 @@ void Domain<X, T, D>::see_rate(const PhaseNumbers& n, const SeenGrid& grid,
 }
 
 template <class X, class T, int D>
-Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string>& names) {
+Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string>& names,
+                                       const Window& window) {
     Body& body = bodies_.at(std::size_t(number));
     const auto known = attribute_names(number);
     const auto asked = [&](const char* name) {
@@ -132,12 +107,15 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
                               asked("stress") || asked("elastic_energy") || asked("volume_ratio") ||
                               asked("deformation_gradient") || asked("plastic_strain") ||
                               asked("yields");
-    const std::size_t active = body.count, n = active + body.frozen_id.size();
+    const bool all = window.everywhere() || body.mesh != nullptr;
+    const ParticleSnapshot<T, D> seen =
+        all ? all_particles(body, blocks_)
+            : particles_in(window, exec_, body, blocks_, spec_.cell_size);
+    const std::size_t active = seen.count, n = active + body.frozen_id.size();
 
     Attributes out;
-    const auto id = body.id.host(body.count);
     out.id.resize(n);
-    for (std::size_t k = 0; k < active; ++k) out.id[k] = body.first_id + id[k];
+    for (std::size_t k = 0; k < active; ++k) out.id[k] = body.first_id + seen.id[k];
     for (std::size_t k = active; k < n; ++k) out.id[k] = body.first_id + body.frozen_id[k - active];
     const auto make = [&](const char* name, std::size_t width, std::size_t rank) -> double* {
         if (!asked(name)) return nullptr;
@@ -170,19 +148,18 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     for (std::size_t k = active; frozen && k < n; ++k) frozen[k] = 1;
 
     if (moving) prepare_velocities();
-    const auto start = body.cell_start.host(std::size_t(table_.slots) * block_cells + 1);
-    const auto cells = body.cell.host(X::is_device ? body.count : 0);
-    const auto home = body.home.host();
-    const auto keys = blocks_.keys().host();
-    const auto neighbours = blocks_.neighbours().host();
-    const std::vector<Grid> grid = moving ? velocity_.host() : std::vector<Grid>();
+    const bool some = moving && active > 0;
+    const std::vector<Grid> grid =
+        some ? values_of(memory(), velocity_, seen.nodes,
+                         std::size_t(block_cells) * std::size_t(plan_.velocity_channels))
+             : std::vector<Grid>();
     const std::vector<Sum> masses =
-        moving && stresses_apart() ? sums_[parity()].host() : std::vector<Sum>();
-    std::vector<std::vector<T>> offset, state;
-    for (auto& c : body.offset) offset.push_back(c.host(body.count));
-    for (auto& c : body.state) state.push_back(c.host(body.count));
+        some && stresses_apart()
+            ? values_of(memory(), sums_[parity()], seen.nodes,
+                        std::size_t(block_cells) * std::size_t(plan_.sum_channels))
+            : std::vector<Sum>();
     const T* columns[max_state_columns] = {};
-    for (std::size_t r = 0; r < state.size(); ++r) columns[r] = state[r].data();
+    for (std::size_t r = 0; r < seen.state.size(); ++r) columns[r] = seen.state[r].data();
     const double dx = spec_.cell_size, m = body.particle_mass, V = body.particle_volume;
 
     const auto fill = [&](std::size_t q, const double* x, const double* v,
@@ -224,12 +201,12 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
             }
     };
 
-    exec_.host_for(std::int64_t(home.size()), [&](std::int64_t h) {
-        const std::int32_t slot = home[h];
+    exec_.host_for(std::int64_t(seen.home.size()), [&](std::int64_t h) {
+        const std::int32_t home = seen.home[std::size_t(h)];
         std::int64_t block[D];
-        table_.keys_of.block(keys[slot], block);
-        const std::uint32_t* of = start.data() + std::size_t(slot) * block_cells;
-        HomeCells homes{of, X::is_device ? cells.data() : nullptr};
+        table_.keys_of.block(seen.keys[std::size_t(home)], block);
+        const std::uint32_t* of = seen.starts(home);
+        HomeCells homes = seen.homes(home);
         for (std::uint32_t q = of[0]; q < of[block_cells]; ++q) {
             int at[D];
             Block<D>::coordinates(homes.of(q), at);
@@ -237,14 +214,13 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
             Vec<double, D> own;
             std::int32_t corner[D];
             for (int a = 0; a < D; ++a) {
-                own[a] = double(offset[a][q]);
+                own[a] = double(seen.offset[std::size_t(a)][q]);
                 corner[a] = std::int32_t(block[a] * Block<D>::edge);
                 x[a] = (double(corner[a] + at[a]) + 0.5 + own[a]) * dx;
             }
-            for (std::size_t r = 0; r < state.size(); ++r) s[r] = double(state[r][q]);
+            for (std::size_t r = 0; r < seen.state.size(); ++r) s[r] = double(seen.state[r][q]);
             if (moving) {
-                const std::int32_t* around =
-                    neighbours.data() + std::size_t(slot) * Block<D>::neighbours;
+                const std::int32_t* around = seen.around(home);
                 Standing<double, D> stands;
                 stands.find(corner, at, own);
                 particle_velocity<X::is_device, D>(
@@ -267,32 +243,54 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     return out;
 }
 
+/// The slots that a window touches, all fields of a block behind each other.
 template <class X, class T, int D>
-Array Domain<X, T, D>::grid(const std::string& name) {
-    check_grid_attribute(name);
-    prepare_velocities();
+NodesSeen<typename Domain<X, T, D>::Sum> Domain<X, T, D>::nodes_in(const Window& window) {
+    NodesSeen<Sum> out;
     const auto keys = blocks_.keys().host();
-    const auto sums = sums_[parity()].host();
-    const auto velocity = velocity_.host();
-    Array out;
+    out.slots = blocks_in<D>(window, table_.keys_of, keys, spec_.cell_size, 0);
+    for (const std::int32_t slot : out.slots) out.keys.push_back(keys[std::size_t(slot)]);
+    if (!out.slots.empty())
+        out.sums = values_of(memory(), sums_[parity()], out.slots,
+                             std::size_t(block_cells) * std::size_t(plan_.sum_channels));
+    return out;
+}
+
+template <class X, class T, int D>
+Array Domain<X, T, D>::grid(const std::string& name, const Window& window) {
+    check_grid_attribute(name);
+    if (name == "velocity")
+        prepare_velocities();
+    else
+        fetch_clock();
+    const NodesSeen<Sum> seen = nodes_in(window);
     const bool scalar = name == "mass";
+    const std::size_t width = std::size_t(block_cells) * std::size_t(plan_.velocity_channels);
+    const std::vector<Grid> velocity = name == "velocity" && !seen.slots.empty()
+                                           ? values_of(memory(), velocity_, seen.slots, width)
+                                           : std::vector<Grid>();
+    Array out;
     std::size_t n = 0;
-    for (std::size_t slot = 0; slot < keys.size(); ++slot) {
-        if (!counts_slot(slot)) continue;
-        const std::size_t end = end_of_fields(keys, slot);
-        if (end == slot) continue;
+    for (std::size_t row = 0; row < seen.slots.size(); ++row) {
+        if (!counts_slot(std::size_t(seen.slots[row]))) continue;
+        const std::size_t end = end_of_fields(seen.keys, row);
+        if (end == row) continue;
         std::int64_t block[D];
-        table_.keys_of.block(keys[slot], block);
+        table_.keys_of.block(seen.keys[row], block);
         for (int node = 0; node < block_cells; ++node) {
             double m = 0, mean[D] = {};
             int found = 0;
-            for (std::size_t k = slot; k < end; ++k) {
-                const double own = from_sum<double>(
-                    sums[k * plan_.sum_channels * block_cells + node], clock_.unit_read[mass_sum]);
+            for (std::size_t k = row; k < end; ++k) {
+                const double own =
+                    from_sum<double>(seen.sums[k * std::size_t(plan_.sum_channels) * block_cells +
+                                               std::size_t(node)],
+                                     clock_.unit_read[mass_sum]);
                 if (!(own > negligible_mass<Grid> * least_mass_)) continue;
-                const Grid* u = &velocity[(k * block_cells + node) * plan_.velocity_channels];
                 m += own;
                 ++found;
+                if (velocity.empty()) continue;
+                const Grid* u = &velocity[(k * block_cells + std::size_t(node)) *
+                                          std::size_t(plan_.velocity_channels)];
                 for (int a = 0; a < D; ++a)
                     mean[a] =
                         found == 1 ? double(u[a]) : mean[a] + own / m * (double(u[a]) - mean[a]);
@@ -319,31 +317,31 @@ Array Domain<X, T, D>::grid(const std::string& name) {
 
 /// Of the nodes that carry mass, all their fields together.
 template <class X, class T, int D>
-NodalSums Domain<X, T, D>::sums() {
+NodalSums Domain<X, T, D>::sums(const Window& window) {
     fetch_clock();
-    const auto keys = blocks_.keys().host();
-    const auto value = sums_as_numbers(sums_[parity()].host());
+    const NodesSeen<Sum> seen = nodes_in(window);
+    const auto value = sums_as_numbers(seen.sums);
     NodalSums out;
-    for (std::size_t slot = 0; slot < keys.size(); ++slot) {
-        if (!counts_slot(slot)) continue;
-        const std::size_t end = end_of_fields(keys, slot);
-        if (end == slot) continue;
+    for (std::size_t row = 0; row < seen.slots.size(); ++row) {
+        if (!counts_slot(std::size_t(seen.slots[row]))) continue;
+        const std::size_t end = end_of_fields(seen.keys, row);
+        if (end == row) continue;
         std::int64_t block[D];
-        table_.keys_of.block(keys[slot], block);
+        table_.keys_of.block(seen.keys[row], block);
         for (int node = 0; node < block_cells; ++node) {
             const auto of = [&](std::size_t k, int c) {
                 return value[(k * std::size_t(plan_.sum_channels) + std::size_t(c)) * block_cells +
                              std::size_t(node)];
             };
             double mass = 0;
-            for (std::size_t k = slot; k < end; ++k) mass += of(k, 0);
+            for (std::size_t k = row; k < end; ++k) mass += of(k, 0);
             if (!(mass > 0)) continue;
             int at[D];
             Block<D>::coordinates(node, at);
             for (int a = 0; a < D; ++a) out.cell.push_back(block[a] * Block<D>::edge + at[a]);
             for (int c = 0; c < plan_.sum_channels; ++c) {
-                double sum = of(slot, c);
-                for (std::size_t k = slot + 1; k < end; ++k) sum += of(k, c);
+                double sum = of(row, c);
+                for (std::size_t k = row + 1; k < end; ++k) sum += of(k, c);
                 out.value[plan_.channels[c]].push_back(sum);
             }
         }

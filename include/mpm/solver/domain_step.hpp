@@ -350,6 +350,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
         }
     };
     const GiveUp on_failure{meeting_.get()};
+    velocities_made_ = false;
     fetch_clock();
     const std::int64_t first_step = clock_.step;
     clock_.until = until;

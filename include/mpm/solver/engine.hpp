@@ -171,6 +171,14 @@ struct IdRange {
     }
 };
 
+/// Where a reader looks: boxes, m from the lower corner of the domain; none: everywhere. What it
+/// gets has all that lies in them, and of whole blocks of cells more than that.
+struct Window {
+    std::vector<double> low, high;  // (boxes, dimension), sides may be infinite
+    bool everywhere() const { return low.empty(); }
+    bool operator==(const Window&) const = default;
+};
+
 /// What particles of one body are given at the boundary of a step; rows as in `id`.
 struct Assignment {
     int body = 0;
@@ -207,7 +215,9 @@ public:
     /// Of a body, since the engine was made; empty where nothing is smoothed over cells.
     virtual SmoothingHistory smoothing(int /*body*/) const { return {}; }
     virtual std::vector<std::string> attribute_names(int body) const = 0;
-    virtual Attributes attributes(int body, const std::vector<std::string>& names) = 0;
+    /// Of a body of elements always of everything.
+    virtual Attributes attributes(int body, const std::vector<std::string>& names,
+                                  const Window& window = {}) = 0;
     /// The same as dense columns of the caller's own where the engine's memory is; `origin`
     /// (dimension,) m is added to positions. "id" is an attribute here.
     virtual Gathered gather(int body, const std::vector<std::string>& names,
@@ -217,8 +227,8 @@ public:
     /// Changes particles and, by what these add to them, nodal sums. What is refused leaves the
     /// engine as it was.
     virtual void assign(const Assignment& given);
-    virtual Array grid(const std::string& name) = 0;
-    virtual NodalSums sums() = 0;
+    virtual Array grid(const std::string& name, const Window& window = {}) = 0;
+    virtual NodalSums sums(const Window& window = {}) = 0;
     /// At a halt; the volumes from about `samples` particles.
     virtual Condition condition(int samples) = 0;
     virtual State save() = 0;

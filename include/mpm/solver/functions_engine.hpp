@@ -43,9 +43,11 @@ public:
     std::vector<Samples> drain() override;
     std::vector<Removed> removed() override { return std::exchange(removed_, {}); }
     std::vector<std::string> attribute_names(int body) const override;
-    Attributes attributes(int body, const std::vector<std::string>& names) override;
-    Array grid(const std::string& name) override;
-    NodalSums sums() override {
+    /// Readers get everything wherever they look: such scenes are small.
+    Attributes attributes(int body, const std::vector<std::string>& names,
+                          const Window& window) override;
+    Array grid(const std::string& name, const Window& window) override;
+    NodalSums sums(const Window&) override {
         throw SceneError(
             "a run on a grid of functions has no nodal sums from which another can continue");
     }

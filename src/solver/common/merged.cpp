@@ -174,13 +174,14 @@ public:
     std::vector<std::string> attribute_names(int body) const override {
         return inner_->attribute_names(body_of_.at(std::size_t(body)));
     }
-    Attributes attributes(int body, const std::vector<std::string>& names) override {
+    Attributes attributes(int body, const std::vector<std::string>& names,
+                          const Window& window) override {
         const int m = body_of_.at(std::size_t(body));
-        if (alone(body)) return inner_->attributes(m, names);
+        if (alone(body)) return inner_->attributes(m, names, window);
         std::vector<std::string> of_rows, of_elements;
         for (const auto& name : names)
             (is_of_elements(name) ? of_elements : of_rows).push_back(name);
-        const Columns& all = columns(m, of_rows);
+        const Columns& all = columns(m, of_rows, window);
         const std::size_t first = all.start[body - first_of(m)];
         const std::size_t last = all.start[body - first_of(m) + 1], n = all.read.id.size();
         Attributes out;
@@ -236,8 +237,10 @@ public:
         columns_ = {};
         inner_->assign(all);
     }
-    Array grid(const std::string& name) override { return inner_->grid(name); }
-    NodalSums sums() override { return inner_->sums(); }
+    Array grid(const std::string& name, const Window& window) override {
+        return inner_->grid(name, window);
+    }
+    NodalSums sums(const Window& window) override { return inner_->sums(window); }
     Condition condition(int samples) override {
         Condition c = inner_->condition(samples);
         const auto merged = std::move(c.volume_ratio);
@@ -285,6 +288,7 @@ private:
     /// read of one of them would otherwise gather all.
     struct Columns {
         int merged = -1;
+        Window window;
         Attributes read;
         std::map<std::string, Array> of_elements;
         std::vector<std::size_t> rows;   // body by body, in the order of storage
@@ -294,22 +298,24 @@ private:
     /// Numbers that are held at most until the next step; more are gathered anew at each read.
     static constexpr std::size_t most_held = std::size_t(1) << 26;
 
-    const Columns& columns(int merged, const std::vector<std::string>& names) {
-        if (columns_.merged != merged) columns_ = {};
+    const Columns& columns(int merged, const std::vector<std::string>& names,
+                           const Window& window) {
+        if (columns_.merged != merged || !(columns_.window == window)) columns_ = {};
         std::vector<std::string> missing;
         for (const auto& name : names)
             if (columns_.read.values.count(name) == 0) missing.push_back(name);
         if (columns_.merged == merged && missing.empty()) return columns_;
-        Attributes more = inner_->attributes(merged, missing);
+        Attributes more = inner_->attributes(merged, missing, window);
         std::size_t held = 0;
         for (const auto* part : {&columns_.read, &more})
             for (const auto& column : part->values) held += column.second.data.size();
         if (held > most_held && missing.size() < names.size())
-            more = inner_->attributes(merged, names);
+            more = inner_->attributes(merged, names, window);
         if (held > most_held) columns_.read.values.clear();
         columns_.read.values.merge(more.values);
         if (columns_.merged == merged) return columns_;
         columns_.merged = merged;
+        columns_.window = window;
         columns_.read.id = std::move(more.id);
         const auto& id = columns_.read.id;
         std::vector<std::size_t> body(id.size());

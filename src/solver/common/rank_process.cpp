@@ -97,11 +97,14 @@ public:
     std::vector<std::string> attribute_names(int body) const override {
         return own_->attribute_names(body);
     }
-    Attributes attributes(int body, const std::vector<std::string>& names) override {
-        return own_->attributes(body, names);
+    Attributes attributes(int body, const std::vector<std::string>& names,
+                          const Window& window) override {
+        return own_->attributes(body, names, window);
     }
-    Array grid(const std::string& name) override { return own_->grid(name); }
-    NodalSums sums() override { return own_->sums(); }
+    Array grid(const std::string& name, const Window& window) override {
+        return own_->grid(name, window);
+    }
+    NodalSums sums(const Window& window) override { return own_->sums(window); }
     Condition condition(int samples) override {
         return guarded(*comm_, [&] {
             const double mine = particles_of(*own_, bodies_);

@@ -163,9 +163,11 @@ public:
     std::vector<std::string> attribute_names(int body) const override {
         return engines_[0]->attribute_names(body);
     }
-    Attributes attributes(int body, const std::vector<std::string>& names) override {
+    Attributes attributes(int body, const std::vector<std::string>& names,
+                          const Window& window) override {
         if (!known(body, names)) return engines_[0]->attributes(body, names);
-        auto parts = of_nodes([&](Engine& e, std::size_t) { return e.attributes(body, names); });
+        auto parts =
+            of_nodes([&](Engine& e, std::size_t) { return e.attributes(body, names, window); });
         Attributes out = std::move(parts[0]);
         for (std::size_t r = 1; r < parts.size(); ++r) {
             out.id.insert(out.id.end(), parts[r].id.begin(), parts[r].id.end());
@@ -178,17 +180,18 @@ public:
         }
         return out;
     }
-    Array grid(const std::string& name) override {
+    Array grid(const std::string& name, const Window& window) override {
         check_grid_attribute(name);  // else a rank that refuses would stop all
         Array out;
-        for (const Array& part : of_nodes([&](Engine&e, std::size_t) { return e.grid(name); }))
+        for (const Array& part :
+             of_nodes([&](Engine&e, std::size_t) { return e.grid(name, window); }))
             append_rows(out, part);
         return out;
     }
-    NodalSums sums() override {
+    NodalSums sums(const Window& window) override {
         NodalSums out;
         for (const auto& e : engines_) {
-            const NodalSums more = e->sums();
+            const NodalSums more = e->sums(window);
             out.cell.insert(out.cell.end(), more.cell.begin(), more.cell.end());
             for (const auto& [channel, value] : more.value) {
                 auto& to = out.value[channel];

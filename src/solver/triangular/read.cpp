@@ -25,7 +25,8 @@ std::vector<std::string> FunctionsEngine::attribute_names(int body) const {
     return names;
 }
 
-Attributes FunctionsEngine::attributes(int number, const std::vector<std::string>& names) {
+Attributes FunctionsEngine::attributes(int number, const std::vector<std::string>& names,
+                                       const Window&) {
     const auto& body = method_.bodies().at(std::size_t(number));
     const auto known = attribute_names(number);
     const std::size_t n = body.count();
@@ -84,7 +85,7 @@ Attributes FunctionsEngine::attributes(int number, const std::vector<std::string
 }
 
 /// Control points of the functions that have mass, coefficients of the velocity there, their mass.
-Array FunctionsEngine::grid(const std::string& name) {
+Array FunctionsEngine::grid(const std::string& name, const Window&) {
     if (name != "position" && name != "velocity" && name != "mass")
         throw SceneError("the grid has no '" + name + "'; it has position, velocity and mass");
     if (!make_ready()) throw NumericalError("the grid cannot be read after a fault");

@@ -174,8 +174,10 @@ class OfBody(Sampler):
 
     def _boundaries(self, moment: Moment, position: Array, mass: Array) -> Array:
         """Return the force on the body: boundaries push back with what they take."""
-        (share,) = moment.nodes.spread(moment.relative(position), [mass])
-        found: Array = -(share / moment.nodes.mass) @ boundary_forces(moment)
+        place = moment.relative(position)
+        nodes = moment.nodes_about(place)
+        (share,) = nodes.spread(place, [mass])
+        found: Array = -(share / nodes.mass) @ boundary_forces(moment, nodes)
         return found
 
     def state(self) -> dict[str, NDArray[Any]]:

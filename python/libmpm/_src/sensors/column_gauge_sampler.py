@@ -9,7 +9,7 @@ from libmpm._src.scene.places import vertical_axis
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.column_gauge import ColumnGauge
 from libmpm._src.sensors.reductions import Array
-from libmpm._src.sensors.sampler import Sampler, axes_of, bodies_of
+from libmpm._src.sensors.sampler import Sampler, axes_of, bodies_of, column_about
 from libmpm._src.sensors.step_readings import Moment
 
 __all__ = ["OfColumn", "hat", "mean_column"]
@@ -49,8 +49,12 @@ class OfColumn(Sampler):
 
     def announce(self, moment: Moment) -> None:
         """Ask for masses, positions and velocities."""
+        within = None
+        if self._place is not None:
+            d = 1 + len(self._level_axes)
+            within = column_about(self._place, self._width, self._level_axes, d)
         for i in self._bodies:
-            moment.want(i, ("mass", "position", "velocity"))
+            moment.want(i, ("mass", "position", "velocity"), within)
 
     def row(self, moment: Moment) -> Array:
         """Return level and velocity."""

@@ -88,22 +88,25 @@ class OfContact(Sampler):
         arrays = moment.arrays(body)
         place = moment.relative(arrays["position"])
         ids = arrays["id"].astype(np.int64)
-        return _gathered(moment.nodes, ids, place, moment.scene.cell_size)
+        return _gathered(moment.nodes_about(place), ids, place, moment.scene.cell_size)
 
     def _force(self, moment: Moment, moved: tuple[_Moved, ...]) -> Array:
         d = moment.scene.dimension
+        places = [moment.relative(moment.arrays(body)["position"]) for body in self._pair]
+        nodes = moment.nodes_about(*places)
         (mass, own), (other, its) = (
-            self._left(moment, body, before) for body, before in zip(self._pair, moved, strict=True)
+            self._left(moment, nodes, body, before)
+            for body, before in zip(self._pair, moved, strict=True)
         )
         both = (mass > 0) & (other > 0)
-        share = 1.0 / moment.nodes.mass[both]
+        share = 1.0 / nodes.mass[both]
         # m_b m_c / m (u_c - u_b) without the quotients of light nodes.
         exchanged = (mass[both] * share) @ its[both] - (other[both] * share) @ own[both]
         return np.asarray(exchanged / moment.dt).reshape(d)
 
-    def _left(self, moment: Moment, body: int, before: _Moved) -> tuple[Array, Array]:
+    def _left(self, moment: Moment, nodes: Nodes, body: int, before: _Moved) -> tuple[Array, Array]:
         """Return mass (n,) and momentum with stress (n, d) that a body has left at the nodes."""
-        arrays, nodes = moment.arrays(body), moment.nodes
+        arrays = moment.arrays(body)
         d = moment.scene.dimension
         _, now, then = np.intersect1d(
             arrays["id"].astype(np.int64), before.ids, assume_unique=True, return_indices=True

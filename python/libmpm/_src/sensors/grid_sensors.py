@@ -14,7 +14,7 @@ from libmpm._src.sensors.particle_sensors import unit_after
 from libmpm._src.sensors.python_sensors import GRID, GridSensor
 from libmpm._src.sensors.reductions import Array, along, reduce
 from libmpm._src.sensors.sampler import Sampler, axes_of, in_region
-from libmpm._src.sensors.step_readings import Moment
+from libmpm._src.sensors.step_readings import REACH, Moment, Nodes
 
 __all__ = ["OfGrid", "boundary_forces", "gravity_at"]
 
@@ -28,12 +28,12 @@ def gravity_at(scene: SceneData, time: float) -> Array:
     return gravity.at(time) if isinstance(gravity, TimeTable) else np.asarray(gravity, np.float64)
 
 
-def boundary_forces(moment: Moment) -> Array:
+def boundary_forces(moment: Moment, nodes: Nodes) -> Array:
     """Return what boundaries take from each node in the coming step, per time of it, (n, d), N.
 
     f = (p + m g Δt - m v)/Δt; what is only rounding is zero.
     """
-    nodes, dt = moment.nodes, moment.dt
+    dt = moment.dt
     after = nodes.mass[:, None] * nodes.velocity
     pull = nodes.mass[:, None] * gravity_at(moment.scene, moment.time) * dt
     taken = nodes.momentum + pull - after
@@ -66,10 +66,17 @@ class OfGrid(Sampler):
         )  # fmt: skip
 
     def announce(self, moment: Moment) -> None:
-        """Ask for the particles of volumes."""
-        if self._sensor.attribute in ("volume", "jbar"):
-            for i in range(len(self._scene.bodies)):
-                moment.want(i, ("position", "volume", "volume_ratio"))
+        """Ask for the nodes, and of volumes for the particles that reach them."""
+        region, within = self._sensor.region, None
+        moment.want_nodes(None if region is None else region.bounds())
+        if self._sensor.attribute not in ("volume", "jbar"):
+            return
+        if region is not None:
+            low, high = (np.asarray(side) for side in region.bounds())
+            spare = REACH * self._scene.cell_size
+            within = low - spare, high + spare
+        for i in range(len(self._scene.bodies)):
+            moment.want(i, ("position", "volume", "volume_ratio"), within)
 
     def row(self, moment: Moment) -> list[float]:
         """Return one number, or one an axis."""
@@ -93,7 +100,7 @@ class OfGrid(Sampler):
             found: Array = nodes.mass[inside, None] * nodes.velocity[inside]
             return found
         if attribute == "force":
-            return boundary_forces(moment)[inside]
+            return boundary_forces(moment, moment.nodes)[inside]
         if attribute == "acceleration":
             return self._acceleration(moment, inside)
         volume, first = np.zeros(len(nodes.mass)), np.zeros(len(nodes.mass))

@@ -16,7 +16,14 @@ from libmpm._src.sensors.python_sensors import (
     PressureProbe,
 )
 from libmpm._src.sensors.reductions import Array, along, reduce
-from libmpm._src.sensors.sampler import Sampler, axes_of, bodies_of, in_region, unit_in
+from libmpm._src.sensors.sampler import (
+    Sampler,
+    axes_of,
+    bodies_of,
+    column_about,
+    in_region,
+    unit_in,
+)
 from libmpm._src.sensors.step_readings import Moment
 
 __all__ = ["OfAttributes", "OfElevation", "OfParticles", "OfPressure", "quadratic_spline"]
@@ -48,10 +55,12 @@ class OfParticles(Sampler):
 
     def announce(self, moment: Moment) -> None:
         """Ask for the attribute, and for positions where there is a region."""
+        region = self._sensor.region
         for i in self._bodies:
-            moment.want(i, (self._sensor.attribute,))
-            if self._sensor.region is not None:
-                moment.want(i, ("position",))
+            if region is None:
+                moment.want(i, (self._sensor.attribute,))
+            else:
+                moment.want(i, (self._sensor.attribute, "position"), region.bounds())
 
     def row(self, moment: Moment) -> list[float]:
         """Return one number, or one an axis."""
@@ -128,8 +137,10 @@ class OfPressure(Sampler):
 
     def announce(self, moment: Moment) -> None:
         """Ask for positions, volumes and pressures."""
+        reach = 1.5 * self._spacing
+        within = self._place - reach, self._place + reach
         for i in self._bodies:
-            moment.want(i, ("position", "volume", "pressure"))
+            moment.want(i, ("position", "volume", "pressure"), within)
 
     def row(self, moment: Moment) -> list[float]:
         """Return the pressure at the point."""
@@ -167,7 +178,7 @@ class OfElevation(Sampler):
 
     def __init__(self, scene: SceneData, sensor: ElevationGauge) -> None:
         """Take a sensor that has been checked."""
-        self._sensor = sensor
+        self._sensor, self._scene = sensor, scene
         self._bodies = bodies_of(scene, sensor.body)
         self._vertical = vertical_axis(scene)
         up = attributes.upward(scene)[self._vertical]
@@ -177,8 +188,11 @@ class OfElevation(Sampler):
 
     def announce(self, moment: Moment) -> None:
         """Ask for positions, volumes and masses."""
+        within = column_about(
+            np.asarray(self._sensor.position), self._radius, self._level_axes, self._scene.dimension
+        )
         for i in self._bodies:
-            moment.want(i, ("position", "volume", "mass"))
+            moment.want(i, ("position", "volume", "mass"), within)
 
     def row(self, moment: Moment) -> list[float]:
         """Return the height, m of the world."""

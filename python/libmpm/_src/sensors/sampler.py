@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from libmpm._src.scene.data import SceneData
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.reductions import Array
-from libmpm._src.sensors.step_readings import Moment
+from libmpm._src.sensors.step_readings import Box, Moment
 from libmpm._src.shapes.solid import Solid
 
-__all__ = ["Sampler", "axes_of", "bodies_of", "in_region", "unit_in"]
+__all__ = ["Sampler", "axes_of", "bodies_of", "column_about", "in_region", "unit_in"]
 
 #: Part of a cell by which a point may miss a region and still count: rounding of coordinates.
 _ROUNDING = 1e-6
@@ -50,9 +50,23 @@ def bodies_of(scene: SceneData, body: str | None) -> list[int]:
 
 def in_region(region: Solid | None, points: Array, cell_size: float) -> NDArray[np.bool_]:
     """Return which points (n, d) of the scene are in a region or on its surface."""
+    inside = np.ones(len(points), dtype=np.bool_)
     if region is None or len(points) == 0:
-        return np.ones(len(points), dtype=np.bool_)
-    return region.distance(points) <= _ROUNDING * cell_size
+        return inside
+    # Of many points most are in none of a scene's regions: their boxes tell first.
+    spare = _ROUNDING * cell_size
+    for x, low, high in zip(points.T, *region.bounds(), strict=True):
+        if np.isfinite(low) or np.isfinite(high):
+            inside &= (x >= low - spare) & (x <= high + spare)
+    inside[inside] = region.distance(points[inside]) <= spare
+    return inside
+
+
+def column_about(place: Array, reach: float, axes: Sequence[int], dimension: int) -> Box:
+    """Return the column of a scene that is less than `reach` from a place along its level axes."""
+    low, high = np.full(dimension, -np.inf), np.full(dimension, np.inf)
+    low[list(axes)], high[list(axes)] = place - reach, place + reach
+    return low, high
 
 
 def axes_of(scene: SceneData) -> str:

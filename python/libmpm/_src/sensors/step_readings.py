@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +19,19 @@ if TYPE_CHECKING:
     from libmpm._src.run.running import Running
     from libmpm._src.scene.data import SceneData
 
-__all__ = ["SPREADS", "Moment", "Nodes", "stores_velocity"]
+__all__ = ["REACH", "SPREADS", "Box", "Moment", "Nodes", "stores_velocity"]
 
 #: Kernels with which a body's share of a node follows from the places of its particles.
 SPREADS = ("linear", "ddmp", "quadratic", "cubic")
+
+#: Lower and upper corner, (d,) m in the scene; sides may be infinite.
+Box = tuple[Sequence[float] | Array, Sequence[float] | Array]
+
+#: Corners of boxes, m from the lower corner of the domain, as the engine takes them.
+Boxes = Sequence[tuple[list[float], list[float]]]
+
+#: Cells from a particle within which all nodes are that it takes from or leaves at.
+REACH = 3
 
 #: Cells of a table from places to nodes, 8 bytes each.
 _LARGEST_TABLE = 1 << 25
@@ -47,15 +56,15 @@ class Nodes:
     boundaries; `position` (n, d) m is that of the scene.
     """
 
-    def __init__(self, simulation: Running) -> None:
-        """Read the grid of a simulation."""
+    def __init__(self, simulation: Running, within: Boxes = ()) -> None:
+        """Read the grid of a simulation: the blocks that boxes touch, or without any all."""
         scene, engine = simulation.scene, simulation.engine
         d = scene.dimension
-        sums = engine.sums()
+        sums = engine.sums(within)
         cell = np.asarray(sums["cell"], dtype=np.int64).reshape(-1, d)
-        place = np.asarray(engine.grid("position")).reshape(-1, d)
+        place = np.asarray(engine.grid("position", within)).reshape(-1, d)
         seen = np.floor(place / scene.cell_size).astype(np.int64)
-        velocity = np.asarray(engine.grid("velocity")).reshape(-1, d)
+        velocity = np.asarray(engine.grid("velocity", within)).reshape(-1, d)
         # Without particles there are no sums.
         none = np.zeros(len(cell))
         # The sums also have nodes whose mass is rounding; both lists are sorted alike.
@@ -165,8 +174,35 @@ def _weights(kernel: Kernel, xi: Array) -> list[Array]:
     return [np.where(lower, held[0], 0.0), held[1], np.where(lower, 0.0, held[2])]
 
 
+class _Window:
+    """Boxes in which something is read; everywhere as soon as one asks for that."""
+
+    def __init__(self) -> None:
+        self._everywhere = False
+        self._boxes: list[tuple[list[float], list[float]]] = []
+
+    def add(self, scene: SceneData, within: Box | None) -> None:
+        """Look into a box of the scene as well, or everywhere."""
+        if within is None:
+            self._everywhere = True
+            return
+        corner = np.asarray(scene.lower, dtype=np.float64)
+        spare = 1e-3 * scene.cell_size  # rounding of coordinates
+        low, high = (np.asarray(side, dtype=np.float64) - corner for side in within)
+        self._boxes.append(((low - spare).tolist(), (high + spare).tolist()))
+
+    @property
+    def boxes(self) -> Boxes:
+        """Return them, none for everywhere."""
+        return () if self._everywhere else tuple(self._boxes)
+
+
 class Moment:
-    """A simulation at a step boundary; arrays are read when first asked for and kept."""
+    """A simulation at a step boundary; arrays are read when first asked for and kept.
+
+    Who announces what it will read, and where, gets that and whatever others announced: at least
+    what lies in its box. What nobody announced is read everywhere.
+    """
 
     def __init__(self, simulation: Running) -> None:
         """Look at a simulation; nothing is read yet."""
@@ -174,7 +210,9 @@ class Moment:
         self.scene = simulation.scene
         self.time = simulation.time
         self._wanted: dict[int, set[str]] = {}
-        self._arrays: dict[int, dict[str, NDArray[Any]]] = {}
+        self._windows: dict[int, _Window] = {}
+        self._of_nodes = _Window()
+        self._arrays: dict[int, tuple[Boxes, dict[str, NDArray[Any]]]] = {}
 
     @cached_property
     def dt(self) -> float:
@@ -189,7 +227,16 @@ class Moment:
     @cached_property
     def nodes(self) -> Nodes:
         """The nodes with mass."""
-        return Nodes(self.simulation)
+        return Nodes(self.simulation, self._of_nodes.boxes)
+
+    def nodes_about(self, *relative: Array) -> Nodes:
+        """Return the nodes that particles (n, d), m from the domain's corner, reach."""
+        if not sum(map(len, relative)):
+            return self.nodes
+        places = np.concatenate(relative)
+        spare = REACH * self.scene.cell_size
+        box = (places.min(axis=0) - spare).tolist(), (places.max(axis=0) + spare).tolist()
+        return Nodes(self.simulation, [box])
 
     @cached_property
     def stored(self) -> dict[int, list[str]]:
@@ -197,8 +244,16 @@ class Moment:
         engine = self.simulation.engine
         return {i: list(engine.attribute_names(i)) for i in range(len(self.scene.bodies))}
 
-    def want(self, body: int, names: Iterable[str]) -> None:
-        """Announce attributes of a body, so that all are read in one pass."""
+    def want(self, body: int, names: Iterable[str], within: Box | None = None) -> None:
+        """Announce attributes of a body in a box, so that all are read in one pass."""
+        self._windows.setdefault(body, _Window()).add(self.scene, within)
+        self._name(body, names)
+
+    def want_nodes(self, within: Box | None = None) -> None:
+        """Announce the nodes in a box."""
+        self._of_nodes.add(self.scene, within)
+
+    def _name(self, body: int, names: Iterable[str]) -> None:
         known = self._wanted.setdefault(body, {"id"})
         for name in names:
             known.update(attributes.reads(name, self.scene.bodies[body], self.stored[body]))
@@ -209,14 +264,15 @@ class Moment:
         Positions are in the world, m.
         """
         wanted = self._wanted.setdefault(body, {"id"})
-        have = self._arrays.get(body)
-        if have is not None and wanted <= set(have):
+        boxes = self._windows[body].boxes if body in self._windows else ()
+        where, have = self._arrays.get(body, ((), {}))
+        if wanted <= set(have) and where == boxes:
             return have
         asked = sorted(wanted)
         frozen = self.scene.grid is None and self.scene.method.leaving == "freeze"
         if frozen:
             asked.append("frozen")
-        read = self.simulation.engine.attributes(body, asked)
+        read = self.simulation.engine.attributes(body, asked, boxes)
         order = np.argsort(read["id"], kind="stable")
         if frozen:
             order = order[np.asarray(read["frozen"])[order] == 0]
@@ -226,12 +282,12 @@ class Moment:
         }
         if "position" in found:
             found["position"] = found["position"] + self.simulation.offset
-        self._arrays[body] = found
+        self._arrays[body] = boxes, found
         return found
 
     def attribute(self, body: int, name: str) -> NDArray[Any]:
         """Return an attribute of a body's particles by library or engine name, rows by id."""
-        self.want(body, (name,))
+        self._name(body, (name,))
         source = attributes.Source(
             self.arrays(body), self.scene.bodies[body], attributes.upward(self.scene)
         )
