@@ -156,3 +156,38 @@ def test_sensors_with_regions_read_what_alone_they_read():
         np.testing.assert_allclose(
             together[name], alone[name], rtol=1e-12, atol=1e-12, err_msg=name
         )
+
+
+def test_particles_are_followed_however_far_they_go():
+    """Particles that leave the boxes in which they are looked for, and one that leaves the run."""
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.1, lower=(0.0, 0.0), upper=(4.0, 1.0), gravity=(0.0, 0.0),
+        method=libmpm.Method(cfl=0.3, transfer="APIC", leaving="remove"),
+    )  # fmt: skip
+    for k, speed in enumerate((9.0, 3.0)):
+        scene.add_body(
+            name=f"block{k}", shape=shapes.Box(lower=(0.3, 0.2 + 0.4 * k),
+            upper=(0.7, 0.4 + 0.4 * k)), velocity=(speed, 0.0),
+            material=materials.FixedCorotated(
+                density=600.0, youngs_modulus=2e5, poissons_ratio=0.3
+            ),
+        )  # fmt: skip
+        first = 32 * k
+        scene.add_sensor(
+            name=f"seen{k}",
+            sensor=sensors.AttributeTracker(
+                body=f"block{k}", ids=(first, first + 7), attributes=("position", "Velocity_X"),
+                interval=0.05,
+            ),
+        )  # fmt: skip
+    sim = libmpm.Simulation(scene, precision="double")
+    sim.run(until=0.8, progress=False)
+    fast, slow = (sim.sensors[f"seen{k}"] for k in range(2))
+    for series, speed in ((fast, 9.0), (slow, 3.0)):
+        start = series.values[0]
+        there = np.isfinite(series.values[:, 0])
+        x = start[0] + speed * (series.time - series.time[0])
+        np.testing.assert_allclose(series.values[there, 0], x[there], rtol=1e-9)
+        np.testing.assert_allclose(series.values[there, 2], speed, rtol=1e-9)
+    assert np.isfinite(slow.values).all()
+    assert 5 < np.isfinite(fast.values[:, 0]).sum() < len(fast.time)

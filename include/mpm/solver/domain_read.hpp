@@ -110,7 +110,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     const bool all = window.everywhere() || body.mesh != nullptr;
     const ParticleSnapshot<T, D> seen =
         all ? all_particles(body, blocks_)
-            : particles_in(window, exec_, body, blocks_, spec_.cell_size);
+            : particles_in(window, memory(), body, blocks_, spec_.cell_size);
     const std::size_t active = seen.count, n = active + body.frozen_id.size();
 
     Attributes out;

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.places import vertical_axis
@@ -78,13 +79,20 @@ class OfParticles(Sampler):
         return [reduce(along(values, direction), sensor.operation) for direction in chosen]
 
 
+#: Cells about its last place in which a particle that is followed is looked for; further off it is
+#: looked for everywhere. And the most particles that are looked for one by one.
+_GOES_ON, _MOST_BOXES = 2.0, 64
+
+
 class OfAttributes(Sampler):
     """Follows attributes of particles by id."""
 
     def __init__(self, scene: SceneData, sensor: AttributeTracker) -> None:
         """Take a sensor that has been checked."""
-        self._sensor = sensor
+        self._sensor, self._cell_size = sensor, scene.cell_size
         (self._body,) = bodies_of(scene, sensor.body)
+        #: Of those that were there at the last sample: ids, and places in the scene, m.
+        self._last: tuple[NDArray[np.int64], Array] | None = None
         columns, units = [], []
         for i in sensor.ids:
             for name in sensor.attributes:
@@ -95,16 +103,29 @@ class OfAttributes(Sampler):
         self.columns, self.units = tuple(columns), tuple(units)
 
     def announce(self, moment: Moment) -> None:
-        """Ask for the attributes."""
-        moment.want(self._body, self._sensor.attributes)
+        """Ask for the attributes about the last places."""
+        names = (*self._sensor.attributes, "position")
+        if self._last is None or not len(self._last[1]):
+            moment.want(self._body, names)
+            return
+        places, spare = self._last[1], _GOES_ON * self._cell_size
+        if len(places) > _MOST_BOXES:
+            within = places.min(axis=0) - spare, places.max(axis=0) + spare
+            moment.want(self._body, names, within)
+            return
+        for place in places:
+            moment.want(self._body, names, (place - spare, place + spare))
 
     def row(self, moment: Moment) -> Array:
         """Return the attributes of the first particle, then those of the next."""
-        ids = moment.attribute(self._body, "ID").astype(np.int64)
         wanted = np.asarray(self._sensor.ids, dtype=np.int64)
-        at = np.searchsorted(ids, wanted)
-        there = at < len(ids)
-        there[there] = ids[at[there]] == wanted[there]
+        ids, at, there = self._find(moment, wanted)
+        if self._last is not None and np.isin(self._last[0], wanted[~there]).any():
+            # One has gone on further than was looked, or has left.
+            moment.want(self._body, (*self._sensor.attributes, "position"))
+            ids, at, there = self._find(moment, wanted)
+        place = moment.in_scene(moment.attribute(self._body, "position"))
+        self._last = wanted[there], place[at[there]]
         parts = []
         for name in self._sensor.attributes:
             values = np.asarray(moment.attribute(self._body, name), dtype=np.float64)
@@ -113,6 +134,16 @@ class OfAttributes(Sampler):
             part[there] = values[at[there]]
             parts.append(part)
         return np.concatenate(parts, axis=1).ravel()
+
+    def _find(
+        self, moment: Moment, wanted: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.intp], NDArray[np.bool_]]:
+        """Return the ids that have been read, where wanted ones are among them, and which are."""
+        ids = moment.attribute(self._body, "ID").astype(np.int64)
+        at = np.searchsorted(ids, wanted)
+        there = at < len(ids)
+        there[there] = ids[at[there]] == wanted[there]
+        return ids, at, there
 
 
 def quadratic_spline(distance: Array) -> Array:
