@@ -2,9 +2,12 @@
 
     python benchmarks/flumes.py lwf --level laptop [--device cuda] [--budget SECONDS] [--threads N]
                                 [--cell-size M] [--debris LAYOUT] [--set NAME=VALUE ...]
+                                [--with INGREDIENT=VALUE ...]
                                 [--output FILE] [--figures FOLDER] [--near FOLDER [--trunk]]
 
-`--set` changes any argument of the facility, such as structure=null. Goes to
+`--set` changes any argument of the facility, such as structure=null. `--with` changes the scene
+that it returns: bed=held|linear|auto and walls=... what these boundaries do, transfer=SCHEME[:FLIP]
+of the scene, shifting=true|false of the water. Goes to
 benchmarks/results/flumes.jsonl. A run that its budget ends is compared in what it reached.
 `--near`: the near field of the Large Wave Flume, from a strip's run in that folder, which is run
 first where it is not there; `--trunk` runs that alone. `--device cuda:0,cuda:1`: on several; a
@@ -22,6 +25,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from result_pages import append
 
 import libmpm
@@ -40,6 +44,43 @@ def _setting(text: str) -> tuple[str, Any]:
         return name, said
 
 
+def with_ingredients(scene: libmpm.Scene, ingredients: dict[str, Any]) -> libmpm.Scene:
+    """Return the scene with other walls, another transfer, or water that is shifted or not."""
+    if not ingredients:
+        return scene
+    known = scene.to_dict()
+    for name, said in ingredients.items():
+        if name in ("bed", "walls"):
+            (found,) = (b for b in known["boundaries"] if b["name"] == name)
+            found["response"]["cell"] = said
+        elif name == "transfer":
+            scheme, _, share = str(said).partition(":")
+            one = libmpm.methods.Transfer(
+                scheme=scheme, **({"flip": float(share)} if share else {})
+            )
+            known["method"]["transfer"] = one.to_dict()
+        elif name == "shifting":
+            for body in known["bodies"]:
+                if body["material"]["type"] == "TaitFluid":
+                    body["fbar"] = libmpm.FBar(shifting=bool(said)).to_dict()
+        else:
+            raise SystemExit(f"--with {name}: expected bed, walls, transfer or shifting")
+    return libmpm.Scene.from_dict(known)
+
+
+def levels_at_end(sim: libmpm.Simulation) -> dict[str, float]:
+    """Return how far levels are from those at rest, m: means of the last 2 s of the gauges."""
+    found = {}
+    for placed in sim.scene.sensors:
+        if isinstance(placed.sensor, (libmpm.sensors.WaveGauge, libmpm.sensors.ColumnGauge)):
+            series = sim.sensors[placed.name]
+            level = series.values[:, 0]
+            last = level[series.time > series.time[-1] - 2.0] if len(level) else level
+            if len(last) and np.isfinite(level[0]) and np.isfinite(last).any():
+                found[placed.name] = round(float(np.nanmean(last) - level[0]), 4)
+    return found
+
+
 def main() -> int:
     """Do what the command line says."""
     form = argparse.RawDescriptionHelpFormatter
@@ -49,6 +90,8 @@ def main() -> int:
     parser.add_argument("--cell-size", type=float, help="m; default: the level's")
     parser.add_argument("--debris")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="sets")
+    parser.add_argument("--with", action="append", default=[], metavar="INGREDIENT=VALUE",
+                        dest="ingredients")  # fmt: skip
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--budget", type=float, default=math.inf, help="of the clock, s")
@@ -70,6 +113,8 @@ def main() -> int:
         else:
             assert isinstance(flume, flumes.LargeWaveFlume)
             scene = flume.near_field(given.near, device=devices[0])
+        ingredients = dict(_setting(text) for text in given.ingredients)
+        scene = with_ingredients(scene, ingredients)
         trunk = round(time.monotonic() - before, 1)
         if given.trunk:
             print(f"the strip: {trunk} s")
@@ -92,17 +137,19 @@ def main() -> int:
         found, rows, text = None, {}, str(error)
     line = {
         "facility": given.name, "level": given.level, "cell": flume.cell_size,
-        "width": flume.width, "changes": changes, "device": given.device,
+        "width": flume.width, "changes": changes, "with": ingredients, "device": given.device,
         "hardware": platform.processor() or platform.machine(), "threads": given.threads,
         "particles": particles, "steps": sim.steps, "reached": sim.time, "until": last,
         "failed": failed, "seconds": round(wall, 1), "rows": rows,
+        "levels_at_end": levels_at_end(sim),
         **({"near": True, "seconds_before": trunk} if given.near else {}),
         "commit": bench.commit(), "version": libmpm.__version__,
     }  # fmt: skip
     append(given.output, line)
     if given.figures is not None and found is not None:
         given.figures.mkdir(parents=True, exist_ok=True)
-        stem = "-".join([given.name, given.level, *(f"{v}" for v in changes.values())])
+        parts = [f"{v}" for v in (changes | ingredients).values()]
+        stem = "-".join([given.name, given.level, *parts]).replace(":", "-")
         found.figure().savefig(given.figures / f"{stem}.png", dpi=110)
         flume.preview().savefig(given.figures / f"{stem}-preview.png", dpi=90)
         (given.figures / f"{stem}.txt").write_text(text + "\n", encoding="utf-8")

@@ -162,7 +162,7 @@ def test_particles_are_followed_however_far_they_go():
     """Particles that leave the boxes in which they are looked for, and one that leaves the run."""
     scene = libmpm.Scene(
         dimension=2, cell_size=0.1, lower=(0.0, 0.0), upper=(4.0, 1.0), gravity=(0.0, 0.0),
-        method=libmpm.Method(cfl=0.3, transfer="APIC", leaving="remove"),
+        method=libmpm.Method(cfl=0.3, transfer="APIC", leaving="delete"),
     )  # fmt: skip
     for k, speed in enumerate((9.0, 3.0)):
         scene.add_body(

@@ -467,7 +467,9 @@ private:
 
     int sorts_of_table_ = 0;
     Buffer<X, Grid> velocity_{exec_};
-    bool velocities_made_ = false;          // for readers, since the state last changed
+    bool velocities_made_ = false;  // for readers, since the state last changed
+    bool velocities_wait_ = false;  // CPU: for a run that goes on, with these maxima
+    std::array<double, maxima_count> maxima_{};
     Buffer<X, Grid> wall_velocity_{exec_};  // `WallNodes`
     Buffer<X, std::uint8_t> wall_changed_{exec_};
     Buffer<X, Grid> wall_seats_{exec_};

@@ -55,7 +55,7 @@ void Domain<X, T, D>::assign(const Assignment& given) {
         throw NumericalError(who +
                              " are given values, but a particle has become unusable in the "
                              "last step; the next step will describe it");
-    velocities_made_ = false;
+    velocities_made_ = velocities_wait_ = false;
     const std::size_t n = given.id.size(), width = std::size_t(given.width);
     const bool states = !given.state.empty() || !given.pressure.empty();
     const bool two = body.plan.smoothing == Smoothing::two_volumes;

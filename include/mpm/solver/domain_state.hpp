@@ -90,7 +90,7 @@ State Domain<X, T, D>::save() {
 
 template <class X, class T, int D>
 void Domain<X, T, D>::load(const State& whole) {
-    velocities_made_ = false;
+    velocities_made_ = velocities_wait_ = false;
     check(whole);
     State own;
     if (share_) {

@@ -63,7 +63,12 @@ void Domain<X, T, D>::update_grid() {
         if (share_)
             return make_velocities(
                 DecideTogether<D>{decide, clock_buffer_.data(), share_.get(), now()});
-        make_velocities(decide);
+        // A run that ended at this step has made them; what it lacked was leave to go on.
+        if (!std::exchange(velocities_wait_, false))
+            make_velocities([&](const double* maxima) {
+                std::copy(maxima, maxima + maxima_count, maxima_.begin());
+            });
+        decide(maxima_.data());
     }
 }
 
@@ -411,6 +416,9 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             push_clock();
         } else if (clock_.halt == Halt::until || clock_.halt == Halt::steps) {
             result.reason = clock_.halt == Halt::until ? "until" : "steps";
+            // On a device sweeps of launches that found the clock halted are left half done.
+            velocities_made_ = !X::is_device || plan_.sweep.residual <= 0;
+            velocities_wait_ = !X::is_device && !share_ && !rigid_.any();
             break;
         } else if (clock_.halt == Halt::fault) {
             fault_ = describe_fault();
