@@ -7,7 +7,7 @@
 
 `--set` changes any argument of the facility, such as structure=null. `--with` changes the scene
 that it returns: bed=held|linear|auto and walls=... what these boundaries do, transfer=SCHEME[:FLIP]
-of the scene, shifting=true|false of the water. Goes to
+of the scene, shifting=true|false or density=true|false of the water. Goes to
 benchmarks/results/flumes.jsonl. A run that its budget ends is compared in what it reached.
 `--near`: the near field of the Large Wave Flume, from a strip's run in that folder, which is run
 first where it is not there; `--trunk` runs that alone. `--device cuda:0,cuda:1`: on several; a
@@ -59,12 +59,12 @@ def with_ingredients(scene: libmpm.Scene, ingredients: dict[str, Any]) -> libmpm
                 scheme=scheme, **({"flip": float(share)} if share else {})
             )
             known["method"]["transfer"] = one.to_dict()
-        elif name == "shifting":
+        elif name in ("shifting", "density"):
             for body in known["bodies"]:
                 if body["material"]["type"] == "TaitFluid":
-                    body["fbar"] = libmpm.FBar(shifting=bool(said)).to_dict()
+                    body["fbar"] = libmpm.FBar(**{name: bool(said)}).to_dict()
         else:
-            raise SystemExit(f"--with {name}: expected bed, walls, transfer or shifting")
+            raise SystemExit(f"--with {name}: expected bed, walls, transfer, shifting or density")
     return libmpm.Scene.from_dict(known)
 
 

@@ -19,7 +19,7 @@ BASELINE = "baseline"
 WATER = 2.2e9  # Pa, bulk modulus of real water
 #: Fields of an option that lines name only where they are not the usual ones.
 CHANGES = (
-    "size", "shifting", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed", "contact",
+    "size", "packing", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed", "contact",
     "solids",
 )  # fmt: skip
 #: Forms of F-bar whose smoothing is set by a length.
@@ -61,7 +61,7 @@ class Option:
     walls: Response | None = None
     layer: DecayLayer | None = None
     size: float | None = None
-    shifting: bool = False
+    packing: str | None = None  # an option of FBar against it
     cells: float = 1.0
     per_cell: int | None = None
     bulk: float | None = None
@@ -77,7 +77,7 @@ class Option:
         crossing = cell_size / wave_speed
         return Options(
             method=Method(cfl=cfl * self.step, transfer=self.transfer, kernel=self.kernel),
-            fbar=smoothing(self.fbar, self.size, cell_size, crossing, self.shifting),
+            fbar=smoothing(self.fbar, self.size, cell_size, crossing, self.packing),
             solid_fbar=smoothing(self.solid_fbar, self.size, cell_size, crossing),
             walls=self.walls,
             layer=self.layer,
@@ -143,7 +143,7 @@ def smoothing(
     size: float | None,
     cell_size: float,
     crossing: float,
-    shifting: bool = False,
+    packing: str | None = None,
 ) -> FBar | None:
     """Return a form with its length in cells or its time in crossings; None is the usual one."""
     if form is None:
@@ -151,7 +151,8 @@ def smoothing(
     if form in BY_LENGTH:
         return FBar(form=form, length=(size or LENGTH) * cell_size)  # type: ignore[arg-type]
     time = None if size is None else size * crossing
-    return FBar(form=form, time=time, shifting=shifting)  # type: ignore[arg-type]
+    given = {} if packing is None else {packing: True}
+    return FBar(form=form, time=time, **given)  # type: ignore[arg-type]
 
 
 def _transfers() -> list[Option]:
@@ -334,7 +335,10 @@ OPTIONS: tuple[Option, ...] = (
     *_transfers(),
     *_kernels(),
     *(Option(f"F-bar {form}", "F-bar", fbar=form) for form in FORMS),
-    Option("F-bar one-volume-gradient, shifting", "F-bar", fbar=FORMS[0], shifting=True),
+    *(
+        Option(f"F-bar one-volume-gradient, {packing}", "F-bar", fbar=FORMS[0], packing=packing)
+        for packing in ("shifting", "density")
+    ),
     *(Option(f"solid F-bar {form}", "solid", solid_fbar=form) for form in FORMS),
     *(Option(law, "solid", material=law) for law in LAWS),
     Option("elements", "solid", solids="elements"),
@@ -369,7 +373,8 @@ SHORT = (
     BASELINE, "PIC", "FLIP", "PIC-FLIP 0.95", "AFLIP 0.95", "ASFLIP 0.95", "XPIC 5 every 5",
     "quadratic, kernel gradient", "cubic", "uGIMP", "linear, PIC-FLIP 0.95", "mirrored walls",
     "F-bar one-volume-gradient", "F-bar one-volume-gradient, 3.5 crossings", "F-bar two-volume",
-    "F-bar one-volume-gradient, shifting", "F-bar two-volume, 5 cells", "solid F-bar two-volume",
+    "F-bar one-volume-gradient, shifting", "F-bar one-volume-gradient, density",
+    "F-bar two-volume, 5 cells", "solid F-bar two-volume",
     "double precision", "smoothing C0", "smoothing F0AL1", "LinearElastic",
     "LinearElastic, smoothing C0", "LinearElastic, smoothing F0AL1",
 )  # fmt: skip

@@ -5,7 +5,7 @@
 
 dam     a square of water breaks in a tank of twice its width: height of its middle after 10 s, of
         that of the same volume at rest, and pressure of the lowest cells over the weight above them
-shifted the same with FBar(shifting=True)
+shifted, led  the same with FBar(shifting=True), FBar(density=True)
 tube    water swings in a U-tube of square corners: period over 2π √(L / 2g), where a corner counts
         0.559 of its width (conformal mapping), and level after three periods, parts of its first
 wave    a solitary wave of H/h 0.2 from Goring's piston: speed over √(g (h + H)), H as measured on
@@ -48,14 +48,14 @@ def stiff(depth: float) -> materials.TaitFluid:
     return water(200 * WATER * GRAVITY * depth)
 
 
-def dam(cell: str, transfer: str, across: int, *, shifting: bool = False) -> Values:
+def dam(cell: str, transfer: str, across: int, *, option: str | None = None) -> Values:
     """Return twice the height of the middle of 1 m x 1 m, over 0.5 m, and the load of the bed."""
     dx = 0.5 / across
     scene = scene_of((2.0, 2.0), dx, TRANSFERS[transfer])
     square = shapes.Box(lower=(0.0, 0.0), upper=(1.0, 1.0))
     scene.add_body(
         name="water", shape=square, material=stiff(1.0), hydrostatic=1.0,
-        fbar=methods.FBar(shifting=shifting),
+        fbar=methods.FBar(shifting=option == "shifting", density=option == "density"),
     )  # fmt: skip
     response = boundaries.Slip(cell=cell)  # type: ignore[arg-type]
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=response)
@@ -73,7 +73,12 @@ def dam(cell: str, transfer: str, across: int, *, shifting: bool = False) -> Val
 
 def shifted(cell: str, transfer: str, across: int) -> Values:
     """Return the same of water whose particles are shifted."""
-    return dam(cell, transfer, across, shifting=True)
+    return dam(cell, transfer, across, option="shifting")
+
+
+def led(cell: str, transfer: str, across: int) -> Values:
+    """Return the same of water whose volumes are led by its density."""
+    return dam(cell, transfer, across, option="density")
 
 
 def tube(cell: str, transfer: str, across: int) -> Values:
@@ -241,6 +246,7 @@ def disc(cell: str, transfer: str, across: int) -> Values:
 CASES: Mapping[str, tuple[Callable[..., Values], list[int]]] = {
     "dam": (dam, [8, 16, 32]),
     "shifted": (shifted, [8, 16, 32]),
+    "led": (led, [8, 16, 32]),
     "tube": (tube, [8, 16]),
     "wave": (wave, [10, 20]),
     "run-up": (run_up, [10, 20]),
@@ -251,6 +257,8 @@ SHOWN = {
     "dam": (("level", "level of a dam at rest"), "depth at rest"),
     "shifted": (("level", "the same, shifting"), "depth at rest"),
     "shifted ": (("bed", "pressure of its lowest cells, shifting"), "depth at rest"),
+    "led": (("level", "the same, density"), "depth at rest"),
+    "led ": (("bed", "pressure of its lowest cells, density"), "depth at rest"),
     "tube": (("period", "period of a U-tube"), "width"),
     "tube ": (("level", "its level after three periods"), "width"),
     "wave": (("speed", "speed of a solitary wave"), "depth"),

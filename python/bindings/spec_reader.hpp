@@ -271,6 +271,7 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
     b.smoothing_time = f["time"].cast<double>();
     b.smoothing_ratio = f["ratio"].cast<double>();
     if (f.contains("shifting")) b.shifts = f["shifting"].cast<bool>();
+    if (f.contains("density")) b.density = f["density"].cast<bool>();
     if (d.contains("transfer")) read_share(d["transfer"], b);
     read_between_parts(d, b, dimension);
     return b;

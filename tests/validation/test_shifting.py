@@ -1,6 +1,6 @@
-"""Stirred water stands where its volume says: particle shifting (`design/fbar.md`, 4).
+"""Stirred water stands where its volume says: particle shifting, led volumes (`design/fbar.md`, 4).
 
-Expected duration: 40 s.
+Expected duration: 70 s.
 """
 
 import numpy as np
@@ -12,9 +12,10 @@ from libmpm import boundaries, materials, methods, shapes
 pytestmark = pytest.mark.validation
 
 WATER, GRAVITY = 1000.0, 9.81
+OPTIONS = ("shifting", "density")
 
 
-def tank(size, water, cells, *, shifting, transfer="APIC", dimension=2, **more):
+def tank(size, water, cells, *, option=None, transfer="APIC", dimension=2, **more):
     """Water in a tank, 1 m deep or less, K = 200 ρ g (1 m)."""
     scene = libmpm.Scene(
         dimension=dimension, cell_size=1.0 / cells, lower=(0.0,) * dimension, upper=size,
@@ -24,7 +25,7 @@ def tank(size, water, cells, *, shifting, transfer="APIC", dimension=2, **more):
     scene.add_body(
         name="water", shape=shapes.Box(lower=(0.0,) * dimension, upper=water),
         material=materials.TaitFluid(bulk_modulus=200 * WATER * GRAVITY),
-        hydrostatic=water[-1], fbar=methods.FBar(shifting=shifting), **more,
+        hydrostatic=water[-1], fbar=methods.FBar(**({option: True} if option else {})), **more,
     )  # fmt: skip
     scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=boundaries.Slip())
     return scene
@@ -34,42 +35,53 @@ def tank(size, water, cells, *, shifting, transfer="APIC", dimension=2, **more):
 def dams():
     """Level and load of the bed of a dam that has come to rest, 16 cells deep, over the exact."""
     found = {}
-    for shifting in (False, True):
-        scene = tank((2.0, 2.0), (1.0, 1.0), 32, shifting=shifting)
+    for option in (None, *OPTIONS):
+        scene = tank((2.0, 2.0), (1.0, 1.0), 32, option=option)
         sim = libmpm.Simulation(scene, device="cpu", precision="single", threads=1)
-        level, bed = [], []
+        level, bed, rows = [], [], np.zeros(10)
         for time in np.linspace(7.0, 8.0, 11):
             sim.run(until=float(time), progress=False)
             water = sim.particles["water"]
             height = water["position"][:, 1]
             level.append(2 * height.mean() / 0.5)
             bed.append(water["pressure"][height < 1 / 32].mean())
+            rows += np.histogram(32 * height, bins=np.arange(11))[0] / (11 * 4 * 64)
         weight = WATER * GRAVITY * (0.5 - 0.5 / 32)
-        found[shifting] = np.mean(level), np.mean(bed) / weight
+        found[option] = np.mean(level), np.mean(bed) / weight, rows
     return found
 
 
 def test_a_dam_comes_to_rest_at_its_level(dams):
-    level, bed = dams[True]
+    level, bed, _ = dams["shifting"]
     assert 0.97 <= level <= 1.05
     assert abs(bed - 1) <= 0.15
 
 
+def test_led_volumes_keep_the_density(dams):
+    """Ten of 16 rows under what still sloshes: their density, and what their weight presses."""
+    level, bed, rows = dams["density"]
+    assert 0.97 <= level <= 1.12  # the water still swings
+    assert abs(bed - 1) <= 0.1
+    assert rows.min() >= 0.9 and rows.max() <= 1.06
+    assert dams[None][2].max() > 1.5
+
+
 def test_without_it_water_packs(dams):
     """What the option is for; where this fails, its page is out of date."""
-    level, bed = dams[False]
+    level, bed, _ = dams[None]
     assert level < 0.92
     assert bed < 0.75
 
 
-def test_water_at_rest_stays_as_it_is(device):
+@pytest.mark.parametrize("option", OPTIONS)
+def test_water_at_rest_stays_as_it_is(option, device):
     """A lattice at rest has no node above the band of disorder.
 
     Sorts come at other steps, by which positions in single precision round otherwise.
     """
     state = []
-    for shifting in (False, True):
-        scene = tank((0.5, 1.25), (0.5, 1.0), 16, shifting=shifting)
+    for chosen in (None, option):
+        scene = tank((0.5, 1.25), (0.5, 1.0), 16, option=chosen)
         sim = libmpm.Simulation(scene, device=device, precision="single", threads=1)
         sim.step(400)
         water = sim.particles["water"]
@@ -104,8 +116,9 @@ def test_what_is_packed_spreads(dimension, device):
     assert centre[True] < 1e-4
 
 
-def test_bits_of_one_rank():
-    scene = tank((1.5, 1.0), (0.5, 0.75), 16, shifting=True)
+@pytest.mark.parametrize("option", OPTIONS)
+def test_bits_of_one_rank(option):
+    scene = tank((1.5, 1.0), (0.5, 0.75), 16, option=option)
     seen = []
     for device in ("cpu", ["cpu"] * 3):
         ranks = 1 if device == "cpu" else 3
@@ -116,9 +129,10 @@ def test_bits_of_one_rank():
     assert (seen[0] == seen[1]).all()
 
 
-def test_devices_agree(device):
+@pytest.mark.parametrize("option", OPTIONS)
+def test_devices_agree(option, device):
     """In double precision to the rounding of their sums, before that grows."""
-    scene = tank((1.0, 0.75), (0.4, 0.5), 16, shifting=True)
+    scene = tank((1.0, 0.75), (0.4, 0.5), 16, option=option)
     found = []
     for on in ("cpu", device):
         sim = libmpm.Simulation(scene, device=on, precision="double", threads=1)
@@ -128,20 +142,21 @@ def test_devices_agree(device):
     assert np.abs(found[0] - found[1]).max() < 1e-6
 
 
-def test_what_it_is_not_built_for():
-    with pytest.raises(libmpm.SceneError, match="shifting is 2; expected True or False"):
-        methods.FBar(shifting=2)
-    scene = tank((1.0, 1.0), (0.5, 0.5), 16, shifting=True)
+@pytest.mark.parametrize("option", OPTIONS)
+def test_what_it_is_not_built_for(option):
+    with pytest.raises(libmpm.SceneError, match=f"{option} is 2; expected True or False"):
+        methods.FBar(**{option: 2})
+    scene = tank((1.0, 1.0), (0.5, 0.5), 16, option=option)
     scene.add_body(
         name="block", shape=shapes.Box(lower=(0.6, 0.2), upper=(0.8, 0.4)),
         material=materials.FixedCorotated(density=500, youngs_modulus=1e6, poissons_ratio=0.3),
-        fbar=methods.FBar(shifting=True),
+        fbar=methods.FBar(**{option: True}),
     )  # fmt: skip
-    with pytest.raises(libmpm.SceneError, match=r"'block'.*shifting=True.*expected a fluid"):
+    with pytest.raises(libmpm.SceneError, match=rf"'block'.*{option}=True.*expected a fluid"):
         scene.validate()
-    scene = tank((1.0, 1.0), (0.5, 0.5), 16, shifting=True)
+    scene = tank((1.0, 1.0), (0.5, 0.5), 16, option=option)
     cubic = libmpm.Scene.from_dict(
         scene.to_dict() | {"method": libmpm.Method(kernel="cubic").to_dict()}
     )
-    with pytest.raises(libmpm.SceneError, match=r"shifting=True.*quadratic.*leave shifting out"):
+    with pytest.raises(libmpm.SceneError, match=rf"{option}=True.*quadratic.*leave {option} out"):
         cubic.plan(device="cpu")

@@ -133,7 +133,7 @@ private:
     void sample_energy(Sensor<Base>& sensor, SensorRecord* record);
     void reserve_deposits(Body& body);
     std::uint64_t workers_of(const Body& body) const;
-    void shift_particles();
+    void spread_packed();
     void run_bodies();
     void advance_body(Body& body, int number, std::uint32_t workers);
     // domain_phases.hpp
@@ -473,8 +473,9 @@ private:
     Buffer<X, Grid> wall_velocity_{exec_};  // `WallNodes`
     Buffer<X, std::uint8_t> wall_changed_{exec_};
     Buffer<X, Grid> wall_seats_{exec_};
-    Buffer<X, Grid> overfull_{exec_};  // (slots, nodes), where particles are shifted
-    Buffer<X, std::uint32_t> some_overfull_{exec_};
+    // (slots, nodes), where particles are shifted or volumes led by density.
+    Buffer<X, Grid> excess_{exec_}, packed_{exec_};
+    Buffer<X, std::uint32_t> some_excess_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();

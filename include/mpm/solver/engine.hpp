@@ -171,8 +171,8 @@ struct IdRange {
     }
 };
 
-/// Where a reader looks: boxes, m from the lower corner of the domain; none: everywhere. What it
-/// gets has all that lies in them, and of whole blocks of cells more than that.
+/// Where a reader looks: boxes, m from the lower corner of the domain; none: everywhere. Of
+/// particles it gets those that lie in them, of nodes all of the blocks that they touch.
 struct Window {
     std::vector<double> low, high;  // (boxes, dimension), sides may be infinite
     bool everywhere() const { return low.empty(); }

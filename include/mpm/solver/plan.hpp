@@ -94,6 +94,7 @@ struct Plan {
         0;  // the largest share of a deposit that a particle moves with, beside the grid's
     bool on_functions = false;  // functions over cells in place of the regular grid
     double shift = 0;           // that particles may be shifted by in a step that shifts, cells
+    bool density = false;       // are volumes of a body led by the density of the grid
     std::vector<std::string> kernels;
     /// That of all bodies, or `by_body` where they differ.
     std::string pipeline() const;

@@ -9,6 +9,6 @@ namespace mpm {
 /// Refuses what contact between bodies is not built for.
 void check_contact(const Spec& spec);
 /// The same of a body whose particles are shifted.
-void check_shifting(const Spec& spec, const BodySpec& body);
+void check_packing(const Spec& spec, const BodySpec& body);
 
 }  // namespace mpm

@@ -57,7 +57,7 @@ struct ParticleSnapshot {
     std::size_t count = 0;
     std::vector<std::uint32_t> id;  // counted from the body's first
     std::vector<std::vector<T>> offset, state;
-    std::vector<std::uint8_t> cell;  // devices: home cells in their blocks
+    std::vector<std::uint8_t> cell;  // home cells in their blocks; empty: stored cell by cell
     std::vector<std::int32_t> home;  // blocks with particles
     std::vector<std::uint64_t> keys;
     std::vector<std::uint32_t> start;        // of the cells of a block
@@ -88,6 +88,55 @@ struct NodesSeen {
 /// cells outside of it (`drift_limit` of the executors).
 inline constexpr int most_drift = 1;
 
+/// Does a point lie in a box of a window?
+template <int D>
+bool lies_in(const Window& window, const double (&x)[D]) {
+    for (std::size_t box = 0; box < window.low.size() / D; ++box) {
+        bool inside = true;
+        for (std::size_t a = 0; a < D; ++a)
+            inside = inside && x[a] >= window.low[box * D + a] && x[a] <= window.high[box * D + a];
+        if (inside) return true;
+    }
+    return false;
+}
+
+/// Leaves those particles of a snapshot that lie in a window: what is worked out of each costs more
+/// than all the copying.
+template <class T, int D>
+void keep_in(const Window& window, const BlockKeys<D>& keys_of, double cell_size,
+             ParticleSnapshot<T, D>& seen) {
+    std::vector<std::uint8_t> cell;
+    std::size_t kept = 0;
+    for (const std::int32_t h : seen.home) {
+        std::int64_t block[D];
+        keys_of.block(seen.keys[std::size_t(h)], block);
+        std::uint32_t* of = seen.start.data() + std::size_t(h) * seen.start_stride;
+        const std::uint32_t first = of[0], last = of[block_cells];
+        HomeCells homes = seen.homes(h);
+        std::vector<int> home_cell;
+        for (std::uint32_t q = first; q < last; ++q) home_cell.push_back(homes.of(q));
+        std::fill_n(of, block_cells, std::uint32_t(kept));
+        for (std::uint32_t q = first; q < last; ++q) {
+            int at[D];
+            Block<D>::coordinates(home_cell[q - first], at);
+            double x[D];
+            for (int a = 0; a < D; ++a)
+                x[a] = (double(block[a] * Block<D>::edge + at[a]) + 0.5 +
+                        double(seen.offset[std::size_t(a)][q])) *
+                       cell_size;
+            if (!lies_in<D>(window, x)) continue;
+            cell.push_back(std::uint8_t(home_cell[q - first]));
+            seen.id[kept] = seen.id[q];
+            for (auto* columns : {&seen.offset, &seen.state})
+                for (auto& column : *columns) column[kept] = column[q];
+            ++kept;
+        }
+        of[block_cells] = std::uint32_t(kept);
+    }
+    seen.count = kept;
+    seen.cell = std::move(cell);
+}
+
 /// All particles of a body.
 template <class X, class T, int D>
 ParticleSnapshot<T, D> all_particles(const BodyStore<X, T, D>& body,
@@ -105,7 +154,7 @@ ParticleSnapshot<T, D> all_particles(const BodyStore<X, T, D>& body,
     return out;
 }
 
-/// Those of the blocks that a window touches.
+/// Those that lie in a window.
 template <class B, class X, class T, int D>
 ParticleSnapshot<T, D> particles_in(const Window& window, B& exec, const BodyStore<X, T, D>& body,
                                     const BlockTable<B, D>& blocks, double cell_size) {
@@ -159,6 +208,8 @@ ParticleSnapshot<T, D> particles_in(const Window& window, B& exec, const BodySto
         to.assign(all.begin() + std::ptrdiff_t(c * out.count),
                   all.begin() + std::ptrdiff_t((c + 1) * out.count));
     }
+
+    keep_in(window, blocks.view().keys_of, cell_size, out);
 
     // Nodal values of the blocks around, each once.
     out.neighbours =

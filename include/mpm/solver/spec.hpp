@@ -121,7 +121,8 @@ struct BodySpec {
     SmoothingForm smoothing = SmoothingForm::none;
     double smoothing_time = 0;
     double smoothing_ratio = 0;
-    bool shifts = false;  // particles from overfull nodes (kernels/shifting.hpp)
+    bool shifts = false;   // particles from overfull nodes (kernels/shifting.hpp)
+    bool density = false;  // leads volumes (kernels/density.hpp)
     // Over cells (kernels/cell_smoothing.hpp), and numerical damping.
     SmoothingChoice cell_smoothing;
     std::string smoothed_field;  // "volume" or "strain"

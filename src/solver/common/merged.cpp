@@ -31,7 +31,7 @@ bool alike(const BodySpec& a, const BodySpec& b, int dimension) {
            a.material == b.material && a.parameters == b.parameters &&
            // Equal boxes elsewhere differ by the rounding of their edges.
            std::abs(a.particle_mass - b.particle_mass) <= 1e-12 * a.particle_mass &&
-           a.smoothing == b.smoothing && a.shifts == b.shifts &&
+           a.smoothing == b.smoothing && a.shifts == b.shifts && a.density == b.density &&
            a.smoothing_time == b.smoothing_time && a.smoothing_ratio == b.smoothing_ratio &&
            a.keep == b.keep && a.shift == b.shift &&
            // Cells and nodal means are a body's own.

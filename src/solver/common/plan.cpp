@@ -285,10 +285,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                              std::to_string(m.parameter_count) + " parameters, " +
                              std::to_string(body.parameters.size()) + " were given");
         }
-        if (body.shifts) {
-            check_shifting(spec, body);
-            plan.shift = shift_most;
-        }
+        if (body.shifts || body.density) check_packing(spec, body);
+        if (body.shifts) plan.shift = shift_most;
+        plan.density = plan.density || body.density;
         if (body.smoothing == SmoothingForm::none) continue;
         if (!m.smoothable) {
             throw SceneError(
@@ -481,7 +480,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                            double(!surfaces ? 0
                                   : D == 2  ? sizeof(SurfaceNode<2>)
                                             : sizeof(SurfaceNode<3>)));
-    if (plan.shift > 0) plan.memory_grid += slots * block_cells * backend.grid_real();
+    if (plan.shift > 0 || plan.density)
+        plan.memory_grid += slots * block_cells * backend.grid_real() * (plan.density ? 2 : 1);
     for (const auto& b : spec.boundaries)
         plan.memory_tables += double(4 * b.surface.values.size() + 8 * b.surface.keys.size() +
                                      4 * b.surface.place.size());

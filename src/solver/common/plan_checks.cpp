@@ -89,10 +89,11 @@ void check_rigid(const Spec& spec, const BackendTraits& backend) {
     }
 }
 
-void check_shifting(const Spec& spec, const BodySpec& body) {
+void check_packing(const Spec& spec, const BodySpec& body) {
+    const std::string option = body.shifts ? "shifting" : "density";
     const auto refuse = [&](const std::string& what) {
-        throw SceneError("body '" + body.name + "': FBar(shifting=True) " + what +
-                         "; leave shifting out");
+        throw SceneError("body '" + body.name + "': FBar(" + option + "=True) " + what +
+                         "; leave " + option + " out");
     };
     if (body.smoothing == SmoothingForm::none)
         refuse("compares nodes with the volumes that F-bar averages");

@@ -26,6 +26,7 @@ from libmpm._src.flumes.debris import (
     width_across,
 )
 from libmpm._src.flumes.facility import (
+    PACKING_TEXT,
     Deviation,
     Facility,
     Instrument,
@@ -175,6 +176,7 @@ class DirectionalWaveBasin(Facility):
     bulk_modulus: float = given(
         "K of the water; 2.2 GPa is water's own", default=1e6, unit="Pa", above=0
     )
+    packing: Literal["density", "shifting"] | None = given(PACKING_TEXT, default="density")
 
     def _check(self, check: Checker) -> dict[str, Any]:
         found = self._common(check)
@@ -238,6 +240,7 @@ class DirectionalWaveBasin(Facility):
             material=TaitFluid(bulk_modulus=self.bulk_modulus),
             hydrostatic=self.still_water,
             sampling=Columns(),
+            fbar=self.water_fbar(),
         )
         made.add_boundary(name="bed", shape=bed, response=self.bed_response())
         reach = float(max(stroke.value)) + 2 * behind

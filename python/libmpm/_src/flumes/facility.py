@@ -15,7 +15,7 @@ from libmpm._src.base.values import Checker, Value, nearest, shown
 from libmpm._src.boundaries.responses import Slip
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes.laboratory import Instrument
-from libmpm._src.methods.method import Method
+from libmpm._src.methods.method import FBar, Method
 from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.default_transfer import PAST_STRUCTURES
 from libmpm._src.scene.scene import Scene
@@ -32,10 +32,18 @@ if TYPE_CHECKING:
     from libmpm._src.pictures.figures import Picture
     from libmpm._src.scene.run_file import RunFile
 
-__all__ = ["WIDTHS", "Axes", "Deviation", "Facility", "Instrument", "Width"]
+__all__ = ["PACKING_TEXT", "WIDTHS", "Axes", "Deviation", "Facility", "Instrument", "Width"]
 
 Width = Literal["slice", "strip", "half", "full"]
 WIDTHS = ("slice", "strip", "half", "full")
+
+#: What keeps water from packing: an option of `FBar`.
+PACKING = ("density", "shifting")
+#: What a field `packing` means, for the facilities that have one.
+PACKING_TEXT = (
+    "what keeps stirred water from packing and sinking, the more the finer the cells: an option of "
+    "`FBar`; None = nothing"
+)
 
 #: Acceleration of gravity, m/s².
 GRAVITY = 9.81
@@ -274,6 +282,13 @@ class Facility(Value):
                  for d in self.deviations()]  # fmt: skip
         return "\n".join(rows)
 
+    def water_fbar(self) -> FBar | Literal["default"]:
+        """Return the averaging of the water's volumes, with what keeps it from packing."""
+        option = getattr(self, "packing", None)
+        if option is None:
+            return "default"
+        return FBar(density=option == "density", shifting=option == "shifting")
+
     def bed_response(self) -> Slip:
         """Return what the bed does to water: held nodes in a calm slice, else linear cells.
 
@@ -297,6 +312,8 @@ class Facility(Value):
         for name in ("gap", "contact"):
             if getattr(self, name) is not None:
                 found[name] = check.given(name, self)
+        if getattr(self, "packing", None) is not None:
+            found["packing"] = check.choice("packing", self.packing, PACKING)  # type: ignore[attr-defined]
         if self.contact is not None and self.debris is None:
             check.fail(f"contact is {self.contact:g} without debris; expected None; name debris")
         return found

@@ -18,6 +18,7 @@ from libmpm._src.flumes import large_wave_flume_rows, near_field, records
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import add_field, lengthened, scattered
 from libmpm._src.flumes.facility import (
+    PACKING_TEXT,
     Deviation,
     Facility,
     Instrument,
@@ -204,6 +205,7 @@ class LargeWaveFlume(Facility):
     bulk_modulus: float = given(
         "K of the water; 2.2 GPa is water's own", default=2e6, unit="Pa", above=0
     )
+    packing: Literal["density", "shifting"] | None = given(PACKING_TEXT, default=None)
     end: float | None = given(
         "x at which the flume is cut by a wall; None = the end of the beach",
         default=None, unit="m", above=47.0, high=87.46,
@@ -276,6 +278,7 @@ class LargeWaveFlume(Facility):
             material=TaitFluid(bulk_modulus=self.bulk_modulus),
             hydrostatic=self.still_water,
             sampling=Columns(),
+            fbar=self.water_fbar(),
         )
         made.add_boundary(name="bed", shape=bed, response=self.bed_response())
         reach = max(stroke.value) + 2 * behind

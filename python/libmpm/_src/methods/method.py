@@ -135,6 +135,11 @@ class FBar(Value):
         "ten steps",
         default=False,
     )
+    density: bool = given(
+        "lead a fluid's volumes to the density that its particles have on the grid, every ten "
+        "steps, so that stirred water does not pack",
+        default=False,
+    )
 
     def _check(self, check: Checker) -> dict[str, Any]:
         two = ("two-volume", "split", "literal")
@@ -162,6 +167,8 @@ class FBar(Value):
                 f"length is {found['length']:g} with form '{form}'; a length belongs to "
                 f"{', '.join(two)}; give time in s instead, or leave it out"
             )
-        if not isinstance(self.shifting, bool):
-            check.fail(f"shifting is {shown(self.shifting)}; expected True or False")
-        return found | {"shifting": self.shifting}
+        for option in ("shifting", "density"):
+            if not isinstance(getattr(self, option), bool):
+                check.fail(f"{option} is {shown(getattr(self, option))}; expected True or False")
+            found[option] = getattr(self, option)
+        return found

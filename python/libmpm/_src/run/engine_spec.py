@@ -357,8 +357,8 @@ def _fbar(scene: SceneData, body: Body) -> dict[str, Any]:
         speed = wave_speed(body.material)
         assert speed is not None  # the scene's checks refuse it
         time = CROSSINGS * scene.cell_size / speed
-    shifting = choice.shifting
-    return {"form": choice.form, "time": time, "ratio": ratio, "shifting": shifting}
+    packing = {"shifting": choice.shifting, "density": choice.density}
+    return {"form": choice.form, "time": time, "ratio": ratio, **packing}
 
 
 def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, Any]:

@@ -214,11 +214,12 @@ def _check_material(check: Checker, scene: SceneData, body: Body) -> None:
             'None or "default"; remove fbar'
         )
         return
-    if isinstance(body.fbar, FBar) and body.fbar.shifting and not table.stores_volume:
-        check.fail(
-            f"FBar(shifting=True) for {table.name}, whose particles are no fluid's; expected a "
-            "fluid; leave shifting out"
-        )
+    for option in ("shifting", "density"):
+        if isinstance(body.fbar, FBar) and getattr(body.fbar, option) and not table.stores_volume:
+            check.fail(
+                f"FBar({option}=True) for {table.name}, whose particles are no fluid's; expected a "
+                f"fluid; leave {option} out"
+            )
     by_default = body.fbar == "default" and table.stores_volume and body.smoothing is None
     choice = FBar() if by_default else body.fbar
     if not isinstance(choice, FBar) or wave_speed(body.material) is not None:

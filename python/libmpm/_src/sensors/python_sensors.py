@@ -1,11 +1,10 @@
 """`PressureProbe`, `BodyTracker`, ...: sensors evaluated in Python, at step boundaries.
 
 They are evaluated in Python at the first step boundary with time ≥ k × interval, k = 0, 1, ...;
-nothing is added to the engine's step, and no bit of a run changes. A sample copies the arrays that
-it reads from the device, once for all sensors due at that moment, and works on them with NumPy: on
-a CPU about 0.1 µs a particle for positions and 1 µs for velocities, pressures and stresses, which
-is half a step to several steps (docs/sensors.md). With intervals of a hundred steps or more that
-stays small; 0 stops at every step.
+nothing is added to the engine's step, and no bit of a run changes. A sample copies what it reads
+from the device, once for all sensors due at that moment, and works on it with NumPy: of a sensor
+with a place or a region the blocks that it touches, else all. On a CPU that takes about 0.1 µs a
+particle for positions and 1 µs for velocities, pressures and stresses (docs/sensors.md).
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ class ParticleSensor(Sampled):
     others NaN. Directions: "x", "y", "z", with "+" or "-" only the values of that sign.
     Positions are in the world. Raises `SceneError`.
 
-    A sample reads the attribute of the bodies' particles, and their positions if there is a region.
+    A sample reads the attribute of the bodies' particles; with a region of those about it.
     Source: Bonus (2023), particle-sensors of the scene file.
     """
 
@@ -135,8 +134,8 @@ class GridSensor(Sampled):
       (linear, quadratic, cubic; else quadratic ones).
 
     Of no node count and sum are 0, all others NaN. In 2D per metre of thickness. Square
-    cells only. A sample reads the whole grid; "volume" and "jbar" all particles as well. Raises
-    `SceneError`.
+    cells only. A sample reads the nodes about its region, of "volume" and "jbar" the particles
+    there as well. Raises `SceneError`.
 
     Source: Bonus (2023), grid-sensors of the scene file; force as in `LoadCell`.
     """
@@ -205,9 +204,9 @@ class BodyTracker(Sampled):
     Components of vectors end in _x, _y, _z, such as "centroid_x"; "angular_velocity" is one number
     in 2D. NaN without particles. In 2D per metre of thickness. Raises `SceneError`.
 
-    A sample reads masses, positions and velocities of the body; "boundary_force" the whole grid. A
-    checkpoint holds the first positions, 8 bytes a particle and axis, where orientation is asked
-    for. Source: Horn (1987), J. Opt. Soc. Am. A 4, for the rotation.
+    A sample reads masses, positions and velocities of the body; "boundary_force" the nodes about
+    it. A checkpoint holds the first positions, 8 bytes a particle and axis, where orientation is
+    asked for. Source: Horn (1987), J. Opt. Soc. Am. A 4, for the rotation.
     """
 
     label: ClassVar[str] = "sensors.BodyTracker"

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from libmpm._src.shapes.element_mesh import ElementMesh
 from libmpm._src.shapes.mesh_distance import TriangleTree
@@ -53,4 +54,9 @@ class MeshInside(Solid):
             ends = self.mesh.positions()[self.mesh.surface]
             return segments_distance(ends[:, 0], ends[:, 1], p[:, 0], p[:, 1])
         far = self._tree.distance(p)
-        return np.where(self._tree.winding(p) > 0.5, -far, far)
+        return np.where(self._inside(p), -far, far)
+
+    def _inside(self, p: Array) -> npt.NDArray[np.bool_]:
+        if self.dimension == 2:
+            return super()._inside(p)
+        return np.asarray(self._tree.winding(p) > 0.5)

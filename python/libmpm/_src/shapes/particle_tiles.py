@@ -185,10 +185,10 @@ class Tiled:
 
     def _inside(self, p: Array, solid: Solid, holes: Sequence[Solid]) -> npt.NDArray[np.bool_]:
         p = p + (self._corner + _TOLERANCE * self._spacing)
-        kept = solid.distance(p) < 0
+        kept = solid._contains(p)
         for hole in holes:
             here = np.flatnonzero(kept)
-            kept[here] = hole.distance(p[here]) >= 0
+            kept[here] = ~hole._contains(p[here])
         return kept
 
     def _index(self, tiles: npt.NDArray[np.int64]) -> Array:
@@ -275,7 +275,7 @@ class Remaining:
             kept = np.ones(len(p), dtype=bool)
             for hole in holes:
                 here = np.flatnonzero(kept)
-                kept[here] = hole.distance(p[here]) >= 0
+                kept[here] = ~hole._contains(p[here])
             counts.append(int(np.count_nonzero(kept)))
             self._masks.append(None if kept.all() else np.packbits(kept))
         self._start = np.append(0, np.cumsum(np.array(counts, dtype=np.int64)))

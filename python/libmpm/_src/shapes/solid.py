@@ -109,6 +109,23 @@ class Solid(Shape):
         """Return the signed distance of points (n, d) that have been checked."""
         raise NotImplementedError
 
+    def _contains(self, p: Array) -> npt.NDArray[np.bool_]:
+        """Return which points (n, d) lie inside, as the sign of the distance says.
+
+        Asked are those in the solid's box alone; solids that know an inside without a distance
+        say so in `_inside`.
+        """
+        if not self.bounding:
+            return self._inside(p)
+        low, high = (np.asarray(side) for side in self.bounds())
+        found = np.all((p >= low) & (p <= high), axis=1)
+        found[found] = self._inside(p[found])
+        return np.asarray(found)
+
+    def _inside(self, p: Array) -> npt.NDArray[np.bool_]:
+        """Return which points (n, d) lie inside."""
+        return np.asarray(self._distance(p) < 0)
+
     def __or__(self, other: Solid) -> Union:
         """Return what is in either solid."""
         from libmpm._src.shapes.combined import Union

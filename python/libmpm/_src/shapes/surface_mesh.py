@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from libmpm._src.base.declarations import given
 from libmpm._src.base.file_digest import file_state
@@ -123,12 +124,12 @@ class SurfaceMesh(Solid):
         return abs(surface.volume()) * self.scale * self.scale * self.scale
 
     def _distance(self, p: Array) -> Array:
-        tree = self._tree
-        far = tree.distance(p)
-        turns = tree.winding(p)
-        if self._surface.volume() < 0:
-            turns = -turns
-        return np.where(turns > 0.5, -far, far)
+        far = self._tree.distance(p)
+        return np.where(self._inside(p), -far, far)
+
+    def _inside(self, p: Array) -> npt.NDArray[np.bool_]:
+        turns = self._tree.winding(p)
+        return np.asarray((turns if self._surface.volume() >= 0 else -turns) > 0.5)
 
 
 @functools.lru_cache(maxsize=4)
