@@ -10,24 +10,25 @@ namespace mpm {
 /// What volumes take of the excess at a time, every tenth step, and what disorder makes of a mean
 /// of nodes: it is not led away, or its noise, of which only what is too much counts, would lift
 /// water above its volume.
-inline constexpr double density_rate = 0.02, density_band = 0.02;
+inline constexpr double density_rate = 0.02, density_band = 0.03;
 
 /// Mean excess of each node and those about it by weights 1, 2, 1 along each axis: at one node it
 /// is noise of several per cent. Beside a surface of the fluid, where a mean sees what is missing,
 /// only what is too much.
-template <class T, int D>
+template <class X, class T, int D>
 struct FindPacked {
     BlockTableView<D> table;
     const Clock* clock;
-    const T* excess;  // (slots, nodes)
-    T* packed;        // (slots, nodes)
+    const T* excess;      // (slots, nodes)
+    T* packed;            // (slots, nodes)
+    std::uint32_t* some;  // (slots,), zero before: 1 where any node of the block is
 
     MPM_INLINE void operator()(std::int64_t i) const {
         if (clock->halt != Halt::none) return;
         constexpr int edge = Block<D>::edge, about = D == 2 ? 9 : 27;
         const std::int64_t slot = i / block_cells;
         packed[i] = 0;
-        if (!(excess[i] == excess[i])) return;
+        if (!(excess[i] > T(-1))) return;  // nothing is there, or walls leave too little of it
         int own[D];
         Block<D>::coordinates(int(i % block_cells), own);
         double sum = 0, weights = 0;
@@ -52,40 +53,27 @@ struct FindPacked {
             weights += weight;
         }
         const double by = sum / weights - density_band;
-        packed[i] = T(by < 0 ? 0 : (by < 0.5 ? by : 0.5));
+        if (!(by > 0)) return;
+        packed[i] = T(by < 0.5 ? by : 0.5);
+        X::raise(&some[slot]);
     }
 };
 
-/// Leads the volumes of the particles of a body's home blocks, a thread for each cell of a block
-/// (on devices for each 64th particle).
+/// Leads the volumes of the particles of a body's home blocks: items as those of
+/// `NodesOfParticles`.
 template <class G, class T, int D>
 struct LeadVolumes {
-    BlockTableView<D> table;
-    const Clock* clock;
-    BodyView<T, D> body;
-    const G* packed;
+    NodesOfParticles<G, T, D> packed;
 
     MPM_INLINE void operator()(std::int64_t i) const {
-        if (clock->halt != Halt::none) return;
-        each_of_cell(body, i,
-                     [&](std::int32_t slot, int cell, std::uint32_t q) { lead(slot, cell, q); });
-    }
-    MPM_INLINE void lead(std::int32_t slot, int cell, std::uint32_t q) const {
-        const NodesAround<G> around{packed, 1,
-                                    table.neighbours + std::int64_t(slot) * Block<D>::neighbours};
-        int home[D];
-        Block<D>::coordinates(cell, home);
-        Vec<T, D> offset;
-        for (int a = 0; a < D; ++a) offset[a] = body.offset[a][q];
-        Standing<G, D> at;
-        at.find(table.corners + std::int64_t(slot) * D, home, offset);
-        const Stencil<G, D, 3> s = stencil_of<3>(KernelChoice{}, at.xi, Vec<G, D>{}, at.in_domain);
-        G more = 0;
-        for_each_node(s, places_in_grid<3>(at.cell), [&](const auto&, int place, G weight) {
-            const G* e = around(place);
-            if (e != nullptr) more += weight * *e;
+        packed.each(i, [&](std::uint32_t q, const auto& s, const auto& places, const auto& around) {
+            G more = 0;
+            for_each_node(s, places, [&](const auto&, int place, G weight) {
+                const G* found = around(place);
+                if (found != nullptr) more += weight * *found;
+            });
+            packed.body.state[0][q] += T(G(density_rate) * more);  // 1 - J
         });
-        body.state[0][q] += T(G(density_rate) * more);  // 1 - J
     }
 };
 

@@ -125,17 +125,50 @@ struct FindExcess {
     }
 };
 
-/// f(slot of its home, home cell, particle) for those of item i of (home blocks, cells of a block):
-/// where particles are stored cell by cell those of the cell, else each 64th of the block.
-template <class T, int D, class F>
-MPM_INLINE void each_of_cell(const BodyView<T, D>& body, std::int64_t i, const F& f) {
-    const std::int32_t slot = body.home[i / block_cells];
-    const int k = int(i % block_cells);
-    const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
-    const std::uint32_t end = start[body.cell ? block_cells : k + 1];
-    for (std::uint32_t q = body.cell ? start[0] + std::uint32_t(k) : start[k]; q < end;
-         q += body.cell ? std::uint32_t(block_cells) : 1u)
-        f(slot, body.cell ? int(body.cell[q]) : k, q);
+/// Is a block or one of those about it flagged?
+template <int D>
+MPM_INLINE bool any_about(const BlockTableView<D>& table, std::int32_t slot,
+                          const std::uint32_t* flag) {
+    const std::int32_t* around = table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
+    std::uint32_t any = 0;
+    for (int n = 0; n < Block<D>::neighbours; ++n) any |= around[n] < 0 ? 0 : flag[around[n]];
+    return any != 0;
 }
+
+/// Nodal values as the particles of a body see them, those of home blocks beside flagged blocks.
+template <class G, class T, int D>
+struct NodesOfParticles {
+    BlockTableView<D> table;
+    const Clock* clock;
+    BodyView<T, D> body;
+    const G* value;             // (slots, nodes)
+    const std::uint32_t* some;  // (slots,)
+
+    /// f(particle, its functions, places of its nodes, values around) for item i of (home blocks,
+    /// cells of a block): where particles are stored cell by cell those of the cell, else each 64th
+    /// of the block.
+    template <class F>
+    MPM_INLINE void each(std::int64_t i, const F& f) const {
+        if (clock->halt != Halt::none) return;
+        const std::int32_t slot = body.home[i / block_cells];
+        if (!any_about(table, slot, some)) return;
+        const NodesAround<G> around{value, 1,
+                                    table.neighbours + std::int64_t(slot) * Block<D>::neighbours};
+        const int k = int(i % block_cells);
+        const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
+        const std::uint32_t end = start[body.cell ? block_cells : k + 1];
+        for (std::uint32_t q = body.cell ? start[0] + std::uint32_t(k) : start[k]; q < end;
+             q += body.cell ? std::uint32_t(block_cells) : 1u) {
+            int home[D];
+            Block<D>::coordinates(body.cell ? int(body.cell[q]) : k, home);
+            Vec<T, D> offset;
+            for (int a = 0; a < D; ++a) offset[a] = body.offset[a][q];
+            Standing<G, D> at;
+            at.find(table.corners + std::int64_t(slot) * D, home, offset);
+            f(q, stencil_of<3>(KernelChoice{}, at.xi, Vec<G, D>{}, at.in_domain),
+              places_in_grid<3>(at.cell), around);
+        }
+    }
+};
 
 }  // namespace mpm

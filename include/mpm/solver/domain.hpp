@@ -475,7 +475,7 @@ private:
     Buffer<X, Grid> wall_seats_{exec_};
     // (slots, nodes), where particles are shifted or volumes led by density.
     Buffer<X, Grid> excess_{exec_}, packed_{exec_};
-    Buffer<X, std::uint32_t> some_excess_{exec_};
+    Buffer<X, std::uint32_t> some_excess_{exec_}, some_packed_{exec_};
     Buffer<X, Sum> sums_[2] = {Buffer<X, Sum>(exec_), Buffer<X, Sum>(exec_)};
 
     PhaseOps<X, T, D> phase_ops_ = phase_ops<X, T, D>();

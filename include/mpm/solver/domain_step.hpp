@@ -223,14 +223,18 @@ void Domain<X, T, D>::spread_packed() {
         const std::int64_t cells = std::int64_t(body.homes) * block_cells;
         if (s.density) {
             packed_.reserve_discard(std::size_t(nodes));
-            exec_.for_each(nodes, FindPacked<Grid, D>{table_, clock_buffer_.data(), excess_.data(),
-                                                      packed_.data()});
-            exec_.for_each(
-                cells, LeadVolumes<Grid, T, D>{table_, clock_buffer_.data(), view, packed_.data()});
+            some_packed_.reserve_discard(std::size_t(table_.slots));
+            some_packed_.zero();
+            exec_.for_each(nodes,
+                           FindPacked<X, Grid, D>{table_, clock_buffer_.data(), excess_.data(),
+                                                  packed_.data(), some_packed_.data()});
+            exec_.for_each(cells, LeadVolumes<Grid, T, D>{{table_, clock_buffer_.data(), view,
+                                                           packed_.data(), some_packed_.data()}});
         }
         if (s.shifts)
-            exec_.for_each(cells, ShiftParticles<Grid, T, D>{table_, clock_buffer_.data(), view,
-                                                             excess_.data(), some_excess_.data()});
+            exec_.for_each(cells,
+                           ShiftParticles<Grid, T, D>{{table_, clock_buffer_.data(), view,
+                                                       excess_.data(), some_excess_.data()}});
     }
 }
 
