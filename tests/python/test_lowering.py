@@ -202,7 +202,7 @@ def fbar_of(tank: Make, fbar: Any) -> dict[str, Any]:
 
 def test_fbar(tank: Make) -> None:
     crossings = pytest.approx(35 * 0.1 / 10.0)
-    still = {"shifting": False}
+    still = {"shifting": False, "density": False}
     default = {"form": "one-volume-gradient", "time": crossings, "ratio": 0.0} | still
     assert fbar_of(tank, "default") == default
     assert fbar_of(tank, FBar()) == default
@@ -213,6 +213,7 @@ def test_fbar(tank: Make) -> None:
     two = fbar_of(tank, FBar(form="two-volume", length=0.05))
     assert two == {"form": "two-volume", "time": 0.0, "ratio": pytest.approx(0.5)} | still
     assert fbar_of(tank, FBar(shifting=True)) == default | {"shifting": True}
+    assert fbar_of(tank, FBar(density=True)) == default | {"density": True}
 
 
 def test_boundaries(scene: Scene) -> None:
