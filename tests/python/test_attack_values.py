@@ -276,8 +276,8 @@ def test_a_rotation_by_what_has_no_text_is_refused(text):
 def test_what_is_not_a_choice_is_refused_by_name(item):
     """An array is neither true nor false, and asking it was a `ValueError` of NumPy."""
     flags = {
-        "shifting": libmpm.FBar, "density": libmpm.FBar, "boundary": libmpm.Kernel, "modified": libmpm.Kernel,
-        "moved_nodes": libmpm.Kernel, "guard": libmpm.Transfer,
+        "shifting": libmpm.FBar, "density": libmpm.FBar, "boundary": libmpm.Kernel,
+        "modified": libmpm.Kernel, "moved_nodes": libmpm.Kernel, "guard": libmpm.Transfer,
     }  # fmt: skip
     for name, kind in flags.items():
         with pytest.raises(libmpm.SceneError, match=f"{name} is .*; expected True or False"):
