@@ -19,8 +19,8 @@ BASELINE = "baseline"
 WATER = 2.2e9  # Pa, bulk modulus of real water
 #: Fields of an option that lines name only where they are not the usual ones.
 CHANGES = (
-    "size", "packing", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed", "contact",
-    "solids",
+    "size", "shifting", "density", "cells", "per_cell", "bulk", "extent", "smoothing", "assumed",
+    "contact", "solids",
 )  # fmt: skip
 #: Forms of F-bar whose smoothing is set by a length.
 BY_LENGTH = ("two-volume", "split", "literal")
@@ -61,7 +61,8 @@ class Option:
     walls: Response | None = None
     layer: DecayLayer | None = None
     size: float | None = None
-    packing: str | None = None  # an option of FBar against it
+    shifting: bool = False
+    density: bool = False
     cells: float = 1.0
     per_cell: int | None = None
     bulk: float | None = None
@@ -77,7 +78,7 @@ class Option:
         crossing = cell_size / wave_speed
         return Options(
             method=Method(cfl=cfl * self.step, transfer=self.transfer, kernel=self.kernel),
-            fbar=smoothing(self.fbar, self.size, cell_size, crossing, self.packing),
+            fbar=smoothing(self.fbar, self.size, cell_size, crossing, self.shifting, self.density),
             solid_fbar=smoothing(self.solid_fbar, self.size, cell_size, crossing),
             walls=self.walls,
             layer=self.layer,
@@ -143,7 +144,8 @@ def smoothing(
     size: float | None,
     cell_size: float,
     crossing: float,
-    packing: str | None = None,
+    shifting: bool = False,
+    density: bool = False,
 ) -> FBar | None:
     """Return a form with its length in cells or its time in crossings; None is the usual one."""
     if form is None:
@@ -151,8 +153,7 @@ def smoothing(
     if form in BY_LENGTH:
         return FBar(form=form, length=(size or LENGTH) * cell_size)  # type: ignore[arg-type]
     time = None if size is None else size * crossing
-    given = {} if packing is None else {packing: True}
-    return FBar(form=form, time=time, **given)  # type: ignore[arg-type]
+    return FBar(form=form, time=time, shifting=shifting, density=density)  # type: ignore[arg-type]
 
 
 def _transfers() -> list[Option]:
@@ -335,10 +336,8 @@ OPTIONS: tuple[Option, ...] = (
     *_transfers(),
     *_kernels(),
     *(Option(f"F-bar {form}", "F-bar", fbar=form) for form in FORMS),
-    *(
-        Option(f"F-bar one-volume-gradient, {packing}", "F-bar", fbar=FORMS[0], packing=packing)
-        for packing in ("shifting", "density")
-    ),
+    Option("F-bar one-volume-gradient, shifting", "F-bar", fbar=FORMS[0], shifting=True),
+    Option("F-bar one-volume-gradient, density", "F-bar", fbar=FORMS[0], density=True),
     *(Option(f"solid F-bar {form}", "solid", solid_fbar=form) for form in FORMS),
     *(Option(law, "solid", material=law) for law in LAWS),
     Option("elements", "solid", solids="elements"),
