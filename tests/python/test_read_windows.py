@@ -32,6 +32,15 @@ def lie_in(points, box):
     return np.all((points >= low) & (points <= high), axis=1)
 
 
+def same_rows(some, everything, place):
+    """Return which rows of all those of a part are, by their places; they have the same bits."""
+    row = {tuple(x): k for k, x in enumerate(everything[place].tolist())}
+    rows = [row[tuple(x)] for x in some[place].tolist()]
+    for key in some:
+        np.testing.assert_array_equal(some[key], everything[key][rows], err_msg=key)
+    return rows
+
+
 def machine(scene, where, precision, ranks):
     device = [where] * ranks if ranks > 1 else where
     sim = libmpm.Simulation(scene, device=device, threads=ranks, precision=precision)
@@ -74,22 +83,16 @@ def test_a_box_has_what_all_has_there(dimension, precision, ranks, method, devic
             for one in box:
                 inside |= lie_in(everything["position"], one)
             assert set(np.flatnonzero(inside)) <= set(rows)
-        nodes = {key: engine.grid(key) for key in ("position", "mass", "velocity")}
-        near = {key: engine.grid(key, box) for key in nodes}
+        keys = ("position", "mass", "velocity")
+        nodes = {key: engine.grid(key) for key in keys}
+        near = {key: engine.grid(key, box) for key in keys}
         fewer = fewer or len(near["mass"]) < len(nodes["mass"])
-        row = {tuple(x): k for k, x in enumerate(nodes["position"].tolist())}
-        rows = [row[tuple(x)] for x in near["position"].tolist()]
-        for key in nodes:
-            np.testing.assert_array_equal(near[key], nodes[key][rows], err_msg=key)
-        inside = np.zeros(len(row), dtype=bool)
+        rows = same_rows(near, nodes, "position")
+        inside = np.zeros(len(nodes["mass"]), dtype=bool)
         for one in box:
             inside |= lie_in(nodes["position"], one)
         assert set(np.flatnonzero(inside)) <= set(rows)
-        sums, all_sums = engine.sums(box), engine.sums()
-        row = {tuple(c): k for k, c in enumerate(all_sums["cell"].tolist())}
-        rows = [row[tuple(c)] for c in sums["cell"].tolist()]
-        for key in sums:
-            np.testing.assert_array_equal(sums[key], all_sums[key][rows], err_msg=key)
+        same_rows(engine.sums(box), engine.sums(), "cell")
         assert name == "two" or fewer
         # A block has 64 cells: of a box of a few of them most of the scene is left out.
         assert name != "none" or len(near["mass"]) == 0

@@ -133,9 +133,10 @@ private:
     void sample_energy(Sensor<Base>& sensor, SensorRecord* record);
     void reserve_deposits(Body& body);
     std::uint64_t workers_of(const Body& body) const;
-    void spread_packed();
     void run_bodies();
     void advance_body(Body& body, int number, std::uint32_t workers);
+    // domain_packing.hpp
+    void spread_packed();
     // domain_phases.hpp
     Phase<X, T, D> phase(Body& body, int number, int parity_to);
     void reserve_scratch(Body& body);
@@ -554,6 +555,7 @@ private:
 #include "mpm/solver/domain_meshes.hpp"
 #include "mpm/solver/domain_migrate.hpp"
 #include "mpm/solver/domain_migrate_devices.hpp"
+#include "mpm/solver/domain_packing.hpp"
 #include "mpm/solver/domain_parcels.hpp"
 #include "mpm/solver/domain_phases.hpp"
 #include "mpm/solver/domain_pins.hpp"
