@@ -13,8 +13,8 @@ namespace mpm {
 inline constexpr double density_rate = 0.02, density_band = 0.03;
 
 /// Mean excess of each node and those about it by weights 1, 2, 1 along each axis: at one node it
-/// is noise of several per cent. Beside a surface of the fluid, where a mean sees what is missing,
-/// only what is too much.
+/// is noise of several per cent. What is missing leads nothing: free surfaces and slopes would look
+/// like holes (led both ways, water over a slope of linear cells began to breathe).
 template <class X, class T, int D>
 struct FindPacked {
     BlockTableView<D> table;

@@ -1,5 +1,5 @@
 // What readers look at: host copies of one body's particles and of the nodes about them, of all or
-// of the blocks that a window touches. Looking never changes a run.
+// of those in a window. Looking never changes a run.
 #pragma once
 
 #include <numeric>

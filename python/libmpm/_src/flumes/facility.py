@@ -15,7 +15,7 @@ from libmpm._src.base.values import Checker, Value, nearest, shown
 from libmpm._src.boundaries.responses import Slip
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes.laboratory import Instrument
-from libmpm._src.methods.method import FBar, Method
+from libmpm._src.methods.method import PACKING, FBar, Method
 from libmpm._src.methods.transfer import Transfer
 from libmpm._src.scene.default_transfer import PAST_STRUCTURES
 from libmpm._src.scene.scene import Scene
@@ -37,8 +37,6 @@ __all__ = ["PACKING_TEXT", "WIDTHS", "Axes", "Deviation", "Facility", "Instrumen
 Width = Literal["slice", "strip", "half", "full"]
 WIDTHS = ("slice", "strip", "half", "full")
 
-#: What keeps water from packing: an option of `FBar`.
-PACKING = ("density", "shifting")
 #: What a field `packing` means, for the facilities that have one.
 PACKING_TEXT = (
     "what keeps stirred water from packing and sinking, the more the finer the cells: an option of "
@@ -154,6 +152,7 @@ class Facility(Value):
     debris: str | DebrisField | None = None
     gap: float | None = None
     contact: float | None = None
+    packing: Literal["density", "shifting"] | None = None
 
     # What each facility says -----------------------------------------------------------------
 
@@ -284,10 +283,9 @@ class Facility(Value):
 
     def water_fbar(self) -> FBar | Literal["default"]:
         """Return the averaging of the water's volumes, with what keeps it from packing."""
-        option = getattr(self, "packing", None)
-        if option is None:
+        if self.packing is None:
             return "default"
-        return FBar(density=option == "density", shifting=option == "shifting")
+        return FBar(density=self.packing == "density", shifting=self.packing == "shifting")
 
     def bed_response(self) -> Slip:
         """Return what the bed does to water: held nodes in a calm slice, else linear cells.
@@ -312,8 +310,8 @@ class Facility(Value):
         for name in ("gap", "contact"):
             if getattr(self, name) is not None:
                 found[name] = check.given(name, self)
-        if getattr(self, "packing", None) is not None:
-            found["packing"] = check.choice("packing", self.packing, PACKING)  # type: ignore[attr-defined]
+        if self.packing is not None:
+            found["packing"] = check.choice("packing", self.packing, PACKING)
         if self.contact is not None and self.debris is None:
             check.fail(f"contact is {self.contact:g} without debris; expected None; name debris")
         return found

@@ -10,10 +10,12 @@ from libmpm._src.base.declarations import given
 from libmpm._src.base.values import Checker, Value, value
 from libmpm._src.methods.transfer import Kernel, Transfer, as_kernel, as_transfer
 
-__all__ = ["CROSSINGS", "FBar", "Method"]
+__all__ = ["CROSSINGS", "PACKING", "FBar", "Method"]
 
 #: Default of `FBar.time`, in cell crossings of the sound wave.
 CROSSINGS = 35.0
+#: Options of `FBar` that keep stirred fluids from packing.
+PACKING = ("density", "shifting")
 
 
 @value
@@ -167,7 +169,7 @@ class FBar(Value):
                 f"length is {found['length']:g} with form '{form}'; a length belongs to "
                 f"{', '.join(two)}; give time in s instead, or leave it out"
             )
-        for option in ("shifting", "density"):
+        for option in PACKING:
             if not isinstance(getattr(self, option), bool):
                 check.fail(f"{option} is {shown(getattr(self, option))}; expected True or False")
             found[option] = getattr(self, option)

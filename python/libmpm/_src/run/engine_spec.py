@@ -25,7 +25,7 @@ from libmpm._src.grids.shapes import Outline
 from libmpm._src.materials.initial_stress import stored_stress
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.materials.rigid import Rigid
-from libmpm._src.methods.method import CROSSINGS, FBar
+from libmpm._src.methods.method import CROSSINGS, PACKING, FBar
 from libmpm._src.run.choices import check_options, choose_precision
 from libmpm._src.run.element_spec import mesh_part
 from libmpm._src.run.hydrostatic import at_hand, still_water
@@ -357,7 +357,7 @@ def _fbar(scene: SceneData, body: Body) -> dict[str, Any]:
         speed = wave_speed(body.material)
         assert speed is not None  # the scene's checks refuse it
         time = CROSSINGS * scene.cell_size / speed
-    packing = {"shifting": choice.shifting, "density": choice.density}
+    packing = {option: getattr(choice, option) for option in PACKING}
     return {"form": choice.form, "time": time, "ratio": ratio, **packing}
 
 

@@ -17,7 +17,7 @@ from libmpm._src.grids import placing
 from libmpm._src.materials.initial_stress import check_stress
 from libmpm._src.materials.material import wave_speed
 from libmpm._src.materials.rigid import Rigid
-from libmpm._src.methods.method import FBar
+from libmpm._src.methods.method import PACKING, FBar
 from libmpm._src.methods.transfer import SHIFTS
 from libmpm._src.scene.checks_elements import check_elements, check_mesh_overlaps
 from libmpm._src.scene.checks_rigid import check_rigid
@@ -214,7 +214,7 @@ def _check_material(check: Checker, scene: SceneData, body: Body) -> None:
             'None or "default"; remove fbar'
         )
         return
-    for option in ("shifting", "density"):
+    for option in PACKING:
         if isinstance(body.fbar, FBar) and getattr(body.fbar, option) and not table.stores_volume:
             check.fail(
                 f"FBar({option}=True) for {table.name}, whose particles are no fluid's; expected a "

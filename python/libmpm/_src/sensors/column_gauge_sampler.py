@@ -51,8 +51,7 @@ class OfColumn(Sampler):
         """Ask for masses, positions and velocities."""
         within = None
         if self._place is not None:
-            d = 1 + len(self._level_axes)
-            within = column_about(self._place, self._width, self._level_axes, d)
+            within = column_about(self._place, self._width, self._level_axes)
         for i in self._bodies:
             moment.want(i, ("mass", "position", "velocity"), within)
 

@@ -74,26 +74,26 @@ class OfContact(Sampler):
     def row(self, moment: Moment) -> Array | None:
         """Return the force in the step that begins now, or None where the step before is needed."""
         step = moment.simulation.steps
+        places = [moment.relative(moment.arrays(body)["position"]) for body in self._pair]
+        nodes = moment.nodes_about(*places)
         begun = self._begun
         found = None
         if begun is not None and begun[0] == step - 1:
-            found = self._force(moment, begun[1])
+            found = self._force(moment, nodes, begun[1])
         self._begun, self.again_after = None, None
         if found is None or self._every:
-            moved = tuple(self._moved(moment, body) for body in self._pair)
+            moved = tuple(self._moved(moment, nodes, body) for body in self._pair)
             self._begun, self.again_after = (step, moved), moment.time
         return found
 
-    def _moved(self, moment: Moment, body: int) -> _Moved:
+    def _moved(self, moment: Moment, nodes: Nodes, body: int) -> _Moved:
         arrays = moment.arrays(body)
         place = moment.relative(arrays["position"])
         ids = arrays["id"].astype(np.int64)
-        return _gathered(moment.nodes_about(place), ids, place, moment.scene.cell_size)
+        return _gathered(nodes, ids, place, moment.scene.cell_size)
 
-    def _force(self, moment: Moment, moved: tuple[_Moved, ...]) -> Array:
+    def _force(self, moment: Moment, nodes: Nodes, moved: tuple[_Moved, ...]) -> Array:
         d = moment.scene.dimension
-        places = [moment.relative(moment.arrays(body)["position"]) for body in self._pair]
-        nodes = moment.nodes_about(*places)
         (mass, own), (other, its) = (
             self._left(moment, nodes, body, before)
             for body, before in zip(self._pair, moved, strict=True)

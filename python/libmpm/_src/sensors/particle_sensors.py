@@ -209,7 +209,7 @@ class OfElevation(Sampler):
 
     def __init__(self, scene: SceneData, sensor: ElevationGauge) -> None:
         """Take a sensor that has been checked."""
-        self._sensor, self._scene = sensor, scene
+        self._sensor = sensor
         self._bodies = bodies_of(scene, sensor.body)
         self._vertical = vertical_axis(scene)
         up = attributes.upward(scene)[self._vertical]
@@ -219,9 +219,8 @@ class OfElevation(Sampler):
 
     def announce(self, moment: Moment) -> None:
         """Ask for positions, volumes and masses."""
-        within = column_about(
-            np.asarray(self._sensor.position), self._radius, self._level_axes, self._scene.dimension
-        )
+        place = np.asarray(self._sensor.position)
+        within = column_about(place, self._radius, self._level_axes)
         for i in self._bodies:
             moment.want(i, ("position", "volume", "mass"), within)
 

@@ -50,21 +50,18 @@ def bodies_of(scene: SceneData, body: str | None) -> list[int]:
 
 def in_region(region: Solid | None, points: Array, cell_size: float) -> NDArray[np.bool_]:
     """Return which points (n, d) of the scene are in a region or on its surface."""
-    inside = np.ones(len(points), dtype=np.bool_)
     if region is None or len(points) == 0:
-        return inside
+        return np.ones(len(points), dtype=np.bool_)
     # Of many points most are in none of a scene's regions: their boxes tell first.
     spare = _ROUNDING * cell_size
-    for x, low, high in zip(points.T, *region.bounds(), strict=True):
-        if np.isfinite(low) or np.isfinite(high):
-            inside &= (x >= low - spare) & (x <= high + spare)
+    inside = region._in_box(points, spare)
     inside[inside] = region.distance(points[inside]) <= spare
     return inside
 
 
-def column_about(place: Array, reach: float, axes: Sequence[int], dimension: int) -> Box:
+def column_about(place: Array, reach: float, axes: Sequence[int]) -> Box:
     """Return the column of a scene that is less than `reach` from a place along its level axes."""
-    low, high = np.full(dimension, -np.inf), np.full(dimension, np.inf)
+    low, high = np.full(1 + len(axes), -np.inf), np.full(1 + len(axes), np.inf)
     low[list(axes)], high[list(axes)] = place - reach, place + reach
     return low, high
 

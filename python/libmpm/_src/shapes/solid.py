@@ -117,10 +117,17 @@ class Solid(Shape):
         """
         if not self.bounding:
             return self._inside(p)
-        low, high = (np.asarray(side) for side in self.bounds())
-        found = np.all((p >= low) & (p <= high), axis=1)
+        found = self._in_box(p)
         found[found] = self._inside(p[found])
-        return np.asarray(found)
+        return found
+
+    def _in_box(self, p: Array, spare: float = 0.0) -> npt.NDArray[np.bool_]:
+        """Return which points (n, d) lie in the solid's box or at most `spare` m beside it."""
+        found = np.ones(len(p), dtype=np.bool_)
+        for x, low, high in zip(p.T, *self.bounds(), strict=True):
+            if np.isfinite(low) or np.isfinite(high):
+                found &= (x >= low - spare) & (x <= high + spare)
+        return found
 
     def _inside(self, p: Array) -> npt.NDArray[np.bool_]:
         """Return which points (n, d) lie inside."""
