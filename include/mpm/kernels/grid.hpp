@@ -94,8 +94,8 @@ struct NodeUpdate {
         return v;
     }
     /// Of a node in a block that boundaries touch, mirrors excepted; `known`: its lines, packed.
-    /// `plain`: it is on lines, and nothing else holds it.
-    template <bool plain, class Seen>
+    /// `plain`: it is on lines, and nothing else holds it. `seated`: `FollowLines` says what.
+    template <bool plain, bool seated = false, class Seen>
     MPM_INLINE Vec<T, D> wall_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
                                        const KnownNodes<D>& known, std::int64_t at,
                                        const Seen& seen, const WallSeats<T>& seats = {}) const {
@@ -107,12 +107,26 @@ struct NodeUpdate {
         } else {
             const WallAsks asks = known.asks ? known.asks[at] : WallAsks(~WallNode::free);
             BoundAxes<D> bound;
-            if (boundaries.lines && (asks & ~WallNode::held))
-                bound = FollowLines<NodeUpdate, T, D>{*this, known, at, seats}.called(slot, node, c,
-                                                                                      m, v, seen);
+            if (boundaries.lines && (asks & ~WallNode::held)) {
+                const FollowLines<NodeUpdate, T, D, false, seated> lines{*this, known, at, seats};
+                if constexpr (seated)
+                    bound = lines(slot, node, c, m, v, seen);
+                else
+                    bound = lines.called(slot, node, c, m, v, seen);
+            }
             if (asks & WallNode::held)
                 apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), bound);
         }
+        return v;
+    }
+    /// Of one that boundaries hold, and no line.
+    template <class Seen>
+    MPM_INLINE Vec<T, D> held_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
+                                       const Seen& seen) const {
+        Vec<T, D> v = free_velocity(m, p);
+        std::int64_t c[D];
+        cell(slot, node, c);
+        apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), BoundAxes<D>{});
         return v;
     }
     /// Of any node, whatever boundaries a scene has.

@@ -356,8 +356,11 @@ struct WallNode {
     static constexpr WallAsks unknown = 16;  // it changes with time
 
     /// Is it moved with those that need all functions?
-    MPM_INLINE static bool needs_all(WallAsks asks) { return asks > on_lines; }
+    MPM_INLINE static bool needs_all(WallAsks asks) { return asks > on_lines && asks != held; }
 };
+/// Nodes by what they ask for, a pass each.
+enum class WallPass { lines, held, all };
+inline constexpr int wall_passes = 3;
 
 /// What is known of the nodes of listed blocks as long as the table stands
 /// (kernels/wall_nodes.hpp), by (listed block, node).

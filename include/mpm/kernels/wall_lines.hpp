@@ -42,8 +42,10 @@ struct WallSeats {
 };
 
 /// What the lines leave of one node's velocity. `Node` is a `NodeUpdate`. `plain`: of a node that
-/// `ClassifyWallNodes` has found to be on lines alone; all functions are then one.
-template <class Node, class T, int D, bool plain = false>
+/// `ClassifyWallNodes` has found to be on lines alone. `seated`: what other nodes would do by
+/// themselves is there, but for those that nothing pushes. Both are one function on a device: lanes
+/// of a warp that wait while others are in a call have waited forever (design/gpu-step.md).
+template <class Node, class T, int D, bool plain = false, bool seated = false>
 struct FollowLines {
     const Node& node;
     KnownNodes<D> known = {};
@@ -90,17 +92,8 @@ struct FollowLines {
     }
     MPM_CALL Seat called_seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
         const Reconverge at_return;
-        if (seats.seat && node.touched[slot] > 0) {
-            const std::int64_t at = std::int64_t(node.touched[slot] - 1) * block_cells + number;
-            if (seats.has(at)) {
-                const T* const from = seats.seat + at * (D + 1);
-                Seat out;
-                out.mass = from[D];
-                for (int a = 0; a < D; ++a) out.velocity[a] = from[a];
-                return out;
-            }
-        }
-        return seat(slot, number, cell);
+        Seat out;
+        return find_seat(slot, number, out) ? out : seat(slot, number, cell);
     }
     /// What faces give back at their edges to the nodes that no line leads; those that are all but
     /// inside a body rest in it.
@@ -177,8 +170,28 @@ struct FollowLines {
     MPM_INLINE Seat other_seat(std::int32_t slot, int number, const std::int64_t (&cell)[D]) const {
         if constexpr (plain)
             return seat(slot, number, cell);
+        else if constexpr (seated)
+            return seat_there(slot, number);
         else
             return called_seat(slot, number, cell);
+    }
+    /// Of this step, if there is one.
+    MPM_INLINE bool find_seat(std::int32_t slot, int number, Seat& out) const {
+        if (!seats.seat || node.touched[slot] == 0) return false;
+        const std::int64_t at = std::int64_t(node.touched[slot] - 1) * block_cells + number;
+        if (!seats.has(at)) return false;
+        const T* const from = seats.seat + at * (D + 1);
+        out.mass = from[D];
+        for (int a = 0; a < D; ++a) out.velocity[a] = from[a];
+        return true;
+    }
+    MPM_INLINE Seat seat_there(std::int32_t slot, int number) const {
+        Seat out;
+        if (find_seat(slot, number, out)) return out;
+        out.mass = node.mass(slot, number);
+        if (out.mass > T(0))
+            out.velocity = node.free_velocity(out.mass, node.momentum(slot, number));
+        return out;
     }
     MPM_INLINE bool alone(std::int32_t slot) const {
         return node.boundaries.holds(node.grid.table, slot);
@@ -214,7 +227,7 @@ struct FollowLines {
             const Vec<T, D> before = v;
             Sums s;
             if (!line.holds()) {
-                if constexpr (plain)
+                if constexpr (plain || seated)
                     s = sum(line, a, slot, cell, own, by.velocity);
                 else
                     s = called_sum(line, a, slot, cell, own, by.velocity);
@@ -334,7 +347,7 @@ struct FollowLines {
             if (step == 0) first = place;
             if (!place.along(first) || place.deep) break;
             Seat seat_here = own;
-            if (!self) seat_here = of < 0 ? Seat{} : called_seat(of, number, there);
+            if (!self) seat_here = of < 0 ? Seat{} : other_seat(of, number, there);
             double moving[D] = {};
             if (!s.at_rest()) {
                 double x[D];

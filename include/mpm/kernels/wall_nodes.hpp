@@ -24,12 +24,11 @@ struct ClassifyWallNodes {
     BlockTableView<D> table;
     BoundaryView<D> boundaries;
     const std::int32_t* blocks;
-    bool edges;                // those of boxes push (`FollowLines::push_at_edges`)
-    WallAsks* asks;            // (blocks, nodes)
-    std::uint32_t* lines;      // (blocks, nodes, D), packed
-    SurfaceNode<D>* surfaces;  // (blocks, nodes); null where no surface is linear
-    std::uint32_t* on_lines;   // (blocks, nodes): 1 where it asks for nothing else
-    std::uint32_t* any;        // (blocks, nodes): 1 where it does
+    bool edges;                           // those of boxes push (`FollowLines::push_at_edges`)
+    WallAsks* asks;                       // (blocks, nodes)
+    std::uint32_t* lines;                 // (blocks, nodes, D), packed
+    SurfaceNode<D>* surfaces;             // (blocks, nodes); null where no surface is linear
+    std::uint32_t* of_pass[wall_passes];  // (blocks, nodes): 1 where it is moved there
 
     MPM_INLINE void operator()(std::int64_t i) const {
         const std::int32_t slot = blocks[i / block_cells];
@@ -90,8 +89,9 @@ struct ClassifyWallNodes {
                       ? WallNode::unknown
                       : WallAsks((on ? WallNode::on_lines : 0) | (surface ? WallNode::surface : 0) |
                                  (edge ? WallNode::edges : 0) | (held ? WallNode::held : 0));
-        on_lines[i] = asks[i] == WallNode::on_lines;
-        any[i] = WallNode::needs_all(asks[i]);
+        of_pass[int(WallPass::lines)][i] = asks[i] == WallNode::on_lines;
+        of_pass[int(WallPass::held)][i] = asks[i] == WallNode::held;
+        of_pass[int(WallPass::all)][i] = WallNode::needs_all(asks[i]);
     }
     /// Is a node within the reach of a boundary that acts for a time?
     MPM_INLINE bool may_change(int b, const std::int64_t (&cell)[D]) const {
@@ -125,9 +125,8 @@ struct SeatWallNodes {
     }
 };
 
-/// Nodes of the listed blocks from their sums to their velocities. `plain`: those that lie on lines
-/// and nothing else holds.
-template <class T, class Sum, int D, bool plain>
+/// Nodes of the listed blocks from their sums to their velocities: of one pass.
+template <class T, class Sum, int D, WallPass of>
 struct MoveWallNodes {
     NodeUpdate<T, Sum, D> node;
     const std::int32_t* blocks;
@@ -143,9 +142,16 @@ struct MoveWallNodes {
         const T m = node.mass(slot, n);
         if (!(m > T(0))) return;
         bool changed = false;
-        const Vec<T, D> v = node.template wall_velocity<plain>(
-            slot, n, m, node.momentum(slot, n), known.at(i), i, Changed<T, D>{&changed},
-            plain ? WallSeats<T>{} : WallSeats<T>{to.seat, to.asks});
+        const Changed<T, D> seen{&changed};
+        const auto p = node.momentum(slot, n);
+        Vec<T, D> v;
+        if constexpr (of == WallPass::held)
+            v = node.held_velocity(slot, n, m, p, seen);
+        else if constexpr (of == WallPass::lines)
+            v = node.template wall_velocity<true>(slot, n, m, p, known.at(i), i, seen);
+        else
+            v = node.template wall_velocity<false, true>(slot, n, m, p, known.at(i), i, seen,
+                                                         WallSeats<T>{to.seat, to.asks});
         for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
         to.changed[i] = changed;
     }

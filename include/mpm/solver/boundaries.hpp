@@ -67,12 +67,12 @@ public:
         return {lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr, touched_.data(),
                 asks_.data()};
     }
-    /// By (listed block, node), the nodes that are on lines, and that ask for anything.
-    const Buffer<X, std::int32_t>& on_lines() const { return on_lines_; }
-    const Buffer<X, std::int32_t>& any() const { return any_; }
+    /// By (listed block, node), the nodes that a pass moves.
+    const Buffer<X, std::int32_t>& nodes_of(WallPass pass) const { return of_pass_[int(pass)]; }
     double bytes() const {
         return double(touched_.bytes() + blocks_.bytes() + asks_.bytes() + lines_.bytes() +
-                      surface_nodes_.bytes() + on_lines_.bytes() + any_.bytes());
+                      surface_nodes_.bytes() + of_pass_[0].bytes() + of_pass_[1].bytes() +
+                      of_pass_[2].bytes());
     }
     /// The same of what load cell number `cell` measures, into `flag`.
     void touch_measured(int cell, const BlockTableView<D>& table, std::uint32_t* flag);
@@ -114,7 +114,9 @@ private:
     Buffer<X, WallAsks> asks_{exec_};
     Buffer<X, std::uint32_t> lines_{exec_};
     Buffer<X, SurfaceNode<D>> surface_nodes_{exec_};
-    Buffer<X, std::int32_t> on_lines_{exec_}, any_{exec_};
+    Buffer<X, std::int32_t> of_pass_[wall_passes] = {Buffer<X, std::int32_t>(exec_),
+                                                     Buffer<X, std::int32_t>(exec_),
+                                                     Buffer<X, std::int32_t>(exec_)};
 };
 
 template <class X, int D>
@@ -374,33 +376,33 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
     blocks_.reserve_discard(numbers.host()[0]);
     exec_.for_each(slots, ListTouched{position.data(), touched_.data(), blocks_.data()});
     const std::size_t nodes = blocks_.size() * block_cells;
-    Buffer<X, std::uint32_t> flags[2]{Buffer<X, std::uint32_t>(exec_),
-                                      Buffer<X, std::uint32_t>(exec_)};
-    Buffer<X, std::uint32_t> positions[2]{Buffer<X, std::uint32_t>(exec_),
-                                          Buffer<X, std::uint32_t>(exec_)};
+    std::vector<Buffer<X, std::uint32_t>> flags, positions;
     asks_.reserve_discard(nodes);
     lines_.reserve_discard(nodes * D);
     if (linear_surfaces_) surface_nodes_.reserve_discard(nodes);
-    numbers.reserve_discard(2);
-    for (int k = 0; k < 2; ++k) {
-        flags[k].reserve_discard(nodes);
-        positions[k].reserve_discard(nodes + 1);
+    numbers.reserve_discard(wall_passes);
+    for (int k = 0; k < wall_passes; ++k) {
+        flags.emplace_back(exec_).reserve_discard(nodes);
+        positions.emplace_back(exec_).reserve_discard(nodes + 1);
     }
-    exec_.for_each(
-        std::int64_t(nodes),
-        ClassifyWallNodes<D>{table, view(), blocks_.data(), pressures_.size() > 0, asks_.data(),
-                             lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr,
-                             flags[0].data(), flags[1].data()});
-    for (int k = 0; k < 2; ++k) {
+    exec_.for_each(std::int64_t(nodes),
+                   ClassifyWallNodes<D>{table,
+                                        view(),
+                                        blocks_.data(),
+                                        pressures_.size() > 0,
+                                        asks_.data(),
+                                        lines_.data(),
+                                        linear_surfaces_ ? surface_nodes_.data() : nullptr,
+                                        {flags[0].data(), flags[1].data(), flags[2].data()}});
+    for (int k = 0; k < wall_passes; ++k) {
         exec_.exclusive_scan(flags[k].data(), positions[k].data(), std::int64_t(nodes));
         exec_.copy(numbers.data() + k, positions[k].data() + nodes, sizeof(std::uint32_t));
     }
     const std::vector<std::uint32_t> counts = numbers.host();
-    Buffer<X, std::int32_t>* lists[2] = {&on_lines_, &any_};
-    for (int k = 0; k < 2; ++k) {
-        lists[k]->reserve_discard(counts[std::size_t(k)]);
+    for (std::size_t k = 0; k < wall_passes; ++k) {
+        of_pass_[k].reserve_discard(counts[k]);
         exec_.for_each(std::int64_t(nodes),
-                       ListHomes{flags[k].data(), positions[k].data(), lists[k]->data()});
+                       ListHomes{flags[k].data(), positions[k].data(), of_pass_[k].data()});
     }
     exec_.wait();
 }

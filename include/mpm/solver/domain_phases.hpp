@@ -36,15 +36,19 @@ void Domain<X, T, D>::move_wall_nodes() {
     const auto node = node_update(parity());
     const auto& b = boundaries_;
     const WallNodes<Grid> to = wall_nodes();
-    exec_.for_each_next(std::int64_t(b.on_lines().size()),
-                        MoveWallNodes<Grid, Sum, D, true>{node, b.blocks().data(),
-                                                          b.on_lines().data(), b.known(), to});
+    const auto move = [&]<WallPass pass>() {
+        const auto& nodes = b.nodes_of(pass);
+        exec_.for_each_next(std::int64_t(nodes.size()),
+                            MoveWallNodes<Grid, Sum, D, pass>{node, b.blocks().data(), nodes.data(),
+                                                              b.known(), to});
+    };
+    move.template operator()<WallPass::lines>();
+    move.template operator()<WallPass::held>();
+    const auto& all = b.nodes_of(WallPass::all);
     exec_.for_each_next(
-        std::int64_t(b.any().size()),
-        SeatWallNodes<Grid, Sum, D>{node, b.blocks().data(), b.any().data(), b.known(), to.seat});
-    exec_.for_each_next(
-        std::int64_t(b.any().size()),
-        MoveWallNodes<Grid, Sum, D, false>{node, b.blocks().data(), b.any().data(), b.known(), to});
+        std::int64_t(all.size()),
+        SeatWallNodes<Grid, Sum, D>{node, b.blocks().data(), all.data(), b.known(), to.seat});
+    move.template operator()<WallPass::all>();
 }
 
 template <class X, class T, int D>

@@ -8,6 +8,10 @@
     prefix template void Cpu::largest_of<maxima_count, UpdateGrid<T, T, D, keeps, mirrors>>( \
         std::int64_t, const UpdateGrid<T, T, D, keeps, mirrors>&, double(&)[maxima_count]);
 
+#define MPM_WALL_PASS(prefix, T, D, pass)                             \
+    prefix template void Cpu::for_each<MoveWallNodes<T, T, D, pass>>( \
+        std::int64_t, const MoveWallNodes<T, T, D, pass>&);
+
 #define MPM_GRID_PASSES_IN(prefix, T, D)                                                       \
     MPM_GRID_PASSES_WITH(prefix, T, D, false, false)                                           \
     MPM_GRID_PASSES_WITH(prefix, T, D, true, false)                                            \
@@ -15,10 +19,9 @@
     MPM_GRID_PASSES_WITH(prefix, T, D, true, true)                                             \
     prefix template void Cpu::for_each<SeatWallNodes<T, T, D>>(std::int64_t,                   \
                                                                const SeatWallNodes<T, T, D>&); \
-    prefix template void Cpu::for_each<MoveWallNodes<T, T, D, true>>(                          \
-        std::int64_t, const MoveWallNodes<T, T, D, true>&);                                    \
-    prefix template void Cpu::for_each<MoveWallNodes<T, T, D, false>>(                         \
-        std::int64_t, const MoveWallNodes<T, T, D, false>&);
+    MPM_WALL_PASS(prefix, T, D, WallPass::lines)                                               \
+    MPM_WALL_PASS(prefix, T, D, WallPass::held)                                                \
+    MPM_WALL_PASS(prefix, T, D, WallPass::all)
 
 #define MPM_GRID_PASSES(prefix)           \
     MPM_GRID_PASSES_IN(prefix, float, 2)  \

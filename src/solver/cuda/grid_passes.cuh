@@ -10,6 +10,10 @@
     prefix template void Cuda::max_each<maxima_count, __VA_ARGS__, AfterGrid<D>>( \
         std::int64_t, const __VA_ARGS__&, const AfterGrid<D>&);
 
+#define MPM_WALL_PASS(prefix, T, D, pass)                                              \
+    prefix template void Cuda::for_each_next<MoveWallNodes<T, Cuda::Sum<T>, D, pass>>( \
+        std::int64_t, const MoveWallNodes<T, Cuda::Sum<T>, D, pass>&);
+
 #define MPM_GRID_PASSES_IN(prefix, T, D)                                                      \
     MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, false, false>)                    \
     MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, false>)                     \
@@ -17,10 +21,9 @@
     MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, true>)                      \
     prefix template void Cuda::for_each_next<SeatWallNodes<T, Cuda::Sum<T>, D>>(              \
         std::int64_t, const SeatWallNodes<T, Cuda::Sum<T>, D>&);                              \
-    prefix template void Cuda::for_each_next<MoveWallNodes<T, Cuda::Sum<T>, D, true>>(        \
-        std::int64_t, const MoveWallNodes<T, Cuda::Sum<T>, D, true>&);                        \
-    prefix template void Cuda::for_each_next<MoveWallNodes<T, Cuda::Sum<T>, D, false>>(       \
-        std::int64_t, const MoveWallNodes<T, Cuda::Sum<T>, D, false>&);                       \
+    MPM_WALL_PASS(prefix, T, D, WallPass::lines)                                              \
+    MPM_WALL_PASS(prefix, T, D, WallPass::held)                                               \
+    MPM_WALL_PASS(prefix, T, D, WallPass::all)                                                \
     MPM_GRID_PASS(prefix, D, FinishSweep<T, Cuda::Sum<T>, D>)                                 \
     prefix template void Cuda::sum_each<load_columns<D>, MeasureLoads<T, Cuda::Sum<T>, D>,    \
                                         TakeLoad<D>, SamplePoints<T, Cuda::Sum<T>, D>>(       \
