@@ -18,7 +18,7 @@ from pathlib import Path
 from one_gpu_scenes import sand, solid
 
 import libmpm
-from libmpm import Method
+from libmpm import FBar, Method
 from libmpm._src.cli.bench import Result, collapse, timed
 from libmpm.methods import METHODS, Kernel, Smoothing, Transfer
 
@@ -26,6 +26,9 @@ ASFLIP = Transfer(scheme="ASFLIP", flip=0.99, shift_max=0.1)
 
 #: Rows of these names fall as a solid, without F-bar, from four cells above the floor.
 SOLIDS = {"FixedCorotated": solid(), "DruckerPrager": sand()}
+
+#: Rows of these names keep the water from packing.
+PACKING = {"F-bar, shifting": FBar(shifting=True), "F-bar, density": FBar(density=True)}
 
 #: Name -> (method, pipeline, precision)
 ROWS: dict[str, tuple[Method, str, str]] = {
@@ -48,6 +51,7 @@ ROWS: dict[str, tuple[Method, str, str]] = {
     "APIC, phased, double": (Method(), "phased", "double"),
     "ASFLIP, double": (Method(transfer=ASFLIP), "auto", "double"),
     "APIC, plain": (Method(), "auto", "single"),
+    **{name: (Method(), "auto", "single") for name in PACKING},
     **{f"smoothing {name}": (Method(), "auto", "single") for name in METHODS},
     "smoothing F0AL1, two-pass": (Method(), "two-pass", "single"),
     "smoothing F0AL1, phased": (Method(), "phased", "single"),
@@ -62,6 +66,9 @@ OF_SMOOTHING = [
     *(name for name in ROWS if name.startswith("smoothing")), "APIC again",
 ]  # fmt: skip
 
+#: What it costs to keep water from packing.
+OF_PACKING = ["APIC", *PACKING, "APIC again"]
+
 #: What the phased step costs against the fused one.
 OF_PHASES = [
     "APIC", "APIC, phased", "ASFLIP", "ASFLIP, phased", "PIC", "FMPM(2)", "XPIC(3), every 4th",
@@ -75,7 +82,7 @@ def case(name: str, particles: int) -> tuple[libmpm.Scene, float]:
     """Return the scene of a row, and its time step, s."""
     form = name.removeprefix("smoothing ").partition(",")[0]
     material = SOLIDS.get(form)
-    return collapse(
+    scene, step = collapse(
         particles,
         "none" if name.endswith("plain") or material is not None else "default",
         material=material,
@@ -83,6 +90,11 @@ def case(name: str, particles: int) -> tuple[libmpm.Scene, float]:
         method=ROWS[name][0],
         smoothing=Smoothing(method=form) if name.startswith("smoothing") else None,
     )
+    if name in PACKING:
+        known = scene.to_dict()
+        known["bodies"][0]["fbar"] = PACKING[name].to_dict()
+        scene = libmpm.Scene.from_dict(known)
+    return scene, step
 
 
 def measure(name: str, arguments: argparse.Namespace) -> Result:
@@ -105,17 +117,18 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--rows", nargs="*", default=list(ROWS), help="names of rows")
     parser.add_argument(
-        "--only", choices=["smoothing", "phased"], help="rows of this question alone"
+        "--only", choices=["smoothing", "phased", "packing"], help="rows of this question alone"
     )
     parser.add_argument("--device", default="cuda")
-    parser.add_argument("--threads", type=int, help="of a CPU; None = all")
+    parser.add_argument("--threads", type=int, default=0, help="of a CPU; 0 = all")
     parser.add_argument(
         "--rounds", type=int, default=1, help="of all rows; the fastest run of each counts"
     )
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     if arguments.only:
-        arguments.rows = {"smoothing": OF_SMOOTHING, "phased": OF_PHASES}[arguments.only]
+        rows = {"smoothing": OF_SMOOTHING, "phased": OF_PHASES, "packing": OF_PACKING}
+        arguments.rows = rows[arguments.only]
     results: dict[str, Result] = {}
     for _ in range(arguments.rounds):
         for name in arguments.rows:

@@ -77,9 +77,9 @@ public:
     /// How far a particle may drift from the cell it was sorted into, in cells: the arena of a
     /// block allows one.
     static constexpr double drift_limit = 0.95;
-    /// Share of the drift that a sort looks ahead (`Decide::sort_for`). A third gains 1 to 2 %;
-    /// off until the tests of a device have run with it (design/gpu-step.md).
-    static constexpr double look_ahead = 0;
+    /// Share of the drift that a sort looks ahead (`Decide::sort_for`): a third, which gains 2 to
+    /// 6 % once particles have mixed (design/gpu-step.md).
+    static constexpr double look_ahead = 1.0 / 3;
     /// Particles beside their cell, summed over the steps since the last sort, that have cost as
     /// much as a sort does: then it pays. Measured on an H200 (docs/performance.md).
     static std::uint64_t stray_limit(std::uint64_t particles) { return 500'000 + particles / 2; }
@@ -117,6 +117,9 @@ public:
     void join();
     int multiprocessors() const { return context_->multiprocessors; }
     bool shared() const { return context_->shared; }
+    /// Can warps of a block wait for each other at barriers in shared memory
+    /// (kernels/cuda/split.cuh)?
+    bool shares_work() const { return context_->barriers; }
 
     /// Opens the memory of this device and another one to each other; throws DeviceError where that
     /// cannot be, and where one cannot add there.
@@ -282,6 +285,7 @@ private:
         // Kernels of a step may overlap their launches only where each follows the one before it.
         enum { serial, apart, joined } order = serial;
         bool overlaps = false;  // the device can do it
+        bool barriers = false;  // in shared memory
         bool one_after_another() {
             const bool yes = overlaps && order == serial;
             if (order == joined) order = serial;

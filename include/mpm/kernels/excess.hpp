@@ -160,7 +160,7 @@ struct NodesOfParticles {
         for (std::uint32_t q = body.cell ? start[0] + std::uint32_t(k) : start[k]; q < end;
              q += body.cell ? std::uint32_t(block_cells) : 1u) {
             int home[D];
-            Block<D>::coordinates(body.cell ? int(body.cell[q]) : k, home);
+            Block<D>::coordinates(body.cell ? body.home_cell(q) : k, home);
             Vec<T, D> offset;
             for (int a = 0; a < D; ++a) offset[a] = body.offset[a][q];
             Standing<G, D> at;

@@ -64,6 +64,7 @@ struct BodyOps {
     using Run = void (*)(const Pass<X, T, D>&);
     using RunPhase = void (*)(const Phase<X, T, D>&);
     Run fused;      // null where this backend and precision have no fused form
+    Run split;      // devices: the fused form of bodies that are stored by chunk, or null
     Run lone;       // devices: the fused form for particles in nearly empty blocks
     RunPhase keep;  // the fused form of schemes that store velocities (kernels/keep.hpp), or null
     Run gather;     // two-pass, first half

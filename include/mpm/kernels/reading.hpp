@@ -171,7 +171,7 @@ struct TakeParticles {
             for (int a = 0; a < D; ++a) to[a * count + k] = body.offset[a][q];
             for (int r = 0; r < columns; ++r) to[(D + r) * count + k] = body.state[r][q];
             id[k] = body.id[q];
-            if (cell) cell[k] = body.cell[q];
+            if (cell) cell[k] = std::uint8_t(body.home_cell(q));
         }
     }
 };

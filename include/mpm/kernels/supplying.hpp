@@ -50,7 +50,7 @@ struct ListLeavers {
         const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
         if constexpr (X::is_device) {
             for (std::uint32_t p = start[0] + lane; p < start[block_cells]; p += lanes)
-                look(p, body.cell[p], slot);
+                look(p, body.home_cell(p), slot);
         } else {
             for (std::uint32_t p = start[lane]; p < start[lane + 1]; ++p) look(p, lane, slot);
         }

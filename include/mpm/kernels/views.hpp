@@ -5,6 +5,7 @@
 
 #include "mpm/data/blocks.hpp"
 #include "mpm/kernels/clock.hpp"
+#include "mpm/kernels/order.hpp"
 
 namespace mpm {
 
@@ -45,25 +46,32 @@ struct BodyView {
     const std::uint32_t* id;      // counted from the body's first
     std::uint32_t count;
     const std::uint32_t* cell_start;  // (slots * 64 + 1)
-    const std::uint8_t* cell;         // devices: a particle's home cell in its block
+    const std::uint8_t* cell;         // devices: `home_byte` of each particle
     const std::int32_t* home;         // slots that hold particles; on devices the full ones first
     std::int32_t homes;
     // Devices: of them, those that are done as blocks; the particles of the others, one by one.
     std::int32_t full_homes;
+    // Devices: the full ones two by two along the first axis, -1 where one is missing; 0 pairs: not
+    // listed.
+    const std::int32_t* pair;
+    std::int32_t pairs;
     const std::uint32_t* lone;
     const std::int32_t* lone_slot;
     std::uint32_t lone_count;
     double particle_mass;    // kg (2D: kg/m)
     double particle_volume;  // m^3 at zero strain (2D: m^2)
+
+    /// Devices: a particle's home cell in its block.
+    MPM_INLINE int home_cell(std::uint32_t q) const { return home_cell_of(cell[q]); }
 };
 
 /// Home cells of a block's particles, asked for in storage order.
 struct HomeCells {
     const std::uint32_t* start;  // of the block's cells
-    const std::uint8_t* cell;    // null where particles are stored cell by cell
+    const std::uint8_t* cell;    // home bytes; null where particles are stored cell by cell
     int here = 0;
     MPM_INLINE int of(std::uint32_t q) {
-        if (cell) return cell[q];
+        if (cell) return home_cell_of(cell[q]);
         while (start[here + 1] <= q) ++here;
         return here;
     }
@@ -102,7 +110,7 @@ MPM_INLINE void for_each_of_lane(const BodyView<T, D>& body, std::int32_t slot, 
     const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
     if constexpr (X::is_device) {
         for (std::uint32_t p = start[0] + lane; p < start[block_cells]; p += home_lanes<X>)
-            f(p, int(body.cell[p]));
+            f(p, body.home_cell(p));
     } else {
         for (std::uint32_t p = start[lane]; p < start[lane + 1]; ++p) f(p, lane);
     }

@@ -41,6 +41,7 @@ public:
     const BlockTableView<D>& view() const { return view_; }
     const Buffer<X, std::uint64_t>& keys() const { return keys_; }
     const Buffer<X, std::int32_t>& neighbours() const { return neighbours_; }
+    const Buffer<X, std::int32_t>& corners() const { return corners_; }
     /// (slots,): does any body hold particles there. Whoever lists homes fills it.
     Buffer<X, std::uint32_t>& occupied() { return occupied_; }
     std::size_t bytes() const { return keys_.bytes() + neighbours_.bytes() + corners_.bytes(); }

@@ -23,6 +23,7 @@ struct BodyStore {
           cell(x),
           moves(x),
           home(x),
+          pair(x),
           lone(x),
           lone_slot(x),
           coloured(x),
@@ -45,14 +46,17 @@ struct BodyStore {
     std::vector<Buffer<X, T>> offset;  // D columns
     std::vector<Buffer<X, T>> state;
     Buffer<X, std::uint32_t> id;
-    Buffer<X, std::uint32_t> cell_start;  // (slots * 64 + 1)
-    Buffer<X, std::uint8_t> cell;         // devices: home cell of each particle in its block
-    Buffer<X, std::uint8_t> moves;        // while it is sorted: `HomeMove` of each particle
-    bool looks_ahead = false;             // does this sort, whether or not there are particles
+    Buffer<X, std::uint32_t> cell_start;   // (slots * 64 + 1)
+    Buffer<X, std::uint8_t> cell;          // devices: `home_byte` of each particle
+    HomeOrder order = HomeOrder::by_rank;  // devices: how particles of a home are stored
+    Buffer<X, std::uint8_t> moves;         // while it is sorted: `HomeMove` of each particle
+    bool looks_ahead = false;              // does this sort, whether or not there are particles
     Buffer<X, std::int32_t> home;
     std::int32_t homes = 0, full_homes = 0;
     std::int32_t all_full_homes = 0;  // devices: of all ranks
-    Buffer<X, std::uint32_t> lone;    // devices: particles of the homes that are not full
+    Buffer<X, std::int32_t> pair;     // devices: full homes two by two, where there are many
+    std::int32_t pairs = 0;
+    Buffer<X, std::uint32_t> lone;  // devices: particles of the homes that are not full
     Buffer<X, std::int32_t> lone_slot;
     std::uint32_t lone_count = 0;
     Buffer<X, std::int32_t> coloured;                 // CPU: home blocks by colour
@@ -83,6 +87,8 @@ struct BodyStore {
         v.home = home.data();
         v.homes = homes;
         v.full_homes = full_homes;
+        v.pair = pair.data();
+        v.pairs = pairs;
         v.lone = lone.data();
         v.lone_slot = lone_slot.data();
         v.lone_count = lone_count;

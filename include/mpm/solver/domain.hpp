@@ -267,6 +267,7 @@ private:
     void join_homes(const Homes<Base>& homes, Buffer<X, std::uint32_t>& any);
     void sort_by_colour(Body& body);
     void heavy_first(Body& body);
+    void list_pairs(Body& body, std::uint32_t least);
     void list_by_kind(Body& body, const Buffer<X, std::uint32_t>& position);
 
     // domain_ranks.hpp

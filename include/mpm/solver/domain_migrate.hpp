@@ -323,7 +323,8 @@ void Domain<X, T, D>::admit(int number, const detail::Emigrants<T>& come,
     cell.assign(key);
     const std::int64_t range = std::int64_t(table.slots) * block_cells;
     body.cell_start.reserve_discard(std::size_t(range) + 2);
-    arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data());
+    arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data(),
+            body.order);
     for (std::size_t k = 0; k < key.size(); ++k) cell.data()[k] = place[cell.data()[k]];
     body.count = std::uint32_t(key.size());
     permute(body, cell.data());

@@ -446,7 +446,8 @@ void Domain<X, T, D>::admit_arrived(int number, const std::vector<Coming>& come,
     }
     cell.shrink(rows);
     body.cell_start.reserve_discard(std::size_t(range) + 2);
-    arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data());
+    arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data(),
+            body.order);
     body.count = std::uint32_t(rows) - gone;
     permute(body, cell.data());
 }

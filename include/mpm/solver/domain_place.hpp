@@ -175,7 +175,8 @@ void Domain<X, T, D>::place_body(Body& body, const BodySpec& s) {
     set_pressure(body, s, 0);
     const std::int64_t range = std::int64_t(table_.slots) * block_cells;
     body.cell_start.reserve_discard(range + 2);
-    arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data());
+    arrange(exec_, cell, range, body.id.data(), body.cell_start.data(), body.cell.data(),
+            body.order);
     permute(body, cell.data());
 }
 

@@ -57,6 +57,10 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
             body.ops = rigid_ops<X, T, D>();
         else if (s.elements.empty())
             body.ops = find_ops(s.material, body.plan.smoothing);
+        if constexpr (X::is_device) {
+            if (body.ops.split && body.plan.pipeline == Pipeline::fused && exec_.shares_work())
+                body.order = HomeOrder::by_chunk;
+        }
         body.parameters = s.parameters;
         body.first_id = s.first_id;
         body.particle_mass = s.particle_mass;

@@ -18,7 +18,8 @@ void Domain<X, T, D>::link_table() {
         const std::size_t nodes = boundaries_.blocks().size() * block_cells;
         wall_velocity_.reserve_discard(nodes * D);
         wall_changed_.reserve_discard(nodes);
-        if (boundaries_.any().size() > 0) wall_seats_.reserve_discard(nodes * (D + 1));
+        if (boundaries_.nodes_of(WallPass::all).size() > 0)
+            wall_seats_.reserve_discard(nodes * (D + 1));
     }
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();
@@ -80,10 +81,12 @@ void Domain<X, T, D>::list_homes(const Homes<Base>& homes) {
             exec_.for_each(
                 slots, ListHomes{homes.flag[b].data(), homes.position[b].data(), body.home.data()});
         }
-        if constexpr (X::is_device)
+        if constexpr (X::is_device) {
             heavy_first(body);
-        else
+            list_pairs(body, sparse ? least_of_block : 1);
+        } else {
             sort_by_colour(body);
+        }
     }
     if constexpr (X::is_device) {
         clock_.stray_limit = X::stray_limit(
@@ -134,6 +137,32 @@ void Domain<X, T, D>::heavy_first(Body& body) {
                                   weight.data(), blocks_.neighbours().data(), Block<D>::neighbours,
                                   share_ ? shared_.data() : nullptr});
         exec_.sort_by_key(weight.data(), body.home.data(), body.full_homes, WeighHomes::bits);
+    }
+}
+
+/// Devices: full homes two by two, where there are more than run at once. `least`: particles of a
+/// full one.
+template <class X, class T, int D>
+void Domain<X, T, D>::list_pairs(Body& body, std::uint32_t least) {
+    body.pairs = 0;
+    if constexpr (X::is_device) {
+        if (body.order != HomeOrder::by_chunk ||
+            body.full_homes < pairs_from * exec_.multiprocessors())
+            return;
+        const FullHomes<D> full{body.cell_start.data(), blocks_.neighbours().data(),
+                                blocks_.corners().data(), least};
+        const std::int64_t homes = body.full_homes;
+        Buffer<X, std::uint32_t> flag(exec_), position(exec_);
+        flag.reserve_discard(homes);
+        position.reserve_discard(homes + 1);
+        body.pair.reserve_discard(2 * homes);
+        exec_.for_each(homes, FlagPairs<D>{full, body.home.data(), flag.data()});
+        exec_.exclusive_scan(flag.data(), position.data(), homes);
+        exec_.for_each(homes,
+                       ListPairs<D>{full, body.home.data(), position.data(), body.pair.data()});
+        std::uint32_t pairs = 0;
+        exec_.download(&pairs, position.data() + homes, sizeof pairs);
+        body.pairs = std::int32_t(pairs);
     }
 }
 
@@ -393,7 +422,8 @@ bool Domain<X, T, D>::sort() {
             append_arrivals(int(b), cells[b], rebuild ? blocks_.view_of(keys) : table_);
         }
         body.cell_start.reserve_discard(range + 2);
-        arrange(exec_, cells[b], range, body.id.data(), body.cell_start.data(), body.cell.data());
+        arrange(exec_, cells[b], range, body.id.data(), body.cell_start.data(), body.cell.data(),
+                body.order);
         body.count -= left[b];
         permute(body, cells[b].data());
         cells[b] = Buffer<X, std::uint32_t>(exec_);

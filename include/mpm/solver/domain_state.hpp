@@ -14,7 +14,7 @@
 namespace mpm {
 
 /// Where the particles of a body are stored, cell by cell and in each cell by rank: the order of a
-/// saved state. Empty where particles are stored so. `cell`: home cell at each place.
+/// saved state. Empty where particles are stored so. `cell`: home byte at each place.
 template <class X, class T, int D>
 std::vector<std::uint32_t> Domain<X, T, D>::cell_by_cell(const Body& body,
                                                          std::vector<std::uint8_t>* cell) const {
@@ -23,14 +23,11 @@ std::vector<std::uint32_t> Domain<X, T, D>::cell_by_cell(const Body& body,
     const auto start = body.cell_start.host(cells + 1);
     std::vector<std::uint32_t> places(body.count);
     if (cell) cell->assign(body.count + column_padding, 0);
-    for (std::size_t first = 0; first < cells; first += warp_cells) {
-        std::uint32_t count[warp_cells];
-        for (int c = 0; c < warp_cells; ++c) count[c] = start[first + c + 1] - start[first + c];
-        place_by_rank(count, start[first], [&](int c, std::uint32_t rank, std::uint32_t place) {
-            places[start[first + c] + rank] = place;
-            if (cell) (*cell)[place] = std::uint8_t((first + c) % block_cells);
-        });
-    }
+    place_homes(body.order, start.data(), cells,
+                [&](std::size_t c, std::uint32_t rank, std::uint32_t place, std::uint8_t byte) {
+                    places[start[c] + rank] = place;
+                    if (cell) (*cell)[place] = byte;
+                });
     return places;
 }
 

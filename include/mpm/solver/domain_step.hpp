@@ -195,7 +195,8 @@ std::uint64_t Domain<X, T, D>::workers_of(const Body& body) const {
         case Pipeline::two_pass:
             return std::uint64_t(body.homes) * (std::uint64_t(body.ops.channels) + 1);
         default:
-            return std::uint64_t(body.full_homes) + std::uint64_t(lone_blocks(body.lone_count));
+            return std::uint64_t(body.pairs > 0 ? body.pairs : body.full_homes) +
+                   std::uint64_t(lone_blocks(body.lone_count));
     }
 }
 
@@ -243,7 +244,7 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
     p.pass.workers = workers;
     switch (body.plan.pipeline) {
         case Pipeline::fused:
-            body.ops.fused(p.pass);
+            (body.order == HomeOrder::by_chunk ? body.ops.split : body.ops.fused)(p.pass);
             if (body.lone_count > 0) body.ops.lone(p.pass);
             break;
         case Pipeline::keeping:

@@ -90,9 +90,12 @@ Cuda::Context::Context(int device, bool shared)
     MPM_CUDA(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device));
     // A kernel built for less has no `after_previous`, on whatever device it runs. On a shared
     // device blocks that wait for the kernel before them would hold room that others could use.
-    constexpr int built_for[] = {__CUDA_ARCH_LIST__};
-    overlaps =
-        !shared && major >= 9 && std::ranges::all_of(built_for, [](int a) { return a >= 900; });
+    const auto built_for = [](int least) {
+        constexpr int all[] = {__CUDA_ARCH_LIST__};
+        return std::ranges::all_of(all, [=](int a) { return a >= least; });
+    };
+    overlaps = !shared && major >= 9 && built_for(900);
+    barriers = major >= 8 && built_for(800);
     int pools = 0;
     MPM_CUDA(cudaDeviceGetAttribute(&pools, cudaDevAttrMemoryPoolsSupported, device));
     if (!pools) {

@@ -21,7 +21,7 @@ __device__ __forceinline__ void for_my_particles(const Phase<X, T, D>& phase, st
     const std::uint32_t* start = body.cell_start + std::int64_t(slot) * block_cells;
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += cell_threads) {
         int home[D];
-        Block<D>::coordinates(body.cell[q], home);
+        Block<D>::coordinates(body.home_cell(q), home);
         f(home, q);
     }
 }

@@ -44,7 +44,7 @@ __global__ void __launch_bounds__(phase_block)
     }
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += phase_block) {
         int home[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         const Reached<W, X, T, D> reached(phase, slot, home, q);
         if (in_arena && fits_arena<W>(reached.at.cell)) {
             collect_particle(phase, reached, places_in_arena<NodeArena<D>, W>(reached.at.cell), q,

@@ -150,5 +150,130 @@ TEST(RankOrder, any_counts) {
     }
 }
 
+// By chunk -------------------------------------------------------------------------------------
+
+using Block64 = std::uint32_t[block_cells];
+
+struct InChunk {
+    int cell = -1;
+    std::uint32_t rank = 0;
+};
+
+/// Who stands at each place of a block; checks that every particle has one of its own.
+std::vector<InChunk> chunked(const Block64& count, std::uint32_t begin) {
+    std::uint32_t particles = 0;
+    for (auto n : count) particles += n;
+    std::vector<InChunk> at(particles);
+    place_by_chunk(count, begin, [&](int cell, std::uint32_t rank, std::uint32_t place) {
+        ASSERT_LT(rank, count[cell]) << "a particle that is not there";
+        ASSERT_GE(place, begin);
+        ASSERT_LT(place, begin + particles);
+        ASSERT_EQ(at[place - begin].cell, -1) << "place taken twice";
+        at[place - begin] = {cell, rank};
+    });
+    std::vector<std::uint32_t> seen(block_cells);
+    for (const InChunk& p : at) {
+        if (p.cell < 0) {
+            ADD_FAILURE() << "a place stays empty";
+            continue;
+        }
+        EXPECT_EQ(p.rank, seen[std::size_t(p.cell)]++) << "ranks of a cell ascend";
+    }
+    return at;
+}
+
+/// What the warps of a device rely on: they find chunks by sums of counts, four ranks each, cell by
+/// cell in the order of places.
+void check_chunks(const Block64& count, std::uint32_t begin) {
+    const auto at = chunked(count, begin);
+    int cell_at[block_cells];
+    cells_by_place(count, cell_at);
+    std::size_t place = 0;
+    for (int half = 0; half < block_cells; half += warp_cells) {
+        std::uint32_t most = 0;
+        for (int k = 0; k < warp_cells; ++k) most = std::max(most, count[cell_at[half + k]]);
+        for (std::uint32_t first = 0; first < most; first += chunk_ranks)
+            for (int k = 0; k < warp_cells; ++k) {
+                const int c = cell_at[half + k];
+                for (std::uint32_t r = first; r < std::min(first + chunk_ranks, count[c]); ++r) {
+                    ASSERT_LT(place, at.size());
+                    EXPECT_EQ(at[place].cell, c);
+                    EXPECT_EQ(at[place].rank, r);
+                    ++place;
+                }
+            }
+    }
+    EXPECT_EQ(place, at.size());
+}
+
+TEST(ChunkOrder, every_particle_has_a_place) {
+    test::Random random(3);
+    for (int round = 0; round < 200; ++round) {
+        Block64 count;
+        const std::uint32_t most = round < 100 ? 16 : (round < 150 ? 3 : 200);
+        for (auto& n : count) n = std::uint32_t(random.integer(0, int(most)));
+        if (round % 7 == 0)
+            for (int c = 0; c < block_cells; c += 3) count[c] = 0;
+        check_chunks(count, std::uint32_t(round));
+    }
+    const Block64 none = {};
+    check_chunks(none, 5);
+}
+
+/// Lanes of a warp have alike numbers, and no two cells of eight that follow each other meet in a
+/// bank.
+TEST(ChunkOrder, fuller_cells_come_first_within_their_class) {
+    test::Random random(4);
+    Block64 count;
+    for (auto& n : count) n = std::uint32_t(random.integer(0, 20));
+    int cell_at[block_cells];
+    cells_by_place(count, cell_at);
+    std::vector<bool> seen(block_cells);
+    for (int p = 0; p < block_cells; ++p) {
+        EXPECT_EQ(cell_at[p] % cell_classes, p % cell_classes);
+        EXPECT_FALSE(seen[std::size_t(cell_at[p])]);
+        seen[std::size_t(cell_at[p])] = true;
+        if (p >= cell_classes) {
+            EXPECT_GE(count[cell_at[p - cell_classes]], count[cell_at[p]]);
+        }
+    }
+    Block64 even;
+    for (auto& n : even) n = 8;
+    cells_by_place(even, cell_at);
+    for (int p = 0; p < block_cells; ++p) EXPECT_EQ(cell_at[p], p) << "equal cells stay in order";
+}
+
+TEST(ChunkOrder, a_byte_holds_cell_and_rank) {
+    for (int cell = 0; cell < block_cells; ++cell)
+        for (std::uint32_t rank = 0; rank < 9; ++rank) {
+            const std::uint8_t byte = home_byte(cell, rank);
+            EXPECT_EQ(home_cell_of(byte), cell);
+            EXPECT_EQ(chunk_rank_of(byte), int(rank % chunk_ranks));
+        }
+}
+
+/// Both orders hold the same particles between the same places of a block, and say which cell each
+/// is in.
+TEST(ChunkOrder, whole_blocks) {
+    test::Random random(5);
+    const std::size_t cells = 5 * block_cells;
+    std::vector<std::uint32_t> start(cells + 1);
+    for (std::size_t c = 0; c < cells; ++c)
+        start[c + 1] = start[c] + std::uint32_t(random.integer(0, 11));
+    for (const HomeOrder order : {HomeOrder::by_rank, HomeOrder::by_chunk}) {
+        std::vector<int> taken(start.back());
+        place_homes(order, start.data(), cells,
+                    [&](std::size_t c, std::uint32_t rank, std::uint32_t place, std::uint8_t byte) {
+                        ASSERT_LT(rank, start[c + 1] - start[c]);
+                        const std::size_t block = c / block_cells * block_cells;
+                        ASSERT_GE(place, start[block]);
+                        ASSERT_LT(place, start[block + block_cells]);
+                        EXPECT_EQ(std::size_t(home_cell_of(byte)), c % block_cells);
+                        ++taken[place];
+                    });
+        for (const int n : taken) EXPECT_EQ(n, 1);
+    }
+}
+
 }  // namespace
 }  // namespace mpm

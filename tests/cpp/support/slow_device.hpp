@@ -106,6 +106,7 @@ public:
     int device() const { return 0; }
     int multiprocessors() const { return 1; }
     bool shared() const { return false; }
+    bool shares_work() const { return true; }
     void side_stream() {}
     void main_stream() {}
     void join() {}
@@ -175,9 +176,9 @@ private:
 };
 
 /// As src/kernels/cuda/arrange.cu.
-inline void arrange_by_rank(SlowDevice&, std::uint32_t* cell, std::int64_t particles,
-                            std::int64_t cells, const std::uint32_t* id, std::uint32_t* start,
-                            std::uint8_t* home) {
+inline void arrange_homes(SlowDevice&, std::uint32_t* cell, std::int64_t particles,
+                          std::int64_t cells, const std::uint32_t* id, std::uint32_t* start,
+                          std::uint8_t* home, HomeOrder of_home) {
     std::vector<std::uint32_t> of(cell, cell + particles), arrived(of.size());
     for (std::size_t p = 0; p < of.size(); ++p) arrived[p] = std::uint32_t(p);
     std::sort(arrived.begin(), arrived.end(), [&](std::uint32_t a, std::uint32_t b) {
@@ -189,14 +190,11 @@ inline void arrange_by_rank(SlowDevice&, std::uint32_t* cell, std::int64_t parti
         start[c] = std::uint32_t(at);
     }
     start[cells + 1] = std::uint32_t(particles);
-    for (std::int64_t first = 0; first < cells; first += warp_cells) {
-        std::uint32_t count[warp_cells];
-        for (int c = 0; c < warp_cells; ++c) count[c] = start[first + c + 1] - start[first + c];
-        place_by_rank(count, start[first], [&](int c, std::uint32_t rank, std::uint32_t place) {
-            cell[place] = arrived[start[first + c] + rank];
-            home[place] = std::uint8_t((first + c) % block_cells);
-        });
-    }
+    place_homes(of_home, start, std::size_t(cells),
+                [&](std::size_t c, std::uint32_t rank, std::uint32_t place, std::uint8_t byte) {
+                    cell[place] = arrived[start[c] + rank];
+                    home[place] = byte;
+                });
 }
 
 namespace test {
@@ -445,7 +443,7 @@ template <class Material, Smoothing S, int D>
 BodyOps<SlowDevice, float, D> slow_ops() {
     BodyOps<SlowDevice, float, D> ops{};
     add_slow_phases<Material, S, D>(ops);
-    ops.fused = &run_slowly<Material, S, D>;
+    ops.fused = ops.split = &run_slowly<Material, S, D>;
     if constexpr (fuses_memory<Material>) ops.keep = &keep_slowly<Material, S, D>;
     ops.initial = &rest_slowly<Material, S, D>;
     ops.energies = [](const Pass<SlowDevice, float, D>& pass, const std::int32_t*,

@@ -14,6 +14,7 @@ namespace mpm::cuda {
 template <class T, int D, int C>
 struct LineArena {
     static_assert(C >= 2 && C <= 4);
+    using Number = T;
     static constexpr int width = C == 2 ? 2 : 4;
     static constexpr int cells = Block<D>::edge + 2;
     static constexpr int edge = Block<D>::arena_edge;
@@ -415,19 +416,18 @@ __device__ __forceinline__ void store(const BodyView<T, D>& body, std::uint32_t 
     MPM_UNROLL for (int r = 0; r < R; ++r) body.state[r][q] = state[r];
 }
 
-/// One particle's step up to its deposit; xi stays relative to the home cell.
-template <class Material, Smoothing S, class T, int D, int C, class G>
-__device__ __forceinline__ Affine<G, D, C> advance(const LineArena<G, D, C>& lines,
-                                                   const int (&home)[D], Vec<T, D>& xi,
-                                                   T (&state)[state_reals<Material, D, S>],
-                                                   const StepNumbers<T, Material>& numbers) {
-    using Arena = LineArena<T, D, C>;
-    int origin = stencil_origin<Arena, D>(home);
+/// One particle's step up to its deposit; xi stays relative to the home cell, whose stencil begins
+/// at `origin`.
+template <class Material, Smoothing S, class T, int D, class Lines>
+__device__ __forceinline__ auto advance_from(const Lines& lines, int origin, Vec<T, D>& xi,
+                                             T (&state)[state_reals<Material, D, S>],
+                                             const StepNumbers<T, Material>& numbers) {
+    using G = typename Lines::Number;
     Vec<T, D> shift{};
     if (!at_home(xi)) {
         MPM_UNROLL for (int a = 0; a < D; ++a) {
             const int cells = cell_shift(xi[a]);
-            origin += cells * Arena::stride(a);
+            origin += cells * Lines::stride(a);
             shift[a] = T(cells);
         }
     }
@@ -436,6 +436,13 @@ __device__ __forceinline__ Affine<G, D, C> advance(const LineArena<G, D, C>& lin
     const auto u = advance_particle<Material, S, T, D, G>(lines, origin, local, state, numbers);
     MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = local[a] + shift[a];
     return u;
+}
+
+template <class Material, Smoothing S, class T, int D, class Lines>
+__device__ __forceinline__ auto advance(const Lines& lines, const int (&home)[D], Vec<T, D>& xi,
+                                        T (&state)[state_reals<Material, D, S>],
+                                        const StepNumbers<T, Material>& numbers) {
+    return advance_from<Material, S>(lines, stencil_origin<Lines, D>(home), xi, state, numbers);
 }
 
 /// What the threads of a block hold, added in a fixed order through `parts`.

@@ -5,6 +5,7 @@
 #include "mpm/kernels/cuda/keep.cuh"
 #include "mpm/kernels/cuda/lone.cuh"
 #include "mpm/kernels/cuda/phases.cuh"
+#include "mpm/kernels/cuda/split.cuh"
 #include "mpm/kernels/cuda/two_pass.cuh"
 
 namespace mpm::cuda {
@@ -16,6 +17,7 @@ BodyOps<X, T, D> instance() {
     // In double precision the sums of a cell do not fit the registers of one thread.
     if constexpr (std::is_same_v<T, float>) {
         ops.fused = &run_fused<Material, S, D>;
+        if constexpr (D == 3) ops.split = &run_split<Material, S>;
         ops.lone = &run_lone<Material, S, D>;
         if constexpr (fuses_memory<Material>) ops.keep = &run_keeping<Material, S, D>;
     }

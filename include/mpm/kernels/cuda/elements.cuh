@@ -17,7 +17,7 @@ __global__ void __launch_bounds__(phase_block)
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += phase_block) {
         int home[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         std::int32_t cell[D];
         MPM_UNROLL for (int a = 0; a < D; ++a) cell[a] = corner[a] + home[a];
         if (at_rest) rest_vertex(mesh, pass.body, cell, q);
@@ -74,7 +74,7 @@ __global__ void __launch_bounds__(phase_block)
     const G scale = G(pass.clock->scale_write[mass_sum]);
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += phase_block) {
         int home[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         for_each_filling(
             pass, mesh, slot, home, q, [&](const int(&cell)[D], const Stencil<T, D, 3>& s, T mass) {
                 for_each_node(s, places_in_grid<3>(cell), [&](const auto&, int place, T w) {
@@ -102,7 +102,7 @@ __global__ void __launch_bounds__(phase_block)
     double sum[3] = {};
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += phase_block) {
         int home[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         add_vertex_energies<Material>(phase, mesh, k, slot, home, q, energy, sum);
     }
     add_in_order(parts, sum, partial + 3 * std::int64_t(blockIdx.x));

@@ -136,7 +136,7 @@ __global__ void __launch_bounds__(fused_threads, 1)
             if (ahead && next_mine) load(pass.body, next_q, next_xi, next_state);
             if (!mine) continue;
             if constexpr (!ahead) load(pass.body, q, xi, state);
-            const auto u = advance<Material, S, float, D, C>(lines, home, xi, state, numbers);
+            const auto u = advance<Material, S, float, D>(lines, home, xi, state, numbers);
             store(pass.body, q, xi, state);
             if (!sound<Material>(xi, state)) {
                 report(q);
@@ -188,11 +188,11 @@ __global__ void __launch_bounds__(fused_threads, 1)
             const std::uint32_t q =
                 first ? surplus_begin[0] + t : surplus_begin[1] + (t - surplus_count[0]);
             int of[D];
-            Block<D>::coordinates(pass.body.cell[q], of);
+            Block<D>::coordinates(pass.body.home_cell(q), of);
             Vec<float, D> xi;
             float state[R];
             load(pass.body, q, xi, state);
-            u = advance<Material, S, float, D, C>(lines, of, xi, state, numbers);
+            u = advance<Material, S, float, D>(lines, of, xi, state, numbers);
             store(pass.body, q, xi, state);
             if (!sound<Material>(xi, state)) {
                 report(q);

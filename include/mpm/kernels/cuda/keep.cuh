@@ -257,7 +257,7 @@ __global__ void __launch_bounds__(fused_threads, 1)
             const std::uint32_t q = first ? shared.surplus_begin[0] + t
                                           : shared.surplus_begin[1] + (t - shared.surplus_count[0]);
             int of[D];
-            Block<D>::coordinates(pass.body.cell[q], of);
+            Block<D>::coordinates(pass.body.home_cell(q), of);
             Vec<float, D> xi;
             float state[R];
             load(pass.body, q, xi, state);

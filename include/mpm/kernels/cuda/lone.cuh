@@ -161,7 +161,7 @@ __global__ void __launch_bounds__(lone_threads)
         const std::int32_t* neighbours =
             neighbours_of(pass.grid.table, pass.body.lone_slot[number]);
         int home[D], cell[D], moved[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         Vec<float, D> xi, local;
         float state[R];
         load(pass.body, q, xi, state);

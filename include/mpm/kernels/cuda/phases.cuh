@@ -80,7 +80,7 @@ __global__ void __launch_bounds__(phase_block)
     double sum[3] = {};
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += phase_block) {
         int home[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         Vec<T, D> xi;
         T state[R];
         load(pass.body, q, xi, state);

@@ -34,12 +34,12 @@ __global__ void __launch_bounds__(pass_threads)
     int strays = 0;
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
         int home[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         Vec<T, D> xi;
         T state[R];
         load(pass.body, q, xi, state);
         strays += !at_home(xi);
-        const auto u = advance<Material, S, T, D, C, G>(lines, home, xi, state, numbers);
+        const auto u = advance<Material, S, T, D>(lines, home, xi, state, numbers);
         store(pass.body, q, xi, state);
         if (!sound<Material>(xi, state)) {
             Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
@@ -158,7 +158,7 @@ __global__ void __launch_bounds__(pass_threads)
         const auto u = resting_particle<Material, S, T, D, G>(velocity, state, numbers);
         GridSums<Pass<X, T, D>, C> sums{pass, neighbours_of(pass.grid.table, slot), scales};
         int home[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         Vec<T, D> local;
         settle<T, D>(home, xi, sums.cell, local);
         largest.template see<D, C>(u);
@@ -187,7 +187,7 @@ __global__ void __launch_bounds__(pass_threads)
     double sum[3] = {};
     for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
         int home[D];
-        Block<D>::coordinates(pass.body.cell[q], home);
+        Block<D>::coordinates(pass.body.home_cell(q), home);
         Vec<T, D> xi;
         T state[R];
         load(pass.body, q, xi, state);
