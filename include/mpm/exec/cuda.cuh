@@ -24,6 +24,14 @@ namespace cuda {
 void check(cudaError_t code, const char* what, const char* file, int line);
 #define MPM_CUDA(call) ::mpm::cuda::check((call), #call, __FILE__, __LINE__)
 
+/// Whether all that is compiled is for devices of this compute capability, times 100, or later.
+constexpr bool built_from(int capability) {
+    constexpr int all[] = {__CUDA_ARCH_LIST__};
+    for (int one : all)
+        if (one < capability) return false;
+    return true;
+}
+
 /// Makes a device current for a scope.
 class DeviceGuard {
 public:

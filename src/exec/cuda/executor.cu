@@ -90,12 +90,8 @@ Cuda::Context::Context(int device, bool shared)
     MPM_CUDA(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device));
     // A kernel built for less has no `after_previous`, on whatever device it runs. On a shared
     // device blocks that wait for the kernel before them would hold room that others could use.
-    const auto built_for = [](int least) {
-        constexpr int all[] = {__CUDA_ARCH_LIST__};
-        return std::ranges::all_of(all, [=](int a) { return a >= least; });
-    };
-    overlaps = !shared && major >= 9 && built_for(900);
-    barriers = major >= 8 && built_for(800);
+    overlaps = !shared && major >= 9 && cuda::built_from(900);
+    barriers = major >= 8 && cuda::built_from(800);
     int pools = 0;
     MPM_CUDA(cudaDeviceGetAttribute(&pools, cudaDevAttrMemoryPoolsSupported, device));
     if (!pools) {

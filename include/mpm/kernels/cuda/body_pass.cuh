@@ -16,8 +16,13 @@ BodyOps<X, T, D> instance() {
     BodyOps<X, T, D> ops{};
     // In double precision the sums of a cell do not fit the registers of one thread.
     if constexpr (std::is_same_v<T, float>) {
-        ops.fused = &run_fused<Material, S, D>;
+        // Devices before compute capability 8 have no barriers in shared memory: there alone the
+        // other form runs in three dimensions.
         if constexpr (D == 3) ops.split = &run_split<Material, S>;
+        if constexpr (D == 3 && built_from(800))
+            ops.fused = ops.split;
+        else
+            ops.fused = &run_fused<Material, S, D>;
         ops.lone = &run_lone<Material, S, D>;
         if constexpr (fuses_memory<Material>) ops.keep = &run_keeping<Material, S, D>;
     }
