@@ -3,6 +3,7 @@
 
 #include <numeric>
 
+#include "mpm/kernels/home_pairs.hpp"
 #include "mpm/kernels/put_before.hpp"
 #include "mpm/solver/domain.hpp"
 

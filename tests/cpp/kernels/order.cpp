@@ -1,11 +1,13 @@
-// The order in which devices store the particles of 32 cells.
+// The order in which devices store the particles of a block, and blocks two by two.
 #include "mpm/kernels/order.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <random>
 #include <vector>
 
+#include "mpm/kernels/home_pairs.hpp"
 #include "support/random.hpp"
 
 namespace mpm {
@@ -272,6 +274,67 @@ TEST(ChunkOrder, whole_blocks) {
                         ++taken[place];
                     });
         for (const int n : taken) EXPECT_EQ(n, 1);
+    }
+}
+
+// Homes two by two ---------------------------------------------------------------------------
+
+/// Every full home is in one pair, at the side where it lies, and beside the other; those that hold
+/// few particles are in none.
+TEST(HomePairs, each_full_home_once) {
+    test::Random random(6);
+    constexpr int blocks = 40, sides = Block<3>::neighbours;
+    for (int round = 0; round < 50; ++round) {
+        // A row of blocks along the first axis, of which some are missing in the table.
+        std::vector<std::int32_t> corners, neighbours, slot_of(blocks, -1), home;
+        for (int b = 0; b < blocks; ++b) {
+            if (random.integer(0, 4) == 0) continue;
+            slot_of[std::size_t(b)] = std::int32_t(corners.size() / 3);
+            corners.insert(corners.end(), {b * Block<3>::edge, 0, 0});
+        }
+        const std::size_t slots = corners.size() / 3;
+        neighbours.assign(slots * sides, -1);
+        std::vector<std::uint32_t> start(slots * block_cells + 1);
+        const std::uint32_t least = 8;
+        for (int b = 0; b < blocks; ++b) {
+            const std::int32_t s = slot_of[std::size_t(b)];
+            if (s < 0) continue;
+            if (b > 0) neighbours[std::size_t(s) * sides + 4] = slot_of[std::size_t(b - 1)];
+            if (b + 1 < blocks)
+                neighbours[std::size_t(s) * sides + 22] = slot_of[std::size_t(b + 1)];
+            const auto n = std::uint32_t(random.integer(0, 16));
+            for (int c = 0; c < block_cells; ++c)
+                start[std::size_t(s) * block_cells + std::size_t(c) + 1] =
+                    start[std::size_t(s) * block_cells] + n;
+            if (n >= least) home.push_back(s);
+        }
+        std::shuffle(home.begin(), home.end(), std::mt19937(unsigned(round)));
+        const FullHomes<3> full{start.data(), neighbours.data(), corners.data(), least};
+        std::vector<std::uint32_t> flag(home.size()), position(home.size() + 1);
+        for (std::size_t h = 0; h < home.size(); ++h)
+            FlagPairs<3>{full, home.data(), flag.data()}(std::int64_t(h));
+        for (std::size_t h = 0; h < home.size(); ++h) position[h + 1] = position[h] + flag[h];
+        std::vector<std::int32_t> pair(2 * home.size(), -7);
+        for (std::size_t h = 0; h < home.size(); ++h)
+            ListPairs<3>{full, home.data(), position.data(), pair.data()}(std::int64_t(h));
+        std::vector<int> seen(slots);
+        for (std::size_t k = 0; k < position.back(); ++k) {
+            const std::int32_t first = pair[2 * k], second = pair[2 * k + 1];
+            ASSERT_GE(std::max(first, second), 0) << "an empty pair";
+            for (int side = 0; side < 2; ++side) {
+                const std::int32_t s = pair[2 * k + std::size_t(side)];
+                ASSERT_GE(s, -1);
+                if (s < 0) continue;
+                ++seen[std::size_t(s)];
+                EXPECT_EQ(corners[std::size_t(s) * 3] / Block<3>::edge % 2, side);
+            }
+            if (first >= 0 && second >= 0) {
+                EXPECT_EQ(corners[std::size_t(second) * 3] - corners[std::size_t(first) * 3],
+                          Block<3>::edge);
+            }
+        }
+        for (std::size_t s = 0; s < slots; ++s)
+            EXPECT_EQ(seen[s], std::count(home.begin(), home.end(), std::int32_t(s)));
     }
 }
 
