@@ -91,9 +91,7 @@ def case(name: str, particles: int) -> tuple[libmpm.Scene, float]:
         smoothing=Smoothing(method=form) if name.startswith("smoothing") else None,
     )
     if name in PACKING:
-        known = scene.to_dict()
-        known["bodies"][0]["fbar"] = PACKING[name].to_dict()
-        scene = libmpm.Scene.from_dict(known)
+        scene.replace("water", fbar=PACKING[name])
     return scene, step
 
 

@@ -372,7 +372,7 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
         for (const auto& c : b.state) bytes += double(c.bytes());
         if (b.mesh) bytes += double(b.mesh->bytes());
         bytes += double(b.id.bytes() + b.cell.bytes() + b.cell_start.bytes() + b.home.bytes() +
-                        b.lone.bytes() + b.lone_slot.bytes() + b.scratch.bytes());
+                        b.pair.bytes() + b.lone.bytes() + b.lone_slot.bytes() + b.scratch.bytes());
     }
     out["bytes"] = bytes;
     if (spec_.contact.any()) out["contact_blocks"] = double(contact_blocks_);

@@ -8,6 +8,29 @@
 
 namespace mpm::cuda {
 
+/// The coefficients that a cell's three entries hold of N channels.
+template <int N, class T, class Entry>
+MPM_INLINE Line<T, N> line_from(const Entry* at) {
+    Line<T, N> line;
+    MPM_UNROLL for (int k = 0; k < 3; ++k) {
+        const Entry q = at[k];
+        MPM_UNROLL for (int c = 0; c < N; ++c) line.q[k][c] = q.e[c];
+    }
+    return line;
+}
+/// Three nodes along the last axis to the entries of the cell in their middle.
+template <class T, int C, class Entry>
+__device__ __forceinline__ void expand_into(Entry* at, const T (&below)[C], const T (&here)[C],
+                                            const T (&above)[C]) {
+    Entry out[3] = {};
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        T q[3];
+        expand_line(below[c], here[c], above[c], q);
+        MPM_UNROLL for (int e = 0; e < 3; ++e) out[e].e[c] = q[e];
+    }
+    MPM_UNROLL for (int e = 0; e < 3; ++e) at[e] = out[e];
+}
+
 /// What `gather` reads: for every line of nodes along the last axis and every cell on it that
 /// particles of the block may stand in, the coefficients of the quadratic. The strides keep the
 /// lanes of a quarter warp, which own neighbouring cells, in different banks.
@@ -29,12 +52,7 @@ struct LineArena {
 
     template <int N>
     MPM_INLINE Line<T, N> load(int place) const {
-        Line<T, N> line;
-        MPM_UNROLL for (int k = 0; k < 3; ++k) {
-            const Entry q = at[place + k];
-            MPM_UNROLL for (int c = 0; c < N; ++c) line.q[k][c] = q.e[c];
-        }
-        return line;
+        return line_from<N, T>(at + place);
     }
 };
 
@@ -123,13 +141,7 @@ __device__ __forceinline__ void fill(const P& pass, std::int32_t slot, LineArena
     also(line, mine, from);
     MPM_UNROLL for (int k = 0; k < Arena::cells; ++k) {
         if (!(mine >> k & 1)) continue;
-        typename Arena::Entry out[3] = {};
-        MPM_UNROLL for (int c = 0; c < C; ++c) {
-            T q[3];
-            expand_line(u[k][c], u[k + 1][c], u[k + 2][c], q);
-            MPM_UNROLL for (int e = 0; e < 3; ++e) out[e].e[c] = q[e];
-        }
-        MPM_UNROLL for (int e = 0; e < 3; ++e) arena.at[place + k * 3 + e] = out[e];
+        expand_into(arena.at + place + k * 3, u[k], u[k + 1], u[k + 2]);
     }
 }
 
@@ -276,6 +288,23 @@ __device__ __forceinline__ void clear(SumArena<D, C>& arena) {
     for (int k = threadIdx.x; k < pieces; k += blockDim.x) at[k] = int4{};
 }
 
+/// The sums of one node to the grid; `nodes` lie between those of its channels.
+template <int C, class P, class ChannelOf>
+__device__ __forceinline__ void flush_node(const P& pass, const std::int32_t* from, int nodes,
+                                           std::int32_t* to, const ChannelOf& channel_of) {
+    const std::int32_t mass = from[C * nodes];
+    if (mass == 0) return;
+    add_fixed(to, mass);
+    if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, mass);
+    MPM_UNROLL for (int c = 0; c < C; ++c)
+        add_fixed(to + channel_of(c) * block_cells, from[c * nodes]);
+}
+/// Where the transfer channels of a node's sums are.
+template <class P>
+__device__ __forceinline__ auto sum_channels_of(const P& pass) {
+    return [&pass](int c) { return c < P::dimension ? 1 + c : pass.group.sum; };
+}
+
 /// The sums of a block to the grid, channel c to that of number channel_of(c). A thread takes a row
 /// of nodes along the axis before the last, so that neighbouring threads add to neighbouring
 /// numbers; more threads share the rows.
@@ -315,20 +344,13 @@ __device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int
         const int n = k - margin + edge;
         const std::int32_t* from = arena.at + place + k * Arena::stride(axis);
         std::int32_t* to = side[n / edge] + n % edge * edge;
-        const std::int32_t mass = from[C * Arena::nodes];
-        if (mass == 0) continue;
-        add_fixed(to, mass);
-        if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, mass);
-        MPM_UNROLL for (int c = 0; c < C; ++c) {
-            const int channel = channel_of(c);
-            add_fixed(to + channel * block_cells, from[c * Arena::nodes]);
-        }
+        flush_node<C>(pass, from, Arena::nodes, to, channel_of);
     }
 }
 template <int D, int C>
 __device__ __forceinline__ void flush(const Pass<Cuda, float, D>& pass, std::int32_t slot,
                                       const SumArena<D, C>& arena) {
-    flush(pass, slot, arena, [&](int c) { return c < D ? 1 + c : pass.group.sum; });
+    flush(pass, slot, arena, sum_channels_of(pass));
 }
 
 /// A node as the grid stores it.

@@ -340,6 +340,7 @@ __global__ void __launch_bounds__(split_threads, split_blocks)
     constexpr int C = transfer_channels<3, S>, R = state_reals<Material, 3, S>;
     extern __shared__ __align__(16) unsigned char memory[];
     SplitShared<H, C, R>& shared = *reinterpret_cast<SplitShared<H, C, R>*>(memory);
+    __shared__ MoverNumbers numbers;
 
     after_previous();
     const bool halted = pass.clock->halt != Halt::none;
@@ -352,17 +353,14 @@ __global__ void __launch_bounds__(split_threads, split_blocks)
         for (std::uint64_t& barrier : shared.empty) begin_barrier(&barrier, adders);
         shared.strayed = 0;
         shared.largest = {};
+        const auto n =
+            step_numbers<float, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
+        numbers = {n.move, n.rate, n.impulse, n.smoothing.ratio};
     }
     fill_lines<H, C>(pass, slot, shared.lines);
     int4* const sums = reinterpret_cast<int4*>(shared.sums.at);
     for (int k = threadIdx.x; k < int(sizeof shared.sums.at / sizeof(int4)); k += split_threads)
         sums[k] = int4{};
-    __shared__ MoverNumbers numbers;
-    if (threadIdx.x == split_threads - 1) {
-        const auto n =
-            step_numbers<float, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
-        numbers = {n.move, n.rate, n.impulse, n.smoothing.ratio};
-    }
     if (halted) return;
     __syncthreads();
     if (warp < movers)
@@ -383,6 +381,7 @@ __global__ void __launch_bounds__(split_threads, split_blocks)
 template <class Material, Smoothing S>
 void run_split(const Pass<Cuda, float, 3>& pass) {
     constexpr int C = transfer_channels<3, S>, R = state_reals<Material, 3, S>;
+    static_assert(sizeof(SplitShared<2, C, R>) <= SplitShared<2, C, R>::bytes);
     const auto constants = Material::template constants<float>(pass.parameters);
     if (pass.body.pairs > 0)
         pass.exec->launch_large(int(sizeof(SplitShared<2, C, R>)), &split_step<Material, S, 2>,

@@ -32,12 +32,7 @@ struct SplitLines {
 
     template <int N>
     MPM_INLINE Line<float, N> load(int place) const {
-        Line<float, N> line;
-        MPM_UNROLL for (int k = 0; k < 3; ++k) {
-            const Piece q = at[place + k];
-            MPM_UNROLL for (int c = 0; c < N; ++c) line.q[k][c] = q.e[c];
-        }
-        return line;
+        return line_from<N, float>(at + place);
     }
 };
 
@@ -152,8 +147,6 @@ struct SplitShared {
 
     __device__ __forceinline__ Piece* row(int place) { return &ring[0][0][0] + place; }
 };
-static_assert(sizeof(SplitShared<2, 4, 1>) <= SplitShared<2, 4, 1>::bytes);
-
 // Barriers in shared memory, of which a phase ends when so many have arrived. Waiting tells two
 // phases apart, so nobody may be two turns of the ring ahead: every mover takes part in every
 // chunk.
@@ -259,15 +252,8 @@ __device__ __forceinline__ void fill_lines(const P& pass, const std::int32_t (&s
         }
         Piece* to = lines.at + x * Lines::stride(0) + y * Lines::stride(1) +
                     part * cells * Lines::stride(2);
-        MPM_UNROLL for (int k = 0; k < cells; ++k) {
-            Piece out[3] = {};
-            MPM_UNROLL for (int c = 0; c < C; ++c) {
-                float q[3];
-                expand_line(u[k][c], u[k + 1][c], u[k + 2][c], q);
-                MPM_UNROLL for (int e = 0; e < 3; ++e) out[e].e[c] = q[e];
-            }
-            MPM_UNROLL for (int e = 0; e < 3; ++e) to[3 * k + e] = out[e];
-        }
+        MPM_UNROLL for (int k = 0; k < cells; ++k)
+            expand_into(to + 3 * k, u[k], u[k + 1], u[k + 2]);
     }
 }
 
@@ -296,12 +282,7 @@ __device__ __forceinline__ void flush_sums(const P& pass, const std::int32_t (&s
         const int ny = k - margin + edge;
         const std::int32_t* from = sums.at + x * Sums::stride(0) + k * Sums::stride(1) + z;
         std::int32_t* to = side[ny / edge] + ny % edge * edge;
-        const std::int32_t mass = from[C * Sums::nodes];
-        if (mass == 0) continue;
-        add_fixed(to, mass);
-        if (pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, mass);
-        MPM_UNROLL for (int c = 0; c < C; ++c)
-            add_fixed(to + (c < 3 ? 1 + c : pass.group.sum) * block_cells, from[c * Sums::nodes]);
+        flush_node<C>(pass, from, Sums::nodes, to, sum_channels_of(pass));
     }
 }
 
