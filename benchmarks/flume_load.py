@@ -2,7 +2,7 @@
 
     python benchmarks/flume_load.py --cell 0.1 [--transfer APIC] [--walls linear] [--bed held]
                                     [--until 27] [--device cuda] [--budget SECONDS]
-                                    [--flip 0.98] [--relaxation 10] [--shifting]
+                                    [--flip 0.98] [--relaxation 10] [--shifting] [--density]
 
 Half width, bed of the drawing, water in columns, K 2e6 Pa, box 1.016 x 1.016 x 0.615 m with its
 underside at the still water, flume cut at x 70 m; measured time = run time + 15 s. Measured: peak
@@ -34,7 +34,7 @@ MODULUS = 2e6  # of the water, Pa
 
 def scene(
     cell: float, transfer: str, walls: str, bed_cell: str, share: float = 0.95,
-    relaxation: float | None = None, shifting: bool = False,
+    relaxation: float | None = None, shifting: bool = False, density: bool = False,
 ) -> libmpm.Scene:  # fmt: skip
     """Return the flume; `share` is AFLIP's flip, `relaxation` F-bar's time in cell / wave speed."""
     width = round(1.83 / cell) * cell
@@ -57,7 +57,7 @@ def scene(
     made.add_body(
         name="water", shape=sea, material=materials.TaitFluid(bulk_modulus=MODULUS),
         hydrostatic=LEVEL, sampling=shapes.Columns(),
-        fbar=libmpm.FBar(time=time, shifting=shifting),
+        fbar=libmpm.FBar(time=time, shifting=shifting, density=density),
     )  # fmt: skip
     slip = boundaries.Slip(cell=walls)  # type: ignore[arg-type]
     made.add_boundary(name="bed", shape=bed, response=boundaries.Slip(cell=bed_cell))  # type: ignore[arg-type]
@@ -93,6 +93,7 @@ def main() -> int:
     parser.add_argument("--flip", type=float, default=0.95, help="of AFLIP by name")
     parser.add_argument("--relaxation", type=float, help="of F-bar, in cell / wave speed; 35")
     parser.add_argument("--shifting", action="store_true", help="`FBar.shifting`")
+    parser.add_argument("--density", action="store_true", help="`FBar.density`")
     parser.add_argument("--walls", choices=("auto", "held", "linear"), default="auto")
     parser.add_argument("--bed", choices=("auto", "held", "linear"), help="as the walls")
     parser.add_argument("--until", type=float, default=27.0, help="run time, s")
@@ -105,7 +106,7 @@ def main() -> int:
     if given.keep and given.keep.exists():
         sim = libmpm.Simulation.resume(given.keep)
     else:
-        of_water = (given.flip, given.relaxation, given.shifting)
+        of_water = (given.flip, given.relaxation, given.shifting, given.density)
         made = scene(given.cell, given.transfer, given.walls, bed, *of_water)
         sim = libmpm.Simulation(made, device=given.device)
     failed, begun = "", time.monotonic()
@@ -126,7 +127,7 @@ def main() -> int:
     line = {
         "cell": given.cell, "transfer": given.transfer, "walls": given.walls, "bed": bed,
         "flip": sim.scene.transfer.flip, "relaxation": given.relaxation,
-        "shifting": given.shifting,
+        "shifting": given.shifting, "density": given.density,
         "until": given.until, "reached": sim.time, "failed": failed, "device": given.device,
         "seconds": round(time.monotonic() - begun, 1),
         "particles": len(sim.particles["water"]), "peak": float(mean.max()),

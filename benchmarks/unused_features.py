@@ -25,7 +25,7 @@ import libmpm
 from libmpm._src.cli.bench import collapse, commit
 
 #: Another body is a channel more for F-bar, so the bytes of a node differ.
-SMALL_BLOCK = "64 particles of Hypoelastic beside the water"
+SMALL_BLOCK = "64 particles of CamClay beside the water"
 
 
 def add_dry_box(scene: libmpm.Scene) -> None:
@@ -73,7 +73,9 @@ def add_small_block(scene: libmpm.Scene) -> None:
             lower=(x - 4 * edge, y - 4 * edge, 0), upper=(x - 2 * edge, y - 2 * edge, 2 * edge)
         ),
         # Its waves are slower than those of the water.
-        material=libmpm.materials.Hypoelastic(density=1000.0, youngs_modulus=1e6),
+        material=libmpm.materials.CamClay(
+            density=1000.0, youngs_modulus=1e6, log_plastic_volume=-0.02
+        ),
     )
 
 

@@ -73,6 +73,55 @@ def test_fused_is_phased(dimension, scheme, form):
         assert distance(a, b) < 1e-9
 
 
+@pytest.mark.gpu
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("scheme", CHOICES)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_two_passes_are_phased(dimension, scheme, form):
+    """On a device, in double precision; integers of 64 bits round the sums."""
+    two, phased = (
+        states(pool(dimension, p, scheme, form), 60, "cuda") for p in ("two-pass", "phased")
+    )
+    for a, b in zip(two, phased, strict=True):
+        assert distance(a, b) < 1e-9
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_two_passes_in_mixed_precision(dimension):
+    two, phased = (
+        states(pool(dimension, p, precision="mixed"), 40, "cuda", ("position", "velocity"))
+        for p in ("two-pass", "phased")
+    )
+    assert np.abs(two[0] - phased[0]).max() < 2e-5 * 0.1
+    assert np.abs(two[1] - phased[1]).max() < 2e-3 * np.abs(phased[1]).max()
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("scheme", ["APIC", "AFLIP"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_mud_in_one_pass(dimension, scheme, form):
+    """A law of the shear rate, whose packs of particles take powers and exponentials."""
+    found = []
+    for pipeline in ("fused", "phased"):
+        spec = pool(dimension, pipeline, "AFLIP", form)
+        spec["bodies"][0] |= {
+            "material": "HerschelBulkleyFluid",
+            "parameters": {
+                "density": 1000.0,
+                "bulk_modulus": 2e5,
+                "exponent": 7.15,
+                "yield_stress": 20.0,
+                "consistency": 2.0,
+                "index": 0.7,
+                "largest_viscosity": 40.0,
+            },
+        }
+        found.append(states(choose(spec, scheme), 60, "cpu"))
+    for a, b in zip(*found, strict=True):
+        assert distance(a, b) < 1e-9
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("change", [
     {"rule": "smooth", "width": 0.002, "power": 2},
@@ -167,11 +216,17 @@ def test_who_has_it():
     mud = materials.HerschelBulkleyFluid(
         density=1e3, bulk_modulus=1e4, yield_stress=10.0, consistency=1.0, largest_viscosity=10.0
     )
-    assert pipeline(transfer=aflip, material=mud) == "phased"
+    assert pipeline(transfer=aflip, material=mud) == "fused"
+    clay = materials.CamClay(density=1000.0, youngs_modulus=1e5, log_plastic_volume=-0.02)
+    assert pipeline(transfer=aflip, material=clay) == "phased"
     # On a device single precision alone has a fused form.
     scene = water(transfer=aflip)
     assert scene.plan(device="cuda", precision="single").pipeline == "fused"
-    assert scene.plan(device="cuda", precision="double").pipeline == "phased"
+    for precision in ("double", "mixed"):
+        plan = scene.plan(device="cuda", precision=precision, pipeline="two-pass")
+        assert scene.plan(device="cuda", precision=precision).pipeline == plan.pipeline
+        assert plan.pipeline == "two-pass"
+        assert {"gather:body", "scatter:body"} <= set(plan.kernels)
     with pytest.raises(libmpm.SceneError, match="two-pass"):
         scene.plan(device="cpu", pipeline="two-pass")
 

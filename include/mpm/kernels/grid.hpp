@@ -265,6 +265,12 @@ struct KeptChannels {
     int before = -1;  // velocities: D, of that momentum alone
     int guard = -1;   // 1: a boundary changed the velocity
     bool any() const { return plain >= 0 || before >= 0 || guard >= 0; }
+    /// Three dimensions: whether the velocities and the guard, or a number that is nobody's, are
+    /// one piece of the `channels` of a node.
+    MPM_INLINE bool in_one_piece(int channels) const {
+        return before >= 0 && before % 4 == 0 && channels % 4 == 0 &&
+               (guard < 0 ? before + 4 == channels : guard == before + 3);
+    }
 };
 
 /// Hears whether any boundary has changed a velocity.
@@ -314,6 +320,10 @@ struct UpdateGrid {
         Sum of_group = 0, of_weight = 0;
         if (in_one) of_group = s[only.sum * block_cells];
         if (in_one && only.weight >= 0) of_weight = s[only.weight * block_cells];
+        Sum plain[D] = {};
+        if constexpr (keeps)
+            for (int a = 0; a < D; ++a)
+                if (kept.before >= 0) plain[a] = s[(kept.plain + a) * block_cells];
 
         Sum* clear = next + std::int64_t(slot) * g.sum_channels * block_cells + n;
         for (int c = 0; c < g.sum_channels; ++c) clear[c * block_cells] = 0;
@@ -327,6 +337,7 @@ struct UpdateGrid {
             }
         }
         Vec<T, D> v{};
+        [[maybe_unused]] bool changed = false;
         if (m > T(0)) {
             const std::uint32_t listed = walls.velocity ? node.touched[slot] : 0;
             if (listed > 0) {
@@ -336,33 +347,35 @@ struct UpdateGrid {
                     v = node.free_velocity(m, p);
                 else
                     for (int a = 0; a < D; ++a) v[a] = walls.velocity[at * D + a];
-                if constexpr (keeps) {
-                    if (kept.guard >= 0) out[kept.guard] = T(free ? 0 : walls.changed[at]);
-                }
+                if constexpr (keeps) changed = kept.guard >= 0 && !free && walls.changed[at];
             } else if constexpr (keeps) {
-                bool changed = false;
                 v = node.template lone_velocity<mirrors>(slot, n, m, p, Changed<T, D>{&changed});
-                if (kept.guard >= 0) out[kept.guard] = T(changed ? 1 : 0);
             } else {
                 v = node.template lone_velocity<mirrors>(slot, n, m, p, NothingSeen{});
             }
             for (int a = 0; a < D; ++a) larger_of(maxima[max_speed], node.counts(v[a], m));
             if constexpr (std::is_integral_v<Sum>) larger_of(maxima[max_mass], double(m));
         }
+        struct alignas(16) Piece {
+            T e[4];
+        };
         if constexpr (keeps) {
-            for (int a = 0; a < D && kept.before >= 0; ++a) {
-                out[kept.before + a] = m > T(0) ? from_sum<T>(s[(kept.plain + a) * block_cells],
-                                                              node.clock->unit_read[momentum_sum]) /
-                                                      m
-                                                : T(0);
+            T before[D];
+            for (int a = 0; a < D; ++a)
+                before[a] = m > T(0)
+                                ? from_sum<T>(plain[a], node.clock->unit_read[momentum_sum]) / m
+                                : T(0);
+            const T guard = T(changed ? 1 : 0);
+            if (D == 3 && kept.in_one_piece(g.velocity_channels)) {
+                *reinterpret_cast<Piece*>(out + kept.before) = {
+                    {before[0], before[1], before[D - 1], guard}};
+            } else {
+                for (int a = 0; a < D && kept.before >= 0; ++a) out[kept.before + a] = before[a];
+                if (kept.guard >= 0) out[kept.guard] = guard;
             }
-            if (!(m > T(0)) && kept.guard >= 0) out[kept.guard] = T(0);
         }
         if constexpr (D == 3) {
             if (in_one) {
-                struct alignas(16) Piece {
-                    T e[4];
-                };
                 *reinterpret_cast<Piece*>(out) = {
                     {v[0], v[1], v[2],
                      m > T(0) ? average(of_group, only.weight >= 0 ? of_weight : mass) : T(0)}};

@@ -89,38 +89,48 @@ MPM_INLINE void average_from(const Nodes& nodes, const Weights<V, D>& w, int at,
 /// numbers of `state`. `nodes` holds the D velocities before forces and boundaries, then the guard;
 /// its lowest node of the stencil is `first`. Momentum without stress stands behind the transfer
 /// channels of what is returned.
-template <class Material, Smoothing S, class V, int D, class T, class Lines, class Nodes>
-MPM_INLINE Affine<V, D, kept_sums<D, S>> advance_keeping(
+template <class Material, Smoothing S, class V, int D, class G = V, class T, class Lines,
+          class Nodes>
+MPM_INLINE Affine<G, D, kept_sums<D, S>> advance_keeping(
     const Lines& lines, int origin, const Nodes& nodes, int first, Vec<V, D>& xi,
     V (&state)[state_reals<Material, D, S> + D], const StepNumbers<T, Material>& k,
     const KeepNumbers<T>& s) {
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
-    const Weights<V, D> w = quadratic_weights<V, D>(xi);
-    const Affine<V, D, C> u = gather<C, V, D>(lines, w, origin);
-    V before[D + 1];
-    detail::average_from<0, D + 1>(nodes, w, first, before);
+    const Weights<G, D> w = quadratic_weights<G, D>(as<G>(xi));
+    const Affine<G, D, C> u = gather<C, G, D>(lines, w, origin);
+    G before[D + 1];
+    // Few schemes ask for the guard.
+    if (s.guarded) {
+        detail::average_from<0, D + 1>(nodes, w, first, before);
+    } else {
+        G seen[D];
+        detail::average_from<0, D>(nodes, w, first, seen);
+        MPM_UNROLL for (int a = 0; a < D; ++a) before[a] = seen[a];
+        before[D] = G(ScalarOf<G>(0));
+    }
 
     V own[R];
     MPM_UNROLL for (int r = 0; r < R; ++r) own[r] = state[r];
-    Affine<V, D, C> volume;
-    const Mat<V, D> tau = update_state<Material, S, false, V, D, V>(u, own, k, volume);
+    Affine<G, D, C> volume;
+    const Mat<V, D> tau = update_state<Material, S, false, V, D, G>(u, own, k, volume);
     MPM_UNROLL for (int r = 0; r < R; ++r) state[r] = own[r];
 
     V share = V(T(0));
     if (s.rule != ShiftRule::none) {
         share = share_of(s, volume_loss_in<Material, S, V, D>(own));
-        if (s.guarded) share = select(V(T(0)) < before[D], V(T(0)), share);
+        if (s.guarded) share = select(V(T(0)) < V(before[D]), V(T(0)), share);
     }
-    Affine<V, D, C + D> out;
+    Affine<G, D, C + D> out;
     MPM_UNROLL for (int c = 0; c < D; ++c) {
-        const V unseen = s.keep * (state[R + c] - before[c]);
-        const V kept = u.value[c] + unseen;
-        xi[c] = xi[c] + k.move * (u.value[c] + share * unseen);
-        state[R + c] = out.value[c] = out.value[C + c] = kept;
+        const V seen = V(u.value[c]), unseen = s.keep * (state[R + c] - V(before[c]));
+        const V kept = seen + unseen;
+        xi[c] = xi[c] + k.move * (seen + share * unseen);
+        state[R + c] = kept;
+        out.value[c] = out.value[C + c] = G(kept);
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            const V tilt = s.affine ? u.slope[a][c] : V(T(0));
+            const G tilt = s.affine ? u.slope[a][c] : G(ScalarOf<G>(0));
             out.slope[a][C + c] = tilt;
-            out.slope[a][c] = tilt - k.impulse * tau.e[c][a];
+            out.slope[a][c] = tilt - G(k.impulse * tau.e[c][a]);
         }
     }
     if constexpr (C > D) {

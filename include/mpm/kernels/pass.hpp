@@ -67,9 +67,11 @@ struct BodyOps {
     Run split;      // devices: the fused form of bodies that are stored by chunk, or null
     Run lone;       // devices: the fused form for particles in nearly empty blocks
     RunPhase keep;  // the fused form of schemes that store velocities (kernels/keep.hpp), or null
-    Run gather;     // two-pass, first half
-    Run scatter;    // two-pass, second half
-    Run initial;    // deposit of resting particles; velocities in scratch (D, count)
+    RunPhase split_keep;  // devices: the same of bodies that are stored by chunk, or null
+    bool pairs;           // devices: these two have room for two homes beside each other
+    Run gather;           // two-pass, first half
+    Run scatter;          // two-pass, second half
+    Run initial;          // deposit of resting particles; velocities in scratch (D, count)
     // Where *due is set, per home block: kinetic, elastic, potential energy.
     void (*energies)(const Pass<X, T, D>&, const std::int32_t* due, double* partial);
     RunPhase respond;  // phased: the material's part of a step (kernels/respond.hpp)

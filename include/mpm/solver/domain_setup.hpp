@@ -58,8 +58,9 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         else if (s.elements.empty())
             body.ops = find_ops(s.material, body.plan.smoothing);
         if constexpr (X::is_device) {
-            if (body.ops.split && body.plan.pipeline == Pipeline::fused && exec_.shares_work())
-                body.order = HomeOrder::by_chunk;
+            const bool splits = (body.plan.pipeline == Pipeline::fused && body.ops.split) ||
+                                (body.plan.pipeline == Pipeline::keeping && body.ops.split_keep);
+            if (splits && exec_.shares_work()) body.order = HomeOrder::by_chunk;
         }
         body.parameters = s.parameters;
         body.first_id = s.first_id;

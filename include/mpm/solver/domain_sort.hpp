@@ -147,7 +147,7 @@ template <class X, class T, int D>
 void Domain<X, T, D>::list_pairs(Body& body, std::uint32_t least) {
     body.pairs = 0;
     if constexpr (X::is_device) {
-        if (body.order != HomeOrder::by_chunk ||
+        if (body.order != HomeOrder::by_chunk || !body.ops.pairs ||
             body.full_homes < pairs_from * exec_.multiprocessors())
             return;
         const FullHomes<D> full{body.cell_start.data(), blocks_.neighbours().data(),

@@ -180,10 +180,8 @@ void Domain<X, T, D>::sample_energy(Sensor<Base>& s, SensorRecord* record) {
 /// What lies between the passes over a body's particles.
 template <class X, class T, int D>
 void Domain<X, T, D>::reserve_deposits(Body& body) {
-    if (body.plan.pipeline == Pipeline::phased) reserve_scratch(body);
-    if (body.plan.pipeline != Pipeline::two_pass) return;
-    const std::size_t columns = std::size_t(body.ops.channels) * (1 + D);
-    body.scratch.reserve_discard(columns * body.count + column_padding);
+    const std::size_t columns = std::size_t(deposit_columns(D, body.plan));
+    if (columns > 0) body.scratch.reserve_discard(columns * body.count + column_padding);
 }
 
 /// Devices: blocks of threads whose last one of a step turns the clock.
@@ -194,6 +192,8 @@ std::uint64_t Domain<X, T, D>::workers_of(const Body& body) const {
             return std::uint64_t(body.homes);
         case Pipeline::two_pass:
             return std::uint64_t(body.homes) * (std::uint64_t(body.ops.channels) + 1);
+        case Pipeline::two_pass_keeping:
+            return std::uint64_t(body.homes) * (std::uint64_t(body.ops.channels) + 1 + D);
         default:
             return std::uint64_t(body.pairs > 0 ? body.pairs : body.full_homes) +
                    std::uint64_t(lone_blocks(body.lone_count));
@@ -248,6 +248,9 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
             if (body.lone_count > 0) body.ops.lone(p.pass);
             break;
         case Pipeline::keeping:
+            (body.order == HomeOrder::by_chunk ? body.ops.split_keep : body.ops.keep)(p);
+            break;
+        case Pipeline::two_pass_keeping:
             body.ops.keep(p);
             break;
         case Pipeline::two_pass:

@@ -49,12 +49,13 @@ struct PlanColumn {
 };
 /// In how many passes a step visits the particles of a body (design/pipelines.md).
 enum class Pipeline {
-    fused,     // one
-    keeping,   // one, for a transfer that stores velocities
-    two_pass,  // gather and advance; deposit
-    phased     // collect; respond; spread
+    fused,             // one
+    keeping,           // one, for a transfer that stores velocities
+    two_pass,          // gather and advance; deposit
+    two_pass_keeping,  // the same for a transfer that stores velocities
+    phased             // collect; respond; spread
 };
-/// As users know it: `keeping` is fused too.
+/// As users know it: those for transfers that store velocities have the names of the others.
 const char* name_of(Pipeline pipeline);
 
 struct BodyPlan {
@@ -63,8 +64,10 @@ struct BodyPlan {
     Pipeline pipeline = Pipeline::fused;
     std::string pipeline_reason;
     /// One of the forms that know all kernels and transfers, and their channels at the nodes.
-    bool any_transfer() const {
-        return pipeline == Pipeline::phased || pipeline == Pipeline::keeping;
+    bool any_transfer() const { return pipeline == Pipeline::phased || keeps(); }
+    /// One of the forms in one or two passes of a transfer that stores velocities.
+    bool keeps() const {
+        return pipeline == Pipeline::keeping || pipeline == Pipeline::two_pass_keeping;
     }
     std::vector<PlanColumn> columns;
     int bytes_per_particle = 0;
@@ -80,6 +83,8 @@ struct BodyPlan {
     bool vertex_volumes = false;
     int kept = 0;  // numbers an element
 };
+/// Numbers a particle of what it leaves between the passes of its pipeline.
+int deposit_columns(int dimension, const BodyPlan& body);
 struct Plan {
     std::vector<BodyPlan> bodies;
     std::vector<GroupChannels> groups;

@@ -203,7 +203,7 @@ void plan_phases(const Spec& spec, Plan& plan) {
         for (int a = 0; a < D; ++a)
             plan.channels.push_back(std::string("plain_momentum_") + axes[a]);
         // Read in one piece of four numbers, the guard behind it.
-        if (D == 3 && plan.some(Pipeline::keeping))
+        if (D == 3 && (plan.some(Pipeline::keeping) || plan.some(Pipeline::two_pass_keeping)))
             plan.velocity_channels = (plan.velocity_channels + 3) / 4 * 4;
         plan.kept.before = more(D);
         if (guards) plan.kept.guard = more(1);

@@ -122,9 +122,7 @@ void add_columns(Plan& plan, const BackendTraits& backend, int D, BodyPlan& p) {
                          " fit. Use a transfer that stores no velocity, or another kernel");
     p.columns.push_back({"id", 1, 4});
     if (backend.device) p.columns.push_back({"cell", 1, 1});
-    const int deposit = p.pipeline == Pipeline::phased     ? scratch_columns(D, p.phase)
-                        : p.pipeline == Pipeline::two_pass ? p.phase.channels * (1 + D)
-                                                           : 0;
+    const int deposit = deposit_columns(D, p);
     if (deposit > 0) p.columns.push_back({"deposit", deposit, deposit * backend.grid_real()});
     for (const auto& c : p.columns) p.bytes_per_particle += c.bytes;
     const double particles = double(p.particles);
@@ -141,11 +139,11 @@ void check_pipeline(const Spec& spec, const BackendTraits& backend) {
     if (asked == "auto" || asked == "phased" || asked == by_body) return;
     if (asked != "fused" && asked != "two-pass")
         throw SceneError("pipeline is '" + asked + "'; expected auto, fused, two-pass or phased");
-    if (asked == "two-pass" && stores_in_one_pass(spec))
+    if (asked == "two-pass" && stores_in_one_pass(spec) && backend.fused)
         throw SceneError(
-            "pipeline 'two-pass' has no transfer that stores velocities; this scene "
-            "asks for " +
-            spec.transfer.scheme +
+            "pipeline 'two-pass' is not built for transfers that store velocities in " +
+            backend.numbers() + " precision on " + backend.name +
+            ", where these have one pass; this scene asks for " + spec.transfer.scheme +
             ". Use pipeline=\"auto\" or \"phased\", or name transfer \"APIC\"");
     std::string why = needs_phases(spec);
     for (const BodySpec& body : spec.bodies) {
@@ -160,8 +158,8 @@ void check_pipeline(const Spec& spec, const BackendTraits& backend) {
                          why + ". Use pipeline=\"auto\" or \"phased\"");
     if (asked == "fused" && !backend.fused)
         throw SceneError("pipeline 'fused' is not built for " + backend.numbers() +
-                         " precision on " + backend.name + "; use pipeline=\"auto\" or " +
-                         (stores_in_one_pass(spec) ? "\"phased\"" : "\"two-pass\""));
+                         " precision on " + backend.name +
+                         "; use pipeline=\"auto\" or \"two-pass\"");
 }
 
 /// The pipeline of a body: that which was asked for, or the one with the fewest passes that it has.
@@ -173,10 +171,12 @@ void choose_pipeline(const Spec& spec, const BackendTraits& backend, const BodyS
     const bool keeps = stores_in_one_pass(spec);
     std::string why = needs_phases(spec);
     if (why.empty()) why = needs_phases(spec, body, backend.device);
-    if (why.empty() && keeps && !backend.fused) why = registers;
     if (spec.pipeline == "phased" || !why.empty()) {
         p.pipeline = Pipeline::phased;
         p.pipeline_reason = why;
+    } else if (keeps && !backend.fused) {
+        p.pipeline = Pipeline::two_pass_keeping;
+        p.pipeline_reason = registers;
     } else if (keeps) {
         p.pipeline = Pipeline::keeping;
         p.pipeline_reason =
@@ -196,6 +196,7 @@ void choose_pipeline(const Spec& spec, const BackendTraits& backend, const BodyS
 const char* name_of(Pipeline pipeline) {
     switch (pipeline) {
         case Pipeline::two_pass:
+        case Pipeline::two_pass_keeping:
             return "two-pass";
         case Pipeline::phased:
             return "phased";
@@ -207,6 +208,20 @@ const char* name_of(Pipeline pipeline) {
 bool Plan::some(Pipeline pipeline) const {
     return std::any_of(bodies.begin(), bodies.end(),
                        [&](const BodyPlan& p) { return p.pipeline == pipeline; });
+}
+
+int deposit_columns(int dimension, const BodyPlan& body) {
+    const int affine = body.phase.channels * (1 + dimension);
+    switch (body.pipeline) {
+        case Pipeline::phased:
+            return scratch_columns(dimension, body.phase);
+        case Pipeline::two_pass:
+            return affine;
+        case Pipeline::two_pass_keeping:  // and the affine part without stress
+            return affine + dimension * dimension;
+        default:
+            return 0;
+    }
 }
 
 std::string Plan::pipeline() const {
@@ -520,7 +535,7 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             if (b.elements > 0) plan.kernels.push_back("elements:" + b.name);
             plan.kernels.push_back("spread:" + b.name);
             if (b.elements > 0 && plan.filled >= 0) plan.kernels.push_back("fill:" + b.name);
-        } else if (b.pipeline == Pipeline::two_pass) {
+        } else if (b.pipeline == Pipeline::two_pass || b.pipeline == Pipeline::two_pass_keeping) {
             plan.kernels.push_back("gather:" + b.name);
             plan.kernels.push_back("scatter:" + b.name);
         } else {

@@ -444,7 +444,8 @@ BodyOps<SlowDevice, float, D> slow_ops() {
     BodyOps<SlowDevice, float, D> ops{};
     add_slow_phases<Material, S, D>(ops);
     ops.fused = ops.split = &run_slowly<Material, S, D>;
-    if constexpr (fuses_memory<Material>) ops.keep = &keep_slowly<Material, S, D>;
+    ops.pairs = true;
+    if constexpr (fuses_memory<Material>) ops.keep = ops.split_keep = &keep_slowly<Material, S, D>;
     ops.initial = &rest_slowly<Material, S, D>;
     ops.energies = [](const Pass<SlowDevice, float, D>& pass, const std::int32_t*,
                       double* partial) { std::fill_n(partial, 3 * pass.body.homes, 1.0); };

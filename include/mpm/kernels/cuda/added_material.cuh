@@ -52,7 +52,7 @@ struct OfAllDevices {
 };
 
 template <class X, class T, int D>
-using ScatterOnDevice = void (*)(const Pass<X, T, D>&, int channels);
+using ScatterOnDevice = void (*)(const Pass<X, T, D>&, int channels, int plain);
 template <class X, class T, int D>
 using OpsOnDevice = BodyOps<X, T, D> (*)(Smoothing);
 
@@ -82,8 +82,8 @@ using GetAddedCudaMaterial = const AddedCudaMaterial* (*)(const CudaMaterialHost
     static CudaMaterialHost added_host;                                                            \
     namespace cuda {                                                                               \
     template <class X, class T, int D>                                                             \
-    void scatter_body(const Pass<X, T, D>& pass, int channels) {                                   \
-        added_host.scatter.of<X, T, D>()(pass, channels);                                          \
+    void scatter_body(const Pass<X, T, D>& pass, int channels, int plain) {                        \
+        added_host.scatter.of<X, T, D>()(pass, channels, plain);                                   \
     }                                                                                              \
     void check(cudaError_t status, const char* what, const char* file, int line) {                 \
         added_host.check(status, what, file, line);                                                \

@@ -6,7 +6,7 @@
 #include "mpm/kernels/cuda/lone.cuh"
 #include "mpm/kernels/cuda/phases.cuh"
 #include "mpm/kernels/cuda/split.cuh"
-#include "mpm/kernels/cuda/two_pass.cuh"
+#include "mpm/kernels/cuda/two_pass_keep.cuh"
 
 namespace mpm::cuda {
 
@@ -18,13 +18,23 @@ BodyOps<X, T, D> instance() {
     if constexpr (std::is_same_v<T, float>) {
         // Devices before compute capability 8 have no barriers in shared memory: there alone the
         // other form runs in three dimensions.
-        if constexpr (D == 3) ops.split = &run_split<Material, S>;
+        if constexpr (D == 3) {
+            ops.split = &run_split<Material, S>;
+            if constexpr (fuses_memory<Material>) ops.split_keep = &run_split_keeping<Material, S>;
+            ops.pairs = pairs_fit<Material, S, NothingKept> &&
+                        (!fuses_memory<Material> || pairs_fit<Material, S, KeepNumbers<float>>);
+        }
         if constexpr (D == 3 && built_from(800))
             ops.fused = ops.split;
         else
             ops.fused = &run_fused<Material, S, D>;
         ops.lone = &run_lone<Material, S, D>;
-        if constexpr (fuses_memory<Material>) ops.keep = &run_keeping<Material, S, D>;
+        if constexpr (D == 3 && built_from(800))
+            ops.keep = ops.split_keep;
+        else if constexpr (fuses_memory<Material>)
+            ops.keep = &run_keeping<Material, S, D>;
+    } else if constexpr (fuses_memory<Material>) {
+        ops.keep = &run_two_pass_keeping<Material, S, X, T, D>;
     }
     ops.gather = &run_gather<Material, S, X, T, D>;
     ops.scatter = &run_scatter<X, T, D, C>;

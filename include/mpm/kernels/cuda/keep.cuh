@@ -14,54 +14,67 @@ namespace mpm::cuda {
 
 /// D velocities of each node and its guard. The strides keep the lanes of a quarter warp, which own
 /// neighbouring cells, in different banks.
-template <int D>
-struct NodeArena {
+template <class T, int D>
+struct KeptArena {
     static constexpr int edge = Block<D>::arena_edge;
     MPM_INLINE static constexpr int stride(int axis) {
         return axis == D - 1 ? 1 : (axis == D - 2 ? 12 : 96);
     }
     struct alignas(16) Node {
-        float e[4];
+        T e[4];
     };
     Node at[edge * stride(0)];
 
     MPM_INLINE Node load(int place) const { return at[place]; }
 };
 
-/// Takes from the nodes of a line what `NodeArena` holds: see `fill`.
-template <int D>
-struct TakeNodes {
-    const KeepNumbers<float>& keep;
-    NodeArena<D>& arena;
+/// Reads what `KeptArena` holds of a node; `T` is that of the scheme's numbers.
+template <class P, class T>
+struct NodeReader {
+    static constexpr int D = P::dimension;
+    using G = typename P::Grid;
+    const KeepNumbers<T>& keep;
     bool in_one;  // they are one piece of four numbers
 
-    __device__ __forceinline__ TakeNodes(const Pass<Cuda, float, D>& pass,
-                                         const KeepNumbers<float>& keep, NodeArena<D>& arena)
+    __device__ __forceinline__ NodeReader(const P& pass, const KeepNumbers<T>& keep)
         : keep(keep),
-          arena(arena),
           in_one(D == 3 && pass.grid.velocity_channels % 4 == 0 && keep.before % 4 == 0 &&
                  (!keep.guarded || keep.guard == keep.before + D)) {}
+
+    __device__ __forceinline__ void operator()(const G* from, G (&u)[4]) const {
+        if (in_one) {
+            load_piece(from + keep.before, u);
+        } else {
+            MPM_UNROLL for (int a = 0; a < D; ++a) u[a] = from[keep.before + a];
+            if (keep.guarded) u[D] = from[keep.guard];
+        }
+        if (!keep.guarded) u[D] = 0;
+    }
+};
+
+/// Takes that from the nodes of a line: see `fill`.
+template <class P, class T>
+struct TakeNodes {
+    static constexpr int D = P::dimension;
+    using G = typename P::Grid;
+    using Arena = KeptArena<G, D>;
+    NodeReader<P, T> read;
+    Arena& arena;
+
+    __device__ __forceinline__ TakeNodes(const P& pass, const KeepNumbers<T>& keep, Arena& arena)
+        : read(pass, keep), arena(arena) {}
 
     template <class From>
     __device__ __forceinline__ void operator()(const int (&line)[D], unsigned mine,
                                                const From& from) const {
-        constexpr int edge = NodeArena<D>::edge;
+        constexpr int edge = Arena::edge;
         int place = 0;
-        MPM_UNROLL for (int a = 0; a < D - 1; ++a) place += line[a] * NodeArena<D>::stride(a);
-        float u[edge][4] = {};
+        MPM_UNROLL for (int a = 0; a < D - 1; ++a) place += line[a] * Arena::stride(a);
+        G u[edge][4] = {};
         // All reads first: none waits for another.
+        MPM_UNROLL for (int k = 0; k < edge; ++k) if (mine >> k & 1) read(from(k), u[k]);
         MPM_UNROLL for (int k = 0; k < edge; ++k) {
             if (!(mine >> k & 1)) continue;
-            if (in_one) {
-                load_piece(from(k) + keep.before, u[k]);
-            } else {
-                MPM_UNROLL for (int a = 0; a < D; ++a) u[k][a] = from(k)[keep.before + a];
-                if (keep.guarded) u[k][D] = from(k)[keep.guard];
-            }
-        }
-        MPM_UNROLL for (int k = 0; k < edge; ++k) {
-            if (!(mine >> k & 1)) continue;
-            if (!keep.guarded) u[k][D] = 0;
             arena.at[place + k] = {{u[k][0], u[k][1], u[k][2], u[k][3]}};
         }
     }
@@ -72,12 +85,19 @@ struct TakeNodes {
 template <int D, int C>
 struct KeepShared {
     LineArena<float, D, C> lines;
-    NodeArena<D> nodes;
+    KeptArena<float, D> nodes;
     SumArena<D, C + D> sums;
     StrayList<D, C + D, 52> strays;
     std::uint32_t surplus_begin[2], surplus_count[2];
 };
 static_assert(sizeof(KeepShared<3, 4>) <= 56 * 1024);
+
+/// Where the sums of a node are: its transfer channels, then momentum without stress.
+template <int C, int D>
+__device__ __forceinline__ auto sum_channels_of(const Pass<Cuda, float, D>& pass,
+                                                const KeepNumbers<float>& keep) {
+    return [&](int c) { return c < C ? sum_channels_of(pass)(c) : keep.plain + c - C; };
+}
 
 /// Momentum without stress of one particle, straight into a sum arena.
 template <int D, int E>
@@ -91,9 +111,9 @@ struct PlainSums {
 };
 
 /// N channels of a deposit from `first` on.
-template <int first, int N, int D, int E>
-__device__ __forceinline__ Affine<float, D, N> part_of(const Affine<float, D, E>& u) {
-    Affine<float, D, N> out;
+template <int first, int N, class T, int D, int E>
+__device__ __forceinline__ Affine<T, D, N> part_of(const Affine<T, D, E>& u) {
+    Affine<T, D, N> out;
     MPM_UNROLL for (int c = 0; c < N; ++c) {
         out.value[c] = u.value[first + c];
         MPM_UNROLL for (int a = 0; a < D; ++a) out.slope[a][c] = u.slope[a][first + c];
@@ -114,29 +134,41 @@ __device__ __forceinline__ void deposit_kept(SumArena<D, C + D>& arena,
     scatter<float, D, C + D, true>(sums, quadratic_weights<float, D>(local), scales.mass, u);
 }
 
-/// One particle's step up to its deposit; xi stays relative to the home cell.
-template <class Material, Smoothing S, int D, int C>
-__device__ __forceinline__ Affine<float, D, C + D> advance_kept(
-    const KeepShared<D, C>& shared, const int (&home)[D], Vec<float, D>& xi,
-    float (&state)[state_reals<Material, D, S> + D], const StepNumbers<float, Material>& numbers,
-    const KeepNumbers<float>& keep) {
-    using Lines = LineArena<float, D, C>;
-    using Nodes = NodeArena<D>;
-    int origin = stencil_origin<Lines, D>(home), first = stencil_origin<Nodes, D>(home);
-    Vec<float, D> shift{}, local;
+/// One particle's step up to its deposit; xi stays relative to the home cell, whose stencil begins
+/// at `origin` in the lines and at `first` in the nodes.
+template <class Material, Smoothing S, class T, int D, class Lines, class Nodes>
+__device__ __forceinline__ auto advance_keeping_from(const Lines& lines, int origin,
+                                                     const Nodes& nodes, int first, Vec<T, D>& xi,
+                                                     T (&state)[state_reals<Material, D, S> + D],
+                                                     const StepNumbers<T, Material>& numbers,
+                                                     const KeepNumbers<T>& keep) {
+    using G = typename Lines::Number;
+    Vec<T, D> shift{}, local;
     if (!at_home(xi)) {
         MPM_UNROLL for (int a = 0; a < D; ++a) {
             const int cells = cell_shift(xi[a]);
             origin += cells * Lines::stride(a);
             first += cells * Nodes::stride(a);
-            shift[a] = float(cells);
+            shift[a] = T(cells);
         }
     }
     MPM_UNROLL for (int a = 0; a < D; ++a) local[a] = xi[a] - shift[a];
-    const auto u = advance_keeping<Material, S, float, D>(shared.lines, origin, shared.nodes, first,
-                                                          local, state, numbers, keep);
+    const auto u = advance_keeping<Material, S, T, D, G>(lines, origin, nodes, first, local, state,
+                                                         numbers, keep);
     MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = local[a] + shift[a];
     return u;
+}
+/// The same with lines and nodes of `shared`.
+template <class Material, Smoothing S, class T, int D, class Shared>
+__device__ __forceinline__ auto advance_kept(const Shared& shared, const int (&home)[D],
+                                             Vec<T, D>& xi,
+                                             T (&state)[state_reals<Material, D, S> + D],
+                                             const StepNumbers<T, Material>& numbers,
+                                             const KeepNumbers<T>& keep) {
+    return advance_keeping_from<Material, S, T, D>(
+        shared.lines, stencil_origin<std::remove_cvref_t<decltype(shared.lines)>, D>(home),
+        shared.nodes, stencil_origin<std::remove_cvref_t<decltype(shared.nodes)>, D>(home), xi,
+        state, numbers, keep);
 }
 
 template <class Material, Smoothing S, int D>
@@ -158,7 +190,7 @@ __global__ void __launch_bounds__(fused_threads, 1)
               parts = blockDim.x / block_cells, half = number / warp_cells;
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
     RankWalk walk(start[half * warp_cells], start[number + 1] - start[number]);
-    fill<true>(pass, slot, shared.lines, TakeNodes<D>(pass, keep, shared.nodes));
+    fill<true>(pass, slot, shared.lines, TakeNodes(pass, keep, shared.nodes));
     clear(shared.sums);
     if (threadIdx.x == 0) strays.count = 0;
     const auto numbers =
@@ -207,7 +239,8 @@ __global__ void __launch_bounds__(fused_threads, 1)
             next_q = walk.take();
             if (next_mine) load(pass.body, next_q, next_xi, next_state);
             if (!mine) continue;
-            const auto u = advance_kept<Material, S, D, C>(shared, home, xi, state, numbers, keep);
+            const auto u =
+                advance_kept<Material, S, float, D>(shared, home, xi, state, numbers, keep);
             store(pass.body, q, xi, state);
             if (!passes(q, xi, state, u)) continue;
             if (at_home(xi)) {
@@ -261,7 +294,7 @@ __global__ void __launch_bounds__(fused_threads, 1)
             Vec<float, D> xi;
             float state[R];
             load(pass.body, q, xi, state);
-            u = advance_kept<Material, S, D, C>(shared, of, xi, state, numbers, keep);
+            u = advance_kept<Material, S, float, D>(shared, of, xi, state, numbers, keep);
             store(pass.body, q, xi, state);
             if (!passes(q, xi, state, u)) continue;
             settle<float, D>(of, xi, cell, local);
@@ -273,8 +306,7 @@ __global__ void __launch_bounds__(fused_threads, 1)
     __syncwarp();
     largest.tell(pass);
     __syncthreads();
-    flush(pass, slot, shared.sums,
-          [&](int c) { return c < D ? 1 + c : (c < C ? pass.group.sum : keep.plain + c - C); });
+    flush(pass, slot, shared.sums, sum_channels_of<C>(pass, keep));
     end_pass(pass);
 }
 

@@ -10,47 +10,73 @@
 // adding takes, and 21 warps fit on a multiprocessor where the other fused form has 8
 // (design/gpu-step.md).
 //
+// Schemes that store a velocity (kernels/keep.hpp) add momentum without stress: a second warp a
+// plane holds those sums and the mass.
+//
 // A particle that has left its cell has weight 0 in its row and goes to a list of the warp that
 // moved it, which adds it to the sums as integers, a lane a particle, when the list is full and at
 // the end. Sums of a cell are added in the order of ranks, whoever shares its block: no schedule
 // and no neighbour changes a bit.
 #pragma once
 
+#include "mpm/kernels/cuda/keep.cuh"
 #include "mpm/kernels/cuda/split_shared.cuh"
 
 namespace mpm::cuda {
 
+/// What a step is told of a scheme that stores no velocity.
+struct NothingKept {};
+
+template <class Material, Smoothing S, int H, class Keep>
+using SizesOf = SplitSizes<H, transfer_channels<3, S>,
+                           state_reals<Material, 3, S> + (std::is_empty_v<Keep> ? 0 : 3),
+                           !std::is_empty_v<Keep>>;
+
+/// The scale of a sum; the one after the last is that of the mass.
+template <class Sizes>
+__device__ __forceinline__ float scale_of(const Scales<float, 3>& scales, int channel) {
+    if (channel >= Sizes::C && channel < Sizes::sums) return scales.momentum;
+    return scales.template of<Sizes::C>(channel);
+}
+
 /// Takes the deposit of one particle straight into the sums of a block.
-template <int H, int C>
+template <class Sizes>
 struct IntoSums {
-    using Sums = SplitSums<H, C>;
+    using Sums = SplitPlaces<Sizes::H>;
     std::int32_t* at;  // lowest node of the stencil
     __device__ __forceinline__ void add(int node, int channel, float v) {
         atomicAdd(at + channel * Sums::nodes + stencil_place<Sums, 3>(node), to_fixed(v));
     }
-    __device__ __forceinline__ void add_mass(int node, float v) { add(node, C, v); }
+    __device__ __forceinline__ void add_mass(int node, float v) { add(node, Sizes::sums, v); }
 };
 
-/// Nine sums a channel.
-template <int C>
+/// What a warp that adds holds of its plane: N channels from `first` of those of the sums on, and
+/// the mass.
+template <int First, int N, bool Mass>
 struct PlaneSums {
-    float value[9][C + 1];
+    static constexpr int first = First, channels = N;
+    static constexpr bool mass = Mass;
+    float value[9][N + mass];
     __device__ __forceinline__ void add(int node, int channel, float v) {
         value[node][channel] += v;
     }
-    __device__ __forceinline__ void add_mass(int node, float v) { value[node][C] += v; }
+    __device__ __forceinline__ void add_mass(int node, float v) {
+        if constexpr (mass) value[node][N] += v;
+    }
 };
 
 /// What the warps that move do.
-template <class Material, Smoothing S, int H>
+template <class Material, Smoothing S, int H, class Keep>
 struct Mover {
-    static constexpr int C = transfer_channels<3, S>, R = state_reals<Material, 3, S>;
-    using Shared = SplitShared<H, C, R>;
-    using Sums = SplitSums<H, C>;
+    using Sizes = SizesOf<Material, S, H, Keep>;
+    static constexpr int C = Sizes::C, R = Sizes::R;
+    using Shared = SplitShared<Sizes>;
+    using Sums = SplitPlaces<H>;
     using Constants = typename Material::template Constants<float>;
 
     const Pass<Cuda, float, 3>& pass;
     const Constants& constants;
+    const Keep& keep;
     const MoverNumbers& numbers;
     Shared& shared;
 
@@ -141,11 +167,11 @@ struct Mover {
             numbers.impulse,
             constants,
             {numbers.ratio, pass.carry ? 1.0f : 0.0f, pass.stress_only}};
-        const auto u = advance_from<Material, S>(shared.lines, p.origin, xi, state, step);
+        const HomePlace home{kept(1)};
+        const auto u = advance(p, home, step);
         const std::uint32_t q = kept(0);
         store(pass.body, q, xi, state);
         Largest<float> size;
-        size.template see<3, C>(u);
         Record<C> record;
         // As `settle` has it.
         float shift[3];
@@ -155,25 +181,44 @@ struct Mover {
         }
         const float moved = shift[0] * float(Sums::stride(0)) + shift[1] * float(Sums::stride(1)) +
                             shift[2] * float(Sums::stride(2));
-        const HomePlace home{kept(1)};
         stray.code = home.in_sums() + int(moved);
         stray.is = moved != 0;
         record.tag = moved != 0 ? 0.0f : 1.0f;
-        const auto d = deposit_of(quadratic_weights<float, 3>(record.local), u);
-        MPM_UNROLL for (int c = 0; c < C; ++c) {
-            record.centre[c] = d.centre[c];
-            MPM_UNROLL for (int a = 0; a < 3; ++a) record.slope[a][c] = d.slope[a][c];
+        const auto w = quadratic_weights<float, 3>(record.local);
+        const auto transferred = part_of<0, C>(u);
+        size.template see<3, C>(transferred);
+        record.set(deposit_of(w, transferred));
+        Deposit<float, 3, 3> plain;
+        if constexpr (Sizes::keeps) {
+            const auto kept_part = part_of<C, 3>(u);
+            size.template see<3, 3>(kept_part);
+            plain = deposit_of(w, kept_part);
         }
         if (sound<Material>(xi, state)) {
             see(size);
+            if constexpr (Sizes::keeps) {
+                if (strays_far(xi)) call_for_sort(pass);
+            }
         } else {
             Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
             record = {};
+            plain = {};
             stray.is = false;
         }
         stray.row = int(turn % 2 * chunk_ranks + home.rank()) * Shared::pitch + home.column();
         wait_for_room(turn);
-        record.put(shared.row(stray.row), warp_cells);
+        Piece* const row = shared.row(stray.row);
+        record.put(row, warp_cells);
+        if constexpr (Sizes::keeps)
+            PlainPieces::put(row + Record<C>::pieces * warp_cells, warp_cells, plain);
+    }
+    __device__ __forceinline__ auto advance(Particle& p, HomePlace home,
+                                            const StepNumbers<float, Material>& step) const {
+        if constexpr (Sizes::keeps)
+            return advance_keeping_from<Material, S, float, 3>(
+                shared.lines, p.origin, shared.nodes, home.in_sums(), p.xi, p.state, step, keep);
+        else
+            return advance_from<Material, S>(shared.lines, p.origin, p.xi, p.state, step);
     }
     /// Until the rows that a turn writes to have been added.
     __device__ __forceinline__ void wait_for_room(unsigned turn) const {
@@ -199,15 +244,28 @@ struct Mover {
         const Scales<float, 3> scales(pass);
         Record<C> record;
         record.get(list(0) + k, Shared::room);
-        Affine<float, 3, C> u;
+        float centre[Sizes::sums], slope[3][Sizes::sums];
         MPM_UNROLL for (int c = 0; c < C; ++c) {
-            u.value[c] = record.centre[c];
-            MPM_UNROLL for (int a = 0; a < 3; ++a) u.slope[a][c] = record.slope[a][c];
+            centre[c] = record.centre[c];
+            MPM_UNROLL for (int a = 0; a < 3; ++a) slope[a][c] = record.slope[a][c];
         }
-        u = to_mass_scale(u, scales);
-        IntoSums<H, C> sums{shared.sums.at + __float_as_int(record.tag)};
-        detail::spread<0, true, float, 3, C>(sums, quadratic_weights<float, 3>(record.local),
-                                             scales.mass, u.value, u.slope, 0);
+        if constexpr (Sizes::keeps) {
+            float plain[3], tilt[3][3];
+            PlainPieces::get(list(Record<C>::pieces) + k, Shared::room, plain, tilt);
+            MPM_UNROLL for (int c = 0; c < 3; ++c) {
+                centre[C + c] = plain[c];
+                MPM_UNROLL for (int a = 0; a < 3; ++a) slope[a][C + c] = tilt[a][c];
+            }
+        }
+        // Products are rounded as such: see `scale_channel`.
+        MPM_UNROLL for (int c = 0; c < Sizes::sums; ++c) {
+            const float by = scale_of<Sizes>(scales, c) / scales.mass;
+            centre[c] = __fmul_rn(centre[c], by);
+            MPM_UNROLL for (int a = 0; a < 3; ++a) slope[a][c] = __fmul_rn(slope[a][c], by);
+        }
+        IntoSums<Sizes> sums{shared.sums.at + __float_as_int(record.tag)};
+        detail::spread<0, true, float, 3, Sizes::sums>(
+            sums, quadratic_weights<float, 3>(record.local), scales.mass, centre, slope, 0);
     }
     /// Particles that have left their cells, from their rows to the list.
     __device__ __forceinline__ void keep_strays(Stray stray, bool last) const {
@@ -223,7 +281,7 @@ struct Mover {
                 Piece piece = row[0];
                 piece.e[3] = __int_as_float(stray.code);
                 list(0)[to] = piece;
-                MPM_UNROLL for (int k = 1; k < Record<C>::pieces; ++k) list(k)[to] =
+                MPM_UNROLL for (int k = 1; k < Shared::pieces; ++k) list(k)[to] =
                     row[k * warp_cells];
                 stray.is = false;
             }
@@ -259,44 +317,51 @@ struct Mover {
             keep_strays(stray, last);
             if (last) return;
             __syncwarp();
-            say_full(turn);
+            say_full<Sizes::threads>(turn);
         }
     }
 };
 
-/// What the warps that add do: each a plane of the stencils of 32 cells.
-template <int H, int C, int R>
+/// What a warp that adds does: `Sums` of a plane of the stencils of 32 cells.
+template <class Sums, class Sizes>
 __device__ __forceinline__ void add_rows(const Pass<Cuda, float, 3>& pass,
-                                         SplitShared<H, C, R>& shared) {
-    using Shared = SplitShared<H, C, R>;
-    using Sums = SplitSums<H, C>;
-    const int lane = threadIdx.x % 32, plane = int(threadIdx.x) / 32 - movers;
+                                         SplitShared<Sizes>& shared, int plane) {
+    using Shared = SplitShared<Sizes>;
+    using Places = SplitPlaces<Sizes::H>;
+    constexpr int N = Sums::channels, values = N + Sums::mass;
+    const int lane = threadIdx.x % 32;
     // The weight of the plane, as `quadratic_weights` has it.
     const float side = float(plane - 1), p0 = plane == 1 ? 0.75f : 0.125f, p1 = 0.5f * side,
                 p2 = plane == 1 ? -1.0f : 0.5f;
     std::uint32_t turn = 0;
 #pragma unroll 1
-    for (int group = 0; group < 2 * H; ++group) {
+    for (int group = 0; group < 2 * Sizes::H; ++group) {
         const CellPlaces& places = shared.places[group / 2];
         const int place = group % 2 * warp_cells + lane;
         const std::uint32_t count = places.count[place], most = __reduce_max_sync(~0u, count);
-        PlaneSums<C> sums;
-        MPM_UNROLL for (int n = 0; n < 9; ++n) MPM_UNROLL for (int c = 0; c <= C; ++c)
+        Sums sums;
+        MPM_UNROLL for (int n = 0; n < 9; ++n) MPM_UNROLL for (int c = 0; c < values; ++c)
             sums.value[n][c] = 0;
 #pragma unroll 1
         for (std::uint32_t first = 0; first < most; first += chunk_ranks, ++turn) {
-            await_full(turn);
+            await_full<Sizes::threads>(turn);
             const std::uint32_t own = of_chunk(count, first);
             const Piece* row = &shared.ring[turn % 2][0][lane];
 #pragma unroll 1
             for (std::uint32_t r = 0; __any_sync(~0u, r < own); ++r, row += Shared::pitch) {
                 if (r >= own) continue;
-                Record<C> record;
-                record.get(row, warp_cells);
+                Record<N> record;
+                if constexpr (Sums::first == 0) {
+                    record.get(row, warp_cells);
+                } else {
+                    record.get_place(row);
+                    PlainPieces::get(row + Record<Sizes::C>::pieces * warp_cells, warp_cells,
+                                     record.centre, record.slope);
+                }
                 const float x = record.local[0], share = record.tag * (p0 + x * (p1 + x * p2));
-                MPM_UNROLL for (int c = 0; c < C; ++c) record.centre[c] =
+                MPM_UNROLL for (int c = 0; c < N; ++c) record.centre[c] =
                     record.centre[c] + side * record.slope[0][c];
-                detail::spread<1, false, float, 3, C>(sums,
+                detail::spread<1, false, float, 3, N>(sums,
                                                       quadratic_weights<float, 3>(record.local),
                                                       share, record.centre, record.slope, 0);
             }
@@ -307,18 +372,34 @@ __device__ __forceinline__ void add_rows(const Pass<Cuda, float, 3>& pass,
         int cell[3];
         Block<3>::coordinates(places.cell_at[place], cell);
         cell[0] += group / 2 * Block<3>::edge;
-        std::int32_t* to = shared.sums.at + stencil_origin<Sums, 3>(cell) + plane * Sums::stride(0);
-        MPM_UNROLL for (int n = 0; n < 9; ++n) MPM_UNROLL for (int c = 0; c <= C; ++c)
-            atomicAdd(to + c * Sums::nodes + n / 3 * Sums::stride(1) + n % 3,
-                      to_fixed(sums.value[n][c] * scales.template of<C>(c)));
+        std::int32_t* to =
+            shared.sums.at + stencil_origin<Places, 3>(cell) + plane * Places::stride(0);
+        MPM_UNROLL for (int n = 0; n < 9; ++n) MPM_UNROLL for (int c = 0; c < values; ++c) {
+            const int channel = c < N ? Sums::first + c : Sizes::sums;
+            atomicAdd(to + channel * Places::nodes + n / 3 * Places::stride(1) + n % 3,
+                      to_fixed(sums.value[n][c] * scale_of<Sizes>(scales, channel)));
+        }
     }
 }
 
+/// The work of one of the warps that add.
+template <class Sizes>
+__device__ __forceinline__ void add_as(const Pass<Cuda, float, 3>& pass, SplitShared<Sizes>& shared,
+                                       int adder) {
+    if constexpr (!Sizes::keeps)
+        add_rows<PlaneSums<0, Sizes::C, true>>(pass, shared, adder);
+    else if (adder < 3)
+        add_rows<PlaneSums<0, Sizes::C, false>>(pass, shared, adder);
+    else
+        add_rows<PlaneSums<Sizes::C, 3, true>>(pass, shared, adder - 3);
+}
+
 /// By 64 threads a home, each one cell: all reads at once.
-template <int H, int C, int R>
-__device__ __forceinline__ void place_homes(SplitShared<H, C, R>& shared,
+template <class Sizes>
+__device__ __forceinline__ void place_homes(SplitShared<Sizes>& shared,
                                             const BodyView<float, 3>& body,
-                                            const std::int32_t (&slot)[H]) {
+                                            const std::int32_t (&slot)[Sizes::H]) {
+    constexpr int H = Sizes::H;
     const int h = threadIdx.x / block_cells, c = threadIdx.x % block_cells;
     if (h >= H) return;
     const std::int32_t own = H == 1 || h == 0 ? slot[0] : slot[H - 1];
@@ -328,18 +409,37 @@ __device__ __forceinline__ void place_homes(SplitShared<H, C, R>& shared,
     int cell[3];
     Block<3>::coordinates(c, cell);
     cell[0] += h * Block<3>::edge;
-    shared.homes[h][c] =
-        HomePlace::of(stencil_origin<SplitLines<H>, 3>(cell),
-                      stencil_origin<SplitSums<H, C>, 3>(cell), place % warp_cells);
+    shared.homes[h][c] = HomePlace::of(stencil_origin<SplitLines<H>, 3>(cell),
+                                       stencil_origin<SplitPlaces<H>, 3>(cell), place % warp_cells);
 }
 
-template <class Material, Smoothing S, int H>
-__global__ void __launch_bounds__(split_threads, split_blocks)
+/// Has the nodes about a block's homes in shared memory.
+template <class Sizes, class Keep>
+__device__ __forceinline__ void fill_nodes(const Pass<Cuda, float, 3>& pass,
+                                           const std::int32_t (&slot)[Sizes::H],
+                                           SplitShared<Sizes>& shared, const Keep& keep) {
+    if constexpr (Sizes::keeps) {
+        const NodeReader read(pass, keep);
+        fill_lines<Sizes>(pass, slot, shared.lines, [&](int place, const float* from) {
+            float u[4];
+            read(from, u);
+            shared.nodes.at[place] = {{u[0], u[1], u[2], u[3]}};
+        });
+    } else {
+        fill_lines<Sizes>(pass, slot, shared.lines);
+    }
+}
+
+template <class Material, Smoothing S, int H, class Keep>
+__global__ void __launch_bounds__((SizesOf<Material, S, H, Keep>::threads),
+                                  (SizesOf<Material, S, H, Keep>::blocks))
     split_step(const __grid_constant__ Pass<Cuda, float, 3> pass,
-               const __grid_constant__ typename Material::template Constants<float> constants) {
-    constexpr int C = transfer_channels<3, S>, R = state_reals<Material, 3, S>;
+               const __grid_constant__ typename Material::template Constants<float> constants,
+               const __grid_constant__ Keep keep) {
+    using Sizes = SizesOf<Material, S, H, Keep>;
+    constexpr int threads = Sizes::threads;
     extern __shared__ __align__(16) unsigned char memory[];
-    SplitShared<H, C, R>& shared = *reinterpret_cast<SplitShared<H, C, R>*>(memory);
+    SplitShared<Sizes>& shared = *reinterpret_cast<SplitShared<Sizes>*>(memory);
     __shared__ MoverNumbers numbers;
 
     after_previous();
@@ -349,24 +449,24 @@ __global__ void __launch_bounds__(split_threads, split_blocks)
     MPM_UNROLL for (int h = 0; h < H; ++h) slot[h] =
         H == 1 ? pass.body.home[blockIdx.x] : pass.body.pair[H * blockIdx.x + h];
     place_homes(shared, pass.body, slot);
-    if (threadIdx.x == split_threads - 1) {
-        for (std::uint64_t& barrier : shared.empty) begin_barrier(&barrier, adders);
+    if (threadIdx.x == threads - 1) {
+        for (std::uint64_t& barrier : shared.empty) begin_barrier(&barrier, Sizes::adders);
         shared.strayed = 0;
         shared.largest = {};
         const auto n =
             step_numbers<float, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
         numbers = {n.move, n.rate, n.impulse, n.smoothing.ratio};
     }
-    fill_lines<H, C>(pass, slot, shared.lines);
+    fill_nodes(pass, slot, shared, keep);
     int4* const sums = reinterpret_cast<int4*>(shared.sums.at);
-    for (int k = threadIdx.x; k < int(sizeof shared.sums.at / sizeof(int4)); k += split_threads)
+    for (int k = threadIdx.x; k < int(sizeof shared.sums.at / sizeof(int4)); k += threads)
         sums[k] = int4{};
     if (halted) return;
     __syncthreads();
     if (warp < movers)
-        Mover<Material, S, H>{pass, constants, numbers, shared}.run();
+        Mover<Material, S, H, Keep>{pass, constants, keep, numbers, shared}.run();
     else
-        add_rows(pass, shared);
+        add_as(pass, shared, warp - movers);
     __syncthreads();
     if (warp == 0) {
         Largest<float> largest = shared.largest;
@@ -374,21 +474,42 @@ __global__ void __launch_bounds__(split_threads, split_blocks)
         largest.tell(pass);
         if (threadIdx.x == 0 && shared.strayed > 0) count_strays(pass, shared.strayed);
     }
-    flush_sums<H, C>(pass, slot, shared.sums);
+    if constexpr (Sizes::keeps)
+        flush_sums<Sizes>(pass, slot, shared.sums, sum_channels_of<Sizes::C>(pass, keep));
+    else
+        flush_sums<Sizes>(pass, slot, shared.sums, sum_channels_of(pass));
     end_pass(pass);
 }
 
+/// Laws with long states leave no room for two homes.
+template <class Material, Smoothing S, class Keep>
+inline constexpr bool pairs_fit = SplitShared<SizesOf<Material, S, 2, Keep>>::fits;
+
+/// With `Keep` numbers of a scheme that stores a velocity, or nothing.
+template <class Material, Smoothing S, class Keep>
+void run_split_with(const Pass<Cuda, float, 3>& pass, const Keep& keep) {
+    using One = SplitShared<SizesOf<Material, S, 1, Keep>>;
+    using Two = SplitShared<SizesOf<Material, S, 2, Keep>>;
+    static_assert(One::fits && sizeof(One) <= One::bytes);
+    const auto constants = Material::template constants<float>(pass.parameters);
+    if constexpr (Two::fits) {
+        static_assert(sizeof(Two) <= Two::bytes);
+        if (pass.body.pairs > 0) {
+            pass.exec->launch_large(int(sizeof(Two)), &split_step<Material, S, 2, Keep>,
+                                    pass.body.pairs, Two::Sizes::threads, pass, constants, keep);
+            return;
+        }
+    }
+    pass.exec->launch_large(int(sizeof(One)), &split_step<Material, S, 1, Keep>,
+                            pass.body.full_homes, One::Sizes::threads, pass, constants, keep);
+}
 template <class Material, Smoothing S>
 void run_split(const Pass<Cuda, float, 3>& pass) {
-    constexpr int C = transfer_channels<3, S>, R = state_reals<Material, 3, S>;
-    static_assert(sizeof(SplitShared<2, C, R>) <= SplitShared<2, C, R>::bytes);
-    const auto constants = Material::template constants<float>(pass.parameters);
-    if (pass.body.pairs > 0)
-        pass.exec->launch_large(int(sizeof(SplitShared<2, C, R>)), &split_step<Material, S, 2>,
-                                pass.body.pairs, split_threads, pass, constants);
-    else
-        pass.exec->launch_large(int(sizeof(SplitShared<1, C, R>)), &split_step<Material, S, 1>,
-                                pass.body.full_homes, split_threads, pass, constants);
+    run_split_with<Material, S>(pass, NothingKept{});
+}
+template <class Material, Smoothing S>
+void run_split_keeping(const Phase<Cuda, float, 3>& phase) {
+    run_split_with<Material, S>(phase.pass, keep_numbers<float>(phase.n));
 }
 
 }  // namespace mpm::cuda

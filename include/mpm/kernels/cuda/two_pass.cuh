@@ -3,11 +3,13 @@
 //
 // The first half runs a thread per particle and leaves what it deposits in scratch columns. The
 // second half knows no material: a thread owns one channel of one cell, keeps its 3^D sums in
-// registers and adds them to the grid as integers.
+// registers and adds them to the grid as integers. What schemes deposit that store a velocity
+// (two_pass_keep.cuh) goes the same way.
 #pragma once
 
 #include "mpm/kernels/cuda/arena.cuh"
 #include "mpm/kernels/cuda/rank_walk.cuh"
+#include "mpm/kernels/phase.hpp"
 
 namespace mpm::cuda {
 
@@ -70,15 +72,18 @@ struct ChannelSums {
 template <class P>
 struct ChannelToGrid {
     using T = typename P::Grid;
-    static constexpr int mass = 4;  // beyond any number of transfer channels
     const P& pass;
     const std::int32_t* neighbours;
     T scale;
-    int channel;
+    int sum;  // of a node, which the channel goes to; 0 for the mass
     int cell[P::dimension];
 
     __device__ __forceinline__ void add(int node, int, T v) {
-        add_to_node<mass>(pass, stencil_node(neighbours, cell, node), channel, to_fixed(v * scale));
+        const typename P::Sum x = to_fixed(v * scale);
+        if (x == 0) return;
+        typename P::Sum* const to = sums_at(pass, stencil_node(neighbours, cell, node));
+        add_fixed(to + sum * block_cells, x);
+        if (sum == 0 && pass.group.weight >= 0) add_fixed(to + pass.group.weight * block_cells, x);
     }
     __device__ __forceinline__ void add_mass(int, T) {}
 };
@@ -89,7 +94,7 @@ inline constexpr int scatter_blocks = sizeof(G) == 4 ? 12 : 6;
 
 template <class X, class T, int D>
 __global__ void __launch_bounds__(block_cells, scatter_blocks<typename Pass<X, T, D>::Grid>)
-    scatter_step(const __grid_constant__ Pass<X, T, D> pass, int channels) {
+    scatter_step(const __grid_constant__ Pass<X, T, D> pass, int channels, int plain) {
     using G = typename Pass<X, T, D>::Grid;
     using ToGrid = ChannelToGrid<Pass<X, T, D>>;
     after_previous();
@@ -98,24 +103,26 @@ __global__ void __launch_bounds__(block_cells, scatter_blocks<typename Pass<X, T
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
     const int number = threadIdx.x;
     const RankWalk walk(start[number / warp_cells * warp_cells], start[number + 1] - start[number]);
-    const int channel = blockIdx.y;
-    const bool is_mass = channel == channels;
+    // The transfer channels, the mass, then momentum without stress.
+    const int channel = blockIdx.y, axis = channel - channels - 1;
+    const bool is_mass = channel == channels, is_plain = axis >= 0;
     const Scales<G, D> scales(pass);
     int home[D];
     Block<D>::coordinates(number, home);
     ToGrid grid{pass, neighbours_of(pass.grid.table, slot),
-                is_mass ? scales.mass : (channel < D ? scales.momentum : scales.group),
-                is_mass ? ToGrid::mass : channel};
+                is_mass ? scales.mass : (channel < D || is_plain ? scales.momentum : scales.group),
+                is_mass ? 0 : (is_plain ? plain + axis : sum_channels_of(pass)(channel))};
     ChannelSums<G, D> sums{};
     const std::size_t n = pass.body.count;
+    const Scratch<D> column{channels};
     for_each_of_cell(walk, [&](std::uint32_t q) {
         Vec<T, D> xi;
         MPM_UNROLL for (int a = 0; a < D; ++a) xi[a] = pass.body.offset[a][q];
         Affine<G, D, 1> u;
-        u.value[0] = is_mass ? G(1) : pass.scratch[channel * n + q];
+        u.value[0] = is_mass ? G(1) : pass.scratch[column.value(is_plain ? axis : channel) * n + q];
         MPM_UNROLL for (int a = 0; a < D; ++a) {
-            u.slope[a][0] =
-                is_mass ? G(0) : pass.scratch[(channels + a * channels + channel) * n + q];
+            const int slope = is_plain ? column.stress(a, axis) : column.slope(a, channel);
+            u.slope[a][0] = is_mass ? G(0) : pass.scratch[slope * n + q];
         }
         if (at_home(xi)) {
             scatter<G, D, 1>(sums, quadratic_weights<G, D>(as<G>(xi)), G(1), u);
@@ -212,12 +219,13 @@ void run_energies(const Pass<X, T, D>& pass, const std::int32_t* due, double* pa
                       due, partial);
 }
 
-/// Compiled once, in src/kernels/cuda/scatter.cu.
+/// Compiled once, in src/kernels/cuda/scatter.cu; `plain`: the first sum of momentum without
+/// stress, or -1.
 template <class X, class T, int D>
-void scatter_body(const Pass<X, T, D>& pass, int channels);
+void scatter_body(const Pass<X, T, D>& pass, int channels, int plain);
 template <class X, class T, int D, int C>
 void run_scatter(const Pass<X, T, D>& pass) {
-    scatter_body<X, T, D>(pass, C);
+    scatter_body<X, T, D>(pass, C, -1);
 }
 
 }  // namespace mpm::cuda

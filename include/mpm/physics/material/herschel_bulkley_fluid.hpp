@@ -22,7 +22,6 @@ struct HerschelBulkleyFluid : TaitFluid {
     static constexpr const char* name = "HerschelBulkleyFluid";
     static constexpr const char* summary =
         "Mud or lahar: Herschel-Bulkley shear law over TaitFluid's volume law";
-    static constexpr bool fused = false;
     static constexpr const char* source =
         "Herschel and Bulkley (1926); Papanastasiou (1987); volume: Bonus (2023), section 5.12";
     static constexpr Parameter parameters[] = {

@@ -19,7 +19,6 @@ struct Hypoelastic : IsotropicElastic {
     static constexpr const char* name = "Hypoelastic";
     static constexpr const char* summary =
         "Linear elastic law in rates, Jaumann and Hill terms; for small steps";
-    static constexpr bool fused = false;
     static constexpr const char* source = "de Koster (2018), equations 2.4 and 2.40 to 2.45";
     static constexpr const char* needs = "stress";
     static constexpr Column columns[] = {
@@ -74,6 +73,11 @@ struct Hypoelastic : IsotropicElastic {
     static constexpr const char* limits =
         "its volume ratio left the range 0.05 to 20 (crushed, inverted or torn), or its stress is "
         "not a number";
+
+    template <int D, class V>
+    MPM_INLINE static V volume_loss(const V (&state)[reals<D>]) {
+        return -state[volume<D>];
+    }
 
     template <int D>
     MPM_HD static Observation<D> observe(const double* state, const double (&)[D][D],
