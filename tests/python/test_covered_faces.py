@@ -186,6 +186,62 @@ def test_distances_from_the_bed_of_a_flume_have_no_jumps():
     assert (values[:148] > 3).all()  # nothing stands before the step
 
 
+#: Profiles in cells whose corners lie on corners of the lattice.
+PROFILES = {
+    "step": [(0, 0), (8, 0), (8, 4), (16, 4)],
+    "step that leans": [(0, 0), (8, 0), (8.1, 4.5), (16, 4.5)],
+    "trench": [(0, 4), (4, 4), (4, 0), (10, 0), (10, 4), (16, 4)],
+    "ridge": [(0, 0), (6, 0), (6, 3), (9, 3), (9, 0), (16, 0)],
+    "slope": [(0, 0), (6, 0), (14, 4), (16, 4)],
+}
+
+
+def stepped(name, cell, wide, cell_response="auto"):
+    """Water over a bed between two walls, `wide` cells apart, that stand on it."""
+    profile = [(x * cell, z * cell) for x, z in PROFILES[name]]
+    profile = [(-9, profile[0][1]), *profile, (9, profile[-1][1]), (9, -9), (-9, -9)]
+    bed = Extrusion(axis="y", lower=-1.0, upper=5.0, profile=profile)
+    upper = (16 * cell, wide * cell, 16 * cell)
+    scene = Scene(
+        dimension=3, cell_size=cell, lower=(0, 0, -2 * cell), upper=upper, gravity=(0, 0, -9.81)
+    )
+    sea = libmpm.shapes.basin(level=12 * cell, bed=bed, within=Box(lower=(0, 0, -1), upper=upper))
+    scene.add_body(name="water", shape=sea, material=WATER, hydrostatic=12 * cell,
+                   sampling=libmpm.shapes.Columns())  # fmt: skip
+    scene.add_boundary(name="bed", shape=bed, response=Slip(cell=cell_response))
+    scene.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
+    return scene, bed
+
+
+@pytest.mark.parametrize("wide", [1, 4])
+@pytest.mark.parametrize("name", PROFILES)
+def test_corners_of_a_bed_on_corners_of_the_lattice_are_as_stated(name, wide):
+    """On the walls beside it too, where both faces of a corner are equally near and in the open."""
+    cell = 0.25
+    scene, bed = stepped(name, cell, wide)
+    found = fields(scene, scene.boundaries[0])
+    points = grid_points((2, 15), (0, wide + 1), (-1, 12))
+    stated = bed.distance(np.asarray(scene.lower) + cell * (points + (0, 0, 2))) / cell
+    near = np.abs(stated) < 3
+    assert near.sum() > 100
+    for index, expected in zip(points[near], stated[near], strict=True):
+        assert found(index + (0, 0, 2)) == pytest.approx(expected, abs=0.02), index
+
+
+@pytest.mark.parametrize("cell_response", ["held", "auto"])
+@pytest.mark.parametrize("name", ["step", "step that leans", "trench"])
+def test_water_rests_before_a_step_on_corners_of_the_lattice(name, cell_response):
+    """In a strip one cell wide it ran into the corner at 2 m/s, and the run ended."""
+    cell = 0.05
+    scene, bed = stepped(name, cell, 1, cell_response)
+    sim = Simulation(scene, device="cpu", threads=1)
+    sim.run(until=0.15, progress=False)
+    x = np.asarray(sim.particles["water"]["position"])
+    speed = np.linalg.norm(np.asarray(sim.particles["water"]["velocity"]), axis=1)
+    assert bed.distance(x).min() > -0.3 * cell
+    assert speed.max() < 0.1 * np.sqrt(9.81 * 12 * cell)
+
+
 def test_what_lies_in_the_open_is_as_stated():
     """Near faces that no wall covers distances are the shape's own, to the bit."""
     scene = tank(2)

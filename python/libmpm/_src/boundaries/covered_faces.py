@@ -36,8 +36,8 @@ CLOSE = 0.01
 _ROWS = 16
 
 #: Part of the lattice's spacing over which a slope is taken, and what a unit slope may miss: where
-#: two faces are equally near there is none.
-_STEP, _UNIT = 1e-3, 0.01
+#: two faces are equally near there is none, so many such parts beside it there is.
+_STEP, _UNIT, _PROBE = 1e-3, 0.01, 4
 
 #: How far off a cover a face is looked for, in spacings, by how much steps grow, and how often the
 #: last one is halved. A bed of slope s is nearest from 2/s up for each cell before its toe: with
@@ -136,13 +136,19 @@ class Covers:
             # Where two faces are equally near, neither is known: a step on along what covers.
             lost = ~found & ~deep & ~hidden
             direction[lost] = self._off_nearest(x[lost], spacing)
-            # The middle between two faces that are seen stays one all the way.
-            away[left[lost & unsure]] = here[lost & unsure]
+            # The middle between two faces that are seen stays one all the way, and a corner of two
+            # that follow what covers: its distance is known.
+            rows = np.flatnonzero(lost)
+            away[left[rows]] = here[rows]
+            known = np.abs(np.sum(slope[rows] * direction[rows], axis=1)) <= _UNIT
+            known &= self._all_seen(distance, x[rows], spacing)
+            settled = np.zeros(len(left), dtype=bool)
+            settled[rows[known]] = True
             walked = np.where(np.sum(direction * heading, axis=1) > 0.5, walked, 0.0)
             step = np.maximum(spacing, _GROWTH * walked)
             ended = (walked > _FAR * spacing) | (turn == _TURNS * points.shape[1] - 1)
             away[left[ended & hidden & ~deep]] = _NOWHERE * spacing
-            go_on = ~found & ~deep & ~ended
+            go_on = ~found & ~deep & ~ended & ~settled
             left, start, heading = left[go_on], start[go_on], direction[go_on]
             walked, last = (walked + step)[go_on], x[go_on]
             x = (x + step[:, None] * direction)[go_on]
@@ -166,6 +172,21 @@ class Covers:
             if len(which):
                 direction[which] = self._off(k, places[which], spacing)
         return direction
+
+    def _all_seen(
+        self, distance: Callable[[Array], Array], x: Array, spacing: float
+    ) -> npt.NDArray[np.bool_]:
+        """Return at which points (n, d), of no face more than of others, all these are seen."""
+        seen = np.ones(len(x), dtype=bool)
+        for a in range(x.shape[1]):
+            for side in (-1, 1):
+                beside = x.copy()
+                beside[:, a] += side * _PROBE * _STEP * spacing
+                slope = _slope(distance, beside, _STEP * spacing)
+                sure = np.abs(np.linalg.norm(slope, axis=1) - 1) <= _UNIT
+                places = beside - distance(beside)[:, None] * slope
+                seen &= ~(sure & np.any(self._hiding(places, spacing) != 0, axis=1))
+        return seen
 
     def _first_seen(self, distance: Callable[[Array], Array], x: Array, last: Array,
                     spacing: float) -> tuple[Array, Array, Array]:  # fmt: skip
