@@ -114,6 +114,7 @@ def test_row_that_falls_across_the_cut(pair: list[str]) -> None:
     assert_alike(alone, ranks)
 
 
+@pytest.mark.timeout(300)  # of a rank each, that start with their device
 def test_processes(tmp_path: Path) -> None:
     """Ranks that are processes tell each other through NCCL what threads read in place."""
     if len(cuda_status().devices) < 2:

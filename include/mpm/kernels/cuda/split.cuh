@@ -111,6 +111,7 @@ struct Mover {
     __device__ __forceinline__ void next(unsigned turn) const {
         const unsigned lane = threadIdx.x % 32;
         Walk w = walk();
+        __syncwarp();  // before one lane writes it
         w.first += w.size;
         w.rank += chunk_ranks;
         while (w.rank >= w.most) {
@@ -272,6 +273,7 @@ struct Mover {
         unsigned waiting = __ballot_sync(~0u, stray.is);
         if (waiting == 0 && !last) return;
         int listed = walk().listed;
+        __syncwarp();
         if (waiting && threadIdx.x % 32 == 0) atomicAdd(&shared.strayed, __popc(waiting));
 #pragma unroll 1
         while (waiting || (last && listed > 0)) {
