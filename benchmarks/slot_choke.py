@@ -29,19 +29,23 @@ MARKS = "<!-- table: benchmarks/slot_choke.py --write -->", "<!-- end of slots -
 
 #: Cells in the slot, and stiffness.
 COLUMNS = ((2, 1.0), (2, 10.0), (2, 100.0), (4, 1.0), (4, 10.0))
-#: Transfer, share of velocity kept, time of F-bar (None: no F-bar), shifting.
-ROWS: dict[str, tuple[str, float, float | None, bool]] = {
-    "APIC, 35": ("APIC", 0.0, 35.0, False),
-    "AFLIP 0.95, 35": ("AFLIP", 0.95, 35.0, False),
-    "AFLIP 0.98, 35": ("AFLIP", 0.98, 35.0, False),
-    "AFLIP 0.99, 35": ("AFLIP", 0.99, 35.0, False),
-    "FLIP, 35": ("FLIP", 1.0, 35.0, False),
-    "FLIP, 10": ("FLIP", 1.0, 10.0, False),
-    "FLIP, 3": ("FLIP", 1.0, 3.0, False),
-    "FLIP, no F-bar": ("FLIP", 1.0, None, False),
-    "AFLIP 0.95, 3": ("AFLIP", 0.95, 3.0, False),
-    "AFLIP 0.99, 3": ("AFLIP", 0.99, 3.0, False),
-    "AFLIP 0.99, 10, shifting": ("AFLIP", 0.99, 10.0, True),
+#: Transfer, share of velocity kept, time of F-bar (None: no F-bar), what keeps water from packing.
+ROWS: dict[str, tuple[str, float, float | None, str]] = {
+    "APIC, 35": ("APIC", 0.0, 35.0, ""),
+    "AFLIP 0.95, 35": ("AFLIP", 0.95, 35.0, ""),
+    "AFLIP 0.98, 35": ("AFLIP", 0.98, 35.0, ""),
+    "AFLIP 0.99, 35": ("AFLIP", 0.99, 35.0, ""),
+    "FLIP, 35": ("FLIP", 1.0, 35.0, ""),
+    "FLIP, 10": ("FLIP", 1.0, 10.0, ""),
+    "FLIP, 3": ("FLIP", 1.0, 3.0, ""),
+    "FLIP, no F-bar": ("FLIP", 1.0, None, ""),
+    "AFLIP 0.95, 3": ("AFLIP", 0.95, 3.0, ""),
+    "AFLIP 0.99, 3": ("AFLIP", 0.99, 3.0, ""),
+    "AFLIP 0.99, 10, shifting": ("AFLIP", 0.99, 10.0, "shifting"),
+    "AFLIP 0.99, 35, density": ("AFLIP", 0.99, 35.0, "density"),
+    "AFLIP 0.99, 10, density": ("AFLIP", 0.99, 10.0, "density"),
+    "AFLIP 0.99, 3, density": ("AFLIP", 0.99, 3.0, "density"),
+    "FLIP, 3, density": ("FLIP", 1.0, 3.0, "density"),
 }
 NAMES = {f"{row}; {n} cells; K x {k:g}": (row, n, k) for row in ROWS for n, k in COLUMNS}
 #: The case's deeper basin and the slot, m.
@@ -50,10 +54,16 @@ DEPTH, OPENING, GRAVITY = 0.9, 0.1, 9.81
 
 def measure(row: str, cells: int, stiffness: float) -> Line:
     """Return the line of a run."""
-    scheme, share, time, shifting = ROWS[row]
+    scheme, share, time, packing = ROWS[row]
     flip = {"flip": share} if scheme == "AFLIP" else {}
     unit = OPENING / cells / math.sqrt(200 * GRAVITY * DEPTH * stiffness)
-    fbar = None if time is None else libmpm.FBar(time=time * unit, shifting=shifting)
+    fbar = (
+        None
+        if time is None
+        else libmpm.FBar(
+            time=time * unit, shifting=packing == "shifting", density=packing == "density"
+        )
+    )
     options = cases.Options(
         method=Method(cfl=0.3, transfer=Transfer(scheme=scheme, **flip)),  # type: ignore[arg-type]
         walls=boundaries.Separable(cell="linear"),

@@ -290,8 +290,6 @@ struct WallNodes {
     std::uint8_t* changed = nullptr;  // by any boundary
     const WallAsks* asks = nullptr;
     T* seat = nullptr;  // as `WallSeats` has it
-    T* sums = nullptr;
-    MPM_INLINE WallSeats<T> seats() const { return {seat, asks, sums}; }
 };
 
 /// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will

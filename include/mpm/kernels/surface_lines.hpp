@@ -315,14 +315,6 @@ struct SurfaceNode {
 
     SurfaceNode() = default;
     MPM_INLINE bool pushed() const { return cut.before > 0; }
-    /// Is it the first of a line?
-    MPM_INLINE bool leads() const {
-        return boundary >= 0 && state == SurfaceLine<D>::on && leader == 0;
-    }
-    /// And of this one?
-    MPM_INLINE bool leads_as(const SurfaceLine<D>& l) const {
-        return leads() && line_axis == l.axis && sign == l.sign && lead == l.lead;
-    }
     /// With less than this of its spline before the surface, a node knows the pressure of a
     /// particle or two, and is so light that what it is pushed with presses these: the two drive
     /// each other. It rests in the body.

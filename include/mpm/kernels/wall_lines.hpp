@@ -17,7 +17,7 @@
 // held.
 #pragma once
 
-#include "mpm/kernels/surface_sums.hpp"
+#include "mpm/kernels/wall_places.hpp"
 
 namespace mpm {
 
@@ -36,7 +36,6 @@ template <class T>
 struct WallSeats {
     const T* seat = nullptr;
     const WallAsks* asks = nullptr;
-    const T* sums = nullptr;  // of lines towards surfaces, at their leaders (`SumSurfaceLines`)
     MPM_INLINE bool has(std::int64_t place) const {
         return seat && WallNode::needs_all(asks[place]);
     }
@@ -313,21 +312,6 @@ struct FollowLines {
                                            v);
         if (acted) seen(b, 0, before, v);
     }
-    /// Those of the line's leader where there are some of this step.
-    MPM_INLINE SurfaceSums<T, D> surface_sums(int b, std::int32_t slot,
-                                              const std::int64_t (&cell)[D], const Seat& own,
-                                              const SurfaceLine<D>& line) const {
-        if (seats.sums && known.surfaces) {
-            int number = 0;
-            const std::int32_t of =
-                node_beside<D>(node.grid.table, slot, cell, line.axis, line.leader, number);
-            const SurfaceNode<D>* first = known.of(of, number, b);
-            if (first && first->leads_as(line))
-                return SurfaceSums<T, D>::get(seats.sums +
-                                              known.place(of, number) * SurfaceSums<T, D>::numbers);
-        }
-        return sum_surface_line<T>(*this, b, slot, cell, own, line);
-    }
     /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.
     template <class Seen>
     MPM_INLINE void follow_surface(int b, std::int32_t slot, const std::int64_t (&cell)[D],
@@ -343,34 +327,71 @@ struct FollowLines {
         if (line.state != SurfaceLine<D>::on) return;
         const double size = all.cell_size;
         const BoundAxes<D> bound = walls.before(line.normal, line.share * line.lead * size, size);
-        const SurfaceSums<T, D> sums = surface_sums(b, slot, cell, own, line);
-        const Vec<T, D>& momentum = sums.momentum;
-        const T mass = sums.mass;
-        double moving[D] = {};
-        if (!s.at_rest()) {
-            double x[D];
-            node_position<D>(cell, size, x);
-            s.velocity_at(x, moving);
+        T mass = 0, led = 0, push = 0, inert = 0, leader = 0, arm = 0;
+        T last = 0, last_share = 0, in_plane = 0;  // velocities along the normal
+        bool across = false;
+        Vec<T, D> momentum{}, here{};
+        std::int64_t there[D];
+        PlaceOnLine first, place;
+        for (int step = 0; step < 8; ++step) {
+            const std::int64_t by = line.leader - step * line.sign;
+            const bool self = by == 0;
+            moved_along<D>(cell, line.axis, by, there);
+            int number = 0;
+            const std::int32_t of =
+                node_beside<D>(node.grid.table, slot, cell, line.axis, by, number);
+            if (const SurfaceNode<D>* is = known.of(of, number, b))
+                place = is->place;
+            else
+                place = PlaceOnLine(SurfaceView<D>(all, s, there));
+            if (step == 0) first = place;
+            if (!place.along(first) || place.deep) break;
+            Seat seat_here = own;
+            if (!self) seat_here = of < 0 ? Seat{} : other_seat(of, number, there);
+            double moving[D] = {};
+            if (!s.at_rest()) {
+                double x[D];
+                node_position<D>(there, all.cell_size, x);
+                s.velocity_at(x, moving);
+            }
+            const T t = T(place.distance / line.lead);
+            T along = 0;
+            for (int a = 0; a < D; ++a) {
+                const T w = T(moving[a] + r.velocity[a]);
+                if (self) here[a] = w;
+                along += T(line.normal[a]) * (seat_here.velocity[a] - w);
+                momentum[a] += seat_here.mass * (seat_here.velocity[a] - w);
+            }
+            if (step == 0) leader = seat_here.mass;
+            if (t <= T(0) && last_share > T(0) && seat_here.mass > T(0)) {
+                in_plane = (along * last_share - last * t) / (last_share - t);
+                across = true;
+            }
+            last = along;
+            last_share = seat_here.mass > T(0) ? t : T(0);
+            mass += seat_here.mass;
+            arm -= T(step * line.sign) * seat_here.mass;
+            led += t * seat_here.mass;
+            inert += t * t * seat_here.mass;
+            push += t * seat_here.mass * along;
         }
-        Vec<T, D> here;
-        for (int a = 0; a < D; ++a) here[a] = T(moving[a] + r.velocity[a]);
         // As at walls on cell faces: `operator()`, `let_go`.
         const bool leads = line.leader == 0;
-        if (!(sums.leader > T(least_leader) * mass))
+        if (!(leader > T(least_leader) * mass))
             return leads ? void() : hold_at_surface(b, cell, bound, v, seen);
-        const T lead = sums.push / sums.inert;
+        const T lead = push / inert;
         T along = 0, is = 0;
         for (int a = 0; a < D; ++a) {
             along += T(line.normal[a]) * momentum[a];
             is += T(line.normal[a]) * (v[a] - here[a]);
         }
-        const T impulse = lead * sums.led - along;
+        const T impulse = lead * led - along;
         const T open = T(bound.open(line.normal));
         if (!(open > T(least_open))) return;
         if (law.response == Response::separable && !(impulse > T(0))) {
-            if (leads || !sums.across || !(sums.in_plane < T(0))) return;
+            if (leads || !across || !(in_plane < T(0))) return;
             for (int a = 0; a < D; ++a)
-                if (!bound.on[a]) v[a] -= sums.in_plane / open * T(line.normal[a]);
+                if (!bound.on[a]) v[a] -= in_plane / open * T(line.normal[a]);
             seen(b, 0, before, v);
             return;
         }
@@ -378,7 +399,7 @@ struct FollowLines {
             // Of cut cells particles integrate what pushes along a slope unevenly between the nodes
             // of a line, over all of them hardly: they move as one, but for what the flow is drawn
             // out along the slope as it is pressed across it.
-            const T drawn = lead / T(line.lead) * (T(line.leader) + sums.arm / mass);
+            const T drawn = lead / T(line.lead) * (T(line.leader) + arm / mass);
             for (int a = 0; a < D; ++a) {
                 if (bound.on[a]) continue;
                 const T steep = T(a == line.axis) - T(line.normal[a] * line.normal[line.axis]);
@@ -392,15 +413,14 @@ struct FollowLines {
             if (!bound.on[a]) v[a] += change * T(line.normal[a]);
         if (law.static_friction > 0 || law.dynamic_friction > 0) {
             T speed = 0;
-            Vec<T, D> slid;  // of the line's mass along the surface
             for (int a = 0; a < D; ++a) {
-                slid[a] = (momentum[a] - along * T(line.normal[a])) / mass;
-                speed += slid[a] * slid[a];
+                momentum[a] = (momentum[a] - along * T(line.normal[a])) / mass;
+                speed += momentum[a] * momentum[a];
             }
             const T pressed = impulse > T(0) ? impulse / mass : T(0);
             const T lost = T(1) - kept_of_sliding<T>(law, square_root(speed), pressed);
             for (int a = 0; a < D; ++a)
-                if (!bound.on[a]) v[a] -= lost * slid[a];
+                if (!bound.on[a]) v[a] -= lost * momentum[a];
         }
         seen(b, 0, before, v);
     }

@@ -125,31 +125,6 @@ struct SeatWallNodes {
     }
 };
 
-/// Sums of the lines towards surfaces, by their leaders, once `SeatWallNodes` is through.
-template <class T, class Sum, int D>
-struct SumSurfaceLines {
-    NodeUpdate<T, Sum, D> node;
-    const std::int32_t* blocks;
-    const std::int32_t* nodes;  // by (listed block, node)
-    KnownNodes<D> known;
-    WallSeats<T> seats;
-    T* sums;
-
-    MPM_INLINE void operator()(std::int64_t k) const {
-        if (node.clock->halt != Halt::none) return;
-        const std::int64_t i = nodes[k];
-        if (!known.surfaces[i].leads()) return;
-        const std::int32_t slot = blocks[i / block_cells];
-        const int n = int(i % block_cells);
-        std::int64_t cell[D];
-        node.cell(slot, n, cell);
-        const FollowLines<NodeUpdate<T, Sum, D>, T, D, false, true> lines{node, known, i, seats};
-        const SurfaceNode<D>& s = known.surfaces[i];
-        sum_surface_line<T>(lines, s.boundary, slot, cell, lines.seat_there(slot, n), s.line())
-            .put(sums + i * SurfaceSums<T, D>::numbers);
-    }
-};
-
 /// Nodes of the listed blocks from their sums to their velocities: of one pass.
 template <class T, class Sum, int D, WallPass of>
 struct MoveWallNodes {
@@ -176,7 +151,7 @@ struct MoveWallNodes {
             v = node.template wall_velocity<true>(slot, n, m, p, known.at(i), i, seen);
         else
             v = node.template wall_velocity<false, true>(slot, n, m, p, known.at(i), i, seen,
-                                                         to.seats());
+                                                         WallSeats<T>{to.seat, to.asks});
         for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
         to.changed[i] = changed;
     }

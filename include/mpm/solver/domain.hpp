@@ -423,10 +423,13 @@ private:
     WallNodes<Grid> wall_nodes() {
         if (!boundaries_.lists()) return {};
         return {wall_velocity_.data(), wall_changed_.data(), boundaries_.asks().data(),
-                wall_seats_.data(), boundaries_.known().surfaces ? wall_sums_.data() : nullptr};
+                wall_seats_.data()};
     }
     /// What nodes beside boundaries would do by themselves in this step.
-    WallSeats<Grid> wall_seats() { return wall_nodes().seats(); }
+    WallSeats<Grid> wall_seats() const {
+        if (!boundaries_.lists()) return {};
+        return {wall_seats_.data(), boundaries_.asks().data()};
+    }
     template <bool keeps, bool mirrors>
     UpdateGrid<Grid, Sum, D, keeps, mirrors> grid_update(int parity) {
         return {node_update(parity),
@@ -471,7 +474,7 @@ private:
     std::array<double, maxima_count> maxima_{};
     Buffer<X, Grid> wall_velocity_{exec_};  // `WallNodes`
     Buffer<X, std::uint8_t> wall_changed_{exec_};
-    Buffer<X, Grid> wall_seats_{exec_}, wall_sums_{exec_};
+    Buffer<X, Grid> wall_seats_{exec_};
     // (slots, nodes), where particles are shifted or volumes led by density.
     Buffer<X, Grid> excess_{exec_}, packed_{exec_};
     Buffer<X, std::uint32_t> some_excess_{exec_}, some_packed_{exec_};

@@ -48,10 +48,6 @@ void Domain<X, T, D>::move_wall_nodes() {
     exec_.for_each_next(
         std::int64_t(all.size()),
         SeatWallNodes<Grid, Sum, D>{node, b.blocks().data(), all.data(), b.known(), to.seat});
-    if (to.sums)
-        exec_.for_each_next(std::int64_t(all.size()),
-                            SumSurfaceLines<Grid, Sum, D>{node, b.blocks().data(), all.data(),
-                                                          b.known(), to.seats(), to.sums});
     move.template operator()<WallPass::all>();
 }
 

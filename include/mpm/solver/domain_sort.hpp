@@ -21,8 +21,6 @@ void Domain<X, T, D>::link_table() {
         wall_changed_.reserve_discard(nodes);
         if (boundaries_.nodes_of(WallPass::all).size() > 0)
             wall_seats_.reserve_discard(nodes * (D + 1));
-        if (boundaries_.known().surfaces)
-            wall_sums_.reserve_discard(nodes * SurfaceSums<Grid, D>::numbers);
     }
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();

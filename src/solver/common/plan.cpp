@@ -495,8 +495,6 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                            double(!surfaces ? 0
                                   : D == 2  ? sizeof(SurfaceNode<2>)
                                             : sizeof(SurfaceNode<3>)));
-    if (surfaces)  // what nodes would do by themselves, and sums of lines
-        plan.memory_tables += estimate.touched * block_cells * (2 * D + 9) * backend.grid_real();
     if (plan.shift > 0 || plan.density)
         plan.memory_grid += slots * block_cells * backend.grid_real() * (plan.density ? 2 : 1);
     for (const auto& b : spec.boundaries)
