@@ -61,16 +61,30 @@ def distance(a, b):
     return np.abs(a - b).max() / np.abs(a).max()
 
 
+def equal_to_rounding(pipeline, device, dimension, scheme, form):
+    """The same sums in another order as in phases, which 60 steps of a splash let grow."""
+    found, phased = (
+        states(pool(dimension, p, scheme, form), 60, device) for p in (pipeline, "phased")
+    )
+    for a, b in zip(found, phased, strict=True):
+        assert distance(a, b) < 1e-9
+
+
+def equal_in_single_precision(pipeline, device, dimension, precision):
+    """To the phased step: a device adds integers of 32 bits."""
+    found, phased = (
+        states(pool(dimension, p, precision=precision), 40, device, ("position", "velocity"))
+        for p in (pipeline, "phased")
+    )
+    assert np.abs(found[0] - phased[0]).max() < 2e-5 * 0.1
+    assert np.abs(found[1] - phased[1]).max() < 2e-3 * np.abs(phased[1]).max()
+
+
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("scheme", CHOICES)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_fused_is_phased(dimension, scheme, form):
-    """The same sums in another order, so equal to rounding, which 60 steps of a splash let grow."""
-    fused, phased = (
-        states(pool(dimension, p, scheme, form), 60, "cpu") for p in ("fused", "phased")
-    )
-    for a, b in zip(fused, phased, strict=True):
-        assert distance(a, b) < 1e-9
+    equal_to_rounding("fused", "cpu", dimension, scheme, form)
 
 
 @pytest.mark.gpu
@@ -78,23 +92,14 @@ def test_fused_is_phased(dimension, scheme, form):
 @pytest.mark.parametrize("scheme", CHOICES)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_two_passes_are_phased(dimension, scheme, form):
-    """On a device, in double precision; integers of 64 bits round the sums."""
-    two, phased = (
-        states(pool(dimension, p, scheme, form), 60, "cuda") for p in ("two-pass", "phased")
-    )
-    for a, b in zip(two, phased, strict=True):
-        assert distance(a, b) < 1e-9
+    """In double precision, in which a device adds integers of 64 bits."""
+    equal_to_rounding("two-pass", "cuda", dimension, scheme, form)
 
 
 @pytest.mark.gpu
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_two_passes_in_mixed_precision(dimension):
-    two, phased = (
-        states(pool(dimension, p, precision="mixed"), 40, "cuda", ("position", "velocity"))
-        for p in ("two-pass", "phased")
-    )
-    assert np.abs(two[0] - phased[0]).max() < 2e-5 * 0.1
-    assert np.abs(two[1] - phased[1]).max() < 2e-3 * np.abs(phased[1]).max()
+    equal_in_single_precision("two-pass", "cuda", dimension, "mixed")
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -136,13 +141,7 @@ def test_every_rule_of_the_shift(dimension, change):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_single_precision(dimension, device):
-    """On a device the fused step adds integers: equal to the phased one to single precision."""
-    fused, phased = (
-        states(pool(dimension, p, precision="single"), 40, device, ("position", "velocity"))
-        for p in ("fused", "phased")
-    )
-    assert np.abs(fused[0] - phased[0]).max() < 2e-5 * 0.1
-    assert np.abs(fused[1] - phased[1]).max() < 2e-3 * np.abs(phased[1]).max()
+    equal_in_single_precision("fused", device, dimension, "single")
 
 
 def test_what_is_given_is_what_moves(device):

@@ -84,12 +84,11 @@ def close(fused, phased):
         assert fast < 4e-3 * np.abs(phased[k + 1]).max()
 
 
+@pytest.mark.parametrize("scheme", ["ASFLIP", "ASFLIP, smooth"])
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_in_single_precision(dimension, name, device):
-    """By the smooth rule: of a block that has hardly been strained, rounding decides whether J > 1,
-    and by the binary rule with it how far a particle goes."""
-    close(*both(dimension, name, "ASFLIP, smooth", device, "single", steps=40))
+def test_in_single_precision(dimension, name, scheme, device):
+    close(*both(dimension, name, scheme, device, "single", steps=40))
 
 
 @pytest.mark.gpu

@@ -15,6 +15,46 @@ namespace mpm::cuda {
 
 inline constexpr int pass_threads = 128;
 
+/// Moves the particles of a home block, a thread each: `advance(home, xi, state)` returns what one
+/// deposits, `put(q, u)` keeps it, and `see(xi, u, largest)` hears of those that are sound.
+template <class Material, int R, class X, class T, int D, class Advance, class Put, class See>
+__device__ __forceinline__ void gather_particles(const Pass<X, T, D>& pass, std::int32_t slot,
+                                                 const Advance& advance, const Put& put,
+                                                 const See& see) {
+    const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
+    Largest<typename Pass<X, T, D>::Grid> largest;
+    largest.listen(pass);
+    int strays = 0;
+    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
+        int home[D];
+        Block<D>::coordinates(pass.body.home_cell(q), home);
+        Vec<T, D> xi;
+        T state[R];
+        load(pass.body, q, xi, state);
+        strays += !at_home(xi);
+        const auto u = advance(home, xi, state);
+        store(pass.body, q, xi, state);
+        if (!sound<Material>(xi, state))
+            Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
+        else
+            see(xi, u, largest);
+        put(q, u);
+    }
+    strays = __reduce_add_sync(~0u, strays);
+    if (threadIdx.x % 32 == 0 && strays > 0) count_strays(pass, strays);
+    largest.tell(pass);
+}
+/// The transfer channels of a deposit, to scratch.
+template <int C, class G, int D, int E>
+__device__ __forceinline__ void put_affine(G* scratch, std::size_t n, std::uint32_t q,
+                                           const Affine<G, D, E>& u) {
+    const Scratch<D> column{C};
+    MPM_UNROLL for (int c = 0; c < C; ++c) {
+        scratch[column.value(c) * n + q] = u.value[c];
+        MPM_UNROLL for (int a = 0; a < D; ++a) scratch[column.slope(a, c) * n + q] = u.slope[a][c];
+    }
+}
+
 template <class Material, Smoothing S, class X, class T, int D>
 __global__ void __launch_bounds__(pass_threads)
     gather_step(const __grid_constant__ Pass<X, T, D> pass,
@@ -25,39 +65,17 @@ __global__ void __launch_bounds__(pass_threads)
     if (pass.clock->halt != Halt::none) return;
     __shared__ LineArena<G, D, C> lines;
     const std::int32_t slot = pass.body.home[blockIdx.x];
-    const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
     fill(pass, slot, lines);
     __syncthreads();
     const auto numbers =
         step_numbers<T, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
-    const std::size_t n = pass.body.count;
-    Largest<G> largest;
-    largest.listen(pass);
-    int strays = 0;
-    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
-        int home[D];
-        Block<D>::coordinates(pass.body.home_cell(q), home);
-        Vec<T, D> xi;
-        T state[R];
-        load(pass.body, q, xi, state);
-        strays += !at_home(xi);
-        const auto u = advance<Material, S, T, D>(lines, home, xi, state, numbers);
-        store(pass.body, q, xi, state);
-        if (!sound<Material>(xi, state)) {
-            Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
-        } else {
-            largest.template see<D, C>(u);
-        }
-        MPM_UNROLL for (int c = 0; c < C; ++c) {
-            pass.scratch[c * n + q] = u.value[c];
-            MPM_UNROLL for (int a = 0; a < D; ++a) {
-                pass.scratch[(C + a * C + c) * n + q] = u.slope[a][c];
-            }
-        }
-    }
-    strays = __reduce_add_sync(~0u, strays);
-    if (threadIdx.x % 32 == 0 && strays > 0) count_strays(pass, strays);
-    largest.tell(pass);
+    gather_particles<Material, R>(
+        pass, slot,
+        [&](const int(&home)[D], Vec<T, D>& xi, T(&state)[R]) {
+            return advance<Material, S, T, D>(lines, home, xi, state, numbers);
+        },
+        [&](std::uint32_t q, const auto& u) { put_affine<C>(pass.scratch, pass.body.count, q, u); },
+        [](const auto&, const auto& u, auto& largest) { largest.template see<D, C>(u); });
 }
 
 /// One channel of a cell; the mass is the channel of a constant one.

@@ -26,43 +26,26 @@ __global__ void __launch_bounds__(pass_threads)
     after_previous();
     if (pass.clock->halt != Halt::none) return;
     const std::int32_t slot = pass.body.home[blockIdx.x];
-    const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
     fill<true>(pass, slot, shared.lines, TakeNodes(pass, keep, shared.nodes));
     __syncthreads();
     const auto numbers =
         step_numbers<T, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
-    const std::size_t n = pass.body.count;
-    const Scratch<D> column{C};
-    Largest<G> largest;
-    largest.listen(pass);
-    int strays = 0;
-    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += pass_threads) {
-        int home[D];
-        Block<D>::coordinates(pass.body.home_cell(q), home);
-        Vec<T, D> xi;
-        T state[R];
-        load(pass.body, q, xi, state);
-        strays += !at_home(xi);
-        const auto u = advance_kept<Material, S, T, D>(shared, home, xi, state, numbers, keep);
-        store(pass.body, q, xi, state);
-        if (!sound<Material>(xi, state)) {
-            Cuda::keep_smallest(pass.fault_particle, fault_number(pass.body_number, q));
-        } else {
+    gather_particles<Material, R>(
+        pass, slot,
+        [&](const int(&home)[D], Vec<T, D>& xi, T(&state)[R]) {
+            return advance_kept<Material, S, T, D>(shared, home, xi, state, numbers, keep);
+        },
+        [&](std::uint32_t q, const auto& u) {
+            const std::size_t n = pass.body.count;
+            put_affine<C>(pass.scratch, n, q, u);
+            MPM_UNROLL for (int c = 0; c < D; ++c) MPM_UNROLL for (int a = 0; a < D; ++a)
+                pass.scratch[Scratch<D>{C}.stress(a, c) * n + q] = u.slope[a][C + c];
+        },
+        [&](const Vec<T, D>& xi, const auto& u, auto& largest) {
             if (strays_far(xi)) call_for_sort(pass);
             largest.template see<D, C>(part_of<0, C>(u));
             largest.template see<D, D>(part_of<C, D>(u));
-        }
-        MPM_UNROLL for (int c = 0; c < C; ++c) {
-            pass.scratch[column.value(c) * n + q] = u.value[c];
-            MPM_UNROLL for (int a = 0; a < D; ++a) pass.scratch[column.slope(a, c) * n + q] =
-                u.slope[a][c];
-        }
-        MPM_UNROLL for (int c = 0; c < D; ++c) MPM_UNROLL for (int a = 0; a < D; ++a)
-            pass.scratch[column.stress(a, c) * n + q] = u.slope[a][C + c];
-    }
-    strays = __reduce_add_sync(~0u, strays);
-    if (threadIdx.x % 32 == 0 && strays > 0) count_strays(pass, strays);
-    largest.tell(pass);
+        });
 }
 
 /// Both halves.

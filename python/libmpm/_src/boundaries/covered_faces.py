@@ -138,12 +138,9 @@ class Covers:
             direction[lost] = self._off_nearest(x[lost], spacing)
             # The middle between two faces that are seen stays one all the way, and a corner of two
             # that follow what covers: its distance is known.
-            rows = np.flatnonzero(lost)
-            away[left[rows]] = here[rows]
-            known = np.abs(np.sum(slope[rows] * direction[rows], axis=1)) <= _UNIT
-            known &= self._all_seen(distance, x[rows], spacing)
-            settled = np.zeros(len(left), dtype=bool)
-            settled[rows[known]] = True
+            away[left[lost]] = here[lost]
+            settled = lost & (np.abs(np.sum(slope * direction, axis=1)) <= _UNIT)
+            settled[settled] = self._all_seen(distance, x[settled], spacing)
             walked = np.where(np.sum(direction * heading, axis=1) > 0.5, walked, 0.0)
             step = np.maximum(spacing, _GROWTH * walked)
             ended = (walked > _FAR * spacing) | (turn == _TURNS * points.shape[1] - 1)
