@@ -192,11 +192,3 @@ def test_what_cannot_be_is_named(tmp_path):
     assert all(code == 1 and "same CUDA device" in error for code, _, error in told)
     told = run("make(scenes.slosh(), device='cuda:77')", tmp_path)
     assert all(code == 1 and "'cuda:77' does not exist" in error for code, _, error in told)
-    code = """
-        scene = scenes.slosh()
-        look = libmpm.sensors.Custom(function=len, columns="n", interval=0.01)
-        scene.add_sensor(name="level", sensor=look)
-        make(scene).step(1)
-    """
-    told = run(code, tmp_path)
-    assert all(code == 1 and "'level'" in error for code, _, error in told)

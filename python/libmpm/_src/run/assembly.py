@@ -30,7 +30,6 @@ from libmpm._src.run.shared_ranks import SharedRanks
 from libmpm._src.run.thread_turns import Turns
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.start import Start
-from libmpm._src.sensors.python_sensors import Sampled
 from libmpm._src.sensors.sampling_loop import Measurements
 
 __all__ = ["Assembly", "select"]
@@ -46,13 +45,6 @@ def select(
         raise SceneError(f"ranks is {shown(ranks)}; expected 'processes' or None")
     backend = backends.select_process(choose_device(scene, device))
     assert backend.link is not None
-    for placed in scene.sensors:
-        if backend.ranks > 1 and isinstance(placed.sensor, Sampled):
-            raise SceneError(
-                f"sensor '{placed.name}' is evaluated in Python, which is not built for ranks "
-                "as processes; take ranks of one process, device=['cpu', 'cpu'], or a sensor "
-                "of the engine"
-            )
     return _with_laws(scene, backend), backend.link.threads(threads)
 
 

@@ -92,26 +92,39 @@ class Link:
 
         Of those named in `everywhere` all ranks have all rows, and each is a number on one of them.
         """
-        buffer = io.BytesIO()
-        given: dict[str, Any] = dict(arrays)
-        np.savez(buffer, **given)
-        told = self.process.tell_first(buffer.getvalue())
-        if told is None:
-            return None
+        told = self.process.tell_first(_packed(arrays))
+        return None if told is None else _rows_of_all(told, arrays, everywhere)
 
-        def rows(text: bytes) -> dict[str, NDArray[Any]]:
-            part = np.load(io.BytesIO(text), allow_pickle=False)
-            return {name: part[name] for name in arrays}
-
-        parts = [_read(rank, "arrays", rows, text) for rank, text in enumerate(told)]
-        return {
-            name: _joined([part[name] for part in parts], everywhere=name in everywhere)
-            for name in arrays
-        }
+    def share(
+        self, arrays: Mapping[str, NDArray[Any]], everywhere: Collection[str] = ()
+    ) -> dict[str, NDArray[Any]]:
+        """Return what `gather` has on rank 0, on every rank."""
+        return _rows_of_all(self.process.tell_all(_packed(arrays)), arrays, everywhere)
 
     def stop(self, error: BaseException) -> None:
         """End the work of all: whoever waits, or will, gets this rank's error by name."""
         self.process.stop(f"rank {self.rank}: {type(error).__name__}: {error}")
+
+
+def _packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    buffer = io.BytesIO()
+    given: dict[str, Any] = dict(arrays)
+    np.savez(buffer, **given)
+    return buffer.getvalue()
+
+
+def _rows_of_all(
+    told: list[bytes], names: Collection[str], everywhere: Collection[str]
+) -> dict[str, NDArray[Any]]:
+    def rows(text: bytes) -> dict[str, NDArray[Any]]:
+        part = np.load(io.BytesIO(text), allow_pickle=False)
+        return {name: part[name] for name in names}
+
+    parts = [_read(rank, "arrays", rows, text) for rank, text in enumerate(told)]
+    return {
+        name: _joined([part[name] for part in parts], everywhere=name in everywhere)
+        for name in names
+    }
 
 
 def _joined(parts: list[NDArray[Any]], *, everywhere: bool) -> NDArray[Any]:

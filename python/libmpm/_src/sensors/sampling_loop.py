@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from libmpm._src.base.schedule import due_index, due_time
 from libmpm._src.errors import SceneError
 from libmpm._src.output.series import Series
 from libmpm._src.run.views import world_shift
+from libmpm._src.run.whole_run import WholeRun
 from libmpm._src.sensors.body_sensors import OfBody
 from libmpm._src.sensors.column_gauge import ColumnGauge
 from libmpm._src.sensors.column_gauge_sampler import OfColumn
@@ -112,6 +113,9 @@ class Measurements:
     ) -> None:
         """Make the series, with the samples of a restored run."""
         self._simulation = simulation
+        link = simulation._shared.link
+        #: What samples are worked out from.
+        self._read = simulation if link is None else cast("Running", WholeRun(simulation, link))
         scene = simulation.scene
         check_functions(scene)
         self.series: list[Series] = []
@@ -174,7 +178,7 @@ class Measurements:
             return
         self._busy = True
         try:
-            moment = Moment(self._simulation)
+            moment = Moment(self._read)
             for one in due:
                 one.sampler.announce(moment)
             for one in due:
