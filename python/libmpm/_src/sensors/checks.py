@@ -156,6 +156,13 @@ def _check_grid(check: Checker, scene: SceneData, sensor: GridSensor) -> None:
         )
     elif sensor.attribute == "force":
         _check_loads(check, scene, "attribute is 'force'")
+    elif sensor.attribute == "volume_energy" and not any(
+        b.material.table.stores_volume for b in scene.bodies
+    ):
+        check.fail(
+            "attribute is 'volume_energy' and no body is a fluid; expected a body of TaitFluid or "
+            "HerschelBulkleyFluid; use Energy for solids"
+        )
 
 
 def _check_place(

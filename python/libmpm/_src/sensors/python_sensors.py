@@ -38,7 +38,9 @@ Direction = Literal["x", "x+", "x-", "y", "y+", "y-", "z", "z+", "z-"]
 GRID: dict[str, tuple[str, bool]] = {
     "force": ("N", True), "momentum": ("kg·m/s", True), "velocity": ("m/s", True),
     "acceleration": ("m/s²", True), "mass": ("kg", False), "volume": ("m³", False),
-    "jbar": ("1", False),
+    "jbar": ("1", False), "kinetic_energy": ("J", False),
+    "kinetic_energy_before": ("J", False), "potential_energy": ("J", False),
+    "volume_energy": ("J", False),
 }  # fmt: skip
 
 QUANTITIES = (
@@ -131,21 +133,32 @@ class GridSensor(Sampled):
     - "acceleration" change of v since the previous sample per time, m/s², at the nodes that had
       mass both times: ∂v/∂t at a fixed place. The first sample has none;
     - "volume" Σ N_ip V_p, m³; "jbar" Σ N_ip V_p / Σ N_ip V_p⁰, with the functions of the deposit
-      (linear, quadratic, cubic; else quadratic ones).
+      (linear, quadratic, cubic; else quadratic ones);
+    - "kinetic_energy" m v²/2, J, of the velocity with which the coming step moves particles. With
+      APIC their sum is at least the kinetic energy of `Energy`, whose velocities are means over
+      nodes; "kinetic_energy_before" p²/(2 m), of the momentum p that particles have left there,
+      stress included, before gravity and boundaries;
+    - "potential_energy" - m g · (x - lower corner), J; their sum is that of the particles with
+      linear, quadratic and cubic functions;
+    - "volume_energy" Σ over fluids of V⁰_i Ψ(J̄_i), J, with V⁰_i = Σ N_ip V_p⁰,
+      J̄_i = Σ N_ip V_p / V⁰_i and Ψ the energy of `TaitFluid`'s volume law: what is left of the
+      elastic energy when volumes are averaged at nodes. Refused where no body is a fluid.
 
     Of no node count and sum are 0, all others NaN. In 2D per metre of thickness. Square
-    cells only. A sample reads the nodes about its region, of "volume" and "jbar" the particles
-    there as well. Raises `SceneError`.
+    cells only. A sample reads the nodes about its region, of "volume", "jbar" and "volume_energy"
+    the particles there as well. Raises `SceneError`.
 
-    Source: Bonus (2023), grid-sensors of the scene file; force as in `LoadCell`.
+    Source: Bonus (2023), grid-sensors of the scene file and energies of the grid; force as in
+    `LoadCell`.
     """
 
     label: ClassVar[str] = "sensors.GridSensor"
     kind: ClassVar[str] = "grid"
 
     attribute: Literal[
-        "force", "momentum", "velocity", "acceleration", "mass", "volume", "jbar"
-    ] = given("quantity of the nodes", default="force")
+        "force", "momentum", "velocity", "acceleration", "mass", "volume", "jbar",
+        "kinetic_energy", "kinetic_energy_before", "potential_energy", "volume_energy",
+    ] = given("quantity of the nodes", default="force")  # fmt: skip
     operation: Operation = given("as of `ParticleSensor`", default="sum")
     direction: Direction | None = given(
         'component of a vector, with "+" or "-" only the values of that sign; None = each '
@@ -312,9 +325,16 @@ class PressureProbe(Sampled):
 
     {fields}
 
-    Particles weigh by their volume too. With fewer than 2(d + 1) of them in reach, or all of them
-    on a plane, order 1 becomes 0; without any the place is dry, NaN. A sample reads
-    positions, volumes and pressures of the bodies. Raises `SceneError`.
+    Particles weigh by their volume too; without any in reach the place is dry, NaN.
+
+    Order 1 brings the mean of a fluid to the point by its weight: each pressure plus ρ g · (point -
+    particle). At a flat wall that rests this is the slope of the pressure across it, in still water
+    and in a flow; the inertia of a wall that is accelerated is not in it. A line fitted to the
+    particles beside a wall would amplify what their pressures alternate by within a cell, which
+    forces on the wall do not feel. Where a particle of a solid is in reach it is such a line, of
+    least squares; with fewer than 2(d + 1) of them, or all of them on a plane, the mean.
+
+    A sample reads positions, volumes and pressures of the bodies. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "sensors.PressureProbe"
@@ -324,15 +344,15 @@ class PressureProbe(Sampled):
         "the point, inside the domain, also on a wall", unit="m", shape="(2|3,)"
     )
     radius: float | None = given(
-        "half width of the quadratic B-spline that weighs the particles; None = 1.5 cells, "
-        "the support of a node",
+        "half width of the quadratic B-spline that weighs the particles; None = 2 cells, with "
+        "order 0 1.5",
         default=None,
         unit="m",
         above=0,
     )
     order: int = given(
-        "1: the straight line of least squares at the point, which does not lag at walls; "
-        "0: the weighted mean",
+        "1: the weighted mean, brought to the point by the weight of the fluid, so that it does "
+        "not lag at walls; 0: the weighted mean",
         default=1,
         range="0, 1",
     )
@@ -346,7 +366,7 @@ class PressureProbe(Sampled):
         if radius is not None:
             radius = check.given("radius", self, radius)
         if type(self.order) is not int or self.order not in (0, 1):
-            check.fail(f"order is {shown(self.order, 40)}; expected 0 (mean) or 1 (straight line)")
+            check.fail(f"order is {shown(self.order, 40)}; expected 0 (mean) or 1 (at the point)")
         return {
             "position": check.given("position", self),
             "radius": radius,
@@ -421,7 +441,8 @@ class Custom(Sampled):
     {fields}
 
     The function may read the simulation and must not advance it. For a resumed run to have the
-    same series it must depend on nothing else.
+    same series it must depend on nothing else. Of ranks that are processes each calls it, with
+    what reads the particles and nodes of all: it must read the same on every rank.
 
     No file holds a function: `Scene.save` refuses the scene. A run with it works, and its
     ``scene.json`` and checkpoints keep the function's name; to continue from them give it again,
