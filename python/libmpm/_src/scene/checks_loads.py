@@ -218,7 +218,7 @@ def _of_probe(facts: Facts, name: str, probe: PressureProbe, flows: bool) -> lis
             continue
         what = (
             "pressure there was wrong by 2 to 13 times in flows, with either sign" if flows
-            else "pressure on a face of a box in still water was 1.6 times too large"
+            else "pressure on a face of a box in still water was 1.2 to 1.3 times too large"
         )  # fmt: skip
         return [
             f"sensor '{name}' is a pressure probe within {_NEAR:g} cells of boundary "

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.scene.data import SceneData
-from libmpm._src.sensors.grid_sensors import boundary_forces, gravity_at
+from libmpm._src.sensors.grid_sensors import boundary_forces
 from libmpm._src.sensors.python_sensors import BodyTracker
 from libmpm._src.sensors.reductions import Array
 from libmpm._src.sensors.sampler import Sampler, axes_of, bodies_of
-from libmpm._src.sensors.step_readings import Moment
+from libmpm._src.sensors.step_readings import Moment, gravity_at
 
 __all__ = ["OfBody", "angle_of", "angular_velocity", "gravity_impulse", "quaternion_of"]
 

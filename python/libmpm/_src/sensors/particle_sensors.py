@@ -25,7 +25,7 @@ from libmpm._src.sensors.sampler import (
     in_region,
     unit_in,
 )
-from libmpm._src.sensors.step_readings import Moment
+from libmpm._src.sensors.step_readings import Moment, gravity_at
 
 __all__ = ["OfAttributes", "OfElevation", "OfParticles", "OfPressure", "quadratic_spline"]
 
@@ -163,7 +163,8 @@ class OfPressure(Sampler):
         self._order = sensor.order
         self._bodies = bodies_of(scene, sensor.body)
         self._place = np.asarray(sensor.position, dtype=np.float64)
-        radius = 1.5 * scene.cell_size if sensor.radius is None else sensor.radius
+        cells = 1.5 if sensor.order == 0 else 2.0
+        radius = cells * scene.cell_size if sensor.radius is None else sensor.radius
         self._spacing = radius / 1.5
 
     def announce(self, moment: Moment) -> None:
@@ -175,30 +176,48 @@ class OfPressure(Sampler):
 
     def row(self, moment: Moment) -> list[float]:
         """Return the pressure at the point."""
-        away, weights, pressures = [], [], []
+        away, weights, pressures, slopes = [], [], [], []
+        fluid, gravity = True, gravity_at(moment.scene, moment.time)
         for i in self._bodies:
-            arrays = moment.arrays(i)
+            arrays, material = moment.arrays(i), moment.scene.bodies[i].material
             xi = (moment.in_scene(arrays["position"]) - self._place) / self._spacing
             near = np.all(np.abs(xi) < 1.5, axis=1)
             away.append(xi[near])
             weights.append(np.prod(quadratic_spline(xi[near]), axis=1) * arrays["volume"][near])
             pressures.append(arrays["pressure"][near])
+            if near.any() and material.table.stores_volume:
+                slopes.append((weights[-1] @ xi[near]) * material.parameters()["density"])
+            elif near.any():
+                fluid = False
         x, w, p = np.concatenate(away), np.concatenate(weights), np.concatenate(pressures)
         total = w.sum()
         if not total > 0:
             return [float("nan")]
         mean = float(w @ p / total)
-        middle = w @ x / total
-        if self._order == 0 or len(p) < 2 * (x.shape[1] + 1):
+        if self._order == 0:
             return [mean]
-        # Least squares of p = a + b (x - middle): a is the mean, and b follows from moments.
-        from_middle = x - middle
-        moment_matrix = (from_middle.T * w) @ from_middle / total
-        # Points nearly on a plane leave the slope across it to noise.
-        if np.linalg.eigvalsh(moment_matrix)[0] < 1e-3:
-            return [mean]
-        slope = np.linalg.solve(moment_matrix, (from_middle.T * w) @ (p - mean) / total)
-        return [mean - float(slope @ middle)]
+        if fluid:
+            return [mean - float(sum(slopes) @ gravity) * self._spacing / float(total)]
+        return [mean + _of_line(x, w, p)]
+
+
+def _of_line(x: Array, w: Array, p: Array) -> float:
+    """Return what a line of least squares has at 0 above its mean, with points x and weights w.
+
+    0 where there are too few points for one.
+    """
+    if len(p) < 2 * (x.shape[1] + 1):
+        return 0.0
+    # Least squares of p = a + b (x - middle): a is the mean, and b follows from moments.
+    total = w.sum()
+    middle = w @ x / total
+    from_middle = x - middle
+    moment_matrix = (from_middle.T * w) @ from_middle / total
+    # Points nearly on a plane leave the slope across it to noise.
+    if np.linalg.eigvalsh(moment_matrix)[0] < 1e-3:
+        return 0.0
+    slope = np.linalg.solve(moment_matrix, (from_middle.T * w) @ (p - w @ p / total) / total)
+    return -float(slope @ middle)
 
 
 class OfElevation(Sampler):

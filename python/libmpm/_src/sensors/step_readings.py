@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.reductions import Array
 from libmpm._src.shapes.element_mesh import ElementMesh
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from libmpm._src.run.running import Running
     from libmpm._src.scene.data import SceneData
 
-__all__ = ["REACH", "SPREADS", "Box", "Moment", "Nodes", "stores_velocity"]
+__all__ = ["REACH", "SPREADS", "Box", "Moment", "Nodes", "gravity_at", "stores_velocity"]
 
 #: Kernels with which a body's share of a node follows from the places of its particles.
 SPREADS = ("linear", "ddmp", "quadratic", "cubic")
@@ -47,6 +48,12 @@ def stores_velocity(scene: SceneData) -> bool:
     transfer = scene.transfer
     plain = transfer.scheme in ("PIC", "APIC")
     return not plain and not (transfer.scheme == "FMPM" and transfer.every == 1)
+
+
+def gravity_at(scene: SceneData, time: float) -> Array:
+    """Return gravity at a time, (d,), m/s²."""
+    gravity = scene.gravity
+    return gravity.at(time) if isinstance(gravity, TimeTable) else np.asarray(gravity, np.float64)
 
 
 class Nodes:
