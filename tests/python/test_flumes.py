@@ -16,6 +16,7 @@ from libmpm._src.base.values import from_plain
 from libmpm._src.cli.commands import main
 from libmpm._src.flumes import records as files
 from libmpm._src.flumes.comparison import blank, compare
+from libmpm._src.flumes.debris_flow_flume_shape import END, along_bed
 
 ALL = [flumes.named(name) for name in flumes.names()]
 
@@ -489,6 +490,18 @@ def test_the_mixture_passes_two_metres_as_the_measured_one():
     assert late.error is None or not abs(late.error) < 0.3
 
 
+@pytest.mark.slow
+def test_all_of_the_mixture_comes_to_rest_on_the_pad():
+    """Row U2's balance: single grains go farther than s 118 m, where the pad ended before."""
+    flume = flumes.DebrisFlowFlume.at_level("quick")
+    sim = run(flume, until=12.0)
+    mass = sim.sensors["mass"].values[:, 0]
+    assert mass[-1] == pytest.approx(mass[0], rel=1e-6)
+    assert np.linalg.norm(sim.particles["mixture"]["velocity"], axis=1).max() < 0.1
+    farthest = along_bed(float(sim.particles["mixture"]["position"][:, 0].max()))
+    assert 118.0 < farthest < END - 5.0
+
+
 @pytest.mark.parametrize("friction", [0.1, 0.4])
 def test_a_block_slides_down_the_flume_by_its_friction(friction):
     flume = flumes.DebrisFlowFlume(
@@ -526,3 +539,13 @@ def test_a_current_at_four_times_the_size_is_the_same():
     one, other = (np.asarray(s.sensors["WG1"]["velocity_x"]) for s in (small, large))
     n = min(len(one), len(other))
     assert np.allclose(other[:n], 2.0 * one[:n], rtol=0.01)
+
+
+def test_cells_in_which_the_wave_flume_sinks_are_warned_of():
+    fine = flumes.LargeWaveFlume(structure=None, cell_size=0.03, end=60.0)
+    with pytest.warns(libmpm.ModelWarning, match=r"packing is None.*use packing='density'"):
+        fine.scene()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", libmpm.ModelWarning)
+        replace(fine, packing="density").scene()
+        replace(fine, cell_size=0.05).scene()

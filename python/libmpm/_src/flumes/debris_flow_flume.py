@@ -15,6 +15,7 @@ from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import lengthened
 from libmpm._src.flumes.debris_flow_flume_shape import (
     ALONG,
+    END,
     FOOT,
     PRISM,
     RADIUS,
@@ -72,7 +73,7 @@ class DebrisFlowFlume(Facility):
     bed                    31° to s 74 m, an arc of radius 20.0 m to       Iverson et al. (2016);
                            2.4° at s 84 m, then straight on                drawing of hdro-0008
     pad                    8.2 m wide from s 85 m, 6.1 m from s 97 m, to   drawing of hdro-0008
-                           s 107.7 m; here 8.2 m throughout, to s 118 m
+                           s 107.7 m; here 8.2 m throughout, to s 150 m
     release (x, z), m      (-4.7, 0) (0, 0) (-0.979, 1.629)                drawing of hdro-0008:
                            (-4.181, 0.831): 4.95 m² × 2 m = 9.9 m³         bed 4.7, gate 1.9, top
                                                                            3.3 m at 17°
@@ -110,8 +111,10 @@ class DebrisFlowFlume(Facility):
     bed, each with its volume, which scales the prism; "run-up" is the highest particle within two
     cells before it. There is no bump, trunk or box on the pad.
 
-    The transfer is APIC by name: at Δx 5 cm 0.02 of the mixture has left over the end of the pad by
-    20 s, with AFLIP 0.95, which a scene of grains takes, 0.19; none did in the experiment.
+    The pad goes on to s 150 m, so that all of the mass stays (row U2): some of the mixture, 0.02 at
+    Δx 5 cm, comes to rest beyond s 118 m, single grains at 134 m, while none was found beyond 111 m
+    in the experiment. The transfer is APIC by name: with AFLIP 0.95, which a scene of grains takes,
+    0.19 comes to lie beyond s 118 m.
 
     Raises `SceneError`.
 
@@ -122,7 +125,7 @@ class DebrisFlowFlume(Facility):
     short: ClassVar[str] = "usgs"
     title: ClassVar[str] = "USGS debris-flow flume"
     granular: ClassVar[bool] = True
-    bed_profile: ClassVar[Pairs] = bed_line(-8.0, 118.0)
+    bed_profile: ClassVar[Pairs] = bed_line(-8.0, END)
     levels: ClassVar[dict[str, dict[str, Any]]] = {
         "reduced": {"width": "slice", "cell_size": 0.1, "end": 8.0},
         "quick": {"width": "slice", "cell_size": 0.1},
@@ -170,8 +173,8 @@ class DebrisFlowFlume(Facility):
         "the wall on the pad, by the day of its test; None = none", default=None
     )
     end: float | None = given(
-        "s at which the flume is cut, and all that comes leaves; None = 118 m",
-        default=None, unit="m", above=3.0, high=118.0,
+        "s at which the flume is cut, and all that comes leaves; None = 150 m",
+        default=None, unit="m", above=3.0, high=END,
     )  # fmt: skip
     width: Width = given('"slice" in 2D, "half" from the centreline, or "full"', default="slice")
 
@@ -226,7 +229,7 @@ class DebrisFlowFlume(Facility):
     def scene(self) -> Scene:
         """Return the mixture at rest behind the gate, which is about to open."""
         axes, h = self.axes, self.cell_size
-        last = 118.0 if self.end is None else self.end
+        last = END if self.end is None else self.end
         wide = last > 82.4
         y = self._across(8.2 if wide and self.width != "slice" else 2.0)
         side = (y[0] - 1.0, y[1] + 1.0)
@@ -396,7 +399,7 @@ class DebrisFlowFlume(Facility):
 
     def instruments(self) -> tuple[Instrument, ...]:
         """Return the depth at each station."""
-        last = 118.0 if self.end is None else self.end
+        last = END if self.end is None else self.end
         if self.release == "block":
             return ()
         edge = 2 * self._reach()
@@ -443,7 +446,7 @@ class DebrisFlowFlume(Facility):
             found += lengthened("channel's width", 2.0, 2 * self._cells(1.0))
             found.append(
                 Deviation("pad", "8.2 m wide, 6.1 m from s 97 m, to s 107.7 m",
-                           "8.2 m wide to s 118 m", "what leaves it is of no row")
+                           "8.2 m wide to s 150 m", "so that nothing leaves it")
             )  # fmt: skip
         if self.obstacle is not None and self.axes.flat:
             found.append(Deviation("wall", "5.2 m wide", "across all of the flow", "a slice"))

@@ -11,7 +11,7 @@ import numpy as np
 from libmpm._src.flumes import criteria as measures
 from libmpm._src.flumes import records
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris_flow_flume_shape import SLOPE, along_bed
+from libmpm._src.flumes.debris_flow_flume_shape import END, SLOPE, along_bed
 from libmpm._src.flumes.facility import GRAVITY
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def criteria(flume: DebrisFlowFlume) -> tuple[Criterion, ...]:
             "U1", "v² over 2 g s (sin 31° - μ cos 31°)", "1", ("block",), (0.0, 3.0),
             _slides(flume.frictions()[0]), **measures.within(1.0, 0.03),
         ),)  # fmt: skip
-    last = 118.0 if flume.end is None else flume.end
+    last = END if flume.end is None else flume.end
     found = [*_release(flume), *_stations(flume, last)]
     if flume.obstacle is not None:
         return (*found, *_run_up(flume.obstacle))

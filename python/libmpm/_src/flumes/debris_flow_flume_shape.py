@@ -7,13 +7,16 @@ import math
 from libmpm._src.flumes.facility import Pairs
 
 __all__ = [
-    "ALONG", "FOOT", "PRISM", "RADIUS", "SLOPE", "TURN", "UP", "along_bed", "bed_line", "place",
+    "ALONG", "END", "FOOT", "PRISM", "RADIUS", "SLOPE", "TURN", "UP", "along_bed", "bed_line",
+    "place",
 ]  # fmt: skip
 
 SLOPE, PAD = math.radians(31.0), math.radians(2.4)
 #: Where the bed begins to curve, m, and the radius of the arc, m (drawing of hdro-0008).
 FOOT, RADIUS = 74.0, 20.0
 TURN = SLOPE - PAD
+#: Where the pad ends in a scene, m: beyond where single grains come to rest, 134 m.
+END = 150.0
 #: Release: corners of the prism (x, z), m: bed, gate, top (drawing of hdro-0008).
 PRISM: Pairs = ((-4.7, 0.0), (0.0, 0.0), (-0.979, 1.629), (-4.181, 0.831))
 #: Vertical and downstream directions (x, z) in the flume's coordinates.
