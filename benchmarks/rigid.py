@@ -10,6 +10,7 @@ JSON line a case goes to benchmarks/results/rigid.jsonl.
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 import time
@@ -22,6 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import contact_heave
 from result_pages import append, chosen, filled, load, markdown
 
 import libmpm
@@ -87,7 +89,11 @@ def floats(density: float, stiff: float | None = None, cells: int = 8) -> Values
 
 
 def heave(density: float, stiff: float | None = None, cells: int = 8, lift: float = 2.0) -> Values:
-    """Return the time from a release `lift` cells above rest to the lowest place, s."""
+    """Return the time from a release `lift` cells above rest to the lowest place, s.
+
+    And what that is by linear potential flow in the same tank (`contact_heave.py`). `overshoot`:
+    how far the lowest place is below rest, parts of the lift.
+    """
     material = None if stiff is None else _solid(density, stiff)
     scene = scenes.floating(density, material, cells, lift=lift)
     scene.add_sensor(name="place", sensor=sensors.BodyTracker(body="block", interval=0.005))
@@ -97,9 +103,14 @@ def heave(density: float, stiff: float | None = None, cells: int = 8, lift: floa
     c = np.polyfit(place.time[k - 6 : k + 7], place["centroid_y"][k - 6 : k + 7], 2)
     # The tank is four blocks wide: what the block leaves when it is lifted raises the water.
     rest = place["centroid_y"][0] - lift / cells * 0.75
+    half_period = float(-c[1] / (2 * c[0]))
+    theory = contact_heave.heave(density / 1000.0, lift / cells)
     return {
-        "half_period": float(-c[1] / (2 * c[0])),
+        "half_period": half_period,
+        "theory": theory["half_period"],
+        "error": half_period / theory["half_period"] - 1,
         "overshoot": float((rest - place["centroid_y"][k]) * cells / lift),
+        "overshoot_theory": theory["overshoot"],
         "steps": float(simulation.steps),
     }
 
@@ -202,19 +213,25 @@ def _cases() -> dict[str, Case]:
         )
     for law, what in ((True, "by contact"), (False, "as one")):
         out[f"momentum with water, {what}"] = (momentum, {"law": law}, [("momentum", 1e-12)])
-    for density in (0.3, 0.5, 0.8):
+    for density in (0.3, 0.5, 0.8, 0.9):
         for stiff in (None, 1e6):
             given = {"density": 1000 * density, "stiff": stiff}
             name = f"density {density:g}, {_named(stiff)}"
             out[f"float, {name}"] = (floats, given, [("draught", 0.15)])
     for density, stiff, cells in (
-        *((d, e, 8) for d in (0.3, 0.5, 0.8) for e in (None, 1e6)),
-        (0.5, 1e7, 8), (0.5, None, 16), (0.5, 1e6, 16),
+        *((d, e, n) for n in (8, 12, 16) for d in (0.3, 0.5, 0.8, 0.9) for e in (None, 1e6)),
+        (0.5, 1e7, 8), (0.5, 1e7, 12),
     ):  # fmt: skip
         out[f"heave, density {density:g}, {cells} cells, {_named(stiff)}"] = (
             heave,
             {"density": 1000 * density, "stiff": stiff, "cells": cells, "lift": cells / 4},
-            [],
+            [("error", 0.15)],
+        )
+    for density, stiff in itertools.product((0.3, 0.5, 0.8, 0.9), (None, 1e6)):
+        out[f"heave from one cell, density {density:g}, 12 cells, {_named(stiff)}"] = (
+            heave,
+            {"density": 1000 * density, "stiff": stiff, "cells": 12, "lift": 1.0},
+            [("error", 0.15)],
         )
     for stiff in (None, 1e6):
         out[f"capsize, {_named(stiff)}"] = (capsizes, {"stiff": stiff}, [])
@@ -253,7 +270,8 @@ def main() -> int:
         met = [bool(abs(values[k]) <= b) for k, b in bounds]
         missed += met.count(False)
         line = {"case": name, "values": values, "bounds": [f"{k} at most {b:g}" for k, b in bounds],
-                "met": met, "commit": bench.commit(), "version": libmpm.__version__}  # fmt: skip
+                "met": met, "hardware": "CPU", "commit": bench.commit(),
+                "version": libmpm.__version__}  # fmt: skip
         append(arguments.output, line)
         print(name, values, met, flush=True)
     if arguments.write:
