@@ -50,12 +50,15 @@ LAUNCHED = any(
 STARTED = "MANY_GPUS_STARTED"  # set for the processes that this script has started
 
 
-def slosh(particles: int, lengths: int, fbar: str, *, bodies: int = 1) -> Sized:
+def slosh(
+    particles: int, lengths: int, fbar: str, *, bodies: int = 1, transfer: str | None = None
+) -> Sized:
     """Return a tank of `lengths` cubes of water in a row, about `particles` each, and a time step.
 
     The water starts with a twentieth of the speed of sound along the row, runs up at its end and
     comes back: it crosses every cut that is not along the row. Each cube adds the same work. It is
-    one body, or as many `bodies` one behind the other: ids of one body have 32 bits.
+    one body, or as many `bodies` one behind the other: ids of one body have 32 bits. `transfer`
+    replaces the default one.
     """
     n = max(4, round((particles / 8) ** (1 / 3)))
     dx = HEIGHT / n
@@ -63,6 +66,7 @@ def slosh(particles: int, lengths: int, fbar: str, *, bodies: int = 1) -> Sized:
         dimension=3, cell_size=dx, lower=(0, 0, 0),
         upper=((lengths * n + n // 4) * dx, n * dx, (n + n // 2) * dx),
         gravity=(0, 0, -GRAVITY), name="slosh",
+        method=None if transfer is None else libmpm.Method(transfer=transfer),
     )  # fmt: skip
     ends = [round(k * lengths * n / bodies) * dx for k in range(bodies + 1)]
     for k in range(bodies):
@@ -246,10 +250,12 @@ class Runner:
 
 def weak(runner: Runner) -> Iterator[Line]:
     """64 M particles a device, with F-bar and without."""
+    transfer = runner.arguments.transfer
+    name = "weak: 64 M each" if transfer is None else f"weak: 64 M each, {transfer}"
     for fbar in runner.arguments.fbar:
         for ranks in runner.counts():
-            sized = slosh(runner.size(64e6), ranks, fbar)
-            yield runner.run("weak: 64 M each", sized, ranks, runner.arguments.steps or 1000)
+            sized = slosh(runner.size(64e6), ranks, fbar, transfer=transfer)
+            yield runner.run(name, sized, ranks, runner.arguments.steps or 1000)
 
 
 def split(runner: Runner, particles: float, name: str) -> Iterator[Line]:
@@ -369,6 +375,7 @@ def main() -> int:
     )
     parser.add_argument("--fbar", nargs="+", choices=["default", "none"],
                         default=["default", "none"], help="forms that `weak` takes")  # fmt: skip
+    parser.add_argument("--transfer", help="of `weak`, such as FLIP; default: the scene's own")
     parser.add_argument("--precision", default="single")
     parser.add_argument("--scale", type=float, default=1.0, help="factor on all sizes")
     parser.add_argument("--steps", type=int, help="at most, of the scaling cases")

@@ -119,6 +119,16 @@ struct NodeUpdate {
         }
         return v;
     }
+    /// Of one that is on lines, and nothing else holds it.
+    template <class Seen>
+    MPM_INLINE Vec<T, D> lined_velocity(const LinedNode<D>& piece, T m, const Vec<Sum, D>& p,
+                                        const Seen& seen) const {
+        Vec<T, D> v = free_velocity(m, p);
+        const std::int64_t c[D] = {};  // the piece says where the others are
+        FollowLines<NodeUpdate, T, D, true, false, OwnPiece<D>>{*this, {&piece}}(
+            piece.slot(), piece.number(), c, m, v, seen);
+        return v;
+    }
     /// Of one that boundaries hold, and no line.
     template <class Seen>
     MPM_INLINE Vec<T, D> held_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
@@ -284,18 +294,22 @@ struct Changed {
 
 /// Velocities that `MoveWallNodes` has made, by (listed block, node): those of a block whose flag
 /// `touched` is k > 0 begin at node (k - 1) block_cells.
-template <class T>
+template <class T, int D>
 struct WallNodes {
-    T* velocity = nullptr;            // of D components; null where a scene has no such boundaries
+    T* velocity = nullptr;            // of D components; null where there are none
     std::uint8_t* changed = nullptr;  // by any boundary
-    const WallAsks* asks = nullptr;
-    T* seat = nullptr;  // as `WallSeats` has it
+    const WallAsks* asks = nullptr;   // null where a scene has no such boundaries
+    T* seat = nullptr;                // as `WallSeats` has it
+    // Hosts: those on lines alone, which the pass over all nodes moves.
+    const LinedNode<D>* lined = nullptr;
+    std::int64_t lined_count = 0;
 };
 
 /// Over all nodes of all blocks. Leaves velocities and averages, clears the sums that the step will
 /// fill, and gathers the maxima that the clock decides by. `keeps`: also what `KeptChannels` names;
 /// `mirrors`: mirrored planes, and what else kernels/boundaries.hpp calls special beside them.
-template <class T, class Sum, int D, bool keeps = false, bool mirrors = false>
+/// `lines`: nodes on lines alone come first, from their list.
+template <class T, class Sum, int D, bool keeps = false, bool mirrors = false, bool lines = false>
 struct UpdateGrid {
     NodeUpdate<T, Sum, D> node;
     Sum* next;  // sums to clear
@@ -303,11 +317,22 @@ struct UpdateGrid {
     int group_count;
     GroupChannels only;  // the group if there is one alone
     KeptChannels kept = {};
-    WallNodes<T> walls = {};
+    WallNodes<T, D> walls = {};
 
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         const auto& g = node.grid;
         if (node.clock->halt != Halt::none) return;
+        // Nodes of the list come here twice: with their piece they get what they have by their
+        // lines, without it their sums are cleared.
+        [[maybe_unused]] const LinedNode<D>* piece = nullptr;
+        if constexpr (lines) {
+            if (i < walls.lined_count) {
+                piece = walls.lined + i;
+                i = piece->node;
+            } else {
+                i -= walls.lined_count;
+            }
+        }
         const std::int32_t slot = std::int32_t(i / block_cells);
         const int n = int(i % block_cells);
         T* out = g.velocity + g.velocity_place(slot, n);
@@ -326,22 +351,31 @@ struct UpdateGrid {
                 if (kept.before >= 0) plain[a] = s[(kept.plain + a) * block_cells];
 
         Sum* clear = next + std::int64_t(slot) * g.sum_channels * block_cells + n;
-        for (int c = 0; c < g.sum_channels; ++c) clear[c * block_cells] = 0;
+        for (int c = 0; c < g.sum_channels && !(lines && piece); ++c) clear[c * block_cells] = 0;
         const T m = node.mass(mass);
         if constexpr (mirrors) {
             if (node.touched[slot]) {
                 std::int64_t c[D];
                 node.cell(slot, n, c);
                 const Images<D> images(node.boundaries, c);
+                if (lines && piece && images.mirrored) return;
                 if (images.mirrored) return update_mirrored(images, c, m, out, maxima);
             }
         }
+        if (lines && piece && !(m > T(0))) return;
         Vec<T, D> v{};
         [[maybe_unused]] bool changed = false;
         if (m > T(0)) {
-            const std::uint32_t listed = walls.velocity ? node.touched[slot] : 0;
-            if (listed > 0) {
+            std::uint32_t listed = 0;
+            if constexpr (lines)
+                listed = walls.asks && !piece ? node.touched[slot] : 0;
+            else
+                listed = walls.velocity ? node.touched[slot] : 0;
+            if (lines && piece) {
+                v = node.lined_velocity(*piece, m, p, Changed<T, D>{&changed});
+            } else if (listed > 0) {
                 const std::int64_t at = std::int64_t(listed - 1) * block_cells + n;
+                if (lines && walls.asks[at] == WallNode::on_lines) return;  // it has its own turn
                 const bool free = walls.asks[at] == WallNode::free;
                 if (free)
                     v = node.free_velocity(m, p);

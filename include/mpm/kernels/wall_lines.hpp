@@ -45,10 +45,12 @@ struct WallSeats {
 /// `ClassifyWallNodes` has found to be on lines alone. `seated`: what other nodes would do by
 /// themselves is there, but for those that nothing pushes. Both are one function on a device: lanes
 /// of a warp that wait while others are in a call have waited forever (design/gpu-step.md).
-template <class Node, class T, int D, bool plain = false, bool seated = false>
+template <class Node, class T, int D, bool plain = false, bool seated = false,
+          class Known = KnownNodes<D>>
 struct FollowLines {
+    static constexpr bool pieced = std::is_same_v<Known, OwnPiece<D>>;  // where `plain`
     const Node& node;
-    KnownNodes<D> known = {};
+    Known known = {};
     std::int64_t listed_at = 0;  // the node's place among those that are known
     WallSeats<T> seats = {};
 
@@ -143,8 +145,11 @@ struct FollowLines {
                 std::int64_t there[D];
                 moved_along<D>(cell, axis, by, there);
                 int number = 0;
-                const std::int32_t of =
-                    node_beside<D>(node.grid.table, slot, cell, axis, by, number);
+                std::int32_t of;
+                if constexpr (pieced)
+                    of = known.piece->beside_along(axis, int(by), number);
+                else
+                    of = node_beside<D>(node.grid.table, slot, cell, axis, by, number);
                 s = of < 0 ? Seat{} : other_seat(of, number, there);
             }
             if (at == line.first()) out.leader = s.mass;
@@ -197,11 +202,15 @@ struct FollowLines {
         return node.boundaries.holds(node.grid.table, slot);
     }
     MPM_INLINE WallLine line_of(std::int32_t slot, int axis, const std::int64_t (&cell)[D]) const {
-        if constexpr (!plain) {
-            if (known.lines == nullptr)
-                return find_line<D>(node.boundaries, axis, cell, alone(slot));
+        if constexpr (pieced) {
+            return WallLine::unpacked(known.piece->lines[axis]);
+        } else {
+            if constexpr (!plain) {
+                if (known.lines == nullptr)
+                    return find_line<D>(node.boundaries, axis, cell, alone(slot));
+            }
+            return WallLine::unpacked(known.lines[listed_at * D + axis]);
         }
-        return WallLine::unpacked(known.lines[listed_at * D + axis]);
     }
     template <class Seen>
     MPM_CALL BoundAxes<D> called(std::int32_t slot, int number, const std::int64_t (&cell)[D],

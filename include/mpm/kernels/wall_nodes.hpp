@@ -1,6 +1,7 @@
 // Nodes of the blocks that boundaries touch, in scenes with boundaries that only some have: listed
 // by what they ask for when the table of blocks is made, moved in passes of their own before the
-// pass over all nodes. There their long functions would cost every node registers and a stack.
+// pass over all nodes. There their long functions would cost every node registers and a stack. On
+// hosts those on lines alone are moved in that pass, from pieces of their own (design/walls.md, 7).
 #pragma once
 
 #include "mpm/kernels/grid.hpp"
@@ -101,6 +102,23 @@ struct ClassifyWallNodes {
     static constexpr int far_off = 12;  // further than lines look for other walls
 };
 
+/// Pieces of the nodes on lines alone.
+template <int D>
+struct ListLinedNodes {
+    BlockTableView<D> table;
+    const std::int32_t* blocks;
+    const std::uint32_t* lines;  // (blocks, nodes, D), packed
+    const std::uint32_t* flag;   // (blocks, nodes)
+    const std::uint32_t* position;
+    LinedNode<D>* pieces;
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        if (flag[i])
+            pieces[position[i]] =
+                LinedNode<D>(table, blocks[i / block_cells], int(i % block_cells), lines + i * D);
+    }
+};
+
 /// What the nodes that ask for more than lines towards walls would do by themselves.
 template <class T, class Sum, int D>
 struct SeatWallNodes {
@@ -132,7 +150,7 @@ struct MoveWallNodes {
     const std::int32_t* blocks;
     const std::int32_t* nodes;  // by (listed block, node)
     KnownNodes<D> known;
-    WallNodes<T> to;
+    WallNodes<T, D> to;
 
     MPM_INLINE void operator()(std::int64_t k) const {
         if (node.clock->halt != Halt::none) return;

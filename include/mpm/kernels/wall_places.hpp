@@ -363,6 +363,55 @@ MPM_INLINE std::int32_t node_beside(const BlockTableView<D>& table, std::int32_t
     return node_of_field<D>(table, slot, there, number);
 }
 
+/// A node on lines towards walls alone, with all that it needs to find the others of its lines.
+template <int D>
+struct alignas(16) LinedNode {
+    std::uint32_t node = 0;       // slot and node in one number
+    std::uint32_t lines[D] = {};  // packed
+    std::int32_t beside[D] = {};  // slot of those beyond its own block, -1 where it is not active
+
+    LinedNode() = default;
+    MPM_INLINE LinedNode(const BlockTableView<D>& table, std::int32_t slot, int number,
+                         const std::uint32_t* packed)
+        : node(std::uint32_t(slot) * block_cells + std::uint32_t(number)) {
+        std::int64_t cell[D];
+        int at[D];
+        Block<D>::coordinates(number, at);
+        for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
+        for (int a = 0; a < D; ++a) {
+            lines[a] = packed[a];
+            beside[a] = slot;
+            const WallLine line = WallLine::unpacked(packed[a]);
+            if (line.form == WallLine::none) continue;
+            // All that lie beyond its block do so on one side of it.
+            for (int place = -1; place <= line.first(); ++place) {
+                int found = 0;
+                const std::int32_t of =
+                    node_beside<D>(table, slot, cell, a, (place - line.place) * line.sign, found);
+                if (of != slot) beside[a] = of;
+            }
+        }
+    }
+    MPM_INLINE std::int32_t slot() const { return std::int32_t(node / block_cells); }
+    MPM_INLINE int number() const { return int(node % block_cells); }
+    /// As `node_beside`, of a node of one of its lines.
+    MPM_INLINE std::int32_t beside_along(int axis, int by, int& found) const {
+        constexpr int edge = Block<D>::edge;
+        int at[D];
+        Block<D>::coordinates(number(), at);
+        const int to = at[axis] + by;
+        at[axis] = (to + edge) % edge;
+        found = Block<D>::cell(at);
+        return to >= 0 && to < edge ? slot() : beside[axis];
+    }
+};
+
+/// In place of what is known of all nodes, the piece of the one that asks.
+template <int D>
+struct OwnPiece {
+    const LinedNode<D>* piece = nullptr;
+};
+
 /// Rows beside the edge of a box do not vanish on the last half cell of its faces, and no node is
 /// held there. What even pressure does to such a node is what the face gives back: the integral of
 /// the node's spline over the face. f(boundary, face, axis, area with the sign of the normal), the

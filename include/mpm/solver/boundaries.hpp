@@ -67,12 +67,14 @@ public:
         return {lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr, touched_.data(),
                 asks_.data()};
     }
-    /// By (listed block, node), the nodes that a pass moves.
+    /// By (listed block, node), the nodes that a pass moves. Hosts have no pass over lines:
     const Buffer<X, std::int32_t>& nodes_of(WallPass pass) const { return of_pass_[int(pass)]; }
+    /// the nodes on lines alone, in the order of listed blocks.
+    const Buffer<X, LinedNode<D>>& lined() const { return lined_; }
     double bytes() const {
         return double(touched_.bytes() + blocks_.bytes() + asks_.bytes() + lines_.bytes() +
                       surface_nodes_.bytes() + of_pass_[0].bytes() + of_pass_[1].bytes() +
-                      of_pass_[2].bytes());
+                      of_pass_[2].bytes() + lined_.bytes());
     }
     /// The same of what load cell number `cell` measures, into `flag`.
     void touch_measured(int cell, const BlockTableView<D>& table, std::uint32_t* flag);
@@ -117,6 +119,7 @@ private:
     Buffer<X, std::int32_t> of_pass_[wall_passes] = {Buffer<X, std::int32_t>(exec_),
                                                      Buffer<X, std::int32_t>(exec_),
                                                      Buffer<X, std::int32_t>(exec_)};
+    Buffer<X, LinedNode<D>> lined_{exec_};
 };
 
 template <class X, int D>
@@ -400,6 +403,13 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
     }
     const std::vector<std::uint32_t> counts = numbers.host();
     for (std::size_t k = 0; k < wall_passes; ++k) {
+        if (!X::is_device && WallPass(k) == WallPass::lines) {
+            lined_.reserve_discard(counts[k]);
+            exec_.for_each(std::int64_t(nodes),
+                           ListLinedNodes<D>{table, blocks_.data(), lines_.data(), flags[k].data(),
+                                             positions[k].data(), lined_.data()});
+            continue;
+        }
         of_pass_[k].reserve_discard(counts[k]);
         exec_.for_each(std::int64_t(nodes),
                        ListHomes{flags[k].data(), positions[k].data(), of_pass_[k].data()});

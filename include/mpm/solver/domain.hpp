@@ -152,7 +152,7 @@ private:
     using NothingAfter = std::conditional_t<X::is_device, AfterGrid<D>, NothingDecided>;
     template <class Decided>
     void make_velocities(const Decided& decided);
-    template <bool mirrors, class Decided>
+    template <bool mirrors, bool lines, class Decided>
     void make_velocities_with(const Decided& decided);
     void move_wall_nodes();
     Fault describe_fault();
@@ -420,18 +420,19 @@ private:
                 boundaries_.pressures().data(),
                 int(boundaries_.pressures().size())};
     }
-    WallNodes<Grid> wall_nodes() {
+    WallNodes<Grid, D> wall_nodes() {
         if (!boundaries_.lists()) return {};
+        const auto& lined = boundaries_.lined();
         return {wall_velocity_.data(), wall_changed_.data(), boundaries_.asks().data(),
-                wall_seats_.data()};
+                wall_seats_.data(),    lined.data(),         std::int64_t(lined.size())};
     }
     /// What nodes beside boundaries would do by themselves in this step.
     WallSeats<Grid> wall_seats() const {
         if (!boundaries_.lists()) return {};
         return {wall_seats_.data(), boundaries_.asks().data()};
     }
-    template <bool keeps, bool mirrors>
-    UpdateGrid<Grid, Sum, D, keeps, mirrors> grid_update(int parity) {
+    template <bool keeps, bool mirrors, bool lines>
+    UpdateGrid<Grid, Sum, D, keeps, mirrors, lines> grid_update(int parity) {
         return {node_update(parity),
                 sums_[1 - parity].data(),
                 groups_.data(),

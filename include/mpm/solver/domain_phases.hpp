@@ -25,24 +25,27 @@ template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::make_velocities(const Decided& decided) {
     if (boundaries_.lists()) move_wall_nodes();
+    constexpr bool host = !X::is_device;
     if (boundaries_.has_mirrors())
-        make_velocities_with<true>(decided);
+        make_velocities_with<true, host>(decided);
+    else if (host && boundaries_.lists())
+        make_velocities_with<false, host>(decided);
     else
-        make_velocities_with<false>(decided);
+        make_velocities_with<false, false>(decided);
 }
 
 template <class X, class T, int D>
 void Domain<X, T, D>::move_wall_nodes() {
     const auto node = node_update(parity());
     const auto& b = boundaries_;
-    const WallNodes<Grid> to = wall_nodes();
+    const WallNodes<Grid, D> to = wall_nodes();
     const auto move = [&]<WallPass pass>() {
         const auto& nodes = b.nodes_of(pass);
         exec_.for_each_next(std::int64_t(nodes.size()),
                             MoveWallNodes<Grid, Sum, D, pass>{node, b.blocks().data(), nodes.data(),
                                                               b.known(), to});
     };
-    move.template operator()<WallPass::lines>();
+    if constexpr (X::is_device) move.template operator()<WallPass::lines>();
     move.template operator()<WallPass::held>();
     const auto& all = b.nodes_of(WallPass::all);
     exec_.for_each_next(
@@ -52,17 +55,18 @@ void Domain<X, T, D>::move_wall_nodes() {
 }
 
 template <class X, class T, int D>
-template <bool mirrors, class Decided>
+template <bool mirrors, bool lines, class Decided>
 void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
-    const std::int64_t nodes = std::int64_t(table_.slots) * block_cells;
+    const std::int64_t all = std::int64_t(table_.slots) * block_cells;
+    const std::int64_t nodes = all + (lines ? wall_nodes().lined_count : 0);
     const bool sweeps = plan_.sweep.residual > 0;
     const auto update = [&](const auto& then) {
         if (plan_.kept.any())
-            exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()),
-                                                  then);
+            exec_.template max_each<maxima_count>(
+                nodes, grid_update<true, mirrors, lines>(parity()), then);
         else
-            exec_.template max_each<maxima_count>(nodes, grid_update<false, mirrors>(parity()),
-                                                  then);
+            exec_.template max_each<maxima_count>(
+                nodes, grid_update<false, mirrors, lines>(parity()), then);
     };
     if constexpr (X::is_device) {
         if (contact_blocks_ > 0) {
@@ -84,11 +88,11 @@ void Domain<X, T, D>::make_velocities_with(const Decided& decided) {
     if (!sweeps) {
         update(decided);
     } else {
-        exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors>(parity()),
+        exec_.template max_each<maxima_count>(nodes, grid_update<true, mirrors, lines>(parity()),
                                               NothingAfter{});
         sweep_grid();
         exec_.template max_each<maxima_count>(
-            nodes, FinishSweep<Grid, Sum, D>{node_update(parity()), plan_.sweep}, decided);
+            all, FinishSweep<Grid, Sum, D>{node_update(parity()), plan_.sweep}, decided);
     }
 }
 

@@ -17,10 +17,12 @@ void Domain<X, T, D>::link_table() {
     boundaries_.touch(table_);
     if (boundaries_.lists()) {
         const std::size_t nodes = boundaries_.blocks().size() * block_cells;
-        wall_velocity_.reserve_discard(nodes * D);
-        wall_changed_.reserve_discard(nodes);
-        if (boundaries_.nodes_of(WallPass::all).size() > 0)
-            wall_seats_.reserve_discard(nodes * (D + 1));
+        const auto any = [&](WallPass pass) { return boundaries_.nodes_of(pass).size() > 0; };
+        if (X::is_device || any(WallPass::held) || any(WallPass::all)) {
+            wall_velocity_.reserve_discard(nodes * D);
+            wall_changed_.reserve_discard(nodes);
+        }
+        if (any(WallPass::all)) wall_seats_.reserve_discard(nodes * (D + 1));
     }
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();

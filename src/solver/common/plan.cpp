@@ -487,11 +487,12 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                                          [](const BodyPlan& p) { return p.cells.smooths(); });
     if (backend.device && any_smooths) plan.memory_tables += slots * 8 * smoothing_sums;
 
-    // Velocities, kinds, lines and places in two lists, of each node.
+    // Velocities, kinds, lines and places in two lists, of each node; on hosts pieces of three in
+    // four.
     const bool surfaces =
         std::any_of(spec.boundaries.begin(), spec.boundaries.end(), linear_surface);
     plan.memory_tables += estimate.touched * block_cells *
-                          (D * (backend.grid_real() + 4) + 6 +
+                          (D * (backend.grid_real() + 4) + 6 + (backend.device ? 0 : 24) +
                            double(!surfaces ? 0
                                   : D == 2  ? sizeof(SurfaceNode<2>)
                                             : sizeof(SurfaceNode<3>)));

@@ -4,22 +4,24 @@
 #include "mpm/exec/cpu.hpp"
 #include "mpm/kernels/wall_nodes.hpp"
 
-#define MPM_GRID_PASSES_WITH(prefix, T, D, keeps, mirrors)                                   \
-    prefix template void Cpu::largest_of<maxima_count, UpdateGrid<T, T, D, keeps, mirrors>>( \
-        std::int64_t, const UpdateGrid<T, T, D, keeps, mirrors>&, double(&)[maxima_count]);
+#define MPM_GRID_PASSES_WITH(prefix, T, D, keeps, mirrors, lines)              \
+    prefix template void                                                       \
+    Cpu::largest_of<maxima_count, UpdateGrid<T, T, D, keeps, mirrors, lines>>( \
+        std::int64_t, const UpdateGrid<T, T, D, keeps, mirrors, lines>&, double(&)[maxima_count]);
 
 #define MPM_WALL_PASS(prefix, T, D, pass)                             \
     prefix template void Cpu::for_each<MoveWallNodes<T, T, D, pass>>( \
         std::int64_t, const MoveWallNodes<T, T, D, pass>&);
 
 #define MPM_GRID_PASSES_IN(prefix, T, D)                                                       \
-    MPM_GRID_PASSES_WITH(prefix, T, D, false, false)                                           \
-    MPM_GRID_PASSES_WITH(prefix, T, D, true, false)                                            \
-    MPM_GRID_PASSES_WITH(prefix, T, D, false, true)                                            \
-    MPM_GRID_PASSES_WITH(prefix, T, D, true, true)                                             \
+    MPM_GRID_PASSES_WITH(prefix, T, D, false, false, false)                                    \
+    MPM_GRID_PASSES_WITH(prefix, T, D, true, false, false)                                     \
+    MPM_GRID_PASSES_WITH(prefix, T, D, false, false, true)                                     \
+    MPM_GRID_PASSES_WITH(prefix, T, D, true, false, true)                                      \
+    MPM_GRID_PASSES_WITH(prefix, T, D, false, true, true)                                      \
+    MPM_GRID_PASSES_WITH(prefix, T, D, true, true, true)                                       \
     prefix template void Cpu::for_each<SeatWallNodes<T, T, D>>(std::int64_t,                   \
                                                                const SeatWallNodes<T, T, D>&); \
-    MPM_WALL_PASS(prefix, T, D, WallPass::lines)                                               \
     MPM_WALL_PASS(prefix, T, D, WallPass::held)                                                \
     MPM_WALL_PASS(prefix, T, D, WallPass::all)
 

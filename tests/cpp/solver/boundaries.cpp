@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "mpm/exec/cpu.hpp"
+#include "mpm/kernels/sorting.hpp"
 #include "support/scene.hpp"
 
 namespace mpm {
@@ -33,7 +34,7 @@ void add_box(Spec& s, std::vector<int> lower, std::vector<int> upper) {
 /// Every block of the domain, linked as far as boundaries ask.
 struct Whole {
     std::vector<std::uint64_t> keys;
-    std::vector<std::int32_t> corners;
+    std::vector<std::int32_t> corners, neighbours;
     BlockTableView<2> table{};
 
     explicit Whole(const Spec& s) {
@@ -42,14 +43,14 @@ struct Whole {
         for (std::int64_t x = 0; x < s.cells[0] / Block<2>::edge; ++x)
             for (std::int64_t y = 0; y < s.cells[1] / Block<2>::edge; ++y)
                 keys.push_back(table.keys_of.key({x, y}));
-        for (const std::uint64_t key : keys) {
-            std::int64_t block[2];
-            table.keys_of.block(key, block);
-            for (int a = 0; a < 2; ++a) corners.push_back(std::int32_t(block[a] * Block<2>::edge));
-        }
+        corners.resize(2 * keys.size());
+        neighbours.resize(keys.size() * Block<2>::neighbours);
         table.keys = keys.data();
         table.corners = corners.data();
+        table.neighbours = neighbours.data();
         table.slots = std::int32_t(keys.size());
+        const LinkBlocks<2> link{table, neighbours.data(), corners.data()};
+        for (std::size_t i = 0; i < neighbours.size(); ++i) link(std::int64_t(i));
     }
     std::size_t slot(std::int64_t x, std::int64_t y) const {
         return std::size_t(find_key(keys.data(), table.slots, table.keys_of.key({x, y})));
@@ -202,7 +203,37 @@ TEST(Boundaries, ListNodesByWhatTheyAskForWhereThatStays) {
             all_asked += wanted == (WallNode::on_lines | WallNode::held);
         }
     }
-    EXPECT_EQ(boundaries.nodes_of(WallPass::lines).size(), on_lines);
+    const auto lined = boundaries.lined().host();
+    ASSERT_EQ(lined.size(), on_lines);
+    std::size_t others = 0, beyond = 0;
+    for (const LinedNode<2>& piece : lined) {
+        const std::size_t slot = std::size_t(piece.slot());
+        const std::size_t listed = touched[slot] - 1;
+        const std::size_t i = listed * block_cells + std::size_t(piece.number());
+        ASSERT_LT(listed, blocks.size());
+        EXPECT_EQ(asks[i], WallNode::on_lines);
+        int at[2];
+        Block<2>::coordinates(piece.number(), at);
+        std::int64_t cell[2];
+        for (std::size_t a = 0; a < 2; ++a) cell[a] = all.corners[2 * slot + a] + at[a];
+        for (int a = 0; a < 2; ++a) {
+            EXPECT_EQ(piece.lines[a], lines[i * 2 + std::size_t(a)]);
+            const WallLine line = WallLine::unpacked(piece.lines[a]);
+            if (line.form == WallLine::none) continue;
+            for (int place = -1; place < 2; ++place) {
+                const int by = (place - line.place) * line.sign;
+                int number = 0, found = 0;
+                const std::int32_t of =
+                    node_beside<2>(all.table, piece.slot(), cell, a, by, number);
+                EXPECT_EQ(piece.beside_along(a, by, found), of);
+                EXPECT_EQ(found, number);
+                others += place != line.place;
+                beyond += of != piece.slot();
+            }
+        }
+    }
+    EXPECT_GT(others, beyond);
+    EXPECT_GT(beyond, 0u);
     EXPECT_EQ(boundaries.nodes_of(WallPass::held).size(), only_held);
     EXPECT_EQ(boundaries.nodes_of(WallPass::all).size(), all_asked);
     EXPECT_GT(only_held, 0u);
