@@ -214,8 +214,8 @@ def solid_methods(runner: Runner) -> Iterator[Line]:
             line = runner.run(case, sized, steps, falls, pipeline=pipeline)
             plain = plain or line["particle_steps_per_s"]
             yield line | {"rate_to_plain": line["particle_steps_per_s"] / plain}
-    for beside in solids()[:2]:  # fixed corotated, neo-Hookean
-        plain, kind = 0.0, type(beside).__name__
+    for beside, kind in ((solid(), "solid"), (solids()[1], "neo-Hookean")):
+        plain = 0.0
         for method in (APIC, AFLIP):
             sized = cubes(runner.size(4e6), ("water", "solid"), method, beside)
             case = f"solid-methods: water and {kind}, {method.transfer_choice.scheme}"

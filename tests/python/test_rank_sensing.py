@@ -93,3 +93,30 @@ def test_bits_of_one(ranks, tmp_path):
     assert np.isfinite(one.sensors["pair"].values).any()
     assert one.sensors["corner"].values[-1, 0] > 0
     assert one.sensors["dry"].values[-1, 0] == 0
+
+
+@pytest.mark.parametrize(
+    ("function", "word"),
+    [("len(sim.device_arrays)", "'device_arrays' of the simulation is asked for"),
+     ("fails(sim)", "mine")],
+)  # fmt: skip
+def test_a_function_that_fails_ends_all(function, word, tmp_path):
+    """One that reads what is each process's own, and one that fails on one rank alone."""
+    code = f"""
+        def fails(sim):
+            if os.environ["RANK"] == "1" and sim.steps > 2:
+                raise libmpm.NumericalError("mine")
+            return sim.time
+        scene = watched()
+        last = libmpm.sensors.Custom(function=lambda sim: {function}, columns="n")
+        scene.add_sensor(name="last", sensor=last)
+        sim = libmpm.Simulation(scene, device="cpu", ranks="processes", threads=1)
+        try:
+            sim.step(5)
+        except libmpm.Error as error:
+            print(error)
+            raise SystemExit(7)
+    """
+    for status, out, error in jobs.run(2, jobs.script(HEAD, code), tmp_path):
+        assert status == 7, error
+        assert word in out

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from libmpm._src.errors import SceneError
 from libmpm._src.run.rank_messages import Link
 from libmpm._src.run.views import GridView, ParticlesView
 from libmpm._src.sensors import attributes
@@ -55,8 +56,17 @@ class _Reads:
         return self._link.share({name: np.asarray(self._engine.grid(name, within))})[name]
 
 
+#: What a simulation says alike on all ranks.
+_ALIKE = frozenset({
+    "_shared", "device", "dimension", "dt", "first_step", "flow_series", "guard", "inflow",
+    "offset", "outflow", "output", "partition", "pipeline", "plan", "precision", "ranks",
+    "scene", "sensors", "series", "statistics", "steps", "stopped", "threads", "time",
+    "timings", "totals", "version",
+})  # fmt: skip
+
+
 class WholeRun:
-    """A simulation to read; what is not read from particles and nodes is its own."""
+    """A simulation to read: particles and nodes of all ranks, and what these say alike."""
 
     def __init__(self, simulation: Running, link: Link) -> None:
         """Take the simulation of this process."""
@@ -73,6 +83,16 @@ class WholeRun:
         """Return the number of particles of body number `body`, on all ranks."""
         return int(self._link.add([int(self._own.particle_count(body))])[0])
 
+    def gather(self, body: str, *names: str) -> dict[str, NDArray[Any]]:
+        """Return attributes of all particles of a body in the order of ids, on every rank."""
+        return self.particles[body].read(["id", *names])
+
     def __getattr__(self, name: str) -> Any:
-        """Return what the simulation has by that name: time, steps, scene, sensors, ..."""
+        """Return what the simulation has by that name, if it is the same on all ranks."""
+        if name not in _ALIKE:
+            raise SceneError(
+                f"'{name}' of the simulation is asked for while ranks are processes, where it is "
+                "each one's own or goes on with the run; expected particles, grid, gather or what "
+                "is the same on all ranks, such as time and sensors; use ranks of one process"
+            )
         return getattr(self._own, name)

@@ -40,7 +40,7 @@ _GAP = 10.0
 _DEEP = {False: 16.0, True: 8.0}
 #: Cells from a held wall within which pressure is wrong, and what a load cell on one face of a box
 #: lacks in still water, cells.
-_NEAR, _LACKS = 1.5, 0.4
+_NEAR, _LACKS = 2.0, 0.4
 #: K over ρgH from which a slot of two cells lets less than 0.18 through, one of four 0.78.
 _STIFF = 2000.0
 #: Part of a load that may be missing without a word.

@@ -87,7 +87,8 @@ class OfGrid(Sampler):
             low, high = (np.asarray(side) for side in region.bounds())
             spare = REACH * self._scene.cell_size
             within = low - spare, high + spare
-        for i in range(len(self._scene.bodies)):
+        fluids = self._sensor.attribute == "volume_energy"
+        for i in self._fluids if fluids else range(len(self._scene.bodies)):
             moment.want(i, ("position", "volume", "volume_ratio"), within)
 
     def row(self, moment: Moment) -> list[float]:

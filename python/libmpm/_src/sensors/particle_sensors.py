@@ -197,7 +197,9 @@ class OfPressure(Sampler):
         if self._order == 0:
             return [mean]
         if fluid:
-            return [mean - float(sum(slopes) @ gravity) * self._spacing / float(total)]
+            found = mean - float(sum(slopes) @ gravity) * self._spacing / float(total)
+            # Above a surface the weight of a fluid that is not there is not taken off.
+            return [max(found, min(mean, 0.0))]
         return [mean + _of_line(x, w, p)]
 
 

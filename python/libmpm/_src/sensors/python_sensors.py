@@ -137,7 +137,8 @@ class GridSensor(Sampled):
     - "kinetic_energy" m v²/2, J, of the velocity with which the coming step moves particles. With
       APIC their sum is at least the kinetic energy of `Energy`, whose velocities are means over
       nodes; "kinetic_energy_before" p²/(2 m), of the momentum p that particles have left there,
-      stress included, before gravity and boundaries;
+      stress included, before gravity and boundaries. Where contacts keep bodies apart both are of
+      the mean velocity of all of them at a node;
     - "potential_energy" - m g · (x - lower corner), J; their sum is that of the particles with
       linear, quadratic and cubic functions;
     - "volume_energy" Σ over fluids of V⁰_i Ψ(J̄_i), J, with V⁰_i = Σ N_ip V_p⁰,
@@ -331,7 +332,8 @@ class PressureProbe(Sampled):
     particle). At a flat wall that rests this is the slope of the pressure across it, in still water
     and in a flow; the inertia of a wall that is accelerated is not in it. A line fitted to the
     particles beside a wall would amplify what their pressures alternate by within a cell, which
-    forces on the wall do not feel. Where a particle of a solid is in reach it is such a line, of
+    forces on the wall do not feel. It is not negative where the mean is not: above a surface there
+    is no weight to take off. Where a particle of a solid is in reach it is such a line, of
     least squares; with fewer than 2(d + 1) of them, or all of them on a plane, the mean.
 
     A sample reads positions, volumes and pressures of the bodies. Raises `SceneError`.
@@ -442,7 +444,8 @@ class Custom(Sampled):
 
     The function may read the simulation and must not advance it. For a resumed run to have the
     same series it must depend on nothing else. Of ranks that are processes each calls it, with
-    what reads the particles and nodes of all: it must read the same on every rank.
+    what reads the particles and nodes of all: it must read the same on every rank. Nodes come in
+    another order then.
 
     No file holds a function: `Scene.save` refuses the scene. A run with it works, and its
     ``scene.json`` and checkpoints keep the function's name; to continue from them give it again,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.schedule import due_index, due_time
-from libmpm._src.errors import SceneError
+from libmpm._src.errors import NumericalError, SceneError
 from libmpm._src.output.series import Series
 from libmpm._src.run.views import world_shift
 from libmpm._src.run.whole_run import WholeRun
@@ -56,7 +56,10 @@ class OfFunction(Sampler):
     def row(self, moment: Moment) -> Array:
         """Return what the function returns."""
         assert callable(self._sensor.function)
-        given = self._sensor.function(moment.simulation)
+        try:
+            given = self._sensor.function(moment.simulation)
+        except NumericalError as error:  # that of the run ends all ranks, this one knows of none
+            raise SceneError(f"its function has failed: {error}") from error
         row = np.atleast_1d(np.asarray(given, dtype=np.float64))
         if row.shape != (len(self.columns),):
             raise SceneError(
