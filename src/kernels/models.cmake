@@ -3,6 +3,6 @@
 # per backend.
 set(MPM_MODELS TaitFluid HerschelBulkleyFluid FixedCorotated NeoHookean StVenantKirchhoffHencky
                LinearElastic VonMises DruckerPrager CamClay Hypoelastic)
-# Of these the CPU's unit is compiled in four parts, side by side: it alone takes longer than all of
+# Of these the CPU's unit is compiled in four parts, side by side: one alone takes longer than all of
 # the build on many cores.
-set(MPM_LONG_MODELS TaitFluid)
+set(MPM_LONG_MODELS TaitFluid HerschelBulkleyFluid)

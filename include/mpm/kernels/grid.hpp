@@ -358,7 +358,6 @@ struct UpdateGrid {
                 std::int64_t c[D];
                 node.cell(slot, n, c);
                 const Images<D> images(node.boundaries, c);
-                if (lines && piece && images.mirrored) return;
                 if (images.mirrored) return update_mirrored(images, c, m, out, maxima);
             }
         }

@@ -67,9 +67,9 @@ public:
         return {lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr, touched_.data(),
                 asks_.data()};
     }
-    /// By (listed block, node), the nodes that a pass moves. Hosts have no pass over lines:
+    /// By (listed block, node), the nodes that a pass moves; on hosts lines have no pass.
     const Buffer<X, std::int32_t>& nodes_of(WallPass pass) const { return of_pass_[int(pass)]; }
-    /// the nodes on lines alone, in the order of listed blocks.
+    /// Hosts: the nodes on lines alone, in the order of listed blocks.
     const Buffer<X, LinedNode<D>>& lined() const { return lined_; }
     double bytes() const {
         return double(touched_.bytes() + blocks_.bytes() + asks_.bytes() + lines_.bytes() +
@@ -403,12 +403,15 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
     }
     const std::vector<std::uint32_t> counts = numbers.host();
     for (std::size_t k = 0; k < wall_passes; ++k) {
-        if (!X::is_device && WallPass(k) == WallPass::lines) {
-            lined_.reserve_discard(counts[k]);
-            exec_.for_each(std::int64_t(nodes),
-                           ListLinedNodes<D>{table, blocks_.data(), lines_.data(), flags[k].data(),
-                                             positions[k].data(), lined_.data()});
-            continue;
+        if constexpr (!X::is_device) {
+            if (WallPass(k) == WallPass::lines) {
+                lined_.reserve_discard(counts[k]);
+                exec_.for_each(
+                    std::int64_t(nodes),
+                    ListLinedNodes<D>{table, blocks_.data(), lines_.data(), flags[k].data(),
+                                      positions[k].data(), lined_.data()});
+                continue;
+            }
         }
         of_pass_[k].reserve_discard(counts[k]);
         exec_.for_each(std::int64_t(nodes),

@@ -27,7 +27,7 @@ void Domain<X, T, D>::make_velocities(const Decided& decided) {
     if (boundaries_.lists()) move_wall_nodes();
     constexpr bool host = !X::is_device;
     if (boundaries_.has_mirrors())
-        make_velocities_with<true, host>(decided);
+        make_velocities_with<true, false>(decided);  // lists no nodes
     else if (host && boundaries_.lists())
         make_velocities_with<false, host>(decided);
     else

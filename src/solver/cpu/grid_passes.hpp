@@ -18,8 +18,8 @@
     MPM_GRID_PASSES_WITH(prefix, T, D, true, false, false)                                     \
     MPM_GRID_PASSES_WITH(prefix, T, D, false, false, true)                                     \
     MPM_GRID_PASSES_WITH(prefix, T, D, true, false, true)                                      \
-    MPM_GRID_PASSES_WITH(prefix, T, D, false, true, true)                                      \
-    MPM_GRID_PASSES_WITH(prefix, T, D, true, true, true)                                       \
+    MPM_GRID_PASSES_WITH(prefix, T, D, false, true, false)                                     \
+    MPM_GRID_PASSES_WITH(prefix, T, D, true, true, false)                                      \
     prefix template void Cpu::for_each<SeatWallNodes<T, T, D>>(std::int64_t,                   \
                                                                const SeatWallNodes<T, T, D>&); \
     MPM_WALL_PASS(prefix, T, D, WallPass::held)                                                \
