@@ -328,10 +328,8 @@ def bounds(case: str, row: str) -> list[tuple[str, float, float]]:
             ("deepest", 0.0, 0.7),
         ]  # fmt: skip
     if case == "hertz" and row.startswith("R 32"):
-        return [
-            *((f"force_at_{d}_cells", -b, b) for d, b in (("0.32", 0.1), ("0.59", 0.05),
-                                                          ("0.96", 0.03))),
-        ]  # fmt: skip
+        off = {"0.32": 0.1, "0.59": 0.05, "0.96": 0.03}
+        return [(f"force_at_{d}_cells", -b, b) for d, b in off.items()]
     if case == "hertz":
         radius = int(row.split(",")[0].split()[1])
         return [(f"shift_at_{d * radius:.2f}_cells", -0.08, 0.08) for d in (0.01, 0.0184, 0.03)]

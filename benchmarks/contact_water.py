@@ -12,7 +12,7 @@ from contact_faces import simulate
 from wall_flows import disc
 
 import libmpm
-from libmpm import boundaries, contacts, materials, methods, shapes
+from libmpm import boundaries, contacts, materials, shapes
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
@@ -86,18 +86,9 @@ def sinks() -> Iterator[tuple[str, Callable[[], Values]]]:
             yield name, lambda k=k, m=material: sink(k, True, m)
 
 
-RISING = {
-    "APIC": methods.Transfer(),
-    "AFLIP 0.95": methods.Transfer(scheme="AFLIP", flip=0.95),
-    "FLIP": methods.Transfer(scheme="FLIP"),
-}
-
-
 def rise(transfer: str, cells: int, stiffer: float, rigid: bool) -> Values:
     """A disc of half the density let go under water, of g/3: `wall_flows.disc`, with contact."""
-    return disc(
-        "held", RISING[transfer], cells, touching=True, rigid=rigid, stiffer=stiffer
-    )  # fmt: skip
+    return disc("held", transfer, cells, touching=True, rigid=rigid, stiffer=stiffer)
 
 
 def rises() -> Iterator[tuple[str, Callable[[], Values]]]:

@@ -222,7 +222,7 @@ def run_up(cell: str, transfer: str, across: int) -> Values:
 
 
 def disc(
-    cell: str, transfer: str | methods.Transfer, across: int, *,
+    cell: str, transfer: str, across: int, *,
     touching: bool = False, rigid: bool = False, stiffer: float = 1.0,
 ) -> Values:  # fmt: skip
     """Return how a disc 0.16 m wide starts to rise, over g/3, in a tank of 8 by 6 of its width.
@@ -232,12 +232,11 @@ def disc(
     rises by g/3 moves by 0.016 of its width, `acceleration` by the first 0.1 s (0.10 of it).
     """
     dx = 0.16 / across
-    scheme = TRANSFERS[transfer] if isinstance(transfer, str) else transfer
-    scene = scene_of((1.28, 1.12), dx, scheme)
+    scene = scene_of((1.28, 1.12), dx, transfer)
     ball = shapes.Sphere(centre=(0.64, 0.48), radius=0.08)
     scene.add_body(
         name="water", shape=shapes.Box(lower=(0.0, 0.0), upper=(1.28, 0.96)),
-        material=water(stiffer * 200 * WATER * GRAVITY), hydrostatic=0.96,
+        material=stiff(stiffer), hydrostatic=0.96,
     )  # fmt: skip
     law = (
         materials.Rigid(density=500.0)

@@ -11,10 +11,9 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
+from support.still_water import GRAVITY, WATER, box_in_still_water, faces_of
 
 pytestmark = pytest.mark.validation
-
-WATER, GRAVITY = 1000.0, 9.81
 
 
 def still(low, high, basin, cell, device, steps):
@@ -24,25 +23,8 @@ def still(low, high, basin, cell, device, steps):
     middle of walls and bed.
     """
     d, depth = len(basin), basin[-1] * cell
-    scene = libmpm.Scene(
-        dimension=d, cell_size=cell, lower=(0.0,) * d,
-        upper=tuple((n + 4 * (a == d - 1)) * cell for a, n in enumerate(basin)),
-        gravity=(*(0.0,) * (d - 1), -GRAVITY), method=libmpm.Method(cfl=0.3),
-    )  # fmt: skip
-    lower, upper = np.array(low) * cell, np.array(high) * cell
-    box = shapes.Box(lower=tuple(lower), upper=tuple(upper))
-    sea = shapes.Box(lower=(0.0,) * d, upper=tuple(n * cell for n in basin))
-    scene.add_body(
-        name="water", shape=shapes.Difference(whole=sea, without=box), hydrostatic=depth,
-        material=materials.TaitFluid(
-            density=WATER, bulk_modulus=200 * WATER * GRAVITY * depth, viscosity=0.0
-        ),
-    )  # fmt: skip
-    faces = [f"{a}{end}" for a in "xyz"[:d] for end in "-+"]
-    scene.add_boundary(
-        name="walls", shape=shapes.DomainWalls(faces=faces[:-1]), response=boundaries.Slip()
-    )
-    scene.add_boundary(name="box", shape=box, response=boundaries.Slip())
+    faces = faces_of(d)
+    scene, lower, upper = box_in_still_water(low, high, basin, cell, boundaries.Slip())
     places = {}
     for k, face in enumerate(faces):
         axis, end = divmod(k, 2)

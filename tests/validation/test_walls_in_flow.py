@@ -8,10 +8,9 @@ import pytest
 
 import libmpm
 from libmpm import boundaries, materials, sensors, shapes
+from support.still_water import GRAVITY, WATER, box_in_still_water, faces_of
 
 pytestmark = pytest.mark.validation
-
-WATER, GRAVITY = 1000.0, 9.81
 
 
 def run_scene(scene, device, precision="double"):
@@ -340,26 +339,9 @@ def test_vortex_in_a_box_keeps_its_energy(device):
 
 def still_box(low, high, basin, cell, device, dimension):
     """Loads on the faces of a box in still water, of the hydrostatic ones; particles inside."""
-    depth = basin[-1] * cell
-    scene = libmpm.Scene(
-        dimension=dimension, cell_size=cell, lower=(0.0,) * dimension,
-        upper=tuple((n + 4 * (a == dimension - 1)) * cell for a, n in enumerate(basin)),
-        gravity=(*(0.0,) * (dimension - 1), -GRAVITY), method=libmpm.Method(cfl=0.3),
-    )  # fmt: skip
-    lower, upper = np.array(low) * cell, np.array(high) * cell
-    box = shapes.Box(lower=tuple(lower), upper=tuple(upper))
-    sea = shapes.Box(lower=(0.0,) * dimension, upper=tuple(n * cell for n in basin))
-    scene.add_body(
-        name="water", shape=shapes.Difference(whole=sea, without=box), hydrostatic=depth,
-        material=materials.TaitFluid(
-            density=WATER, bulk_modulus=200 * WATER * GRAVITY * depth, viscosity=0.0
-        ),
-    )  # fmt: skip
-    faces = [f"{a}{end}" for a in "xyz"[:dimension] for end in "-+"]
-    walls = shapes.DomainWalls(faces=faces[:-1])
-    response = boundaries.Slip(cell="linear")
-    scene.add_boundary(name="walls", shape=walls, response=response)
-    scene.add_boundary(name="box", shape=box, response=response)
+    depth, faces = basin[-1] * cell, faces_of(dimension)
+    linear = boundaries.Slip(cell="linear")
+    scene, lower, upper = box_in_still_water(low, high, basin, cell, linear)
     for face in faces:
         scene.add_sensor(
             name=face, sensor=sensors.LoadCell(boundary="box", faces=(face,), interval=2e-3)

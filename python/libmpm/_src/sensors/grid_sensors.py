@@ -71,7 +71,6 @@ class OfGrid(Sampler):
             names = [f"{sensor.attribute}_{a}" for a in axes]
         self.columns = tuple(f"{n}_{sensor.operation}" for n in names)
         self.units = (unit_after(unit, sensor.operation),) * len(names)
-        self._fluids = [i for i, b in enumerate(scene.bodies) if b.material.table.stores_volume]
         d = scene.dimension
         self._before: tuple[NDArray[np.int64], Array, float] = (
             np.empty((0, d), np.int64), np.empty((0, d)), np.nan,
@@ -87,8 +86,7 @@ class OfGrid(Sampler):
             low, high = (np.asarray(side) for side in region.bounds())
             spare = REACH * self._scene.cell_size
             within = low - spare, high + spare
-        fluids = self._sensor.attribute == "volume_energy"
-        for i in self._fluids if fluids else range(len(self._scene.bodies)):
+        for i in self._whose_volumes():
             moment.want(i, ("position", "volume", "volume_ratio"), within)
 
     def row(self, moment: Moment) -> list[float]:
@@ -121,17 +119,26 @@ class OfGrid(Sampler):
         if attribute in ("kinetic_energy", "kinetic_energy_before", "potential_energy"):
             return self._energy(moment, inside)
         volume, first = np.zeros(len(nodes.mass)), np.zeros(len(nodes.mass))
-        for i in range(len(self._scene.bodies)):
-            arrays = moment.arrays(i)
-            now = arrays["volume"]
-            parts = nodes.spread(
-                moment.relative(arrays["position"]), [now, now / arrays["volume_ratio"]]
-            )
+        for i in self._whose_volumes():
+            parts = self._volumes(moment, i)
             volume, first = volume + parts[0], first + parts[1]
         if attribute == "volume":
             return volume[inside]
         held = inside & (first > 0)
         return volume[held] / first[held]
+
+    def _whose_volumes(self) -> list[int]:
+        """Return the bodies whose volumes count, by number."""
+        fluids_alone = self._sensor.attribute == "volume_energy"
+        bodies = enumerate(self._scene.bodies)
+        return [i for i, b in bodies if b.material.table.stores_volume or not fluids_alone]
+
+    @staticmethod
+    def _volumes(moment: Moment, body: int) -> list[Array]:
+        """Return Σ N_ip V_p and Σ N_ip V_p⁰ of a body at each node, m³."""
+        arrays = moment.arrays(body)
+        now, place = arrays["volume"], moment.relative(arrays["position"])
+        return moment.nodes.spread(place, [now, now / arrays["volume_ratio"]])
 
     def _energy(self, moment: Moment, inside: NDArray[np.bool_]) -> Array:
         nodes = moment.nodes
@@ -148,11 +155,9 @@ class OfGrid(Sampler):
     def _volume_energy(self, moment: Moment) -> Array:
         nodes = moment.nodes
         found = np.zeros(len(nodes.mass))
-        for i in self._fluids:
-            arrays, values = moment.arrays(i), self._scene.bodies[i].material.parameters()
-            now = arrays["volume"]
-            place = moment.relative(arrays["position"])
-            volume, first = nodes.spread(place, [now, now / arrays["volume_ratio"]])
+        for i in self._whose_volumes():
+            values = self._scene.bodies[i].material.parameters()
+            volume, first = self._volumes(moment, i)
             held = first > 0
             lost = 1 - volume[held] / first[held]
             found[held] += first[held] * volume_energy(
