@@ -125,7 +125,7 @@ struct NodeUpdate {
                                         const Seen& seen) const {
         Vec<T, D> v = free_velocity(m, p);
         const std::int64_t c[D] = {};  // the piece says where the others are
-        FollowLines<NodeUpdate, T, D, true, false, OwnPiece<D>>{*this, {&piece}}(
+        FollowLines<NodeUpdate, T, D, true, false, const LinedNode<D>*>{*this, &piece}(
             piece.slot(), piece.number(), c, m, v, seen);
         return v;
     }
@@ -324,7 +324,7 @@ struct UpdateGrid {
         if (node.clock->halt != Halt::none) return;
         // Nodes of the list come here twice: with their piece they get what they have by their
         // lines, without it their sums are cleared.
-        [[maybe_unused]] const LinedNode<D>* piece = nullptr;
+        const LinedNode<D>* piece = nullptr;
         if constexpr (lines) {
             if (i < walls.lined_count) {
                 piece = walls.lined + i;
@@ -351,7 +351,7 @@ struct UpdateGrid {
                 if (kept.before >= 0) plain[a] = s[(kept.plain + a) * block_cells];
 
         Sum* clear = next + std::int64_t(slot) * g.sum_channels * block_cells + n;
-        for (int c = 0; c < g.sum_channels && !(lines && piece); ++c) clear[c * block_cells] = 0;
+        for (int c = 0; c < g.sum_channels && !piece; ++c) clear[c * block_cells] = 0;
         const T m = node.mass(mass);
         if constexpr (mirrors) {
             if (node.touched[slot]) {
@@ -361,7 +361,7 @@ struct UpdateGrid {
                 if (images.mirrored) return update_mirrored(images, c, m, out, maxima);
             }
         }
-        if (lines && piece && !(m > T(0))) return;
+        if (piece && !(m > T(0))) return;
         Vec<T, D> v{};
         [[maybe_unused]] bool changed = false;
         if (m > T(0)) {
@@ -370,7 +370,7 @@ struct UpdateGrid {
                 listed = walls.asks && !piece ? node.touched[slot] : 0;
             else
                 listed = walls.velocity ? node.touched[slot] : 0;
-            if (lines && piece) {
+            if (piece) {
                 v = node.lined_velocity(*piece, m, p, Changed<T, D>{&changed});
             } else if (listed > 0) {
                 const std::int64_t at = std::int64_t(listed - 1) * block_cells + n;

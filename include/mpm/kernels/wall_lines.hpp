@@ -48,7 +48,8 @@ struct WallSeats {
 template <class Node, class T, int D, bool plain = false, bool seated = false,
           class Known = KnownNodes<D>>
 struct FollowLines {
-    static constexpr bool pieced = std::is_same_v<Known, OwnPiece<D>>;  // where `plain`
+    // Where `plain`: what is known is the piece of the node itself.
+    static constexpr bool pieced = std::is_same_v<Known, const LinedNode<D>*>;
     const Node& node;
     Known known = {};
     std::int64_t listed_at = 0;  // the node's place among those that are known
@@ -147,7 +148,7 @@ struct FollowLines {
                 int number = 0;
                 std::int32_t of;
                 if constexpr (pieced)
-                    of = known.piece->beside_along(axis, int(by), number);
+                    of = known->beside_along(axis, int(by), number);
                 else
                     of = node_beside<D>(node.grid.table, slot, cell, axis, by, number);
                 s = of < 0 ? Seat{} : other_seat(of, number, there);
@@ -203,7 +204,7 @@ struct FollowLines {
     }
     MPM_INLINE WallLine line_of(std::int32_t slot, int axis, const std::int64_t (&cell)[D]) const {
         if constexpr (pieced) {
-            return WallLine::unpacked(known.piece->lines[axis]);
+            return WallLine::unpacked(known->lines[axis]);
         } else {
             if constexpr (!plain) {
                 if (known.lines == nullptr)

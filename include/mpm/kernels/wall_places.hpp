@@ -406,12 +406,6 @@ struct alignas(16) LinedNode {
     }
 };
 
-/// In place of what is known of all nodes, the piece of the one that asks.
-template <int D>
-struct OwnPiece {
-    const LinedNode<D>* piece = nullptr;
-};
-
 /// Rows beside the edge of a box do not vanish on the last half cell of its faces, and no node is
 /// held there. What even pressure does to such a node is what the face gives back: the integral of
 /// the node's spline over the face. f(boundary, face, axis, area with the sign of the normal), the
