@@ -29,8 +29,6 @@ ALL = (
     "attribute of a body", "attributes by id", "pressure probe", "elevation gauge",
     "column gauge", "body tracker", "boundary force",
 )  # fmt: skip
-#: What the engine does in its step; the others are evaluated in Python.
-IN_STEP = ("load cell", "gauge")
 
 
 def sensor(name: str) -> sensors.Sensor:

@@ -74,16 +74,20 @@ def test_rotations_are_found_from_points():
     angle = 2.2
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     turn = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-    found = body_sensors.quaternion_of(start, start @ turn.T, mass)
+    moment = (start * mass[:, None]).T @ (start @ turn.T)
+    (found,) = body_sensors.quaternions(moment[None])
     half = [math.cos(angle / 2), *(math.sin(angle / 2) * axis)]
     np.testing.assert_allclose(found, half, atol=1e-12)
     omega = np.array([0.3, -1.0, 2.0])
     away = start - mass @ start / mass.sum()
-    spun = body_sensors.angular_velocity(away, np.cross(omega, away), mass)
+    spin = mass @ np.cross(away, np.cross(omega, away))
+    squares = (away * mass[:, None]).T @ away
+    (spun,) = body_sensors.turn_rates(spin[None], squares[None])
     np.testing.assert_allclose(spun, omega, rtol=1e-12)
     plane = start[:, :2]
     turned = plane @ np.array([[math.cos(2), math.sin(2)], [-math.sin(2), math.cos(2)]])
-    assert body_sensors.angle_of(plane, turned, mass) == pytest.approx(2, abs=1e-12)
+    moment = (plane * mass[:, None]).T @ turned
+    assert body_sensors.angles(moment[None])[0] == pytest.approx(2, abs=1e-12)
 
 
 def test_gravity_over_time_is_integrated():

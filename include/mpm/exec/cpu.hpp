@@ -113,27 +113,29 @@ public:
     }
 
     /// then(s, sums) for each set s, with sums[w] = sum over its items i of what f(i, s, local)
-    /// adds to local[w]. `parts` has room for W numbers a place. Beside it beside(k) runs for k <
-    /// more, which are few and slow.
-    template <int W, class F, class G, class H>
-    void sum_each(const SumSets& sets, const F& f, const G& then, double* parts, std::int64_t more,
+    /// adds to local[w]. `parts` has room for W sums a place, of whatever can be added and is none
+    /// where it is zeros. Beside it beside(k) runs for k < more, which are few and slow. Says
+    /// `then` so at the end, where it wants to know (`then.done()`).
+    template <int W, class F, class G, class A, class H>
+    void sum_each(const SumSets& sets, const F& f, const G& then, A* parts, std::int64_t more,
                   const H& beside) {
         for_each_large(more, beside);
         for_each_large(sets.places, [&](std::int64_t place) {
             const int s = sets.owner(std::int32_t(place));
             const SumSet& set = sets.set[s];
             const std::int64_t begin = 64 * (place - set.place);
-            double* local = parts + place * W;
-            std::fill_n(local, W, 0.0);
+            A* local = parts + place * W;
+            std::fill_n(local, W, A{});
             for (std::int64_t i = begin; i < std::min(set.count, begin + 64); ++i)
                 f(set.first + i, s, local);
         });
         for (int s = 0; s < sets.count; ++s) {
-            double sums[W] = {};
+            A sums[W] = {};
             for (std::int32_t k = 0; k < sets.set[s].parts; ++k)
                 for (int w = 0; w < W; ++w) sums[w] += parts[(sets.set[s].place + k) * W + w];
-            then(s, static_cast<const double*>(sums));
+            then(s, static_cast<const A*>(sums));
         }
+        if constexpr (requires { then.done(); }) then.done();
     }
 
     /// out[i] = sum of in[0 .. i), for i in [0, n]: n + 1 results.

@@ -209,10 +209,12 @@ public:
     }
 
     /// then(s, sums) for each set s, with sums[w] = sum over its items i of what f(i, s, local)
-    /// adds to local[w]; sets in any order. `parts` has room for W numbers a place. Beside it
-    /// beside(k) runs for k < more, which are few and slow.
-    template <int W, class F, class G, class H>
-    void sum_each(const SumSets& sets, const F& f, const G& then, double* parts, std::int64_t more,
+    /// adds to local[w]; sets in any order. `parts` has room for W sums a place, of whatever can be
+    /// added and is none where it is zeros. Beside it beside(k, lanes) runs for k < more, which
+    /// are few and slow, on all lanes of a warp. Says `then` so at the end, where it wants to know
+    /// (`then.done()`); does nothing where `f.idle()`.
+    template <int W, class F, class G, class A, class H>
+    void sum_each(const SumSets& sets, const F& f, const G& then, A* parts, std::int64_t more,
                   const H& beside);
 
     /// For kernels that end with something done once (`cuda::last_of`).
@@ -342,11 +344,11 @@ void Cuda::max_each(std::int64_t n, const F& f, const G& then) {
     launch_next(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,
                 cuda::max_threads, n, f, context_->maxima, then, context_->arrivals);
 }
-template <int W, class F, class G, class H>
-void Cuda::sum_each(const SumSets& sets, const F& f, const G& then, double* parts,
-                    std::int64_t more, const H& beside) {
+template <int W, class F, class G, class A, class H>
+void Cuda::sum_each(const SumSets& sets, const F& f, const G& then, A* parts, std::int64_t more,
+                    const H& beside) {
     constexpr int warps = cuda::max_threads / 32;
-    launch_next(&cuda::sum_kernel<W, F, G, H>, sets.places + (more + warps - 1) / warps, 1,
+    launch_next(&cuda::sum_kernel<W, F, G, A, H>, sets.places + (more + warps - 1) / warps, 1,
                 cuda::max_threads, sets, f, parts, then, context_->arrivals, more, beside);
 }
 

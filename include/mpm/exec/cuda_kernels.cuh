@@ -6,6 +6,7 @@
 
 #include <concepts>
 #include <cstdint>
+#include <cstring>
 
 #include "mpm/core/config.hpp"
 #include "mpm/exec/sums.hpp"
@@ -128,44 +129,64 @@ __global__ void __launch_bounds__(max_threads)
     });
 }
 
+/// What a lane further along has, word by word.
+template <class A>
+__device__ __forceinline__ A shuffled_down(const A& own, int by) {
+    static_assert(sizeof(A) % sizeof(unsigned) == 0);
+    constexpr int words = int(sizeof(A) / sizeof(unsigned));
+    unsigned word[words];
+    memcpy(word, &own, sizeof own);
+    for (int k = 0; k < words; ++k) word[k] = __shfl_down_sync(~0u, word[k], by);
+    A other;
+    memcpy(&other, word, sizeof other);
+    return other;
+}
+__device__ __forceinline__ double shuffled_down(double own, int by) {
+    return __shfl_down_sync(~0u, own, by);
+}
+
 /// Adds what the threads of a block hold, in a fixed order; the sums are thread 0's.
-template <int W>
-__device__ __forceinline__ void add_up(double (&local)[W]) {
-    __shared__ double of_warp[max_threads / 32][W];
+template <int W, class A>
+__device__ __forceinline__ void add_up(A (&local)[W]) {
+    __shared__ A of_warp[max_threads / 32][W];
     const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
     for (int w = 0; w < W; ++w) {
-        double x = local[w];
-        for (int by = 16; by > 0; by /= 2) x += __shfl_down_sync(~0u, x, by);
+        A x = local[w];
+        for (int by = 16; by > 0; by /= 2) x += shuffled_down(x, by);
         if (lane == 0) of_warp[warp][w] = x;
     }
     __syncthreads();
     for (int w = 0; w < W && threadIdx.x == 0; ++w) {
-        local[w] = 0;
+        local[w] = A{};
         for (int k = 0; k < max_threads / 32; ++k) local[w] += of_warp[k][w];
     }
     __syncthreads();
 }
 
 /// A block a place; the last of them adds the places of each set, small sets a thread each. Which
-/// block that is changes nothing. Blocks behind the places take what runs beside, a warp each.
-template <int W, class F, class G, class H>
+/// block that is changes nothing. Blocks behind the places take what runs beside, a warp each, with
+/// all its lanes.
+template <int W, class F, class G, class A, class H>
 __global__ void __launch_bounds__(max_threads)
-    sum_kernel(const __grid_constant__ SumSets sets, const __grid_constant__ F f, double* parts,
+    sum_kernel(const __grid_constant__ SumSets sets, const __grid_constant__ F f, A* parts,
                const __grid_constant__ G then, std::uint32_t* arrivals, std::int64_t more,
                const __grid_constant__ H beside) {
     after_previous();
+    if constexpr (requires { f.idle(); }) {
+        if (f.idle()) return;
+    }
     const std::int32_t place = std::int32_t(blockIdx.x);
     if (place >= sets.places) {
         const std::int64_t k =
             std::int64_t(place - sets.places) * (max_threads / 32) + threadIdx.x / 32;
-        if (threadIdx.x % 32 == 0 && k < more) beside(k);
+        if (k < more) beside(k, {int(threadIdx.x % 32), 32});
         return;
     }
     {
         const int s = sets.owner(place);
         const SumSet set = sets.set[s];
         const std::int64_t stride = std::int64_t(set.parts) * max_threads;
-        double local[W] = {};
+        A local[W] = {};
         for (std::int64_t i = std::int64_t(place - set.place) * max_threads + threadIdx.x;
              i < set.count; i += stride) {
             f(set.first + i, s, local);
@@ -182,23 +203,27 @@ __global__ void __launch_bounds__(max_threads)
     }
     __syncthreads();
     if (!last) return;
-    constexpr int few = 32;  // parts that one thread adds up
+    constexpr int few = sizeof(A) > 64 ? 8 : 32;  // parts that one thread adds up
     for (int s = threadIdx.x; s < sets.count; s += max_threads) {
         const SumSet set = sets.set[s];
         if (set.parts > few) continue;
-        double local[W] = {};
+        A local[W] = {};
         for (std::int32_t k = 0; k < set.parts; ++k)
             for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
-        then(s, static_cast<const double*>(local));
+        then(s, static_cast<const A*>(local));
     }
     for (int s = 0; s < sets.count; ++s) {
         const SumSet set = sets.set[s];
         if (set.parts <= few) continue;
-        double local[W] = {};
+        A local[W] = {};
         for (std::int32_t k = threadIdx.x; k < set.parts; k += max_threads)
             for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
         add_up<W>(local);
-        if (threadIdx.x == 0) then(s, static_cast<const double*>(local));
+        if (threadIdx.x == 0) then(s, static_cast<const A*>(local));
+    }
+    if constexpr (requires { then.done(); }) {
+        __syncthreads();
+        if (threadIdx.x == 0) then.done();
     }
     if (threadIdx.x == 0) *arrivals = 0;
 }

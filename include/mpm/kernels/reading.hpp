@@ -94,6 +94,46 @@ MPM_HOST_CALL void particle_velocity(const PhaseNumbers& n, bool wide,
     });
 }
 
+/// Whether nodes around a home block carry mass: where a kernel's gradients ask for it.
+template <class Sum>
+struct HasMass {
+    const Sum* sums;  // by block, channel, node; mass is the first
+    int channels;
+    const std::int32_t* neighbours;  // of the home block, by number among the 3^D
+    MPM_INLINE bool operator()(int place) const {
+        const std::int32_t slot = neighbours[place >> 8];
+        return slot >= 0 &&
+               sums[std::int64_t(slot) * channels * block_cells + (place & 255)] > Sum(0);
+    }
+};
+
+/// Velocity gradient (1/s) at a particle, as its material sees it, added to `rate`. `node` as of
+/// `particle_velocity`, `has_mass(place)` as `HasMass`.
+template <bool device, int D, class State, class Node, class Masses>
+MPM_HOST_CALL void particle_rate(const PhaseNumbers& n, bool wide, const Standing<double, D>& at,
+                                 const State& state, const Node& node, const Masses& has_mass,
+                                 double cell_size, double (&rate)[D][D]) {
+    const bool shapes = n.kernel.gradient == GradientForm::shapes;
+    with_functions<device, D>(n, wide, at, state, [&](auto& s) {
+        using S = std::remove_reference_t<decltype(s)>;
+        const Places<D, S::width> places = places_in_grid<S::width>(at.cell);
+        if constexpr (std::is_same_v<S, DualStencil<double, D>>) {
+            s.find_gradients([&](const DualNode<D>& of) {
+                int place = 0;
+                for (int a = 0; a < D; ++a) place += places.part[a][of[a]];
+                return has_mass(place);
+            });
+        }
+        for_each_node(s, places, [&](const auto& k, int place, double w) {
+            const auto* u = node(place);
+            if (u == nullptr) return;
+            for (int a = 0; a < D; ++a)
+                for (int b = 0; b < D; ++b)
+                    rate[a][b] += node_along(s, k, w, b, shapes) / cell_size * double(u[a]);
+        });
+    });
+}
+
 /// What a point sees of a scene's functions: its splines, and of functions that average over a
 /// particle's domain those that they average, for a point has no domain.
 inline KernelChoice functions_of_point(const KernelChoice& kernel) {

@@ -322,7 +322,7 @@ MPM_INLINE typename Pass<X, T, D>::Grid project_particle(const Phase<X, T, D>& p
 
 /// A state in double with the volume that its stress follows.
 template <class Material, int D>
-void adopt_volume(double* state, double loss) {
+MPM_HD void adopt_volume(double* state, double loss) {
     if constexpr (Material::volumetric) {
         state[0] = loss;
     } else {

@@ -3,6 +3,7 @@
 // that step moves the particles.
 #pragma once
 
+#include "mpm/core/exact.hpp"
 #include "mpm/kernels/contact.hpp"
 #include "mpm/kernels/reading.hpp"
 
@@ -18,6 +19,13 @@ MPM_INLINE double* open_row(SensorRecord& r, double time) {
 
 template <int D>
 inline constexpr int load_columns = D == 2 ? 3 : 6;  // forces, then moments
+
+/// Scales of sums over nodes and steps (core/exact.hpp).
+struct ImpulseScales {
+    double impulse;  // N s
+    double moment;   // N m s
+    double work;     // J
+};
 
 template <int D>
 struct LoadCellRecord {
@@ -35,11 +43,12 @@ struct MeasureLoads {
     const std::int32_t* slots;  // blocks that the boundaries of load cells touch
     const LoadCellRecord<D>* cells;
     double cell_size;
+    ImpulseScales scales;
     KnownNodes<D> known;  // where nodes beside boundaries are listed
     WallSeats<T> seats = {};
     ContactView of_contact = {};
 
-    MPM_INLINE void operator()(std::int64_t i, int number, double* sum) const {
+    MPM_INLINE void operator()(std::int64_t i, int number, Int128* sum) const {
         if (node.clock->halt != Halt::none) return;
         const std::int32_t slot = slots[i / block_cells];
         const int n = int(i % block_cells);
@@ -55,14 +64,14 @@ struct MeasureLoads {
             for (int a = 0; a < D; ++a) {
                 f[a] = double(m) * (double(before[a]) - double(after[a]));
                 r[a] = (double(at[a]) + 0.5) * cell_size - cell.reference[a];
-                sum[a] += f[a];
+                sum[a] += exact(f[a], scales.impulse);
             }
             if constexpr (D == 2) {
-                sum[2] += r[0] * f[1] - r[1] * f[0];
+                sum[2] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
             } else {
-                sum[3] += r[1] * f[2] - r[2] * f[1];
-                sum[4] += r[2] * f[0] - r[0] * f[2];
-                sum[5] += r[0] * f[1] - r[1] * f[0];
+                sum[3] += exact(r[1] * f[2] - r[2] * f[1], scales.moment);
+                sum[4] += exact(r[2] * f[0] - r[0] * f[2], scales.moment);
+                sum[5] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
             }
         };
         if constexpr (contact) {
@@ -84,25 +93,35 @@ struct MeasureLoads {
     }
 };
 
+/// A row of means in a sensor's ring: sums in pieces, their scales, and the time that they are for.
+template <int columns>
+struct MeanRow {
+    static constexpr int scales = columns * exact_pieces, elapsed = scales + columns,
+                         size = elapsed + 1;
+};
+
 /// A sample that is due is the mean since the one before; then this step's share is added.
 template <int columns, class Record>
 struct TakeMean {
     const Clock* clock;
     SensorRecord* sensors;
     const Record* cells;
-    double* impulse;  // (cells, columns)
+    Int128* impulse;  // (cells, columns)
+    double scale[columns];
 
-    MPM_INLINE void operator()(int number, const double* sum) const {
-        double* of_cell = impulse + number * columns;
+    MPM_INLINE void operator()(int number, const Int128* sum) const {
+        Int128* of_cell = impulse + number * columns;
         SensorRecord& r = sensors[cells[number].sensor];
         if (r.due) {
             const double elapsed = clock->time - r.last_time;
             if (elapsed > 0) {  // the first sample, at the start, has nothing to average over
                 double* row = open_row(r, clock->time);
                 for (int c = 0; c < columns; ++c) {
-                    row[c] = of_cell[c] / elapsed;
+                    to_pieces(of_cell[c], row + c * exact_pieces);
+                    row[MeanRow<columns>::scales + c] = scale[c];
                     of_cell[c] = 0;
                 }
+                row[MeanRow<columns>::elapsed] = elapsed;
             }
             r.last_time = clock->time;
         }
@@ -133,8 +152,9 @@ struct MeasureContacts {
     // Of two fields, the lower first: 1 where the force on the second counts, -1 where that on the
     // first does, 0 where none does.
     const std::int32_t* sides;
+    ImpulseScales scales;
 
-    MPM_INLINE void operator()(std::int64_t i, int number, double* sum) const {
+    MPM_INLINE void operator()(std::int64_t i, int number, Int128* sum) const {
         const auto& node = of.node;
         if (node.clock->halt != Halt::none) return;
         const std::int32_t block = blocks[i / block_cells];
@@ -167,13 +187,13 @@ struct MeasureContacts {
                          const double along = double(impulse[x]) - push * double(normal[x]);
                          square += along * along;
                          work += along * double(w[x]);
-                         sum[x] += sign * double(impulse[x]);
+                         sum[x] += exact(sign * double(impulse[x]), scales.impulse);
                      }
-                     sum[D] += push;
-                     sum[D + 1] += sqrt(square);
+                     sum[D] += exact(push, scales.impulse);
+                     sum[D + 1] += exact(sqrt(square), scales.impulse);
                      // At the velocity that is left, with which particles move: what the impulse
                      // takes beyond that stresses have brought in the same step.
-                     sum[D + 2] += work - square / double(mass);
+                     sum[D + 2] += exact(work - square / double(mass), scales.work);
                  });
     }
 };
@@ -188,15 +208,36 @@ struct PointRecord {
     double position[D];
 };
 
+/// Workers that do one thing together: on a device the lanes of a warp, all of them or one.
+struct Lanes {
+    int lane = 0, count = 1;
+
+    /// The first lane of which something is true; -1 where there is none.
+    MPM_INLINE int first(bool here) const {
+#if defined(__CUDA_ARCH__)
+        if (count > 1) return __ffs(int(__ballot_sync(~0u, here))) - 1;
+#endif
+        return here ? 0 : -1;
+    }
+    /// What a lane has.
+    MPM_INLINE double of(double here, [[maybe_unused]] int which) const {
+#if defined(__CUDA_ARCH__)
+        if (count > 1) return __shfl_sync(~0u, here, which);
+#endif
+        return here;
+    }
+};
+
 /// Free surface above a point: where the nodes' fill falls through one half, from above,
 /// interpolated linearly along the vertical and between the columns of nodes around the point.
-/// Not-a-number where the column is dry.
+/// Not-a-number where the column is dry. Lanes look at a node of a column each.
 template <class T, class Sum, int D>
 struct SampleGauge {
     const NodeUpdate<T, Sum, D>& node;
     const PointRecord<D>& point;
     double cell_size;
     const std::int64_t (&cells)[D];
+    Lanes lanes;
 
     MPM_INLINE double fill(std::int64_t (&c)[D]) const {
         double mass = 0;
@@ -208,11 +249,16 @@ struct SampleGauge {
     }
     MPM_INLINE double surface(std::int64_t (&c)[D]) const {
         double above = 0;
-        for (std::int64_t k = cells[point.axis] - 1; k >= 0; --k) {
-            c[point.axis] = k;
-            const double here = fill(c);
-            if (here >= 0.5) return (double(k) + 0.5 + (here - 0.5) / (here - above)) * cell_size;
-            above = here;
+        for (std::int64_t top = cells[point.axis] - 1; top >= 0; top -= lanes.count) {
+            c[point.axis] = top - lanes.lane;
+            const double own = c[point.axis] >= 0 ? fill(c) : 0;
+            const int at = lanes.first(own >= 0.5);
+            if (at >= 0) {
+                const double here = lanes.of(own, at);
+                if (at > 0) above = lanes.of(own, at - 1);
+                return (double(top - at) + 0.5 + (here - 0.5) / (here - above)) * cell_size;
+            }
+            above = lanes.of(own, lanes.count - 1);
         }
         return nan("");
     }
@@ -243,7 +289,7 @@ struct SampleGauge {
     }
 };
 
-/// Gauges and probes that are due, one worker each.
+/// Gauges and probes that are due, a warp each on devices.
 template <class T, class Sum, int D>
 struct SamplePoints {
     NodeUpdate<T, Sum, D> node;
@@ -254,14 +300,19 @@ struct SamplePoints {
     KernelChoice kernel;  // what a probe sees of the scene's functions (`functions_of_point`)
     bool wide;            // they reach five nodes along an axis
 
-    MPM_INLINE void operator()(std::int64_t k) const {
+    MPM_INLINE void operator()(std::int64_t k, Lanes lanes = {}) const {
         SensorRecord& r = sensors[points[k].sensor];
-        if (r.due) sample(points[k], open_row(r, node.clock->time));
+        if (!r.due) return;
+        double found[D];
+        sample(points[k], found, lanes);
+        if (lanes.lane != 0) return;
+        double* row = open_row(r, node.clock->time);
+        for (int c = 0; c < r.columns; ++c) row[c] = found[c];
     }
-    MPM_CALL void sample(const PointRecord<D>& point, double* row) const {
+    MPM_CALL void sample(const PointRecord<D>& point, double* row, Lanes lanes = Lanes()) const {
         const Reconverge at_return;
         if (point.axis >= 0) {
-            SampleGauge<T, Sum, D>{node, point, cell_size, cells}(row);
+            SampleGauge<T, Sum, D>{node, point, cell_size, cells, lanes}(row);
             return;
         }
         double at[D], v[D];
@@ -361,7 +412,7 @@ struct TrackParticles {
 
 /// Beside a sum that has nothing beside it.
 struct Nothing {
-    MPM_INLINE void operator()(std::int64_t) const {}
+    MPM_INLINE void operator()(std::int64_t, Lanes = {}) const {}
 };
 
 /// The parts that the bodies' energy passes left: (n, 3) kinetic, elastic, potential.

@@ -44,6 +44,7 @@
 #include "mpm/solver/sensors.hpp"
 #include "mpm/solver/snapshot.hpp"
 #include "mpm/solver/state_check.hpp"
+#include "mpm/solver/tallies.hpp"
 
 namespace mpm {
 
@@ -70,7 +71,11 @@ public:
         const auto& b = bodies_.at(std::size_t(body));
         return b.count + b.frozen_id.size();
     }
-    std::vector<Samples> drain() override { return sensors_.drain(); }
+    /// One of several ranks tells the rows of its rings: all join theirs.
+    std::vector<Samples> drain() override {
+        auto raw = sensors_.drain();
+        return share_ ? raw : finished(spec_.sensors, D, std::move(raw));
+    }
     std::vector<Removed> removed() override { return outflow_.removed(); }
     std::vector<Flow> flows() override { return std::exchange(flows_, {}); }
     SmoothingHistory smoothing(int body) const override {
@@ -131,6 +136,10 @@ private:
     void update_grid();
     void run_sensors();
     void sample_energy(Sensor<Base>& sensor, SensorRecord* record);
+    // domain_tallies.hpp
+    void make_tallies();
+    void list_tallied();
+    void run_tallies();
     void reserve_deposits(Body& body);
     std::uint64_t workers_of(const Body& body) const;
     void run_bodies();
@@ -235,14 +244,6 @@ private:
     void prepare_velocities();
     Base& memory() { return exec_; }
     NodesSeen<Sum> nodes_in(const Window& window);
-    /// The grid on the host, as particles of one block see it.
-    struct SeenGrid {
-        const Grid* velocity;
-        const Sum* masses;  // where gradients ask for them
-        const std::int32_t* neighbours;
-    };
-    void see_rate(const PhaseNumbers& n, const SeenGrid& grid, const Standing<double, D>& at,
-                  const double* state, double (&rate)[D][D]) const;
 
     // domain_supply.hpp
     bool supply();
@@ -490,6 +491,7 @@ private:
     std::vector<Body> bodies_;
 
     Sensors<Base, D> sensors_{exec_, spec_, plan_};
+    Tallies<X, T, D> tallies_{exec_};
 
     // Where contact is declared: laws, and the blocks with several fields of velocities.
     Buffer<X, ContactLaw> contact_laws_{exec_};
@@ -573,4 +575,5 @@ private:
 #include "mpm/solver/domain_state.hpp"
 #include "mpm/solver/domain_step.hpp"
 #include "mpm/solver/domain_supply.hpp"
+#include "mpm/solver/domain_tallies.hpp"
 #include "mpm/solver/domain_watch.hpp"

@@ -50,38 +50,6 @@ std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
     return names;
 }
 
-/// Velocity gradient (1/s) at a particle, as its material sees it.
-template <class X, class T, int D>
-void Domain<X, T, D>::see_rate(const PhaseNumbers& n, const SeenGrid& grid,
-                               const Standing<double, D>& at, const double* state,
-                               double (&rate)[D][D]) const {
-    const bool shapes = n.kernel.gradient == GradientForm::shapes,
-               wide = kernel_width(n.kernel.kernel) != 3;
-    const NodesAround<Grid> node{grid.velocity, plan_.velocity_channels, grid.neighbours};
-    const auto stored = [&](int r) { return state[r]; };
-    with_functions<X::is_device, D>(n, wide, at, stored, [&](auto& s) {
-        using S = std::remove_reference_t<decltype(s)>;
-        const Places<D, S::width> places = places_in_grid<S::width>(at.cell);
-        if constexpr (std::is_same_v<S, DualStencil<double, D>>) {
-            s.find_gradients([&](const DualNode<D>& node) {
-                int place = 0;
-                for (int a = 0; a < D; ++a) place += places.part[a][node[a]];
-                const std::int32_t to = grid.neighbours[place >> 8];
-                return to >= 0 && grid.masses[(std::size_t(to) * std::size_t(plan_.sum_channels)) *
-                                                  block_cells +
-                                              std::size_t(place & 255)] > Sum(0);
-            });
-        }
-        for_each_node(s, places, [&](const auto& k, int place, double w) {
-            const Grid* u = node(place);
-            if (u == nullptr) return;
-            for (int a = 0; a < D; ++a)
-                for (int b = 0; b < D; ++b)
-                    rate[a][b] += node_along(s, k, w, b, shapes) / spec_.cell_size * double(u[a]);
-        });
-    });
-}
-
 template <class X, class T, int D>
 Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string>& names,
                                        const Window& window) {
@@ -223,13 +191,14 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
                 const std::int32_t* around = seen.around(home);
                 Standing<double, D> stands;
                 stands.find(corner, at, own);
-                particle_velocity<X::is_device, D>(
-                    body.plan.phase, kernel_width(spec_.kernel.kernel) != 3, stands,
-                    StoredNumbers<T>{columns, q},
-                    NodesAround<Grid>{grid.data(), plan_.velocity_channels, around}, v);
+                const bool wide = kernel_width(spec_.kernel.kernel) != 3;
+                const StoredNumbers<T> numbers{columns, q};
+                const NodesAround<Grid> node{grid.data(), plan_.velocity_channels, around};
+                particle_velocity<X::is_device, D>(body.plan.phase, wide, stands, numbers, node, v);
                 if (constitutive || rates)
-                    see_rate(body.plan.phase, {grid.data(), masses.data(), around}, stands, s,
-                             rate);
+                    particle_rate<X::is_device, D>(
+                        body.plan.phase, wide, stands, numbers, node,
+                        HasMass<Sum>{masses.data(), plan_.sum_channels, around}, dx, rate);
             }
             fill(q, x, v, rate, s);
         }

@@ -26,23 +26,24 @@ void Domain<X, T, D>::tell_rigid_loads() {
         const auto loads = sensors_.take_load(clock_buffer_.data());
         for (int k = 0; k < sensors_.load_count(); ++k) {
             const LoadCellRecord<D>& cell = sensors_.load_cells()[k];
-            double* sum = loads.impulse + k * load_columns<D>;
+            Int128* sum = loads.impulse + k * load_columns<D>;
             for (const RigidWall<D>& w : rigid_walls_) {
                 if (w.boundary != cell.boundary || !(cell.faces >> w.face & 1)) continue;
                 Vec<double, D> arm;
                 double moment[spins<D>] = {};
                 for (int a = 0; a < D; ++a) {
-                    sum[a] += w.impulse[a];
+                    sum[a] += exact(w.impulse[a], loads.scale[a]);
                     arm[a] = w.place[a] - cell.reference[a];
                 }
                 add_moment<D>(arm, w.impulse, 1, moment);
-                for (int a = 0; a < spins<D>; ++a) sum[D + a] += moment[a];
+                for (int a = 0; a < spins<D>; ++a)
+                    sum[D + a] += exact(moment[a], loads.scale[D + a]);
             }
         }
         const auto contacts = sensors_.take_contact(clock_buffer_.data());
         for (int k = 0; k < sensors_.contact_count(); ++k) {
             const ContactLoadRecord& sensor = sensors_.contact_loads()[k];
-            double* sum = contacts.impulse + k * contact_columns<D>;
+            Int128* sum = contacts.impulse + k * contact_columns<D>;
             for (const RigidPoint<D>& p : rigid_points_) {
                 if (p.boundary >= 0 || p.hold != RigidHold::push) continue;
                 const int low = p.fields[0] < p.fields[1] ? 0 : 1;
@@ -67,11 +68,11 @@ void Domain<X, T, D>::tell_rigid_loads() {
                     const double across = p.impulse[a] - push * p.normal[a];
                     square += across * across;
                     work += across * (mine[a] - theirs[a]);
-                    sum[a] += sign * p.impulse[a];
+                    sum[a] += exact(sign * p.impulse[a], contacts.scale[a]);
                 }
-                sum[D] += push;
-                sum[D + 1] += std::sqrt(square);
-                sum[D + 2] += work;
+                sum[D] += exact(push, contacts.scale[D]);
+                sum[D + 1] += exact(std::sqrt(square), contacts.scale[D + 1]);
+                sum[D + 2] += exact(work, contacts.scale[D + 2]);
             }
         }
     }

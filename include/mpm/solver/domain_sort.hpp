@@ -61,6 +61,7 @@ void Domain<X, T, D>::join_homes(const Homes<Base>& homes, Buffer<X, std::uint32
 template <class X, class T, int D>
 void Domain<X, T, D>::list_homes(const Homes<Base>& homes) {
     const std::int64_t slots = table_.slots;
+    tallies_.stale = true;
     join_homes(homes, blocks_.occupied());
     // Homes and particles of each body on all ranks: what changes bits is decided by these.
     const std::size_t bodies = bodies_.size();

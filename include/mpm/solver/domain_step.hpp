@@ -82,18 +82,19 @@ void Domain<X, T, D>::run_sensors() {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D, true>{node, sensors_.measured_slots(), sensors_.load_cells(),
-                                             spec_.cell_size, boundaries_.known(), wall_seats(),
-                                             contact_view()},
+                                             spec_.cell_size, sensors_.scales(),
+                                             boundaries_.known(), wall_seats(), contact_view()},
             sensors_.take_load(clock), sensors_.load_partial(), 0, Nothing{});
-    if (loads && contact_blocks_ == 0) {
+    const int points_here = share_ ? 0 : sensors_.point_count();
+    if ((loads || points_here > 0) && contact_blocks_ == 0) {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D>{node, sensors_.measured_slots(), sensors_.load_cells(),
-                                       spec_.cell_size, boundaries_.known(), wall_seats()},
-            sensors_.take_load(clock), sensors_.load_partial(), share_ ? 0 : sensors_.point_count(),
-            points);
-    } else if (sensors_.point_count() > 0 && !share_) {
-        exec_.for_each_large(sensors_.point_count(), points);
+                                       spec_.cell_size, sensors_.scales(), boundaries_.known(),
+                                       wall_seats()},
+            sensors_.take_load(clock), sensors_.load_partial(), points_here, points);
+    } else if (points_here > 0) {
+        exec_.for_each_large(points_here, points);
     }
     if (sensors_.contact_count() > 0)
         exec_.template sum_each<contact_columns<D>>(
@@ -101,9 +102,11 @@ void Domain<X, T, D>::run_sensors() {
             MeasureContacts<Grid, Sum, D>{{node, contact_view(), boundaries_.known()},
                                           sensors_.met_blocks(),
                                           sensors_.contact_loads(),
-                                          sensors_.contact_sides()},
+                                          sensors_.contact_sides(),
+                                          sensors_.scales()},
             sensors_.take_contact(clock), sensors_.contact_partial(), 0, Nothing{});
     tell_rigid_loads();
+    run_tallies();
     if (share_) {
         if constexpr (X::is_device)
             tell_points();
@@ -335,6 +338,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
     };
     const GiveUp on_failure{meeting_.get()};
     velocities_made_ = false;
+    tallies_.stale = true;  // readers may have given particles other numbers
     fetch_clock();
     const std::int64_t first_step = clock_.step;
     clock_.until = until;
@@ -357,6 +361,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             if (share_) {
                 // Nobody asks for memory while another rank's kernels wait.
                 for (Body& body : bodies_) reserve_deposits(body);
+                if (tallies_.any()) list_tallied();
                 run_together(n, wall_over);
             }
             const double t0 = now();

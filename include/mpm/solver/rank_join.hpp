@@ -34,8 +34,9 @@ struct PartCheck {
 
 /// All have halted for the same reason; of a fault the ranks tell that have its particles.
 RunResult join_results(const std::vector<RunResult>& ranks);
-/// Every rank has a row at each time: its own part, or of a point the same as all.
-std::vector<Samples> join_samples(const std::vector<SensorKind>& kinds,
+/// Every rank has a row at each time: its own part, or of a point the same as all. Rows are those
+/// of `finished`, from those of the ranks' rings.
+std::vector<Samples> join_samples(const std::vector<SensorSpec>& sensors, int dimension,
                                   const std::vector<std::vector<Samples>>& ranks);
 std::vector<Removed> join_removed(const std::vector<std::vector<Removed>>& ranks);
 std::vector<Flow> join_flows(const std::vector<std::vector<Flow>>& ranks);

@@ -20,6 +20,7 @@
 #include "mpm/solver/engine.hpp"
 #include "mpm/solver/homes.hpp"
 #include "mpm/solver/plan.hpp"
+#include "mpm/solver/raw_samples.hpp"
 
 namespace mpm {
 
@@ -58,9 +59,12 @@ public:
                  const std::uint8_t* counted);
     SumSets measured() const { return {measured_.data(), load_count(), measured_places_}; }
     const std::int32_t* measured_slots() const { return measured_slots_.data(); }
-    double* load_partial() const { return load_partial_.data(); }
+    const ImpulseScales& scales() const { return scales_; }
+    Int128* load_partial() const { return load_partial_.data(); }
     TakeLoad<D> take_load(const Clock* clock) const {
-        return {clock, records_.data(), load_cells_.data(), load_impulse_.data()};
+        TakeLoad<D> take{clock, records_.data(), load_cells_.data(), load_impulse_.data(), {}};
+        for (int c = 0; c < load_columns<D>; ++c) take.scale[c] = load_scale(c);
+        return take;
     }
 
     /// Loads of contacts, and of a new table which of the blocks with several fields count.
@@ -70,9 +74,12 @@ public:
     void measure_contacts(const std::vector<std::int32_t>& blocks);
     SumSets met() const { return {met_.data(), contact_count(), met_places_}; }
     const std::int32_t* met_blocks() const { return met_blocks_.data(); }
-    double* contact_partial() const { return contact_partial_.data(); }
+    Int128* contact_partial() const { return contact_partial_.data(); }
     TakeContact<D> take_contact(const Clock* clock) const {
-        return {clock, records_.data(), contact_loads_.data(), contact_impulse_.data()};
+        TakeContact<D> take{
+            clock, records_.data(), contact_loads_.data(), contact_impulse_.data(), {}};
+        for (int c = 0; c < contact_columns<D>; ++c) take.scale[c] = contact_scale(c);
+        return take;
     }
 
     /// Gauges and probes, and the functions that a probe sees.
@@ -93,15 +100,26 @@ public:
     void load(const State& state, const Clock& clock);
     /// Sensors that a run before this one had go on where they were; those behind them start now.
     void restore(const std::vector<std::int64_t>& next, const std::vector<double>& last,
-                 const std::vector<double>& first, std::vector<double> impulse, const Clock& clock);
+                 const std::vector<double>& first, const std::vector<double>& impulse,
+                 const Clock& clock);
 
 private:
     static bool keeps_told(SensorKind kind) {
         return kind == SensorKind::rigid_motion || kind == SensorKind::pin_force;
     }
     static constexpr std::size_t rigid_loads = D == 2 ? 3 : 6;  // forces, then moments
+    double load_scale(int column) const { return column < D ? scales_.impulse : scales_.moment; }
+    double contact_scale(int column) const {
+        return column < D + 2 ? scales_.impulse : scales_.work;
+    }
     std::vector<std::uint64_t> blocks_of(const BlockKeys<D>& keys_of,
                                          const std::vector<PointRecord<D>>& points) const;
+    /// Impulses since the last sample: three numbers that add up to each.
+    Blob saved_impulse(const Buffer<X, Int128>& sums, int columns,
+                       double (Sensors::*scale)(int) const) const;
+    void take_impulse(const std::vector<double>& saved, std::size_t known, SensorKind kind,
+                      int columns, double (Sensors::*scale)(int) const,
+                      Buffer<X, Int128>& to) const;
 
     X& exec_;
     double cell_size_;
@@ -111,11 +129,12 @@ private:
     Buffer<X, SensorRecord> records_{exec_};
     Buffer<X, LoadCellRecord<D>> load_cells_{exec_};
     Buffer<X, PointRecord<D>> points_{exec_};
-    Buffer<X, double> load_impulse_{exec_};
-    Buffer<X, double> load_partial_{exec_};
+    ImpulseScales scales_{};
+    Buffer<X, Int128> load_impulse_{exec_};
+    Buffer<X, Int128> load_partial_{exec_};
     Buffer<X, ContactLoadRecord> contact_loads_{exec_};
     Buffer<X, std::int32_t> contact_sides_{exec_}, met_blocks_{exec_};
-    Buffer<X, double> contact_impulse_{exec_}, contact_partial_{exec_};
+    Buffer<X, Int128> contact_impulse_{exec_}, contact_partial_{exec_};
     Buffer<X, SumSet> met_{exec_};  // of loads of contacts: nodes of the blocks in met_blocks_
     std::int32_t met_places_ = 0;
     Buffer<X, SumSet> measured_{exec_};  // of load cells: nodes of the blocks in measured_slots_
@@ -131,6 +150,7 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
     functions_.clamped = spec.kernel.clamped;
     for (int a = 0; a < D; ++a) functions_.cells[a] = int(cells_[a]);
     functions_ = functions_of_point(functions_);
+    scales_ = impulse_scales(spec, plan);
     std::vector<LoadCellRecord<D>> loads;
     std::vector<PointRecord<D>> points;
     std::vector<ContactLoadRecord> contacts;
@@ -139,7 +159,7 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
         sensors_.emplace_back(exec_);
         Sensor<X>& sensor = sensors_.back();
         sensor.spec = s;
-        const std::size_t columns = sensor_columns(spec, int(sensors_.size()) - 1).first.size();
+        const std::size_t columns = ring_columns(spec, int(sensors_.size()) - 1);
         const std::size_t capacity = std::clamp<std::size_t>(65536 / columns, 16, 4096);
         sensor.times.assign(std::vector<double>(capacity, 0.0));
         sensor.values.assign(std::vector<double>(capacity * columns, 0.0));
@@ -211,10 +231,10 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
     records_.assign(records);
     load_cells_.assign(loads);
     points_.assign(points);
-    load_impulse_.assign(std::vector<double>(loads.size() * load_columns<D>, 0.0));
+    load_impulse_.assign(std::vector<Int128>(loads.size() * load_columns<D>, 0));
     contact_loads_.assign(contacts);
     contact_sides_.assign(sides);
-    contact_impulse_.assign(std::vector<double>(contacts.size() * contact_columns<D>, 0.0));
+    contact_impulse_.assign(std::vector<Int128>(contacts.size() * contact_columns<D>, 0));
 }
 
 template <class X, int D>
@@ -346,7 +366,7 @@ void Sensors<X, D>::save(State& state) const {
         last.push_back(records[k].last_time);
         first.push_back(sensors_[k].first.host()[0]);
     }
-    state["load_impulse"] = detail::to_blob(load_impulse_.host());
+    state["load_impulse"] = saved_impulse(load_impulse_, load_columns<D>, &Sensors::load_scale);
     std::vector<double> told;
     for (const auto& s : sensors_) {
         if (!keeps_told(s.spec.kind)) continue;
@@ -355,7 +375,9 @@ void Sensors<X, D>::save(State& state) const {
         told.insert(told.end(), own.begin(), own.end());
     }
     if (!told.empty()) state["rigid_told"] = detail::to_blob(told);
-    if (contact_count() > 0) state["contact_impulse"] = detail::to_blob(contact_impulse_.host());
+    if (contact_count() > 0)
+        state["contact_impulse"] =
+            saved_impulse(contact_impulse_, contact_columns<D>, &Sensors::contact_scale);
     state["sensor_next"] = detail::to_blob(next);
     state["sensor_last"] = detail::to_blob(last);
     state["sensor_first"] = detail::to_blob(first);
@@ -389,17 +411,48 @@ void Sensors<X, D>::load(const State& state, const Clock& clock) {
     std::vector<double> impulse;
     if (state.contains("contact_impulse"))
         impulse = detail::from_blob<double>(state, "contact_impulse");
-    impulse.resize(contact_impulse_.size(), 0.0);
-    contact_impulse_.assign(impulse);
+    const auto known = detail::from_blob<std::int64_t>(state, "sensor_next").size();
+    take_impulse(impulse, known, SensorKind::contact_load, contact_columns<D>,
+                 &Sensors::contact_scale, contact_impulse_);
+}
+
+template <class X, int D>
+Blob Sensors<X, D>::saved_impulse(const Buffer<X, Int128>& sums, int columns,
+                                  double (Sensors::*scale)(int) const) const {
+    std::vector<double> out;
+    const auto all = sums.host();
+    for (std::size_t k = 0; k < all.size(); ++k) {
+        double pieces[exact_pieces];
+        to_pieces(all[k], pieces);
+        for (int j = 0; j < exact_pieces; ++j)
+            out.push_back(std::ldexp(pieces[j], j * piece_bits) / (this->*scale)(int(k) % columns));
+    }
+    return detail::to_blob(out);
+}
+
+template <class X, int D>
+void Sensors<X, D>::take_impulse(const std::vector<double>& saved, std::size_t known,
+                                 SensorKind kind, int columns, double (Sensors::*scale)(int) const,
+                                 Buffer<X, Int128>& to) const {
+    std::size_t sums = 0;  // of the sensors that the state knows
+    for (std::size_t k = 0; k < std::min(known, sensors_.size()); ++k)
+        if (sensors_[k].spec.kind == kind) sums += std::size_t(columns);
+    std::vector<Int128> all(to.size(), 0);
+    // States of earlier versions have one number for each.
+    const std::size_t pieces = saved.size() == sums ? 1 : exact_pieces;
+    if (saved.size() > all.size() * pieces)
+        throw SceneError("the saved state has other sensors than this scene");
+    for (std::size_t k = 0; k < saved.size(); ++k)
+        all[k / pieces] += exact(saved[k], (this->*scale)(int(k / pieces) % columns));
+    to.assign(all);
 }
 
 template <class X, int D>
 void Sensors<X, D>::restore(const std::vector<std::int64_t>& next, const std::vector<double>& last,
-                            const std::vector<double>& first, std::vector<double> impulse,
+                            const std::vector<double>& first, const std::vector<double>& impulse,
                             const Clock& clock) {
     auto records = records_.host();
-    if (next.size() > records.size() || last.size() != next.size() || first.size() != next.size() ||
-        impulse.size() > load_impulse_.size())
+    if (next.size() > records.size() || last.size() != next.size() || first.size() != next.size())
         throw SceneError("the saved state has other sensors than this scene");
     for (std::size_t k = 0; k < records.size(); ++k) {
         const bool known = k < next.size();
@@ -411,8 +464,8 @@ void Sensors<X, D>::restore(const std::vector<std::int64_t>& next, const std::ve
         records[k].count = 0;
         if (known) sensors_[k].first.assign({first[k]});
     }
-    impulse.resize(load_impulse_.size(), 0.0);
-    load_impulse_.assign(impulse);
+    take_impulse(impulse, next.size(), SensorKind::load_cell, load_columns<D>, &Sensors::load_scale,
+                 load_impulse_);
     records_.assign(records);
 }
 

@@ -278,7 +278,20 @@ enum class SensorKind {
     energy,
     contact_load,
     rigid_motion,
-    pin_force
+    pin_force,
+    tally
+};
+
+/// Sums over particles of one body (kernels/tally.hpp).
+struct TallySpec {
+    int body = -1;
+    std::uint64_t first = 0, count = 0;  // ids of the scene
+    int of = 0;                          // a `TallyOf`
+    int part = 0, axis = -1, sign = 0;
+    std::vector<double> lower, upper;  // of a box, m from the lower corner; empty: everywhere
+    std::vector<double> origin;        // of the lower corner in the world, m
+    std::vector<double> up, reference;
+    std::vector<double> places;  // (count, D) m from the lower corner, at first; or none
 };
 
 struct SensorSpec {
@@ -296,6 +309,7 @@ struct SensorSpec {
     // second counts (1), that on the first (-1), or none (0); and the only two that count, if any.
     std::vector<std::int32_t> sides;
     std::vector<std::int32_t> fields;
+    std::vector<TallySpec> tallies;
 };
 
 /// Of particles and grid; mixed: particles double, grid single.

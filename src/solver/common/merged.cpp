@@ -406,8 +406,10 @@ MergedSpec merge_alike(const Spec& spec) {
             out.spec.bodies.push_back(spec.bodies[b]);
         out.body_of.push_back(int(out.spec.bodies.size()) - 1);
     }
-    for (auto& s : out.spec.sensors)
+    for (auto& s : out.spec.sensors) {
         if (s.body >= 0) s.body = out.body_of.at(std::size_t(s.body));
+        for (TallySpec& t : s.tallies) t.body = out.body_of.at(std::size_t(t.body));
+    }
     for (auto& inlet : out.spec.inlets) inlet.body = out.body_of.at(std::size_t(inlet.body));
     return out;
 }

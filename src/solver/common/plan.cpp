@@ -513,14 +513,16 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                             "sweep (" + std::to_string(plan.sweeps) + " times)");
     if (lists_wall_nodes(spec.boundaries))
         plan.kernels.insert(plan.kernels.begin(), "move_wall_nodes");
-    bool loads = false, contacts = false;
+    bool loads = false, contacts = false, tallies = false;
     for (const auto& s : spec.sensors) {
+        tallies = tallies || s.kind == SensorKind::tally;
         loads = loads || s.kind == SensorKind::load_cell;
         contacts = contacts || s.kind == SensorKind::contact_load;
         plan.kernels.push_back("sample:" + s.name);
     }
     if (loads) plan.kernels.push_back("measure_loads");
     if (contacts) plan.kernels.push_back("measure_contacts");
+    if (tallies) plan.kernels.push_back("measure_tallies");
     for (const auto& b : plan.bodies) {
         const bool phased = b.pipeline == Pipeline::phased;
         if (b.rigid) {

@@ -7,6 +7,7 @@
 #include "mpm/data/blocks.hpp"
 #include "mpm/kernels/clock.hpp"
 #include "mpm/solver/blob.hpp"
+#include "mpm/solver/raw_samples.hpp"
 #include "mpm/solver/saved_clock.hpp"
 
 namespace mpm {
@@ -94,25 +95,34 @@ RunResult join_results(const std::vector<RunResult>& ranks) {
     return out;
 }
 
-std::vector<Samples> join_samples(const std::vector<SensorKind>& kinds,
+std::vector<Samples> join_samples(const std::vector<SensorSpec>& sensors, int dimension,
                                   const std::vector<std::vector<Samples>>& ranks) {
     std::vector<Samples> out = ranks.at(0);
     for (std::size_t r = 1; r < ranks.size(); ++r) {
         const std::vector<Samples>& more = ranks[r];
         for (std::size_t k = 0; k < out.size(); ++k) {
-            if (kinds.at(k) == SensorKind::wave_gauge || kinds[k] == SensorKind::velocity_probe)
+            const SensorSpec& sensor = sensors.at(k);
+            const SensorKind kind = sensor.kind;
+            std::vector<double>& values = out[k].values.data;
+            const std::vector<double>& parts = more.at(k).values.data;
+            if (kind == SensorKind::wave_gauge || kind == SensorKind::velocity_probe) continue;
+            if (kind == SensorKind::load_cell || kind == SensorKind::contact_load ||
+                kind == SensorKind::tally) {
+                const std::size_t rows = out[k].time.size(), width = values.size() / (rows + !rows);
+                for (std::size_t i = 0; i < rows; ++i)
+                    join_row(sensor, dimension, &values[i * width], &parts.at(i * width));
                 continue;
-            for (std::size_t i = 0; i < out[k].values.data.size(); ++i) {
-                double& value = out[k].values.data[i];
-                const double part = more.at(k).values.data.at(i);
-                if (kinds[k] != SensorKind::tracker)
-                    value += part;
+            }
+            for (std::size_t i = 0; i < values.size(); ++i) {
+                const double part = parts.at(i);
+                if (kind != SensorKind::tracker)
+                    values[i] += part;
                 else if (part == part)  // a particle is not a number where it is not
-                    value = part;
+                    values[i] = part;
             }
         }
     }
-    return out;
+    return finished(sensors, dimension, std::move(out));
 }
 
 std::vector<Removed> join_removed(const std::vector<std::vector<Removed>>& ranks) {

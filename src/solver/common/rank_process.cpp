@@ -7,6 +7,7 @@
 #include "mpm/solver/rank_join.hpp"
 #include "mpm/solver/rank_messages.hpp"
 #include "mpm/solver/ranks.hpp"
+#include "mpm/solver/raw_samples.hpp"
 
 namespace mpm {
 
@@ -72,8 +73,10 @@ class OneOfRanks final : public Engine {
 public:
     OneOfRanks(const Spec& spec, std::shared_ptr<Communicator> comm,
                const std::function<std::unique_ptr<Engine>()>& make)
-        : comm_(std::move(comm)), bodies_(spec.bodies.size()), check_{bodies_, spec.dimension} {
-        for (const SensorSpec& s : spec.sensors) kinds_.push_back(s.kind);
+        : comm_(std::move(comm)),
+          bodies_(spec.bodies.size()),
+          check_{bodies_, spec.dimension},
+          sensors_(without_places(spec.sensors)) {
         const auto all = comm_->all_gather(outline(spec), "an outline of its scene");
         for (std::size_t r = 1; r < all.size(); ++r)
             if (!alike(all[r], all[0]))
@@ -91,7 +94,9 @@ public:
     std::int64_t step() const override { return own_->step(); }
     double time_step() const override { return own_->time_step(); }
     std::uint64_t particle_count(int body) const override { return own_->particle_count(body); }
-    std::vector<Samples> drain() override { return join_samples(kinds_, tell_all(own_->drain())); }
+    std::vector<Samples> drain() override {
+        return join_samples(sensors_, check_.dimension, tell_all(own_->drain()));
+    }
     std::vector<Removed> removed() override { return join_removed(tell_all(own_->removed())); }
     std::vector<Flow> flows() override { return join_flows(tell_all(own_->flows())); }
     std::vector<std::string> attribute_names(int body) const override {
@@ -180,7 +185,7 @@ private:
     std::shared_ptr<Communicator> comm_;
     std::size_t bodies_;
     PartCheck check_;
-    std::vector<SensorKind> kinds_;
+    std::vector<SensorSpec> sensors_;
     std::unique_ptr<Engine> own_;
 };
 

@@ -5,6 +5,7 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/solver/rank_join.hpp"
+#include "mpm/solver/raw_samples.hpp"
 
 namespace mpm {
 
@@ -132,9 +133,9 @@ public:
         : threads_(std::move(threads)),
           engines_(std::move(engines)),
           bodies_(spec.bodies.size()),
-          sweeps_(sweeps(spec)) {
-        for (const SensorSpec& s : spec.sensors) kinds_.push_back(s.kind);
-    }
+          sweeps_(sweeps(spec)),
+          dimension_(spec.dimension),
+          sensors_(without_places(spec.sensors)) {}
 
     RunResult run(std::int64_t steps, double until, double wall) override {
         std::vector<RunResult> results(engines_.size());
@@ -152,7 +153,7 @@ public:
         return n;
     }
     std::vector<Samples> drain() override {
-        return join_samples(kinds_, of_each([](Engine& e) { return e.drain(); }));
+        return join_samples(sensors_, dimension_, of_each([](Engine& e) { return e.drain(); }));
     }
     std::vector<Removed> removed() override {
         return join_removed(of_each([](Engine& e) { return e.removed(); }));
@@ -230,7 +231,8 @@ private:
     std::vector<std::unique_ptr<Engine>> engines_;
     std::size_t bodies_;
     bool sweeps_;
-    std::vector<SensorKind> kinds_;
+    int dimension_;
+    std::vector<SensorSpec> sensors_;
 };
 
 }  // namespace

@@ -58,6 +58,20 @@ std::pair<std::vector<std::string>, std::vector<std::string>> sensor_columns(con
         case SensorKind::pin_force:
             for (const auto& a : axes) add("force_" + a, flat ? "N/m" : "N");
             break;
+        case SensorKind::tally:
+            for (std::size_t k = 0; k < s.tallies.size(); ++k) {
+                const std::string of = ":" + std::to_string(k);
+                const auto several = [&](const std::string& what, int count) {
+                    for (int c = 0; c < count; ++c) add(what + std::to_string(c) + of, "1");
+                };
+                several("sum", 6);
+                several("count", 3);
+                several("ids", 4);
+                several("low", 3);
+                several("high", 3);
+            }
+            add("time_step", "s");
+            break;
         case SensorKind::energy:
             for (const char* n : {"kinetic", "elastic", "potential", "dissipated"})
                 add(n, flat ? "J/m" : "J");

@@ -364,11 +364,14 @@ private:
             // NaN before the first sample.
             if (std::isinf(first[k])) refuse_entry("sensor_first", "has inf", "energies, J");
         }
-        state_.numbers("load_impulse", loads * std::size_t(load_columns<D>),
+        impulses("load_impulse", loads * std::size_t(load_columns<D>));
+        if (contacts > 0) impulses("contact_impulse", contacts * std::size_t(contact_columns<D>));
+    }
+    /// Three numbers that add up to each; earlier versions saved one.
+    void impulses(const char* name, std::size_t count) const {
+        const bool in_one = state_.list<double>(name).size() == count;
+        state_.numbers(name, in_one ? count : exact_pieces * count,
                        std::numeric_limits<double>::max());
-        if (contacts > 0)
-            state_.numbers("contact_impulse", contacts * std::size_t(contact_columns<D>),
-                           std::numeric_limits<double>::max());
     }
 
     SavedState state_;

@@ -14,38 +14,38 @@
     prefix template void Cuda::for_each_next<MoveWallNodes<T, Cuda::Sum<T>, D, pass>>( \
         std::int64_t, const MoveWallNodes<T, Cuda::Sum<T>, D, pass>&);
 
-#define MPM_GRID_PASSES_IN(prefix, T, D)                                                      \
-    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, false, false>)                    \
-    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, false>)                     \
-    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, false, true>)                     \
-    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, true>)                      \
-    prefix template void Cuda::for_each_next<SeatWallNodes<T, Cuda::Sum<T>, D>>(              \
-        std::int64_t, const SeatWallNodes<T, Cuda::Sum<T>, D>&);                              \
-    MPM_WALL_PASS(prefix, T, D, WallPass::lines)                                              \
-    MPM_WALL_PASS(prefix, T, D, WallPass::held)                                               \
-    MPM_WALL_PASS(prefix, T, D, WallPass::all)                                                \
-    MPM_GRID_PASS(prefix, D, FinishSweep<T, Cuda::Sum<T>, D>)                                 \
-    prefix template void Cuda::sum_each<load_columns<D>, MeasureLoads<T, Cuda::Sum<T>, D>,    \
-                                        TakeLoad<D>, SamplePoints<T, Cuda::Sum<T>, D>>(       \
-        const SumSets&, const MeasureLoads<T, Cuda::Sum<T>, D>&, const TakeLoad<D>&, double*, \
-        std::int64_t, const SamplePoints<T, Cuda::Sum<T>, D>&);                               \
-    prefix template void Cuda::for_each_large<SamplePoints<T, Cuda::Sum<T>, D>>(              \
+#define MPM_GRID_PASSES_IN(prefix, T, D)                                                        \
+    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, false, false>)                      \
+    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, false>)                       \
+    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, false, true>)                       \
+    MPM_GRID_PASS(prefix, D, UpdateGrid<T, Cuda::Sum<T>, D, true, true>)                        \
+    prefix template void Cuda::for_each_next<SeatWallNodes<T, Cuda::Sum<T>, D>>(                \
+        std::int64_t, const SeatWallNodes<T, Cuda::Sum<T>, D>&);                                \
+    MPM_WALL_PASS(prefix, T, D, WallPass::lines)                                                \
+    MPM_WALL_PASS(prefix, T, D, WallPass::held)                                                 \
+    MPM_WALL_PASS(prefix, T, D, WallPass::all)                                                  \
+    MPM_GRID_PASS(prefix, D, FinishSweep<T, Cuda::Sum<T>, D>)                                   \
+    prefix template void Cuda::sum_each<load_columns<D>, MeasureLoads<T, Cuda::Sum<T>, D>,      \
+                                        TakeLoad<D>, Int128, SamplePoints<T, Cuda::Sum<T>, D>>( \
+        const SumSets&, const MeasureLoads<T, Cuda::Sum<T>, D>&, const TakeLoad<D>&, Int128*,   \
+        std::int64_t, const SamplePoints<T, Cuda::Sum<T>, D>&);                                 \
+    prefix template void Cuda::for_each_large<SamplePoints<T, Cuda::Sum<T>, D>>(                \
         std::int64_t, const SamplePoints<T, Cuda::Sum<T>, D>&);
 
 // Beside the first ones in units of their own: a scene without contacts never launches them.
-#define MPM_CONTACT_PASSES_IN(prefix, T, D)                                                        \
-    prefix template void Cuda::max_each<maxima_count, ContactPass<Cuda, T, Cuda::Sum<T>, D>,       \
-                                        AfterContact<AfterGrid<D>>>(                               \
-        std::int64_t, const ContactPass<Cuda, T, Cuda::Sum<T>, D>&,                                \
-        const AfterContact<AfterGrid<D>>&);                                                        \
-    prefix template void                                                                           \
-    Cuda::sum_each<load_columns<D>, MeasureLoads<T, Cuda::Sum<T>, D, true>, TakeLoad<D>, Nothing>( \
-        const SumSets&, const MeasureLoads<T, Cuda::Sum<T>, D, true>&, const TakeLoad<D>&,         \
-        double*, std::int64_t, const Nothing&);                                                    \
-    prefix template void Cuda::sum_each<contact_columns<D>, MeasureContacts<T, Cuda::Sum<T>, D>,   \
-                                        TakeContact<D>, Nothing>(                                  \
-        const SumSets&, const MeasureContacts<T, Cuda::Sum<T>, D>&, const TakeContact<D>&,         \
-        double*, std::int64_t, const Nothing&);
+#define MPM_CONTACT_PASSES_IN(prefix, T, D)                                                      \
+    prefix template void Cuda::max_each<maxima_count, ContactPass<Cuda, T, Cuda::Sum<T>, D>,     \
+                                        AfterContact<AfterGrid<D>>>(                             \
+        std::int64_t, const ContactPass<Cuda, T, Cuda::Sum<T>, D>&,                              \
+        const AfterContact<AfterGrid<D>>&);                                                      \
+    prefix template void Cuda::sum_each<load_columns<D>, MeasureLoads<T, Cuda::Sum<T>, D, true>, \
+                                        TakeLoad<D>, Int128, Nothing>(                           \
+        const SumSets&, const MeasureLoads<T, Cuda::Sum<T>, D, true>&, const TakeLoad<D>&,       \
+        Int128*, std::int64_t, const Nothing&);                                                  \
+    prefix template void Cuda::sum_each<contact_columns<D>, MeasureContacts<T, Cuda::Sum<T>, D>, \
+                                        TakeContact<D>, Int128, Nothing>(                        \
+        const SumSets&, const MeasureContacts<T, Cuda::Sum<T>, D>&, const TakeContact<D>&,       \
+        Int128*, std::int64_t, const Nothing&);
 #define MPM_CONTACT_PASSES(prefix, T)   \
     MPM_CONTACT_PASSES_IN(prefix, T, 2) \
     MPM_CONTACT_PASSES_IN(prefix, T, 3)

@@ -2,6 +2,7 @@
 
 #include "components.cuh"
 #include "grid_passes.cuh"
+#include "mpm/kernels/cuda/tally.cuh"
 #include "mpm/solver/make_domain.hpp"
 #include "precisions.hpp"
 

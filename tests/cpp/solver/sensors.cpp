@@ -65,8 +65,10 @@ TEST(Sensors, GoOnWhereASavedStateWas) {
     before.restore({}, {}, {}, {}, clock);
     before.records()[0].next = 7;
     before.records()[1].last_time = 0.625;
-    double sum[3] = {3, -4, 5};
-    before.take_load (&clock)(0, sum);
+    const auto take = before.take_load(&clock);
+    const Int128 sum[3] = {exact(3, take.scale[0]), exact(-4, take.scale[1]),
+                           exact(1.0 / 3, take.scale[2])};
+    take(0, sum);
     State state;
     before.save(state);
 
@@ -82,6 +84,14 @@ TEST(Sensors, GoOnWhereASavedStateWas) {
     State again;
     after.save(again);
     EXPECT_EQ(again["load_impulse"].bytes, state["load_impulse"].bytes);
+    // Earlier versions saved one number for each sum.
+    State earlier = state;
+    earlier["load_impulse"] = detail::to_blob(std::vector<double>{3, -4, 1.0 / 3});
+    Sensors<Cpu, 2> before_exact(exec, more, Plan{});
+    before_exact.load(earlier, clock);
+    State same;
+    before_exact.save(same);
+    EXPECT_EQ(same["load_impulse"].bytes, state["load_impulse"].bytes);
     // A scene that has fewer sensors is another one.
     Spec fewer = s;
     fewer.sensors.pop_back();

@@ -136,15 +136,16 @@ public:
         then(static_cast<const double*>(out));
     }
     std::int64_t sum_parts(std::int64_t) const { return 1; }
-    template <int W, class F, class G, class H>
-    void sum_each(const SumSets& sets, const F& f, const G& then, double*, std::int64_t more,
+    template <int W, class F, class G, class A, class H>
+    void sum_each(const SumSets& sets, const F& f, const G& then, A*, std::int64_t more,
                   const H& beside) {
         for_each(more, beside);
         for (int s = 0; s < sets.count; ++s) {
-            double sums[W] = {};
+            A sums[W] = {};
             for (std::int64_t i = 0; i < sets.set[s].count; ++i) f(sets.set[s].first + i, s, sums);
-            then(s, static_cast<const double*>(sums));
+            then(s, static_cast<const A*>(sums));
         }
+        if constexpr (requires { then.done(); }) then.done();
     }
     void exclusive_scan(const std::uint32_t* in, std::uint32_t* out, std::int64_t n) {
         std::uint32_t sum = 0;

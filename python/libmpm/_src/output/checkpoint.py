@@ -51,9 +51,11 @@ class Checkpoint:
     """What a run needs to continue.
 
     `header` is JSON: format, version, scene, device, precision, pipeline, threads, time_step,
-    time (s), step, until (s), output settings. `state` is the engine's own, and `sensors` holds
-    per sensor (time (n,), values (n, components), components, units). `memory` is what sensors that
-    are evaluated in Python need besides their series, by number of the sensor.
+    time (s), step, until (s), output settings, and engine_sensors, the names of the sensors that
+    `state` has; in those of earlier versions they are the ones that no version reads in Python.
+    `state` is the engine's own, and `sensors` holds per sensor (time (n,), values (n, components),
+    components, units). `memory` is what sensors that are made in Python need besides their series,
+    by number of the sensor.
     """
 
     header: dict[str, Any]
@@ -232,7 +234,7 @@ def _action(x: Any) -> bool:
 #: What the headers of older versions lack.
 _LATER = (
     "run", "shared_device", "displaced", "until", "output", "guard", "arrays", "partition",
-    "actions",
+    "actions", "engine_sensors",
 )  # fmt: skip
 
 #: What a header must hold: key -> (test, in words).
@@ -256,6 +258,10 @@ _HEADER: dict[str, tuple[Callable[[Any], bool], str]] = {
     "output": (lambda x: x is None or isinstance(x, dict), "settings of an Output"),
     "guard": (lambda x: x is None or isinstance(x, dict), "settings of a Guard"),
     "partition": (lambda x: x is None or isinstance(x, dict), "settings of a Partition"),
+    "engine_sensors": (
+        lambda x: isinstance(x, list) and all(isinstance(name, str) for name in x),
+        "names of sensors",
+    ),
     "actions": (
         lambda x: isinstance(x, dict) and all(map(_action, x.values())),
         "interval and last call of every action, s",

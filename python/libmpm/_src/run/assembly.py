@@ -30,6 +30,7 @@ from libmpm._src.run.shared_ranks import SharedRanks
 from libmpm._src.run.thread_turns import Turns
 from libmpm._src.scene.data import SceneData
 from libmpm._src.scene.start import Start
+from libmpm._src.sensors import tallied
 from libmpm._src.sensors.sampling_loop import Measurements
 
 __all__ = ["Assembly", "select"]
@@ -178,6 +179,11 @@ class Assembly:
                 shell=start is not None and self._loads_state, **self.requested,
             )  # fmt: skip
         self.initial.into(specification)
+        restored = self.restored
+        remembered = {} if restored is None else {
+            s.name: restored.memory_of(i) for i, s in enumerate(scene.sensors)
+        }  # fmt: skip
+        tallied.add_first_places(specification, remembered)
         specification |= told_ranks(self.backend, self.partition, scene)
         saved = self.restored if self._loads_state else None
         if saved is not None:
@@ -189,7 +195,7 @@ class Assembly:
         loaded = False
         try:
             if saved is not None:
-                engine.load(saved.state)
+                engine.load(self._fitted(saved, specification))
             loaded = True
             self._take(engine, specification, None if saved is None else saved.state)
         except (
@@ -201,6 +207,21 @@ class Assembly:
                 f"the checkpoint does not fit {run.device} in {run.precision} precision: "
                 f"{error}; resume with the device and version that wrote it"
             ) from error
+
+    def _fitted(
+        self, saved: checkpoints.Checkpoint, specification: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Return the state of a checkpoint with the sensors of an engine."""
+        scene, header, known = self._run.scene, saved.header, len(saved.sensors)
+        if scene.start is not None and not saved.sensors:
+            known = scene.start.sensors
+        names = {s.name for s in scene.sensors[:known]}
+        have = header.get("engine_sensors")
+        return tallied.fitted(
+            saved.state, tallied.plain_names(scene, known) if have is None else have,
+            [s for s in specification["sensors"] if s["name"] in names],
+            float(header["time"]), int(header["step"]),
+        )  # fmt: skip
 
     def _take(
         self, engine: Any, specification: dict[str, Any], state: dict[str, Any] | None = None

@@ -22,6 +22,7 @@ from libmpm._src.scene.parts import Body
 from libmpm._src.scene.places import new_bodies, snap
 from libmpm._src.scene.scene_file import SceneReader
 from libmpm._src.scene.start import Start
+from libmpm._src.sensors import tallied
 from libmpm._src.shapes.boxes import Box
 from libmpm._src.shapes.filling import BOXES, caught_in, place_of
 from libmpm._src.shapes.oriented_boxes import Extent, TurnedBox
@@ -145,7 +146,10 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
     specification = _shell(scene, checkpoint.header["time_step"]) | checkpoint.stored_as()
     engine = backends.core().Engine(specification)
     try:
-        engine.load(checkpoint.state)
+        have = checkpoint.header.get("engine_sensors")
+        have = tallied.plain_names(scene) if have is None else have
+        time, step = float(checkpoint.header["time"]), int(checkpoint.header["step"])
+        engine.load(tallied.fitted(checkpoint.state, have, specification["sensors"], time, step))
     except SceneError as error:
         raise CheckpointError(f"the checkpoint's state does not fit its scene: {error}") from error
     bodies, frozen = {}, {}
@@ -164,7 +168,7 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
     sums = engine.sums()
     cell = sums.pop("cell")
     kept = ("sensor_next", "sensor_last", "sensor_first", "load_impulse")
-    sensors = {name: checkpoint.state[name] for name in kept}
+    sensors = {name: checkpoint.state[name] for name in kept} | {"names": np.array(have)}
     return Snapshot(engine.time, engine.step, engine.time_step, bodies, cell, sums, frozen, sensors)
 
 

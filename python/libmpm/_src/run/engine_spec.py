@@ -35,6 +35,7 @@ from libmpm._src.scene.checks_sizes import check_numbers
 from libmpm._src.scene.checks_time_steps import check_intervals, check_step, too_slow
 from libmpm._src.scene.contact_fields import contact_entry, contact_sides
 from libmpm._src.scene.places import extent_of, faces_present, initial_gravity, snap, vertical_axis
+from libmpm._src.sensors import tallied
 from libmpm._src.sensors.engine_sensors import (
     ContactLoad,
     LoadCell,
@@ -111,6 +112,11 @@ def lower(
         first += bodies[-1].get("id_count", bodies[-1]["count"])
     if problems := check_numbers(scene, precision, bodies):
         raise SceneError(problems)
+    sensors = [
+        _sensor(scene, s, bodies)
+        for s in scene.sensors
+        if not isinstance(s.sensor, Sampled) or tallied.in_step(scene, s.sensor)
+    ]
     linear = linear_by_default(scene)
     gravity = scene.gravity
     if not isinstance(gravity, TimeTable):
@@ -133,20 +139,18 @@ def lower(
             "kernel": scene.method.kernel_choice.specification(),
             "bodies": bodies,
             "boundaries": [_boundary(scene, b, linear) for b in scene.boundaries] + zones(scene),
-            "sensors": [
-                _sensor(scene, s, bodies)
-                for s in scene.sensors
-                if not isinstance(s.sensor, Sampled)
-            ],
+            "sensors": sensors,
         }
         | ({"deformed_nodes": True} if scene.method.kernel_choice.moved_nodes else {})
         | flow_entries(scene, bodies)
         | contact_entry(scene)
-        | _added(scene, time_step, with_particles and not shell)
+        | _added(scene, time_step, with_particles and not shell, sensors)
     )
 
 
-def _added(scene: SceneData, time_step: float | None, with_particles: bool) -> dict[str, Any]:
+def _added(
+    scene: SceneData, time_step: float | None, with_particles: bool, sensors: list[dict[str, Any]]
+) -> dict[str, Any]:
     """Return what only some scenes have: a grid of functions, or another run to continue from."""
     if scene.grid is not None:
         return {"grid": scene.grid.specification()}
@@ -160,10 +164,17 @@ def _added(scene: SceneData, time_step: float | None, with_particles: bool) -> d
     from libmpm._src.run.checkpoint_state import snapshot
 
     found = snapshot(scene)
-    kept = found.sensors or {
+    kept: dict[str, Any] = {
         "sensor_next": np.zeros(0, dtype=np.int64),
         "sensor_last": np.zeros(0), "sensor_first": np.zeros(0), "load_impulse": np.zeros(0),
     }  # fmt: skip
+    if found.sensors:
+        own = {s.name for s in scene.sensors[: start.sensors]}
+        kept = {name: np.asarray(found.sensors[name]) for name in kept}
+        kept = tallied.fitted(
+            kept, found.sensors["names"].tolist(), [s for s in sensors if s["name"] in own],
+            found.time, found.step,
+        )  # fmt: skip
     return {
         "start": {
             "time": found.time, "step": found.step, "time_step": found.time_step,
@@ -412,6 +423,9 @@ def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, A
 
 def _sensor(scene: SceneData, placed: PlacedSensor, bodies: list[dict[str, Any]]) -> dict[str, Any]:
     sensor = placed.sensor
+    if isinstance(sensor, Sampled):
+        said = tallied.described(scene, sensor, bodies, world_offset(scene))
+        return {"name": placed.name} | said
     result: dict[str, Any] = {
         "name": placed.name,
         "kind": sensor.kind,

@@ -150,6 +150,7 @@ class Files:
             "guard": None if guard is None else guard.to_dict(),
             "watch": None if watch is None else watch.memory(),
             "actions": self._actions.memory(),
+            "engine_sensors": assembly.measurements.engine_names,
         }
         sensors = [(s.time, s.values, list(s.components), list(s.units)) for s in run.series()]
         state = dict(engine.save()) | assembly.traffic.state()

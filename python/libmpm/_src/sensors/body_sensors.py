@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,48 +16,59 @@ from libmpm._src.sensors.grid_sensors import boundary_forces
 from libmpm._src.sensors.python_sensors import BodyTracker
 from libmpm._src.sensors.reductions import Array
 from libmpm._src.sensors.sampler import Sampler, axes_of, bodies_of
-from libmpm._src.sensors.step_readings import Moment, gravity_at
+from libmpm._src.sensors.step_readings import Moment, gravity_at, stores_velocity
+from libmpm._src.sensors.tally_rows import Tally
 
-__all__ = ["OfBody", "angle_of", "angular_velocity", "gravity_impulse", "quaternion_of"]
+__all__ = ["OfBody", "angles", "gravity_impulse", "quaternions", "turn_rates"]
 
 #: Parts of a time table's span for its integral, beside its own points.
 _PARTS = 32
 
 
-def angle_of(start: Array, now: Array, mass: Array) -> float:
-    """Return the angle, rad in (-π, π], that turns points (n, 2) about 0 best into others."""
-    cross = start[:, 0] * now[:, 1] - start[:, 1] * now[:, 0]
-    return math.atan2(float(mass @ cross), float(mass @ np.sum(start * now, axis=1)))
+def angles(moment: Array) -> Array:
+    """Return the angle, rad in (-π, π], that turns points best into others, (n,).
 
-
-def quaternion_of(start: Array, now: Array, mass: Array) -> Array:
-    """Return the unit quaternion (w, x, y, z), w ≥ 0, that turns points (n, 3) best into others.
-
-    It is the eigenvector of the largest eigenvalue of Horn's (1987) symmetric matrix.
+    `moment` (n, 2, 2) is Σ m X xᵀ of their places X and x from their centroids.
     """
-    m = (start * mass[:, None]).T @ now
-    trace = np.trace(m)
-    away = np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
-    horn = np.empty((4, 4))
-    horn[0, 0] = trace
-    horn[0, 1:] = horn[1:, 0] = away
-    horn[1:, 1:] = m + m.T - trace * np.eye(3)
-    found = np.linalg.eigh(horn)[1][:, -1]
-    return found if found[0] >= 0 else -found
+    m = moment
+    return np.arctan2(m[:, 0, 1] - m[:, 1, 0], m[:, 0, 0] + m[:, 1, 1])
 
 
-def angular_velocity(away: Array, velocity: Array, mass: Array) -> Array:
-    """Return I⁻¹ L of points (n, d) about 0, (1,) in 2D, (3,) in 3D, rad/s."""
-    if away.shape[1] == 2:
-        spin = away[:, 0] * velocity[:, 1] - away[:, 1] * velocity[:, 0]
-        inertia = float(mass @ np.sum(away**2, axis=1))
-        return np.array([float(mass @ spin) / inertia if inertia > 0 else np.nan])
-    spin = mass @ np.cross(away, velocity)
-    squares = (away * mass[:, None]).T @ away
-    tensor = np.trace(squares) * np.eye(3) - squares
-    if np.linalg.eigvalsh(tensor)[0] <= 1e-12 * np.trace(tensor):
-        return np.full(3, np.nan)  # points on a line spin about it unseen
-    return np.linalg.solve(tensor, spin)
+def quaternions(moment: Array) -> Array:
+    """Return the unit quaternions (w, x, y, z), w ≥ 0, that turn points best into others, (n, 4).
+
+    `moment` (n, 3, 3) as of `angles`. They are the eigenvectors of the largest eigenvalues of
+    Horn's (1987) symmetric matrices.
+    """
+    m = moment
+    trace = np.trace(m, axis1=1, axis2=2)
+    away = np.stack(
+        [m[:, 1, 2] - m[:, 2, 1], m[:, 2, 0] - m[:, 0, 2], m[:, 0, 1] - m[:, 1, 0]], axis=1
+    )
+    horn = np.empty((len(m), 4, 4))
+    horn[:, 0, 0] = trace
+    horn[:, 0, 1:] = horn[:, 1:, 0] = away
+    horn[:, 1:, 1:] = m + m.transpose(0, 2, 1) - trace[:, None, None] * np.eye(3)
+    found = np.linalg.eigh(horn)[1][:, :, -1]
+    return np.asarray(np.where(found[:, :1] >= 0, found, -found))
+
+
+def turn_rates(spin: Array, squares: Array) -> Array:
+    """Return I⁻¹ L, (n, 1) in 2D, (n, 3) in 3D, rad/s; NaN where points do not tell it.
+
+    `spin` (n, 1 or 3) is Σ m x × v and `squares` (n, d, d) is Σ m x xᵀ from their centroids.
+    """
+    trace = np.trace(squares, axis1=1, axis2=2)
+    if spin.shape[1] == 1:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rate: Array = np.where(trace[:, None] > 0, spin / trace[:, None], np.nan)
+            return rate
+    tensor = trace[:, None, None] * np.eye(3) - squares
+    # Points on a line spin about it unseen.
+    seen = np.linalg.eigvalsh(tensor)[:, 0] > 2e-12 * trace
+    found = np.full(spin.shape, np.nan)
+    found[seen] = np.linalg.solve(tensor[seen], spin[seen][:, :, None])[:, :, 0]
+    return found
 
 
 def gravity_impulse(scene: SceneData, first: float, last: float) -> Array:
@@ -70,6 +81,30 @@ def gravity_impulse(scene: SceneData, first: float, last: float) -> Array:
     values = np.stack([scene.gravity.at(float(t)) for t in times])
     found: Array = np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None], axis=0)
     return found
+
+
+def _turn_rate(away: Array, velocity: Array, mass: Array) -> Array:
+    """Return I⁻¹ L of points (n, d) about 0, (1,) in 2D, (3,) in 3D, rad/s."""
+    spin = mass @ _across(away, velocity)
+    return np.asarray(turn_rates(spin[None], ((away * mass[:, None]).T @ away)[None])[0])
+
+
+def _across(a: Array, b: Array) -> Array:
+    """Return a × b of vectors (n, d), (n, 1) in 2D, (n, 3) in 3D."""
+    if a.shape[1] == 2:
+        return (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])[:, None]
+    return np.cross(a, b)
+
+
+def _outer(a: Array, b: Array) -> Array:
+    """Return a bᵀ of vectors (n, d), (n, d, d)."""
+    return a[:, :, None] * b[:, None, :]
+
+
+def _squares(sums: Array, d: int) -> Array:
+    """Return Σ x xᵀ (n, d, d) of the sums x x, y y, z z, x y, x z, y z."""
+    places = ((0, 3), (3, 1)) if d == 2 else ((0, 3, 4), (3, 1, 5), (4, 5, 2))
+    return sums[:, np.array(places)]
 
 
 class OfBody(Sampler):
@@ -105,6 +140,8 @@ class OfBody(Sampler):
         self._turned: Array | None = None
         #: Of the last sample: a checksum of the ids, momentum, and its time.
         self._before: tuple[int, Array, float] | None = None
+        #: The same from sums over particles.
+        self._summed_before: tuple[Array, Array, float] | None = None
 
     def announce(self, moment: Moment) -> None:
         """Ask for masses, positions and velocities."""
@@ -131,7 +168,7 @@ class OfBody(Sampler):
             elif name == "extent":
                 found = np.concatenate([position.min(axis=0), position.max(axis=0)])
             elif name == "angular_velocity":
-                found = angular_velocity(away, velocity - momentum / total, mass)
+                found = _turn_rate(away, velocity - momentum / total, mass)
             elif name == "orientation":
                 found = self._orientation(arrays["id"].astype(np.int64), away, mass)
             elif name == "contact_force":
@@ -150,16 +187,88 @@ class OfBody(Sampler):
         weight = mass[here]
         now = away[here] - weight @ away[here] / weight.sum()
         start = places[there] - weight @ places[there] / weight.sum()
-        if away.shape[1] == 2:
-            angle = angle_of(start, now, weight)
-            if self._turned is not None:
-                angle += 2 * math.pi * round((float(self._turned[0]) - angle) / (2 * math.pi))
-            found = np.array([angle])
+        # Of places that have not changed it is symmetric to the bit.
+        moment = np.sum(weight[:, None, None] * _outer(start, now), axis=0)
+        return np.asarray(self._turning(moment[None])[0])
+
+    def _turning(self, moment: Array) -> Array:
+        """Return orientations (n, 1 or 4) that go on from the last one, by moments of `angles`."""
+        before = self._turned
+        if moment.shape[1] == 2:
+            found = angles(moment)
+            if before is not None:
+                found = np.concatenate([before, found])
+            found = np.unwrap(found)[0 if before is None else 1 :, None]
         else:
-            found = quaternion_of(start, now, weight)
-            if self._turned is not None and float(self._turned @ found) < 0:
-                found = -found
-        self._turned = found
+            found = quaternions(moment)
+            last = np.concatenate([found[:1] if before is None else before[None], found[:-1]])
+            signs = np.where(np.sum(last * found, axis=1) < 0, -1.0, 1.0)
+            found = np.cumprod(signs)[:, None] * found
+        self._turned = np.asarray(found[-1])
+        return np.asarray(found)
+
+    def rows(self, time: Array, tallies: Sequence[Tally], dt: Array) -> Array:
+        """Return the quantities of samples (n, columns), from sums over particles."""
+        there = tallies[0].count[:, 0] > 0
+        found = np.full((len(time), len(self.columns)), np.nan)
+        if there.any():
+            kept = [t.of(there) for t in tallies]
+            found[there] = self._of_sums(time[there], kept, dt[there])
+        return found
+
+    def _of_sums(self, time: Array, tallies: Sequence[Tally], dt: Array) -> Array:
+        """Return the quantities of samples with particles, all of one mass."""
+        assert self.summed is not None
+        d, motion, others = self._scene.dimension, tallies[0], list(tallies[1:])
+        count, origin = motion.count[:, :1], np.asarray(self.summed.origin)
+        centre, velocity = motion.sums[:, :d] / count, motion.sums[:, 3 : 3 + d] / count
+        mass = self.summed.particle_mass * count
+        squares, spin, moment = (np.empty((0, 0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)))
+        if "angular_velocity" in self._chosen:
+            squares = _squares(others.pop(0).sums, d) - count[:, :, None] * _outer(centre, centre)
+        if others:
+            turned = others.pop(0).sums
+            across = _across(centre, velocity)
+            spin = turned[:, : across.shape[1]] - count * across
+            if others:
+                first = turned[:, 3 : 3 + d] / count
+                parts = [t.sums for t in others]
+                sums = np.concatenate([parts[0], *(p[:, :d] for p in parts[1:])], axis=1)
+                moment = sums[:, : d * d].reshape(-1, d, d)
+                moment = moment - count[:, :, None] * _outer(first, centre)
+        columns = []
+        for name in self._chosen:
+            if name == "centroid":
+                columns.append(centre + np.asarray(self.summed.reference) + origin)
+            elif name == "velocity":
+                columns.append(velocity)
+            elif name == "momentum":
+                columns.append(mass * velocity)
+            elif name == "extent":
+                columns += [motion.low[:, :d] + origin, motion.high[:, :d] + origin]
+            elif name == "angular_velocity":
+                columns.append(turn_rates(spin, squares))
+            elif name == "orientation":
+                columns.append(self._turning(moment))
+            else:
+                later = 0.0 if stores_velocity(self._scene) else dt
+                columns.append(self._contacts(time + later, motion, mass * velocity, mass))
+        return np.concatenate(columns, axis=1)
+
+    def _contacts(self, now: Array, motion: Tally, momentum: Array, mass: Array) -> Array:
+        """Return mean forces since the sample before, NaN where particles have come or gone."""
+        same = np.concatenate([motion.count[:, :1], motion.ids], axis=1)
+        before = self._summed_before
+        self._summed_before = same[-1], momentum[-1], float(now[-1])
+        found = np.full(momentum.shape, np.nan)
+        for k in range(len(now)):
+            known, was, then = (
+                (same[k - 1], momentum[k - 1], float(now[k - 1])) if k > 0
+                else before or (np.empty(0), np.empty(0), math.inf)
+            )  # fmt: skip
+            if now[k] > then and np.array_equal(known, same[k]):
+                pull = mass[k] * gravity_impulse(self._scene, then, float(now[k]))
+                found[k] = (momentum[k] - was - pull) / (now[k] - then)
         return found
 
     def _contact(self, moment: Moment, ids: NDArray[Any], momentum: Array, total: float) -> Array:
@@ -190,6 +299,14 @@ class OfBody(Sampler):
         if self._before is not None:
             present, momentum, time = self._before
             found |= {"present": np.array(present), "momentum": momentum, "then": np.array(time)}
+        if self._summed_before is not None:
+            particles, momentum, time = self._summed_before
+            found |= {"particles": particles, "momentum": momentum, "then": np.array(time)}
+        if self.summed is not None and self.summed.places is not None:
+            # For runs that continue from this one.
+            places = self.summed.places
+            ids = self.summed.first_id + np.arange(len(places), dtype=np.int64)
+            found |= {"first_id": ids, "first_place": places}
         return found
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -198,5 +315,7 @@ class OfBody(Sampler):
             self._first = state["first_id"], state["first_place"]
         if "turned" in state:
             self._turned = state["turned"]
-        if "momentum" in state:
+        if "particles" in state:
+            self._summed_before = state["particles"], state["momentum"], float(state["then"])
+        elif "momentum" in state:
             self._before = int(state["present"]), state["momentum"], float(state["then"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from libmpm._src.sensors.python_sensors import (
     ParticleSensor,
     PressureProbe,
 )
-from libmpm._src.sensors.reductions import Array, along, reduce
+from libmpm._src.sensors.reductions import Array, along, of_sums, reduce
 from libmpm._src.sensors.sampler import (
     Sampler,
     axes_of,
@@ -26,6 +27,7 @@ from libmpm._src.sensors.sampler import (
     unit_in,
 )
 from libmpm._src.sensors.step_readings import Moment, gravity_at
+from libmpm._src.sensors.tally_rows import Tally, added
 
 __all__ = ["OfAttributes", "OfElevation", "OfParticles", "OfPressure", "quadratic_spline"]
 
@@ -77,6 +79,15 @@ class OfParticles(Sampler):
             return [reduce(values, sensor.operation)]
         chosen = [sensor.direction] if sensor.direction else list(axes_of(self._scene))
         return [reduce(along(values, direction), sensor.operation) for direction in chosen]
+
+    def rows(self, time: Array, tallies: Sequence[Tally], dt: Array) -> Array:
+        """Return the numbers of samples (n, columns), of all bodies together."""
+        found = added(tallies)
+        n = len(self.columns)
+        return of_sums(
+            found.sums[:, :n], found.sums[:, 3 : 3 + n], found.count[:, :n], found.low[:, :n],
+            found.high[:, :n], self._sensor.operation,
+        )  # fmt: skip
 
 
 #: Cells about its last place in which a particle that is followed is looked for; further off it is

@@ -1,6 +1,7 @@
 """`PressureProbe`, `BodyTracker`, ...: sensors evaluated in Python, at step boundaries.
 
-They are evaluated in Python at the first step boundary with time ≥ k × interval, k = 0, 1, ...;
+Those that are sums over particles the engine takes in its step, where it can (`tallied.in_step`).
+The others are evaluated at the first step boundary with time ≥ k × interval, k = 0, 1, ...;
 nothing is added to the engine's step, and no bit of a run changes. A sample copies what it reads
 from the device, once for all sensors due at that moment, and works on it with NumPy: of a sensor
 with a place or a region the blocks that it touches, else all. On a CPU that takes about 0.1 µs a
@@ -78,8 +79,9 @@ class ParticleSensor(Sampled):
     others NaN. Directions: "x", "y", "z", with "+" or "-" only the values of that sign.
     Positions are in the world. Raises `SceneError`.
 
-    A sample reads the attribute of the bodies' particles; with a region of those about it.
-    Source: Bonus (2023), particle-sensors of the scene file.
+    Sums of most attributes, everywhere or in a `Box`, are taken by the engine in its step
+    (docs/sensors.md); of others a sample reads the attribute of the bodies' particles, with a
+    region of those about it. Source: Bonus (2023), particle-sensors of the scene file.
     """
 
     label: ClassVar[str] = "sensors.ParticleSensor"
@@ -218,9 +220,10 @@ class BodyTracker(Sampled):
     Components of vectors end in _x, _y, _z, such as "centroid_x"; "angular_velocity" is one number
     in 2D. NaN without particles. In 2D per metre of thickness. Raises `SceneError`.
 
-    A sample reads masses, positions and velocities of the body; "boundary_force" the nodes about
-    it. A checkpoint holds the first positions, 8 bytes a particle and axis, where orientation is
-    asked for. Source: Horn (1987), J. Opt. Soc. Am. A 4, for the rotation.
+    The sums that all this follows from are taken by the engine in its step; with "boundary_force" a
+    sample reads masses, positions and velocities of the body, and the nodes about it. A checkpoint
+    holds the first positions, 8 bytes a particle and axis, where orientation is asked for. Source:
+    Horn (1987), J. Opt. Soc. Am. A 4, for the rotation.
     """
 
     label: ClassVar[str] = "sensors.BodyTracker"

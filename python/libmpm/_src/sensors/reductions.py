@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DIRECTIONS", "OPERATIONS", "along", "reduce"]
+__all__ = ["DIRECTIONS", "OPERATIONS", "along", "of_sums", "reduce"]
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,27 @@ def reduce(values: Array, operation: str) -> float:
     if len(values) == 0:
         return 0.0 if operation in ("sum", "count") else float("nan")
     return OPERATIONS[operation](values)
+
+
+def of_sums(
+    sums: Array, squares: Array, count: Array, low: Array, high: Array, operation: str
+) -> Array:
+    """Return what `reduce` does of values whose sums and extremes are known, of any shape.
+
+    NaN, too, where a value is NaN, which its extremes tell.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = sums / count
+        if operation == "count":
+            return count.copy()
+        if operation == "sum":
+            return np.where(count > 0, sums + 0 * np.where(count > 0, low, 0), 0.0)
+        if operation in ("std", "variance"):
+            spread = np.maximum(squares / count - mean**2, 0.0)
+            found = np.sqrt(spread) if operation == "std" else spread
+        else:
+            found = {"mean": mean, "min": low, "max": high, "range": high - low}[operation]
+        return np.where(count > 0, found + 0 * low, np.nan)
 
 
 def along(values: Array, direction: str) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,32 @@ from libmpm._src.scene.data import SceneData
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.reductions import Array
 from libmpm._src.sensors.step_readings import Box, Moment
+from libmpm._src.sensors.tally_rows import Tally
 from libmpm._src.shapes.solid import Solid
 
-__all__ = ["Sampler", "axes_of", "bodies_of", "column_about", "in_region", "unit_in"]
+__all__ = ["ROUNDING", "Sampler", "SummedBody", "axes_of", "bodies_of", "column_about"]
+__all__ += ["in_region", "unit_in"]
 
 #: Part of a cell by which a point may miss a region and still count: rounding of coordinates.
-_ROUNDING = 1e-6
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class SummedBody:
+    """What a sampler has to know of a body that the engine sums over.
+
+    particle_mass    kg    of each particle (2D: kg/m)
+    reference (d,)   m     from which moments are taken, from the lower corner
+    origin (d,)      m     the lower corner in the world
+    first_id               of its particles
+    places (n, d)    m     where they were at first, None where nobody asks
+    """
+
+    particle_mass: float
+    reference: Array
+    origin: Array
+    first_id: int
+    places: Array | None = None
 
 
 class Sampler:
@@ -27,12 +48,21 @@ class Sampler:
     units: tuple[str, ...] = ()
     #: Time, s, of a sample that the step boundary after it completes; None: none is open.
     again_after: float | None = None
+    #: Of a sampler whose samples the engine sums: the body, where there is one alone.
+    summed: SummedBody | None = None
 
     def announce(self, moment: Moment) -> None:
         """Tell the moment what `row` will read of particles."""
 
     def row(self, moment: Moment) -> Sequence[float] | Array | None:
         """Return one sample; None where it goes on to the next step (`again_after`)."""
+        raise NotImplementedError
+
+    def rows(self, time: Array, tallies: Sequence[Tally], dt: Array) -> Array:
+        """Return samples (n, columns) from what the engine has summed (`tallied.in_step`).
+
+        At times (n,) s, before steps (n,) s; tallies in the order of `tallied.described`.
+        """
         raise NotImplementedError
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -53,7 +83,7 @@ def in_region(region: Solid | None, points: Array, cell_size: float) -> NDArray[
     if region is None or len(points) == 0:
         return np.ones(len(points), dtype=np.bool_)
     # Of many points most are in none of a scene's regions: their boxes tell first.
-    spare = _ROUNDING * cell_size
+    spare = ROUNDING * cell_size
     inside = region._in_box(points, spare)
     inside[inside] = region.distance(points[inside]) <= spare
     return inside

@@ -33,8 +33,9 @@ from libmpm._src.sensors.python_sensors import (
     Sampled,
 )
 from libmpm._src.sensors.reductions import Array
-from libmpm._src.sensors.sampler import Sampler
+from libmpm._src.sensors.sampler import Sampler, SummedBody
 from libmpm._src.sensors.step_readings import Moment
+from libmpm._src.sensors.tally_rows import split
 
 if TYPE_CHECKING:
     from libmpm._src.output.checkpoint import Checkpoint
@@ -82,6 +83,21 @@ def sampler(scene: SceneData, sensor: Sampled) -> Sampler:
     return made
 
 
+def _summed_body(
+    description: Mapping[str, Any], bodies: Sequence[Mapping[str, Any]]
+) -> SummedBody | None:
+    """Return the body that the tallies of a sensor are of; None of several."""
+    numbers = {t["body"] for t in description["tallies"]}
+    if len(numbers) > 1:
+        return None
+    tally = description["tallies"][-1]
+    body, places = bodies[tally["body"]], tally.get("places")
+    return SummedBody(
+        float(body["particle_mass"]), tally["reference"], tally["origin"], int(tally["first"]),
+        None if places is None else places.reshape(-1, len(tally["origin"])),
+    )  # fmt: skip
+
+
 class _Python:
     """A sensor that is evaluated here: its series, and when it is due next."""
 
@@ -123,11 +139,22 @@ class Measurements:
         check_functions(scene)
         self.series: list[Series] = []
         self._of_engine: list[tuple[Series, NDArray[np.float64]]] = []
+        #: Of series that are made of sums that the engine takes: what makes them.
+        self._summed: dict[int, Sampler] = {}
         self._python: list[_Python] = []
         self._busy = False
         described = list(specification["sensors"])
+        tallied = {d["name"]: d for d in described if d["kind"] == "tally"}
         for i, placed in enumerate(scene.sensors):
-            if isinstance(placed.sensor, Sampled):
+            if placed.name in tallied and isinstance(placed.sensor, Sampled):
+                made = _Python(placed.name, scene, placed.sensor)
+                series = made.series
+                made.sampler.summed = _summed_body(tallied[placed.name], specification["bodies"])
+                if restored is not None and i < len(restored.sensors):
+                    made.sampler.restore(restored.memory_of(i))
+                self._summed[i] = made.sampler
+                self._of_engine.append((series, np.zeros(0)))
+            elif isinstance(placed.sensor, Sampled):
                 made = _Python(placed.name, scene, placed.sensor)
                 if restored is not None and i < len(restored.sensors):
                     made.sampler.restore(restored.memory_of(i))
@@ -148,9 +175,21 @@ class Measurements:
 
     def drain(self, engine: Any) -> None:
         """Take the samples that the engine has gathered."""
+        makers = {id(self.series[i]): sampler for i, sampler in self._summed.items()}
         for (series, shift), (time, values) in zip(self._of_engine, engine.drain(), strict=True):
-            if len(time):
+            if not len(time):
+                continue
+            if id(series) in makers:
+                time = np.asarray(time)
+                tallies, dt = split(np.asarray(values))
+                series.append(time, makers[id(series)].rows(time, tallies, dt))
+            else:
                 series.append(time, np.asarray(values) + shift)
+
+    @property
+    def engine_names(self) -> list[str]:
+        """Names of the sensors that the engine samples, in its order."""
+        return [series.name for series, _ in self._of_engine]
 
     @property
     def busy(self) -> bool:
@@ -203,4 +242,5 @@ class Measurements:
     def memory(self) -> dict[int, dict[str, NDArray[Any]]]:
         """Return what a resumed run needs besides the series, by number of the sensor."""
         numbers = {id(s): i for i, s in enumerate(self.series)}
-        return {numbers[id(p.series)]: p.sampler.state() for p in self._python}
+        found = {numbers[id(p.series)]: p.sampler.state() for p in self._python}
+        return found | {i: sampler.state() for i, sampler in self._summed.items()}
