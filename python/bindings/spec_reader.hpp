@@ -17,6 +17,7 @@
 #include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
 #include "rows_reader.hpp"
+#include "tally_reader.hpp"
 
 namespace mpm::python {
 
@@ -447,50 +448,6 @@ inline InletSpec read_inlet(const py::dict& d, const Spec& spec) {
 
 inline OutletSpec read_outlet(const py::dict& d, int dimension) {
     return {d["name"].cast<std::string>(), face_number(d["face"].cast<std::string>(), dimension)};
-}
-
-inline TallySpec read_tally(const py::dict& d, const std::string& sensor, const Spec& spec) {
-    static const std::vector<std::string> of = {
-        "position", "velocity", "speed",        "kinetic_energy", "elevation",      "volume",
-        "density",  "pressure", "volume_ratio", "elastic_energy", "plastic_strain", "von_mises",
-        "stress",   "motion",   "second",       "spin",           "turn",           "turn_rest"};
-    const auto fail = [&](const std::string& what) {
-        throw SceneError("sensor '" + sensor + "': " + what);
-    };
-    TallySpec t;
-    const std::size_t axes = std::size_t(spec.dimension);
-    t.body = d["body"].cast<int>();
-    if (t.body < 0 || std::size_t(t.body) >= spec.bodies.size())
-        fail("there is no body number " + std::to_string(t.body));
-    t.first = d["first"].cast<std::uint64_t>();
-    t.count = d["count"].cast<std::uint64_t>();
-    const BodySpec& body = spec.bodies[std::size_t(t.body)];
-    if (t.first < body.first_id || t.first + t.count > body.first_id + ids_of(body))
-        fail("its ids are not of body '" + body.name + "'");
-    if (body.rigid.given || !body.elements.empty())
-        fail("sums over particles are not built for body '" + body.name + "'");
-    const auto name = d["of"].cast<std::string>();
-    const auto at = std::find(of.begin(), of.end(), name);
-    if (at == of.end()) fail("there is no sum of '" + name + "'");
-    t.of = int(at - of.begin());
-    if (d.contains("part")) t.part = d["part"].cast<int>();
-    if (d.contains("axis")) t.axis = d["axis"].cast<int>();
-    if (d.contains("sign")) t.sign = d["sign"].cast<int>();
-    if (t.part < 0 || t.part > 8 || t.axis >= spec.dimension || t.sign < -1 || t.sign > 1)
-        fail("it asks for a component that there is not");
-    if (d.contains("lower")) {
-        t.lower = doubles(d["lower"]);
-        t.upper = doubles(d["upper"]);
-    }
-    t.origin = doubles(d["origin"]);
-    t.up = doubles(d["up"]);
-    t.reference = doubles(d["reference"]);
-    if (d.contains("places")) t.places = doubles(d["places"]);
-    if (t.origin.size() != axes || t.up.size() != axes || t.reference.size() != axes ||
-        (t.lower.size() != axes && !t.lower.empty()) || t.upper.size() != t.lower.size() ||
-        (t.places.size() != axes * t.count && !t.places.empty()))
-        fail("its points are not of " + std::to_string(axes) + " dimensions");
-    return t;
 }
 
 inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {

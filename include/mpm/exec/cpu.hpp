@@ -115,21 +115,30 @@ public:
     /// then(s, sums) for each set s, with sums[w] = sum over its items i of what f(i, s, local)
     /// adds to local[w]. `parts` has room for W sums a place, of whatever can be added and is none
     /// where it is zeros. Beside it beside(k) runs for k < more, which are few and slow. Says
-    /// `then` so at the end, where it wants to know (`then.done()`).
+    /// `then` so at the end, where it wants to know (`then.done()`); leaves out sets that have
+    /// nothing to do, where f knows (`f.idle(s)`). Sets may have fewer parts than `sum_parts`.
     template <int W, class F, class G, class A, class H>
     void sum_each(const SumSets& sets, const F& f, const G& then, A* parts, std::int64_t more,
                   const H& beside) {
         for_each_large(more, beside);
         for_each_large(sets.places, [&](std::int64_t place) {
             const int s = sets.owner(std::int32_t(place));
+            if constexpr (requires { f.idle(s); }) {
+                if (f.idle(s)) return;
+            }
             const SumSet& set = sets.set[s];
-            const std::int64_t begin = 64 * (place - set.place);
+            const std::int64_t of_all = (set.count + 63) / 64,
+                               each = 64 * ((of_all + set.parts - 1) / set.parts),
+                               begin = each * (place - set.place);
             A* local = parts + place * W;
             std::fill_n(local, W, A{});
-            for (std::int64_t i = begin; i < std::min(set.count, begin + 64); ++i)
+            for (std::int64_t i = begin; i < std::min(set.count, begin + each); ++i)
                 f(set.first + i, s, local);
         });
         for (int s = 0; s < sets.count; ++s) {
+            if constexpr (requires { f.idle(s); }) {
+                if (f.idle(s)) continue;
+            }
             A sums[W] = {};
             for (std::int32_t k = 0; k < sets.set[s].parts; ++k)
                 for (int w = 0; w < W; ++w) sums[w] += parts[(sets.set[s].place + k) * W + w];

@@ -145,29 +145,35 @@ __device__ __forceinline__ double shuffled_down(double own, int by) {
     return __shfl_down_sync(~0u, own, by);
 }
 
+/// Adds what the first `lanes` lanes of a warp hold, a power of two, in a fixed order; the sums are
+/// the first one's.
+template <int W, class A>
+__device__ __forceinline__ void add_lanes(A (&local)[W], int lanes) {
+    for (int w = 0; w < W; ++w)
+        for (int by = lanes / 2; by > 0; by /= 2) local[w] += shuffled_down(local[w], by);
+}
+
 /// Adds what the threads of a block hold, in a fixed order; the sums are thread 0's.
 template <int W, class A>
 __device__ __forceinline__ void add_up(A (&local)[W]) {
-    __shared__ A of_warp[max_threads / 32][W];
+    constexpr int warps = max_threads / 32;
+    __shared__ A of_warp[warps][W];
     const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
-    for (int w = 0; w < W; ++w) {
-        A x = local[w];
-        for (int by = 16; by > 0; by /= 2) x += shuffled_down(x, by);
-        if (lane == 0) of_warp[warp][w] = x;
-    }
+    add_lanes<W>(local, 32);
+    for (int w = 0; w < W && lane == 0; ++w) of_warp[warp][w] = local[w];
     __syncthreads();
-    for (int w = 0; w < W && threadIdx.x == 0; ++w) {
-        local[w] = A{};
-        for (int k = 0; k < max_threads / 32; ++k) local[w] += of_warp[k][w];
+    if (warp == 0) {
+        for (int w = 0; w < W; ++w) local[w] = of_warp[lane % warps][w];
+        add_lanes<W>(local, warps);
     }
     __syncthreads();
 }
 
-/// A block a place; the last of them adds the places of each set, small sets a thread each. Which
-/// block that is changes nothing. Blocks behind the places take what runs beside, a warp each, with
+/// A block a place; the last of them adds the places of each set, a warp a set. Which block that
+/// is changes nothing. Blocks behind the places take what runs beside, a warp each, with
 /// all its lanes.
 template <int W, class F, class G, class A, class H>
-__global__ void __launch_bounds__(max_threads)
+__global__ void __launch_bounds__(max_threads, sizeof(A) > 64 ? 2 : 1)
     sum_kernel(const __grid_constant__ SumSets sets, const __grid_constant__ F f, A* parts,
                const __grid_constant__ G then, std::uint32_t* arrivals, std::int64_t more,
                const __grid_constant__ H beside) {
@@ -186,14 +192,18 @@ __global__ void __launch_bounds__(max_threads)
         const int s = sets.owner(place);
         const SumSet set = sets.set[s];
         const std::int64_t stride = std::int64_t(set.parts) * max_threads;
-        A local[W] = {};
-        for (std::int64_t i = std::int64_t(place - set.place) * max_threads + threadIdx.x;
-             i < set.count; i += stride) {
-            f(set.first + i, s, local);
+        bool idle = false;
+        if constexpr (requires { f.idle(s); }) idle = f.idle(s);
+        if (!idle) {
+            A local[W] = {};
+            for (std::int64_t i = std::int64_t(place - set.place) * max_threads + threadIdx.x;
+                 i < set.count; i += stride) {
+                f(set.first + i, s, local);
+            }
+            add_up<W>(local);
+            for (int w = 0; w < W && threadIdx.x == 0; ++w)
+                parts[std::int64_t(place) * W + w] = local[w];
         }
-        add_up<W>(local);
-        for (int w = 0; w < W && threadIdx.x == 0; ++w)
-            parts[std::int64_t(place) * W + w] = local[w];
     }
     __shared__ bool last;
     if (threadIdx.x == 0) {
@@ -203,23 +213,16 @@ __global__ void __launch_bounds__(max_threads)
     }
     __syncthreads();
     if (!last) return;
-    constexpr int few = sizeof(A) > 64 ? 8 : 32;  // parts that one thread adds up
-    for (int s = threadIdx.x; s < sets.count; s += max_threads) {
+    for (int s = threadIdx.x / 32; s < sets.count; s += max_threads / 32) {
+        if constexpr (requires { f.idle(s); }) {
+            if (f.idle(s)) continue;
+        }
         const SumSet set = sets.set[s];
-        if (set.parts > few) continue;
         A local[W] = {};
-        for (std::int32_t k = 0; k < set.parts; ++k)
+        for (std::int32_t k = threadIdx.x % 32; k < set.parts; k += 32)
             for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
-        then(s, static_cast<const A*>(local));
-    }
-    for (int s = 0; s < sets.count; ++s) {
-        const SumSet set = sets.set[s];
-        if (set.parts <= few) continue;
-        A local[W] = {};
-        for (std::int32_t k = threadIdx.x; k < set.parts; k += max_threads)
-            for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
-        add_up<W>(local);
-        if (threadIdx.x == 0) then(s, static_cast<const A*>(local));
+        add_lanes<W>(local, 32);
+        if (threadIdx.x % 32 == 0) then(s, static_cast<const A*>(local));
     }
     if constexpr (requires { then.done(); }) {
         __syncthreads();

@@ -3,6 +3,8 @@
 // (core/exact.hpp), so that they have the same bits on any number of threads, ranks and devices.
 #pragma once
 
+#include <iterator>
+
 #include "mpm/core/exact.hpp"
 #include "mpm/kernels/sampling.hpp"
 
@@ -34,10 +36,10 @@ struct Tally {
     }
 };
 
-/// What a tally is of. The first ones are attributes: sums of their values, then of the squares.
-enum class TallyOf : std::int32_t {  // as python/bindings/spec_reader.hpp names them
-    position,                        // of the world, m
-    velocity,                        // m/s
+/// What a tally is of. The first ones are attributes: sums of their values.
+enum class TallyOf : std::int32_t {
+    position,  // of the world, m
+    velocity,  // m/s
     speed,
     kinetic_energy,  // J
     elevation,       // position along `up`, m
@@ -56,7 +58,14 @@ enum class TallyOf : std::int32_t {  // as python/bindings/spec_reader.hpp names
     turn,      // place at first times position: the first two rows
     turn_rest  // the third row
 };
+/// In this order, as specifications call them.
+inline constexpr const char* tally_names[] = {
+    "position", "velocity", "speed",        "kinetic_energy", "elevation",      "volume",
+    "density",  "pressure", "volume_ratio", "elastic_energy", "plastic_strain", "von_mises",
+    "stress",   "motion",   "second",       "spin",           "turn",           "turn_rest"};
+static_assert(std::size(tally_names) == std::size_t(TallyOf::turn_rest) + 1);
 MPM_INLINE bool is_vector(TallyOf of) { return of <= TallyOf::velocity; }
+inline bool needs_places(TallyOf of) { return of >= TallyOf::spin; }
 MPM_INLINE bool of_law(TallyOf of) { return of >= TallyOf::volume && of <= TallyOf::stress; }
 MPM_INLINE bool sees_velocity(TallyOf of) {
     return (of >= TallyOf::velocity && of <= TallyOf::kinetic_energy) || of == TallyOf::motion ||
@@ -85,6 +94,16 @@ struct TallyTask {
 struct TallyRow {
     static constexpr int counts = 6 * exact_pieces, ids = counts + 3, low = ids + 4, high = low + 3,
                          scales = high + 3, size = scales + 6;
+    static constexpr int finished = 6 + 3 + 4 + 3 + 3;  // numbers that come of it
+};
+
+/// The smallest and the largest id of the particles of a home block, the latter by what it lacks to
+/// the largest there are. All bits set: of none.
+struct IdSpan {
+    std::uint64_t low, below;
+    MPM_INLINE bool meets(std::uint32_t first, std::uint32_t count) const {
+        return ~below >= first && low < std::uint64_t(first) + count;
+    }
 };
 
 /// A body, as its tallies see it.
@@ -97,6 +116,28 @@ struct TallyBody {
     std::int32_t reals;  // of its law
     std::int32_t columns;
     std::int32_t two_volumes, volumetric;
+    const IdSpan* ids;  // of each home; null where all tasks are of all its ids
+};
+
+/// The ids of each home block, `lanes` workers a block.
+template <class X, class T, int D>
+struct FindIdSpans {
+    static constexpr int lanes = 32;
+    BodyView<T, D> body;
+    IdSpan* to;
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::int64_t h = i / lanes;
+        const std::uint32_t* start = body.cell_start + std::int64_t(body.home[h]) * block_cells;
+        IdSpan span{~std::uint64_t(0), ~std::uint64_t(0)};
+        for (std::uint32_t q = start[0] + std::uint32_t(i % lanes); q < start[block_cells];
+             q += lanes) {
+            const std::uint64_t id = body.id[q];
+            if (id < span.low) span.low = id;
+            if (~id < span.below) span.below = ~id;
+        }
+        X::keep_smallest(&to[h].low, span.low);
+        X::keep_smallest(&to[h].below, span.below);
+    }
 };
 
 /// The answers of a law on the CPU: those that its instance has.
@@ -164,7 +205,8 @@ template <class X, class T, int D, class Law>
 struct MeasureTallies {
     using Grid = typename X::template Grid<T>;
     using Sum = typename X::template Sum<T>;
-    static constexpr int lanes = home_lanes<X>;
+    /// On a device a few particles each; on the CPU those of a cell.
+    static constexpr int lanes = X::is_device ? 128 : block_cells;
 
     const TallyTask<D>* tasks;
     const SensorRecord* sensors;
@@ -185,18 +227,30 @@ struct MeasureTallies {
             if (sensors[asking[k]].due) return false;
         return true;
     }
+    /// Whether the sensor of one task is not.
+    MPM_INLINE bool idle(int number) const { return !sensors[tasks[number].sensor].due; }
 
     MPM_INLINE void operator()(std::int64_t i, int number, Tally* tally) const {
         const TallyTask<D>& task = tasks[number];
-        if (!sensors[task.sensor].due) return;
         const auto& body = bodies[task.body];
-        const std::int32_t slot = body.view.home[i / lanes];
+        const std::int64_t h = i / lanes;
+        const std::int32_t slot = body.view.home[h];
         const std::int32_t* corner = table.corners + std::int64_t(slot) * D;
         if (task.boxed && !reaches(task, corner)) return;
-        for_each_of_lane<X>(body.view, slot, int(i % lanes), [&](std::uint32_t q, int home) {
+        // Bodies that are alike are stored as one: each of them is in few of its homes.
+        if (body.ids && !body.ids[h].meets(task.first, task.ids)) return;
+        const int lane = int(i % lanes);
+        const std::uint32_t* start = body.view.cell_start + std::int64_t(slot) * block_cells;
+        const auto one = [&](std::uint32_t q, int home) {
             const std::uint32_t id = body.view.id[q] - task.first;  // wraps below the first
             if (id < task.ids) particle(task, body, slot, corner, q, home, id, *tally);
-        });
+        };
+        if constexpr (X::is_device) {
+            for (std::uint32_t q = start[0] + lane; q < start[block_cells]; q += lanes)
+                one(q, body.view.home_cell(q));
+        } else {
+            for (std::uint32_t q = start[lane]; q < start[lane + 1]; ++q) one(q, lane);
+        }
     }
 
     /// Whether a block's particles, up to two cells beside it, may lie in the box.
@@ -252,7 +306,6 @@ struct MeasureTallies {
             if (task.sign != 0 && !(task.sign * value[c] > 0)) continue;
             tally.take(c, value[c]);
             tally.sum[c] += exact(value[c], task.scale[c]);
-            tally.sum[3 + c] += exact(value[c] * value[c], task.scale[3 + c]);
         }
     }
 
@@ -310,8 +363,10 @@ struct MeasureTallies {
                                  const Node& node, const StoredNumbers<T>& stored) const {
         double s[max_state_columns], rate[D][D] = {};
         for (int r = 0; r < body.columns; ++r) s[r] = stored(r);
-        // Stresses of fluids have their viscosity; solids do not ask.
-        if (body.volumetric && (task.of == TallyOf::stress || task.of == TallyOf::von_mises))
+        // Stresses of fluids have their viscosity, pressures that of what expands; solids do not
+        // ask.
+        if (body.volumetric && (task.of == TallyOf::stress || task.of == TallyOf::von_mises ||
+                                task.of == TallyOf::pressure))
             particle_rate<X::is_device, D>(body.n, wide, stands, stored, node,
                                            HasMass<Sum>{sums, sum_channels, around}, cell_size,
                                            rate);

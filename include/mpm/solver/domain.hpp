@@ -492,6 +492,8 @@ private:
 
     Sensors<Base, D> sensors_{exec_, spec_, plan_};
     Tallies<X, T, D> tallies_{exec_};
+    ExpectedSamples expected_;  // devices
+    bool sampling_ = true;      // in the step to come
 
     // Where contact is declared: laws, and the blocks with several fields of velocities.
     Buffer<X, ContactLaw> contact_laws_{exec_};

@@ -126,6 +126,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
     if (share_) open_devices();
     place_particles(spec_);
     make_tallies();
+    expected_.intervals = sensors_.moment_intervals();
     if (share_) open_points();
     if (spec_.start.given)
         sensors_.restore(spec_.start.sensor_next, spec_.start.sensor_last, spec_.start.sensor_first,

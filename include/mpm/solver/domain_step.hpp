@@ -53,11 +53,11 @@ void Domain<X, T, D>::update_grid() {
             make_velocities(AfterGrid<D>::telling(
                 {clock_buffer_.data(), boxes_.data(), share_->rank(), int(boxes_.size())}));
             share_votes();
-            exec_.single(
-                DecideByVotes<D>{decide, clock_buffer_.data(), votes_.data(), share_->ranks()});
+            exec_.single(DecideByVotes<D>{decide, clock_buffer_.data(), votes_.data(),
+                                          share_->ranks(), sensors_.moments(sampling_)});
             return;
         }
-        make_velocities(AfterGrid<D>::deciding(decide));
+        make_velocities(AfterGrid<D>::deciding(decide, sensors_.moments(sampling_)));
     } else {
         if (share_)
             return make_velocities(
@@ -85,7 +85,7 @@ void Domain<X, T, D>::run_sensors() {
                                              spec_.cell_size, sensors_.scales(),
                                              boundaries_.known(), wall_seats(), contact_view()},
             sensors_.take_load(clock), sensors_.load_partial(), 0, Nothing{});
-    const int points_here = share_ ? 0 : sensors_.point_count();
+    const int points_here = share_ || !sampling_ ? 0 : sensors_.point_count();
     if ((loads || points_here > 0) && contact_blocks_ == 0) {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
@@ -106,6 +106,7 @@ void Domain<X, T, D>::run_sensors() {
                                           sensors_.scales()},
             sensors_.take_contact(clock), sensors_.contact_partial(), 0, Nothing{});
     tell_rigid_loads();
+    if (!sampling_) return;
     run_tallies();
     if (share_) {
         if constexpr (X::is_device)
@@ -278,12 +279,13 @@ void Domain<X, T, D>::advance_body(Body& body, int number, std::uint32_t workers
 template <class X, class T, int D>
 void Domain<X, T, D>::one_step() {
     if constexpr (X::is_device) {
+        sampling_ = expected_.next();
         update_grid();
         run_sensors();
         run_bodies();
         if (share_) {
             share_sums();
-            sample_told_points();
+            if (sampling_) sample_told_points();
         }
         ++clock_.step;  // what the queue assumes; fetch_clock() brings the truth
     } else {
@@ -366,6 +368,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             }
             const double t0 = now();
             exec_.single(begin_step());
+            expected_.read(clock_);
             const std::int64_t before = clock_.step;
             for (std::int64_t k = 0; k < std::max<std::int64_t>(n, 1); ++k) one_step();
             if (share_) meeting_->wait();

@@ -9,12 +9,14 @@ template <class X, class T, int D>
 void Domain<X, T, D>::make_tallies() {
     using Law = LawOf<X, D>;
     const SceneSizes sizes = sizes_of(spec_, plan_);
+    constexpr std::size_t no_places = ~std::size_t(0);
     std::vector<double> places;
     std::vector<std::size_t> place_of;
     for (int k = 0; k < sensors_.count(); ++k) {
         const SensorSpec& sensor = sensors_.at(k).spec;
         if (sensor.kind != SensorKind::tally) continue;
         tallies_.asking_list.push_back(k);
+        std::size_t first_places = no_places;
         for (std::size_t t = 0; t < sensor.tallies.size(); ++t) {
             const TallySpec& s = sensor.tallies[t];
             const Body& body = bodies_.at(std::size_t(s.body));
@@ -23,9 +25,15 @@ void Domain<X, T, D>::make_tallies() {
             task.sensor = k;
             const auto at = std::find(tallies_.seen.begin(), tallies_.seen.end(), s.body);
             task.body = std::int32_t(at - tallies_.seen.begin());
-            if (at == tallies_.seen.end()) tallies_.seen.push_back(s.body);
+            if (at == tallies_.seen.end()) {
+                tallies_.seen.push_back(s.body);
+                tallies_.spans.emplace_back(exec_);
+                tallies_.in_part.push_back(0);
+            }
             task.first = std::uint32_t(s.first - body.first_id);
             task.ids = std::uint32_t(s.count);
+            if (s.count < ids_of(spec_.bodies[std::size_t(s.body)]))
+                tallies_.in_part[std::size_t(task.body)] = 1;
             task.of = TallyOf(s.of);
             if (of_law(task.of) && !Law::knows(law))
                 throw SceneError("sensor '" + sensor.name + "': material '" + law +
@@ -43,18 +51,31 @@ void Domain<X, T, D>::make_tallies() {
                 task.reference[a] = s.reference.at(std::size_t(a));
             }
             scale_tally(task, sizes, body.particle_mass, body.particle_volume);
-            place_of.push_back(s.places.empty() ? ~std::size_t(0) : places.size());
-            for (int a = 0; a < D && !s.places.empty(); ++a)
-                for (std::size_t q = 0; q < s.count; ++q)
-                    places.push_back(s.places[q * D + std::size_t(a)] - task.reference[a]);
+            // Places stand beside the first of a body's tallies that asks for them.
+            if (!s.places.empty()) {
+                first_places = places.size();
+                for (int a = 0; a < D; ++a)
+                    for (std::size_t q = 0; q < s.count; ++q) {
+                        // As a particle stores it (kernels/placing.hpp).
+                        const double x = s.places[q * D + std::size_t(a)] / spec_.cell_size,
+                                     low = std::floor(x), offset = double(T(x - low - 0.5));
+                        places.push_back((low + 0.5 + offset) * spec_.cell_size -
+                                         task.reference[a]);
+                    }
+            }
+            place_of.push_back(needs_places(task.of) ? first_places : no_places);
             tallies_.task_list.push_back(task);
         }
     }
     if (!tallies_.any()) return;
     tallies_.places.assign(places);
     for (std::size_t t = 0; t < place_of.size(); ++t)
-        if (place_of[t] != ~std::size_t(0))
+        if (place_of[t] != no_places)
             tallies_.task_list[t].places = tallies_.places.data() + place_of[t];
+    for (int k = 0; k < sensors_.count(); ++k)
+        for (TallySpec& t : sensors_.at(k).spec.tallies) t.places = {};
+    for (SensorSpec& sensor : spec_.sensors)
+        for (TallySpec& t : sensor.tallies) t.places = {};
     tallies_.tasks.assign(tallies_.task_list);
     tallies_.asking.assign(tallies_.asking_list);
 }
@@ -64,29 +85,37 @@ template <class X, class T, int D>
 void Domain<X, T, D>::list_tallied() {
     if (!std::exchange(tallies_.stale, false)) return;
     std::vector<TallyBody<T, D, typename LawOf<X, D>::type>> bodies;
-    for (const int b : tallies_.seen) {
+    for (std::size_t k = 0; k < tallies_.seen.size(); ++k) {
+        const int b = tallies_.seen[k];
         const Body& body = bodies_[std::size_t(b)];
         auto& seen = bodies.emplace_back();
         seen.view = body.view();
         seen.n = body.plan.phase;
         seen.law = LawOf<X, D>::make(body.ops, spec_.bodies[std::size_t(b)].material);
-        for (std::size_t k = 0; k < body.parameters.size(); ++k)
-            seen.parameters[k] = body.parameters[k];
+        for (std::size_t p = 0; p < body.parameters.size(); ++p)
+            seen.parameters[p] = body.parameters[p];
         seen.reals = body.material->reals(D);
         seen.columns = body.plan.state_columns;
         seen.two_volumes = body.plan.smoothing == Smoothing::two_volumes;
         seen.volumetric = body.material->volumetric;
+        if (tallies_.in_part[k]) {
+            auto& spans = tallies_.spans[k];
+            const std::uint64_t all = ~std::uint64_t(0);
+            spans.assign(std::vector<IdSpan>(std::size_t(body.homes), {all, all}));
+            using Find = FindIdSpans<X, T, D>;
+            exec_.for_each(std::int64_t(body.homes) * Find::lanes, Find{seen.view, spans.data()});
+            seen.ids = spans.data();
+        }
     }
     std::vector<SumSet> sets;
     std::int32_t places = 0;
-    // Each set has blocks of threads of its own; of very many sets each has few.
+    // Of very many sets each has few parts.
     const std::int64_t most =
         std::max<std::int64_t>(1, 4096 / std::int64_t(tallies_.task_list.size()));
     for (const TallyTask<D>& task : tallies_.task_list) {
-        const std::int64_t items =
-            std::int64_t(bodies[std::size_t(task.body)].view.homes) * home_lanes<X>;
-        std::int64_t parts = exec_.sum_parts(items);
-        if constexpr (X::is_device) parts = std::min(parts, most);
+        const std::int64_t items = std::int64_t(bodies[std::size_t(task.body)].view.homes) *
+                                   MeasureTallies<X, T, D, typename LawOf<X, D>::type>::lanes;
+        const std::int64_t parts = std::min<std::int64_t>(exec_.sum_parts(items), most);
         sets.push_back({0, items, places, std::int32_t(parts)});
         places += sets.back().parts;
     }

@@ -12,6 +12,7 @@
 #include "mpm/data/rank_costs.hpp"
 #include "mpm/exec/communicator.hpp"
 #include "mpm/kernels/clock.hpp"
+#include "mpm/kernels/sampling_steps.hpp"
 #include "mpm/solver/blocks_together.hpp"
 #include "mpm/solver/faults.hpp"
 
@@ -192,12 +193,15 @@ struct AfterGrid {
     Decide<D> decide{};
     TellVote tell{};
     double* kept = nullptr;  // for `AfterContact`
+    MomentSensors moments{};
 
-    static AfterGrid deciding(const Decide<D>& d) { return {Kind::decide, d, {}}; }
+    static AfterGrid deciding(const Decide<D>& d, const MomentSensors& m) {
+        return {Kind::decide, d, {}, nullptr, m};
+    }
     static AfterGrid telling(const TellVote& t) { return {Kind::tell, {}, t}; }
     static AfterGrid keeping(double* to) { return {Kind::keep, {}, {}, to}; }
     MPM_HD void operator()(const double* maxima) const {
-        if (kind == Kind::decide) decide(maxima);
+        if (kind == Kind::decide && !moments.halt(decide.clock)) decide(maxima);
         if (kind == Kind::tell) tell(maxima);
         for (int m = 0; m < maxima_count && kind == Kind::keep; ++m) kept[m] = maxima[m];
     }
@@ -210,7 +214,9 @@ struct DecideByVotes {
     Clock* clock;
     const RankVote* votes;
     int ranks;
+    MomentSensors moments;
     MPM_HD void operator()() const {
+        if (moments.halt(clock)) return;
         RankVote all{};
         for (int r = 0; r < ranks; ++r) add_vote(all, votes[r]);
         decide_by(all, clock, decide);

@@ -15,6 +15,7 @@
 #include "mpm/exec/buffer.hpp"
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/sampling.hpp"
+#include "mpm/kernels/sampling_steps.hpp"
 #include "mpm/solver/blob.hpp"
 #include "mpm/solver/boundaries.hpp"
 #include "mpm/solver/engine.hpp"
@@ -67,6 +68,12 @@ public:
         return take;
     }
 
+    /// Those that take samples of a moment, and when: they have nothing to do in other steps.
+    MomentSensors moments(bool launched) const {
+        return {records_.data(), count(), moments_.data(), int(moments_.size()), launched};
+    }
+    std::vector<double> moment_intervals() const;
+
     /// Loads of contacts, and of a new table which of the blocks with several fields count.
     int contact_count() const { return int(contact_loads_.size()); }
     const ContactLoadRecord* contact_loads() const { return contact_loads_.data(); }
@@ -104,6 +111,10 @@ public:
                  const Clock& clock);
 
 private:
+    /// Others add up what every step brings.
+    static bool of_a_moment(SensorKind kind) {
+        return kind != SensorKind::load_cell && kind != SensorKind::contact_load;
+    }
     static bool keeps_told(SensorKind kind) {
         return kind == SensorKind::rigid_motion || kind == SensorKind::pin_force;
     }
@@ -127,6 +138,7 @@ private:
     KernelChoice functions_;
     std::vector<Sensor<X>> sensors_;
     Buffer<X, SensorRecord> records_{exec_};
+    Buffer<X, std::int32_t> moments_{exec_};
     Buffer<X, LoadCellRecord<D>> load_cells_{exec_};
     Buffer<X, PointRecord<D>> points_{exec_};
     ImpulseScales scales_{};
@@ -160,7 +172,9 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
         Sensor<X>& sensor = sensors_.back();
         sensor.spec = s;
         const std::size_t columns = ring_columns(spec, int(sensors_.size()) - 1);
-        const std::size_t capacity = std::clamp<std::size_t>(65536 / columns, 16, 4096);
+        // There may be hundreds of tallies, whose rows are long.
+        const std::size_t room = s.kind == SensorKind::tally ? 16384 : 65536;
+        const std::size_t capacity = std::clamp<std::size_t>(room / columns, 64, 4096);
         sensor.times.assign(std::vector<double>(capacity, 0.0));
         sensor.values.assign(std::vector<double>(capacity * columns, 0.0));
         sensor.drained.values.shape = {0, columns};
@@ -229,12 +243,26 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
         records.push_back(r);
     }
     records_.assign(records);
+    std::vector<std::int32_t> moments;
+    for (std::size_t k = 0; k < sensors_.size(); ++k)
+        if (of_a_moment(sensors_[k].spec.kind)) moments.push_back(std::int32_t(k));
+    moments_.assign(moments);
     load_cells_.assign(loads);
     points_.assign(points);
     load_impulse_.assign(std::vector<Int128>(loads.size() * load_columns<D>, 0));
     contact_loads_.assign(contacts);
     contact_sides_.assign(sides);
     contact_impulse_.assign(std::vector<Int128>(contacts.size() * contact_columns<D>, 0));
+}
+
+template <class X, int D>
+std::vector<double> Sensors<X, D>::moment_intervals() const {
+    std::vector<double> out;
+    for (const auto& s : sensors_)
+        if (of_a_moment(s.spec.kind)) out.push_back(s.spec.interval);
+    std::sort(out.begin(), out.end());
+    out.erase(std::unique(out.begin(), out.end()), out.end());
+    return out;
 }
 
 template <class X, int D>

@@ -9,6 +9,7 @@
 #include "mpm/kernels/cell_sums.hpp"
 #include "mpm/kernels/sorting.hpp"
 #include "mpm/kernels/surface_lines.hpp"
+#include "mpm/kernels/tally.hpp"
 #include "mpm/solver/element_mesh.hpp"
 #include "mpm/solver/plan_checks.hpp"
 
@@ -516,6 +517,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
     bool loads = false, contacts = false, tallies = false;
     for (const auto& s : spec.sensors) {
         tallies = tallies || s.kind == SensorKind::tally;
+        for (const TallySpec& t : s.tallies)  // where its particles were at first
+            if (t.of == int(TallyOf::turn))
+                plan.memory_particles += 8.0 * spec.dimension * double(t.count);
         loads = loads || s.kind == SensorKind::load_cell;
         contacts = contacts || s.kind == SensorKind::contact_load;
         plan.kernels.push_back("sample:" + s.name);

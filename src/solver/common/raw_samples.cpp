@@ -114,7 +114,7 @@ std::vector<Samples> finished(const std::vector<SensorSpec>& sensors, int dimens
                     finish_tally(row + t * TallyRow::size, out);
                 out.push_back(row[width - 1]);
             });
-            values.shape = {rows, sensor.tallies.size() * 19 + 1};
+            values.shape = {rows, sensor.tallies.size() * TallyRow::finished + 1};
         }
         of_means(sensor.kind, dimension, [&](auto form) {
             constexpr int columns = decltype(form)::scales / exact_pieces;

@@ -115,7 +115,7 @@ def lower(
     sensors = [
         _sensor(scene, s, bodies)
         for s in scene.sensors
-        if not isinstance(s.sensor, Sampled) or tallied.in_step(scene, s.sensor)
+        if not isinstance(s.sensor, Sampled) or tallied.in_step(scene, s)
     ]
     linear = linear_by_default(scene)
     gravity = scene.gravity

@@ -21,6 +21,9 @@ from libmpm._src.sensors.tally_rows import Tally
 
 __all__ = ["OfBody", "angles", "gravity_impulse", "quaternions", "turn_rates"]
 
+#: Share of moments about a fixed point by which those about the centroid may be wrong.
+_ROUNDING = 2e-15
+
 #: Parts of a time table's span for its integral, beside its own points.
 _PARTS = 32
 
@@ -53,19 +56,20 @@ def quaternions(moment: Array) -> Array:
     return np.asarray(np.where(found[:, :1] >= 0, found, -found))
 
 
-def turn_rates(spin: Array, squares: Array) -> Array:
+def turn_rates(spin: Array, squares: Array, noise: Array | float = 0.0) -> Array:
     """Return I⁻¹ L, (n, 1) in 2D, (n, 3) in 3D, rad/s; NaN where points do not tell it.
 
-    `spin` (n, 1 or 3) is Σ m x × v and `squares` (n, d, d) is Σ m x xᵀ from their centroids.
+    `spin` (n, 1 or 3) is Σ m x × v and `squares` (n, d, d) is Σ m x xᵀ from their centroids, right
+    to `noise` (n,).
     """
     trace = np.trace(squares, axis1=1, axis2=2)
     if spin.shape[1] == 1:
         with np.errstate(invalid="ignore", divide="ignore"):
-            rate: Array = np.where(trace[:, None] > 0, spin / trace[:, None], np.nan)
+            rate: Array = np.where((trace > noise)[:, None], spin / trace[:, None], np.nan)
             return rate
     tensor = trace[:, None, None] * np.eye(3) - squares
     # Points on a line spin about it unseen.
-    seen = np.linalg.eigvalsh(tensor)[:, 0] > 2e-12 * trace
+    seen = np.linalg.eigvalsh(tensor)[:, 0] > np.maximum(2e-12 * trace, noise)
     found = np.full(spin.shape, np.nan)
     found[seen] = np.linalg.solve(tensor[seen], spin[seen][:, :, None])[:, :, 0]
     return found
@@ -195,14 +199,17 @@ class OfBody(Sampler):
         """Return orientations (n, 1 or 4) that go on from the last one, by moments of `angles`."""
         before = self._turned
         if moment.shape[1] == 2:
-            found = angles(moment)
-            if before is not None:
-                found = np.concatenate([before, found])
-            found = np.unwrap(found)[0 if before is None else 1 :, None]
+            # One after the other: no bit depends on how many samples come at once.
+            turned: list[list[float]] = []
+            last = float(angles(moment)[0]) if before is None else float(before[0])
+            for angle in angles(moment).tolist():
+                last = angle + 2 * math.pi * round((last - angle) / (2 * math.pi))
+                turned.append([last])
+            found = np.array(turned)
         else:
             found = quaternions(moment)
-            last = np.concatenate([found[:1] if before is None else before[None], found[:-1]])
-            signs = np.where(np.sum(last * found, axis=1) < 0, -1.0, 1.0)
+            ahead = np.concatenate([found[:1] if before is None else before[None], found[:-1]])
+            signs = np.where(np.sum(ahead * found, axis=1) < 0, -1.0, 1.0)
             found = np.cumprod(signs)[:, None] * found
         self._turned = np.asarray(found[-1])
         return np.asarray(found)
@@ -223,9 +230,12 @@ class OfBody(Sampler):
         count, origin = motion.count[:, :1], np.asarray(self.summed.origin)
         centre, velocity = motion.sums[:, :d] / count, motion.sums[:, 3 : 3 + d] / count
         mass = self.summed.particle_mass * count
+        noise = np.zeros(len(count))
         squares, spin, moment = (np.empty((0, 0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)))
         if "angular_velocity" in self._chosen:
-            squares = _squares(others.pop(0).sums, d) - count[:, :, None] * _outer(centre, centre)
+            whole = _squares(others.pop(0).sums, d)
+            squares = whole - count[:, :, None] * _outer(centre, centre)
+            noise = _ROUNDING * np.trace(whole, axis1=1, axis2=2)
         if others:
             turned = others.pop(0).sums
             across = _across(centre, velocity)
@@ -235,7 +245,10 @@ class OfBody(Sampler):
                 parts = [t.sums for t in others]
                 sums = np.concatenate([parts[0], *(p[:, :d] for p in parts[1:])], axis=1)
                 moment = sums[:, : d * d].reshape(-1, d, d)
-                moment = moment - count[:, :, None] * _outer(first, centre)
+                away = count[:, :, None] * _outer(first, centre)
+                moment = np.where(
+                    np.abs(moment - away) > _ROUNDING * np.abs(away), moment - away, 0
+                )
         columns = []
         for name in self._chosen:
             if name == "centroid":
@@ -247,7 +260,7 @@ class OfBody(Sampler):
             elif name == "extent":
                 columns += [motion.low[:, :d] + origin, motion.high[:, :d] + origin]
             elif name == "angular_velocity":
-                columns.append(turn_rates(spin, squares))
+                columns.append(turn_rates(spin, squares, noise))
             elif name == "orientation":
                 columns.append(self._turning(moment))
             else:

@@ -85,9 +85,12 @@ class OfParticles(Sampler):
         found = added(tallies)
         n = len(self.columns)
         return of_sums(
-            found.sums[:, :n], found.sums[:, 3 : 3 + n], found.count[:, :n], found.low[:, :n],
-            found.high[:, :n], self._sensor.operation,
-        )  # fmt: skip
+            found.sums[:, :n],
+            found.count[:, :n],
+            found.low[:, :n],
+            found.high[:, :n],
+            self._sensor.operation,
+        )
 
 
 #: Cells about its last place in which a particle that is followed is looked for; further off it is

@@ -51,7 +51,7 @@ QUANTITIES = (
 
 
 class Sampled(Sensor):
-    """Base of the sensors that are evaluated in Python."""
+    """Base of the sensors whose samples are made in Python: of sums, or of what is read."""
 
 
 def _optional(check: Checker, name: str, item: str | None) -> str | None:
@@ -199,7 +199,7 @@ class BodyTracker(Sampled):
     {fields}
 
     - "centroid", m, in the world, and "velocity", m/s: means weighted by mass;
-    - "orientation": the rotation that takes the body best from where it was at the first sample to
+    - "orientation": the rotation that takes the body best from where it was when the run began to
       where it is, in the least squares weighted by mass: in 2D "angle" in rad, counted on over
       full turns, in 3D a unit quaternion, "quaternion_w" to "quaternion_z", continuous from sample
       to sample. A turn between two samples must stay below half a revolution;
@@ -221,9 +221,9 @@ class BodyTracker(Sampled):
     in 2D. NaN without particles. In 2D per metre of thickness. Raises `SceneError`.
 
     The sums that all this follows from are taken by the engine in its step; with "boundary_force" a
-    sample reads masses, positions and velocities of the body, and the nodes about it. A checkpoint
-    holds the first positions, 8 bytes a particle and axis, where orientation is asked for. Source:
-    Horn (1987), J. Opt. Soc. Am. A 4, for the rotation.
+    sample reads masses, positions and velocities of the body, and the nodes about it. The engine
+    and checkpoints hold the first positions, 8 bytes a particle and axis, where orientation is
+    asked for. Source: Horn (1987), J. Opt. Soc. Am. A 4, for the rotation.
     """
 
     label: ClassVar[str] = "sensors.BodyTracker"

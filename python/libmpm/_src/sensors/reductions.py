@@ -35,25 +35,19 @@ def reduce(values: Array, operation: str) -> float:
     return OPERATIONS[operation](values)
 
 
-def of_sums(
-    sums: Array, squares: Array, count: Array, low: Array, high: Array, operation: str
-) -> Array:
+def of_sums(sums: Array, count: Array, low: Array, high: Array, operation: str) -> Array:
     """Return what `reduce` does of values whose sums and extremes are known, of any shape.
 
-    NaN, too, where a value is NaN, which its extremes tell.
+    NaN, too, where a value is NaN, which its extremes tell. Not for "std" and "variance".
     """
+    none = count == 0
+    if operation == "count":
+        return count.copy()
+    if operation == "sum":
+        return np.asarray(np.where(none, 0.0, sums + 0 * low))
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = sums / count
-        if operation == "count":
-            return count.copy()
-        if operation == "sum":
-            return np.where(count > 0, sums + 0 * np.where(count > 0, low, 0), 0.0)
-        if operation in ("std", "variance"):
-            spread = np.maximum(squares / count - mean**2, 0.0)
-            found = np.sqrt(spread) if operation == "std" else spread
-        else:
-            found = {"mean": mean, "min": low, "max": high, "range": high - low}[operation]
-        return np.where(count > 0, found + 0 * low, np.nan)
+        found = {"mean": sums / count, "min": low, "max": high, "range": high - low}[operation]
+        return np.asarray(np.where(none, np.nan, found + 0 * low))
 
 
 def along(values: Array, direction: str) -> Array:

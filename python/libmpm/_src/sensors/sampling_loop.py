@@ -90,8 +90,9 @@ def _summed_body(
     numbers = {t["body"] for t in description["tallies"]}
     if len(numbers) > 1:
         return None
-    tally = description["tallies"][-1]
-    body, places = bodies[tally["body"]], tally.get("places")
+    tally = description["tallies"][0]
+    places = next((t["places"] for t in description["tallies"] if "places" in t), None)
+    body = bodies[tally["body"]]
     return SummedBody(
         float(body["particle_mass"]), tally["reference"], tally["origin"], int(tally["first"]),
         None if places is None else places.reshape(-1, len(tally["origin"])),
@@ -99,7 +100,7 @@ def _summed_body(
 
 
 class _Python:
-    """A sensor that is evaluated here: its series, and when it is due next."""
+    """A sensor whose samples are made here: its series, and when it is due next."""
 
     def __init__(self, name: str, scene: SceneData, sensor: Sampled) -> None:
         self.interval = sensor.interval

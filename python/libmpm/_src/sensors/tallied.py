@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.schedule import due_index, due_time
-from libmpm._src.errors import SceneError
+from libmpm._src.errors import CheckpointError, SceneError
 from libmpm._src.materials.rigid import Rigid
 from libmpm._src.scene.data import SceneData
-from libmpm._src.scene.parts import Body
+from libmpm._src.scene.parts import Body, PlacedSensor
 from libmpm._src.sensors import attributes
 from libmpm._src.sensors.engine_sensors import Sensor
 from libmpm._src.sensors.python_sensors import BodyTracker, ParticleSensor, Sampled
@@ -58,25 +58,28 @@ def _of_attribute(name: str, direction: str | None) -> dict[str, Any] | None:
         sign = {"+": 1, "-": -1}.get(direction[-1], 0) if direction else 0
         axis = "xyz".index(direction[0]) if direction else -1
         return {"of": name, "axis": axis, "sign": sign}
-    of, _, along = name.rpartition("_")
-    if of in _ALONG:
-        return {"of": _ALONG[of], "axis": "XYZ".index(along)} if along in ("X", "Y", "Z") else None
+    if name in _SCALARS:
+        return {"of": _SCALARS[name]}
     if name in _COMPONENTS:
         return {"of": "stress", "part": _COMPONENTS[name]}
-    return {"of": _SCALARS[name]} if name in _SCALARS else None
+    of, _, along = name.rpartition("_")
+    known = of in _ALONG and along in ("X", "Y", "Z")
+    return {"of": _ALONG[of], "axis": "XYZ".index(along)} if known else None
 
 
 def _plain(body: Body) -> bool:
     return not isinstance(body.shape, ElementMesh) and not isinstance(body.material, Rigid)
 
 
-def in_step(scene: SceneData, sensor: Sensor) -> bool:
-    """Return whether the engine takes what a sensor is made of.
+def in_step(scene: SceneData, placed: PlacedSensor) -> bool:
+    """Return whether the engine takes what a sensor of a scene is made of.
 
     The others are read at step boundaries: those of other regions than boxes, of attributes that
-    are no sums, of bodies of elements; of scenes that continue from another run orientations that
-    are not measured from where that run began.
+    are no sums, of spreads, which sums of squares would lose beside a mean, of bodies of elements;
+    of scenes that continue from another run orientations that are not measured from where that run
+    began.
     """
+    sensor = placed.sensor
     if scene.grid is not None or not isinstance(sensor, ParticleSensor | BodyTracker):
         return False
     bodies = [scene.bodies[i] for i in bodies_of(scene, sensor.body)]
@@ -85,23 +88,25 @@ def in_step(scene: SceneData, sensor: Sensor) -> bool:
     if isinstance(sensor, BodyTracker):
         turns = "orientation" in sensor.quantities
         return "boundary_force" not in sensor.quantities and (
-            not turns or _is_there_at_first(scene, sensor)
+            not turns or _is_there_at_first(scene, placed.name, sensor.body)
         )
     asked = _of_attribute(sensor.attribute, sensor.direction)
     if asked is None or type(sensor.region) not in (type(None), Box):
         return False
+    if sensor.operation in ("std", "variance"):
+        return False
     return asked["of"] not in _OF_LAW or not any(b.material.added for b in bodies)
 
 
-def _is_there_at_first(scene: SceneData, sensor: BodyTracker) -> bool:
+def _is_there_at_first(scene: SceneData, sensor: str, body: str) -> bool:
     """Return whether all particles of a tracker's body are where a run says that it began."""
-    if any(getattr(f.flow, "body", None) == sensor.body for f in scene.flows):
+    if any(getattr(f.flow, "body", None) == body for f in scene.flows):
         return False
     start = scene.start
     if start is None:
         return True
-    own = [s.sensor for s in scene.sensors[: start.sensors]]
-    return start.tiles == 1 and start.first_cell is None and any(s is sensor for s in own)
+    own = [s.name for s in scene.sensors[: start.sensors]]
+    return start.tiles == 1 and start.first_cell is None and sensor in own
 
 
 def _moments(sensor: BodyTracker, dimension: int) -> list[str]:
@@ -155,32 +160,40 @@ def add_first_places(
 ) -> None:
     """Say where particles were at first, to the tallies that measure how a body has turned.
 
-    `memory` is what sensors remember of a run that goes on, by their names.
+    `memory` is what sensors remember of a run that goes on, by their names. Raises
+    `CheckpointError` where that is not a place for each particle.
     """
     bodies = specification["bodies"]
     for sensor in specification["sensors"]:
         tallies = sensor.get("tallies", [])
-        turns = {t["body"] for t in tallies if t["of"] == "turn"}
-        for tally in tallies:
-            if tally["body"] not in turns or tally["of"] not in ("spin", "turn", "turn_rest"):
-                continue
-            known = memory.get(sensor["name"], {})
-            if "first_place" in known:
-                ids, rows = known["first_id"] - tally["first"], known["first_place"]
-            else:
-                body = bodies[tally["body"]]
-                read = getattr(body["position"], "rows", body["position"])
-                if not callable(read):
-                    raise SceneError(
-                        f"sensor '{sensor['name']}': the run that this scene continues from has no "
-                        "sample of it to measure a rotation from; expected one; give the sensor to "
-                        "the scene anew, under another name"
-                    )
-                rows = np.asarray(read(0, body["count"]))
-                ids = body.get("ids", np.arange(body["count"]))
-            places = np.full((tally["count"], rows.shape[1]), np.nan)
-            places[np.asarray(ids, dtype=np.int64)] = rows
-            tally["places"] = places.ravel()
+        if not any(t["of"] == "turn" for t in tallies):
+            continue
+        (tally,) = (t for t in tallies if t["of"] == "spin")
+        count, known = tally["count"], memory.get(sensor["name"], {})
+        if "first_place" in known:
+            ids = np.asarray(known.get("first_id", ())) - tally["first"]
+            rows = np.asarray(known["first_place"], dtype=np.float64)
+            whole = ids.shape == (count,) and rows.shape == (count, len(tally["reference"]))
+            if not (whole and np.isfinite(rows).all() and (np.sort(ids) == range(count)).all()):
+                raise CheckpointError(
+                    f"sensor '{sensor['name']}': the checkpoint has {rows.shape} first places of "
+                    f"ids {ids.shape}; expected one for each of {count} particles; use the other "
+                    "generation in its folder"
+                )
+        else:
+            body = bodies[tally["body"]]
+            read = getattr(body["position"], "rows", body["position"])
+            if not callable(read):
+                raise SceneError(
+                    f"sensor '{sensor['name']}': the run that this scene continues from has no "
+                    "sample of it to measure a rotation from; expected one; give the sensor to the "
+                    "scene anew, under another name"
+                )
+            rows = np.asarray(read(0, body["count"]))
+            ids = np.asarray(body.get("ids", np.arange(body["count"])))
+        places = np.full((count, rows.shape[1]), np.nan)
+        places[ids.astype(np.int64)] = rows
+        tally["places"] = places.ravel()
 
 
 def plain_names(scene: SceneData, count: int | None = None) -> list[str]:

@@ -20,7 +20,7 @@ _SUMS, _COUNTS, _IDS, _LOW, _HIGH, _SIZE = 0, 6, 9, 13, 16, 19
 class Tally:
     """What a tally has found in n samples.
 
-    sums    (n, 6)  of values and of their squares, or moments (`TallyOf`)
+    sums    (n, 6)  of values, or moments (`TallyOf`)
     count   (n, 3)  of values
     ids     (n, 4)  whole numbers that tell whether the particles are the same
     low     (n, 3)  smallest values, 0 without any
