@@ -193,14 +193,11 @@ struct Mover {
     }
     __device__ __forceinline__ auto advance(Particle& p, HomePlace home,
                                             const StepNumbers<float, Material>& step) const {
-        if constexpr (Sizes::keeps) {
-            Keep here = keep;
-            here.guarded = walk().guarded != 0;
+        if constexpr (Sizes::keeps)
             return advance_keeping_from<Material, S, float, 3>(
-                shared.lines, p.origin, shared.nodes, home.in_sums(), p.xi, p.state, step, here);
-        } else {
+                shared.lines, p.origin, shared.nodes, home.in_sums(), p.xi, p.state, step, keep);
+        else
             return advance_from<Material, S>(shared.lines, p.origin, p.xi, p.state, step);
-        }
     }
     /// Until the rows that a turn writes to have been added.
     __device__ __forceinline__ void wait_for_room(unsigned turn) const {
@@ -280,8 +277,8 @@ struct Mover {
         __syncwarp();
     }
 
-    __device__ __forceinline__ void run(bool guarded) const {
-        if (threadIdx.x % 32 == 0) walk() = {0, 0, ~0u, 0, 0, 0, guarded};
+    __device__ __forceinline__ void run() const {
+        if (threadIdx.x % 32 == 0) walk() = {0, 0, ~0u, 0, 0, 0};
         __syncwarp();
         next(0);
 #pragma unroll 1
@@ -324,26 +321,20 @@ __device__ __forceinline__ void place_homes(SplitShared<Sizes>& shared,
                                        stencil_origin<SplitPlaces<H>, 3>(cell), place % warp_cells);
 }
 
-/// Has the nodes about a block's homes in shared memory. Whether a boundary has changed one that
-/// this thread has read, where the scheme asks: of most blocks none, and their particles then do
-/// without (`KeepNumbers::guarded`).
+/// Has the nodes about a block's homes in shared memory.
 template <class Sizes, class Keep>
-__device__ __forceinline__ bool fill_nodes(const Pass<Cuda, float, 3>& pass,
+__device__ __forceinline__ void fill_nodes(const Pass<Cuda, float, 3>& pass,
                                            const std::int32_t (&slot)[Sizes::H],
                                            SplitShared<Sizes>& shared, const Keep& keep) {
     if constexpr (Sizes::keeps) {
         const NodeReader read(pass, keep);
-        bool guarded = false;
         fill_lines<Sizes>(pass, slot, shared.lines, [&](int place, const float* from) {
             float u[4];
             read(from, u);
-            guarded = guarded || u[3] > 0;
             shared.nodes.at[place] = {{u[0], u[1], u[2], u[3]}};
         });
-        return guarded;
     } else {
         fill_lines<Sizes>(pass, slot, shared.lines);
-        return false;
     }
 }
 
@@ -374,17 +365,14 @@ __global__ void __launch_bounds__((SizesOf<Material, S, H, Keep>::threads),
             step_numbers<float, Material>(*pass.numbers, constants, pass.carry, pass.stress_only);
         numbers = {n.move, n.rate, n.impulse, n.smoothing.ratio};
     }
-    bool guarded = fill_nodes(pass, slot, shared, keep);
+    fill_nodes(pass, slot, shared, keep);
     int4* const sums = reinterpret_cast<int4*>(shared.sums.at);
     for (int k = threadIdx.x; k < int(sizeof shared.sums.at / sizeof(int4)); k += threads)
         sums[k] = int4{};
     if (halted) return;
-    if constexpr (Sizes::keeps)
-        guarded = __syncthreads_or(guarded);
-    else
-        __syncthreads();
+    __syncthreads();
     if (warp < movers)
-        Mover<Material, S, H, Keep>{pass, constants, keep, numbers, shared}.run(guarded);
+        Mover<Material, S, H, Keep>{pass, constants, keep, numbers, shared}.run();
     else
         add_as(pass, shared, warp - movers);
     __syncthreads();

@@ -171,7 +171,6 @@ struct alignas(16) Walk {
     std::uint32_t group;        // of 32 cells
     std::uint32_t rank, most;   // the chunk's first; of the group
     int listed;                 // strays
-    std::uint32_t guarded;      // whether a boundary has changed a node about the block
 };
 
 template <class S>
