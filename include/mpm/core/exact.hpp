@@ -23,8 +23,8 @@ inline double exact_scale(double size) {
     return std::ldexp(1.0, exact_bits - exponent);
 }
 
-/// x times `scale`, a power of two, rounded towards zero. What has no place in 128 bits is taken for
-/// zero: such a number is no velocity or stress of a run that goes on.
+/// x times `scale`, a power of two, rounded towards zero. What has no place in 128 bits is taken
+/// for zero: such a number is no velocity or stress of a run that goes on.
 MPM_INLINE Int128 exact(double x, double scale) {
     constexpr double word = 18446744073709551616.0;  // 2^64
     const double y = x * scale, size = y < 0 ? -y : y, high = floor(size * (1 / word));

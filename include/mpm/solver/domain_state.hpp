@@ -103,8 +103,8 @@ void Domain<X, T, D>::load(const State& whole) {
     }
     const State& state = share_ ? own : whole;
     clock_ = saved_clock(state);
-    // The table's age decides when blocks that emptied go, and with them the order in which energies
-    // are added on a device.
+    // The table's age decides when blocks that emptied go, and with them the order in which
+    // energies are added on a device.
     sorts_of_table_ = state.contains("sorts_of_table")
                           ? detail::from_blob<std::int32_t>(state, "sorts_of_table").at(0)
                           : 0;
