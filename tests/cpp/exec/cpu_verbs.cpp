@@ -234,4 +234,44 @@ TEST(CpuVerbs, sum_each_adds_every_set_and_no_thread_changes_a_bit) {
     }
 }
 
+TEST(CpuVerbs, sum_each_with_fewer_parts_has_every_item_and_leaves_out_idle_sets) {
+    struct Counts {
+        bool idle(int set) const { return set == 1; }
+        void operator()(std::int64_t i, int set, std::int64_t* sum) const {
+            sum[0] += 1;
+            sum[1] += i * (set + 1);
+        }
+    };
+    struct Take {
+        std::vector<std::int64_t>* out;
+        bool* said;
+        void operator()(int set, const std::int64_t* sum) const {
+            (*out)[2 * set] = sum[0];
+            (*out)[2 * set + 1] = sum[1];
+        }
+        void done() const { *said = true; }
+    };
+    for (const std::int32_t parts : {1, 2, 3, 7}) {
+        const std::int64_t counts[] = {1000, 500, 130};
+        std::vector<SumSet> sets;
+        std::int64_t items = 0;
+        for (std::int64_t n : counts) {
+            sets.push_back({items, n, std::int32_t(sets.size()) * parts, parts});
+            items += n;
+        }
+        std::vector<std::int64_t> room(std::size_t(3 * parts) * 2, -1), out(6, -1);
+        bool said = false;
+        Cpu exec(2);
+        exec.sum_each<2>(SumSets{sets.data(), 3, 3 * parts}, Counts{}, Take{&out, &said},
+                         room.data(), 0, [](std::int64_t) {});
+        EXPECT_TRUE(said);
+        for (int set : {0, 2}) {
+            const std::int64_t first = sets[set].first, n = counts[set];
+            EXPECT_EQ(out[2 * set], n);
+            EXPECT_EQ(out[2 * set + 1], (set + 1) * (n * first + n * (n - 1) / 2));
+        }
+        EXPECT_EQ(out[2], -1);
+    }
+}
+
 }  // namespace mpm
