@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mpm/exec/buffer.hpp"
+#include "mpm/exec/sums.hpp"
 #include "mpm/kernels/tally.hpp"
 #include "mpm/solver/raw_samples.hpp"
 
