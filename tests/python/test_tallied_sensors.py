@@ -116,6 +116,29 @@ def test_they_are_what_is_read_from_particles(monkeypatch, device, d, precision,
         assert np.nanmax(wrong, initial=0) < 1e-9, (name, np.nanmax(wrong))
 
 
+def test_pressures_of_a_viscous_fluid_are_those_that_are_read(monkeypatch, device):
+    """What expands has a part of its viscosity in its pressure."""
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.05, lower=(0, 0), upper=(2.0, 1.0), gravity=(0.0, 0.0)
+    )
+    spread = libmpm.Field(components=("2*(x-1)", "3*(y-0.5)"))
+    scene.add_body(
+        name="syrup", shape=shapes.Box(lower=(0.6, 0.3), upper=(1.4, 0.7)),
+        material=materials.TaitFluid(bulk_modulus=2e5, viscosity=20.0), velocity=spread,
+    )  # fmt: skip
+    for name in ("pressure", "StressCauchy_XX", "VonMisesStress"):
+        mean = sensors.ParticleSensor(attribute=name, operation="mean")
+        scene.add_sensor(name=name, sensor=mean)
+    options = {"device": device, "precision": "double"}
+    sim = libmpm.Simulation(scene, **options)
+    sim.run(until=2e-3, progress=False)
+    read = by_reading(monkeypatch, scene, 2e-3, **options)
+    for name, series in sim.sensors.items():
+        np.testing.assert_allclose(series.values, read.sensors[name].values, rtol=1e-9)
+    # -2/3 mu div v at the very first.
+    assert sim.sensors["pressure"].values[0, 0] == pytest.approx(-2 / 3 * 20 * 5, rel=1e-6)
+
+
 def test_a_scene_without_them_has_no_pass_for_them():
     scene = pool(2)
     assert "measure_tallies" not in libmpm.Simulation(scene).plan.kernels
@@ -259,7 +282,7 @@ def test_damaged_first_places_are_refused(tmp_path, damage):
         libmpm.Simulation.resume(tmp_path / "damaged.npz").step(1)
 
 
-def test_trackers_of_alike_bodies_have_their_own_particles():
+def test_trackers_of_alike_bodies_have_their_own_particles(device):
     """They are stored as one body: each tracker has the motion of its own, whatever the others."""
     scene = libmpm.Scene(
         dimension=2, cell_size=0.05, lower=(0, 0), upper=(4.0, 2.0), gravity=(0.0, 0.0)
@@ -273,7 +296,7 @@ def test_trackers_of_alike_bodies_have_their_own_particles():
         )  # fmt: skip
         track = sensors.BodyTracker(body=f"bar{k}", quantities=("velocity", "momentum", "extent"))
         scene.add_sensor(name=f"bar{k}", sensor=track)
-    sim = libmpm.Simulation(scene, precision="double")
+    sim = libmpm.Simulation(scene, device=device, precision="double")
     sim.step(5)
     for k in range(12):
         values = sim.sensors[f"bar{k}"].values
