@@ -161,28 +161,32 @@ def test_their_bits_are_those_of_one_rank(device, d):
         sim.run(until=until, progress=False)
         runs[ranks] = sim
     for ranks in (2, 3):
-        for name, series in runs[1].sensors.items():
-            other = runs[ranks].sensors[name]
-            np.testing.assert_array_equal(series.time, other.time, err_msg=name)
-            np.testing.assert_array_equal(series.values, other.values, err_msg=name)
+        expect_the_same_samples(runs[1], runs[ranks])
+
+
+def whole_and_half(path):
+    """Run with every sensor to 0.04 s; another to 0.0205 s, which leaves its state at `path`."""
+    runs = []
+    for until in (0.04, 0.0205):
+        scene = all_of(pool(2), 0.004)
+        scene.add_sensor(name="load", sensor=sensors.LoadCell(boundary="walls", interval=0.003))
+        runs.append(libmpm.Simulation(scene))
+        runs[-1].run(until=until, progress=False)
+    runs[1].save_checkpoint(path)
+    return runs[0]
+
+
+def expect_the_same_samples(whole, other):
+    for name, series in whole.sensors.items():
+        np.testing.assert_array_equal(series.time, other.sensors[name].time, err_msg=name)
+        np.testing.assert_array_equal(series.values, other.sensors[name].values, err_msg=name)
 
 
 def test_a_resumed_run_has_the_same_samples(tmp_path):
-    def scene():
-        made = all_of(pool(2), 0.004)
-        made.add_sensor(name="load", sensor=sensors.LoadCell(boundary="walls", interval=0.003))
-        return made
-
-    whole = libmpm.Simulation(scene())
-    whole.run(until=0.04, progress=False)
-    first = libmpm.Simulation(scene())
-    first.run(until=0.0205, progress=False)
-    first.save_checkpoint(tmp_path / "run.npz")
+    whole = whole_and_half(tmp_path / "run.npz")
     resumed = libmpm.Simulation.resume(tmp_path / "run.npz", device=["cpu", "cpu"])
     resumed.run(until=0.04, progress=False)
-    for name, series in whole.sensors.items():
-        np.testing.assert_array_equal(series.time, resumed.sensors[name].time, err_msg=name)
-        np.testing.assert_array_equal(series.values, resumed.sensors[name].values, err_msg=name)
+    expect_the_same_samples(whole, resumed)
 
 
 def test_a_checkpoint_without_them_goes_on(monkeypatch, tmp_path):
@@ -214,16 +218,7 @@ def test_a_checkpoint_without_them_goes_on(monkeypatch, tmp_path):
 
 
 def test_a_scene_that_goes_on_has_the_samples_of_the_whole(tmp_path):
-    def scene():
-        made = all_of(pool(2), 0.004)
-        made.add_sensor(name="load", sensor=sensors.LoadCell(boundary="walls", interval=0.003))
-        return made
-
-    whole = libmpm.Simulation(scene())
-    whole.run(until=0.04, progress=False)
-    first = libmpm.Simulation(scene())
-    first.run(until=0.0205, progress=False)
-    first.save_checkpoint(tmp_path / "run.npz")
+    whole = whole_and_half(tmp_path / "run.npz")
     more = libmpm.Scene.from_checkpoint(tmp_path / "run.npz")
     late = sensors.BodyTracker(body="block", quantities=("orientation", "velocity"))
     more.add_sensor(name="late", sensor=late)
@@ -231,9 +226,7 @@ def test_a_scene_that_goes_on_has_the_samples_of_the_whole(tmp_path):
     assert [tallied.in_step(more, s) for s in more.sensors[-3:]] == [True, False, False]
     sim = libmpm.Simulation(more)
     sim.run(until=0.04, progress=False)
-    for name, series in whole.sensors.items():
-        np.testing.assert_array_equal(series.time, sim.sensors[name].time, err_msg=name)
-        np.testing.assert_array_equal(series.values, sim.sensors[name].values, err_msg=name)
+    expect_the_same_samples(whole, sim)
     assert sim.sensors["late"].values[0, 0] == 0
 
 
