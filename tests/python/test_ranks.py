@@ -18,6 +18,7 @@ from libmpm import boundaries, materials, sensors, shapes
 from libmpm._src.run import backends
 from python import fake_engine
 from support import sensing_scenes
+from support.between_ranks import between_ranks
 
 #: Cases whose values come from particles, with smaller parameters than their own.
 CASES: dict[str, dict[str, Any]] = {
@@ -53,7 +54,7 @@ def same(a, b):
 
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_bits_of_one(ranks):
-    """Particles to the bit, sensors to the rounding of their sums."""
+    """Particles and sensors to the bit, energies to the rounding of their sums."""
     one, many = simulate(1), simulate(ranks)
     for sim in (one, many):
         sim.run(until=0.1)
@@ -62,8 +63,7 @@ def test_bits_of_one(ranks):
     for name in one.sensors:
         x, y = one.sensors[name], many.sensors[name]
         assert (x.time == y.time).all()
-        size = np.nanmax(np.abs(x.values), initial=0)
-        assert np.allclose(x.values, y.values, rtol=0, atol=1e-10 * size, equal_nan=True)
+        assert np.allclose(x.values, y.values, rtol=0, atol=between_ranks(x), equal_nan=True), name
 
 
 def test_resume_on_another_number(tmp_path):
@@ -163,10 +163,9 @@ def test_a_channel_with_a_column(dimension, precision, pipeline, transfer):
         for name in one.sensors:
             x, y = one.sensors[name], many.sensors[name]
             assert (x.time == y.time).all()
-            # Gauges and probes see single nodes; the others are sums over ranks.
-            exact = name in ("gauge", "probe")
-            size = 0 if exact else 1e-10 * np.abs(x.values).max()
-            np.testing.assert_allclose(x.values, y.values, rtol=0, atol=size, err_msg=name)
+            np.testing.assert_allclose(
+                x.values, y.values, rtol=0, atol=between_ranks(x), err_msg=name
+            )
         here, there = ((s.inflow["in"], s.outflow["out"]) for s in (one, many))
         for a, b in zip(here, there, strict=True):
             assert (a.time == b.time).all() and (a.values[:, 0] == b.values[:, 0]).all()
@@ -201,8 +200,8 @@ def test_sensors_evaluated_in_python():
     for name, series in one.sensors.items():
         x, y = np.asarray(series.values), np.asarray(many.sensors[name].values)
         assert len(x) > 0 and np.isfinite(x).any(), name
-        size = np.nanmax(np.abs(x), initial=0)
-        np.testing.assert_allclose(y, x, rtol=0, atol=1e-9 * size, equal_nan=True, err_msg=name)
+        apart = between_ranks(series, 1e-9)
+        np.testing.assert_allclose(y, x, rtol=0, atol=apart, equal_nan=True, err_msg=name)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -370,9 +369,10 @@ def test_branches(tmp_path):
         sim.step(40)
     assert same(one, many)
     for name in one.sensors:
-        x, y = one.sensors[name].values, many.sensors[name].values
-        size = np.nanmax(np.abs(x), initial=0)
-        np.testing.assert_allclose(y, x, rtol=0, atol=1e-10 * size, equal_nan=True, err_msg=name)
+        x, y = one.sensors[name], many.sensors[name].values
+        np.testing.assert_allclose(
+            y, x.values, rtol=0, atol=between_ranks(x), equal_nan=True, err_msg=name
+        )
 
 
 def test_the_engine_is_told(monkeypatch):
