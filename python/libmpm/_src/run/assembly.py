@@ -215,10 +215,10 @@ class Assembly:
         scene, header, known = self._run.scene, saved.header, len(saved.sensors)
         if scene.start is not None and not saved.sensors:
             known = scene.start.sensors
-        names = {s.name for s in scene.sensors[:known]}
-        have = header.get("engine_sensors")
+        sensors = scene.sensors[:known]
+        names = {s.name for s in sensors}
         return tallied.fitted(
-            saved.state, tallied.plain_names(scene, known) if have is None else have,
+            saved.state, tallied.state_names(header, sensors),
             [s for s in specification["sensors"] if s["name"] in names],
             float(header["time"]), int(header["step"]),
         )  # fmt: skip

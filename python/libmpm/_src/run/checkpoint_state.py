@@ -146,8 +146,7 @@ def take_apart(checkpoint: Checkpoint) -> Snapshot:
     specification = _shell(scene, checkpoint.header["time_step"]) | checkpoint.stored_as()
     engine = backends.core().Engine(specification)
     try:
-        have = checkpoint.header.get("engine_sensors")
-        have = tallied.plain_names(scene) if have is None else have
+        have = tallied.state_names(checkpoint.header, scene.sensors)
         time, step = float(checkpoint.header["time"]), int(checkpoint.header["step"])
         engine.load(tallied.fitted(checkpoint.state, have, specification["sensors"], time, step))
     except SceneError as error:

@@ -17,6 +17,7 @@ from libmpm._src.sensors.python_sensors import BodyTracker
 from libmpm._src.sensors.reductions import Array
 from libmpm._src.sensors.sampler import Sampler, axes_of, bodies_of
 from libmpm._src.sensors.step_readings import Moment, gravity_at, stores_velocity
+from libmpm._src.sensors.tallied import moments
 from libmpm._src.sensors.tally_rows import Tally
 
 __all__ = ["OfBody", "angles", "gravity_impulse", "quaternions", "turn_rates"]
@@ -111,6 +112,16 @@ def _squares(sums: Array, d: int) -> Array:
     return sums[:, np.array(places)]
 
 
+def _turn(found: Mapping[str, Tally], centre: Array, count: Array) -> Array:
+    """Return the moments of `angles`, (n, d, d), of places now about `centre` (n, d)."""
+    d = centre.shape[1]
+    first = found["spin"].sums[:, 3 : 3 + d] / count
+    rows = [found["turn"].sums] + ([found["turn_rest"].sums[:, :d]] if d == 3 else [])
+    moment = np.concatenate(rows, axis=1)[:, : d * d].reshape(-1, d, d)
+    away = count[:, :, None] * _outer(first, centre)
+    return np.where(np.abs(moment - away) > _ROUNDING * np.abs(away), moment - away, 0)
+
+
 class OfBody(Sampler):
     """Tracks one body."""
 
@@ -142,10 +153,8 @@ class OfBody(Sampler):
         #: Of the first sample: ids, and places from the centroid, m.
         self._first: tuple[NDArray[np.int64], Array] | None = None
         self._turned: Array | None = None
-        #: Of the last sample: a checksum of the ids, momentum, and its time.
-        self._before: tuple[int, Array, float] | None = None
-        #: The same from sums over particles.
-        self._summed_before: tuple[Array, Array, float] | None = None
+        #: Of the last sample: what tells its particles from others, momentum, and its time.
+        self._before: tuple[Array, Array, float] | None = None
 
     def announce(self, moment: Moment) -> None:
         """Ask for masses, positions and velocities."""
@@ -176,7 +185,8 @@ class OfBody(Sampler):
             elif name == "orientation":
                 found = self._orientation(arrays["id"].astype(np.int64), away, mass)
             elif name == "contact_force":
-                found = self._contact(moment, arrays["id"], momentum, total)
+                present = np.array([zlib.crc32(arrays["id"].tobytes())])
+                found = self._contact(present, momentum, total, moment.velocity_time)
             else:
                 found = self._boundaries(moment, position, mass)
             result += np.asarray(found).tolist()
@@ -226,29 +236,12 @@ class OfBody(Sampler):
     def _of_sums(self, time: Array, tallies: Sequence[Tally], dt: Array) -> Array:
         """Return the quantities of samples with particles, all of one mass."""
         assert self.summed is not None
-        d, motion, others = self._scene.dimension, tallies[0], list(tallies[1:])
-        count, origin = motion.count[:, :1], np.asarray(self.summed.origin)
+        d, origin = self._scene.dimension, np.asarray(self.summed.origin)
+        found = dict(zip(moments(self._chosen, d), tallies, strict=True))
+        motion = found["motion"]
+        count = motion.count[:, :1]
         centre, velocity = motion.sums[:, :d] / count, motion.sums[:, 3 : 3 + d] / count
         mass = self.summed.particle_mass * count
-        noise = np.zeros(len(count))
-        squares, spin, moment = (np.empty((0, 0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)))
-        if "angular_velocity" in self._chosen:
-            whole = _squares(others.pop(0).sums, d)
-            squares = whole - count[:, :, None] * _outer(centre, centre)
-            noise = _ROUNDING * np.trace(whole, axis1=1, axis2=2)
-        if others:
-            turned = others.pop(0).sums
-            across = _across(centre, velocity)
-            spin = turned[:, : across.shape[1]] - count * across
-            if others:
-                first = turned[:, 3 : 3 + d] / count
-                parts = [t.sums for t in others]
-                sums = np.concatenate([parts[0], *(p[:, :d] for p in parts[1:])], axis=1)
-                moment = sums[:, : d * d].reshape(-1, d, d)
-                away = count[:, :, None] * _outer(first, centre)
-                moment = np.where(
-                    np.abs(moment - away) > _ROUNDING * np.abs(away), moment - away, 0
-                )
         columns = []
         for name in self._chosen:
             if name == "centroid":
@@ -260,38 +253,33 @@ class OfBody(Sampler):
             elif name == "extent":
                 columns += [motion.low[:, :d] + origin, motion.high[:, :d] + origin]
             elif name == "angular_velocity":
+                across = _across(centre, velocity)
+                spin = found["spin"].sums[:, : across.shape[1]] - count * across
+                whole = _squares(found["second"].sums, d)
+                squares = whole - count[:, :, None] * _outer(centre, centre)
+                noise = _ROUNDING * np.trace(whole, axis1=1, axis2=2)
                 columns.append(turn_rates(spin, squares, noise))
             elif name == "orientation":
-                columns.append(self._turning(moment))
+                columns.append(self._turning(_turn(found, centre, count)))
             else:
-                later = 0.0 if stores_velocity(self._scene) else dt
-                columns.append(self._contacts(time + later, motion, mass * velocity, mass))
+                particles = np.concatenate([count, motion.ids], axis=1)
+                now = time + (0.0 if stores_velocity(self._scene) else dt)
+                each = zip(particles, mass * velocity, mass[:, 0], now, strict=True)
+                columns.append(
+                    np.array([self._contact(p, v, float(m), float(t)) for p, v, m, t in each])
+                )
         return np.concatenate(columns, axis=1)
 
-    def _contacts(self, now: Array, motion: Tally, momentum: Array, mass: Array) -> Array:
-        """Return mean forces since the sample before, NaN where particles have come or gone."""
-        same = np.concatenate([motion.count[:, :1], motion.ids], axis=1)
-        before = self._summed_before
-        self._summed_before = same[-1], momentum[-1], float(now[-1])
-        found = np.full(momentum.shape, np.nan)
-        for k in range(len(now)):
-            known, was, then = (
-                (same[k - 1], momentum[k - 1], float(now[k - 1])) if k > 0
-                else before or (np.empty(0), np.empty(0), math.inf)
-            )  # fmt: skip
-            if now[k] > then and np.array_equal(known, same[k]):
-                pull = mass[k] * gravity_impulse(self._scene, then, float(now[k]))
-                found[k] = (momentum[k] - was - pull) / (now[k] - then)
-        return found
+    def _contact(self, particles: Array, momentum: Array, mass: float, now: float) -> Array:
+        """Return the mean force since the sample before, NaN where particles have come or gone.
 
-    def _contact(self, moment: Moment, ids: NDArray[Any], momentum: Array, total: float) -> Array:
-        now, before = moment.velocity_time, self._before
+        `particles` are numbers that tell whether they are the same.
+        """
+        before, self._before = self._before, (particles, momentum, now)
         # What leaves or enters takes its momentum along, which is no force.
-        present = zlib.crc32(ids.tobytes())
-        self._before = (present, momentum, now)
-        if before is None or before[0] != present or not now > before[2]:
+        if before is None or not now > before[2] or not np.array_equal(before[0], particles):
             return np.full(len(momentum), np.nan)
-        pull = total * gravity_impulse(self._scene, before[2], now)
+        pull = mass * gravity_impulse(self._scene, before[2], now)
         return (momentum - before[1] - pull) / (now - before[2])
 
     def _boundaries(self, moment: Moment, position: Array, mass: Array) -> Array:
@@ -310,10 +298,7 @@ class OfBody(Sampler):
         if self._turned is not None:
             found["turned"] = self._turned
         if self._before is not None:
-            present, momentum, time = self._before
-            found |= {"present": np.array(present), "momentum": momentum, "then": np.array(time)}
-        if self._summed_before is not None:
-            particles, momentum, time = self._summed_before
+            particles, momentum, time = self._before
             found |= {"particles": particles, "momentum": momentum, "then": np.array(time)}
         if self.summed is not None and self.summed.places is not None:
             # For runs that continue from this one.
@@ -328,7 +313,7 @@ class OfBody(Sampler):
             self._first = state["first_id"], state["first_place"]
         if "turned" in state:
             self._turned = state["turned"]
-        if "particles" in state:
-            self._summed_before = state["particles"], state["momentum"], float(state["then"])
-        elif "momentum" in state:
-            self._before = int(state["present"]), state["momentum"], float(state["then"])
+        if "momentum" in state:
+            # Earlier versions call a checksum of the ids so.
+            particles = state["particles"] if "particles" in state else state["present"]
+            self._before = np.atleast_1d(particles), state["momentum"], float(state["then"])

@@ -139,28 +139,24 @@ class Measurements:
         scene = simulation.scene
         check_functions(scene)
         self.series: list[Series] = []
-        self._of_engine: list[tuple[Series, NDArray[np.float64]]] = []
-        #: Of series that are made of sums that the engine takes: what makes them.
-        self._summed: dict[int, Sampler] = {}
+        #: And what makes samples of the engine's rows: a shift to the world, or a sampler of sums.
+        self._of_engine: list[tuple[Series, NDArray[np.float64] | Sampler]] = []
         self._python: list[_Python] = []
         self._busy = False
         described = list(specification["sensors"])
         tallied = {d["name"]: d for d in described if d["kind"] == "tally"}
         for i, placed in enumerate(scene.sensors):
-            if placed.name in tallied and isinstance(placed.sensor, Sampled):
-                made = _Python(placed.name, scene, placed.sensor)
-                series = made.series
-                made.sampler.summed = _summed_body(tallied[placed.name], specification["bodies"])
-                if restored is not None and i < len(restored.sensors):
-                    made.sampler.restore(restored.memory_of(i))
-                self._summed[i] = made.sampler
-                self._of_engine.append((series, np.zeros(0)))
-            elif isinstance(placed.sensor, Sampled):
+            if isinstance(placed.sensor, Sampled):
                 made = _Python(placed.name, scene, placed.sensor)
                 if restored is not None and i < len(restored.sensors):
                     made.sampler.restore(restored.memory_of(i))
-                self._python.append(made)
                 series = made.series
+                if placed.name in tallied:
+                    sums = tallied[placed.name]
+                    made.sampler.summed = _summed_body(sums, specification["bodies"])
+                    self._of_engine.append((series, made.sampler))
+                else:
+                    self._python.append(made)
             else:
                 number = len(self._of_engine)
                 description = described[number]
@@ -176,16 +172,15 @@ class Measurements:
 
     def drain(self, engine: Any) -> None:
         """Take the samples that the engine has gathered."""
-        makers = {id(self.series[i]): sampler for i, sampler in self._summed.items()}
-        for (series, shift), (time, values) in zip(self._of_engine, engine.drain(), strict=True):
+        for (series, made), (time, values) in zip(self._of_engine, engine.drain(), strict=True):
             if not len(time):
                 continue
-            if id(series) in makers:
-                time = np.asarray(time)
-                tallies, dt = split(np.asarray(values))
-                series.append(time, makers[id(series)].rows(time, tallies, dt))
+            rows = np.asarray(values)
+            if isinstance(made, Sampler):
+                tallies, dt = split(rows)
+                series.append(time, made.rows(np.asarray(time), tallies, dt))
             else:
-                series.append(time, np.asarray(values) + shift)
+                series.append(time, rows + made)
 
     @property
     def engine_names(self) -> list[str]:
@@ -243,5 +238,6 @@ class Measurements:
     def memory(self) -> dict[int, dict[str, NDArray[Any]]]:
         """Return what a resumed run needs besides the series, by number of the sensor."""
         numbers = {id(s): i for i, s in enumerate(self.series)}
-        found = {numbers[id(p.series)]: p.sampler.state() for p in self._python}
-        return found | {i: sampler.state() for i, sampler in self._summed.items()}
+        samplers = [(p.series, p.sampler) for p in self._python]
+        samplers += [(s, made) for s, made in self._of_engine if isinstance(made, Sampler)]
+        return {numbers[id(series)]: made.state() for series, made in samplers}

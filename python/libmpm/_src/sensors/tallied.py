@@ -25,7 +25,8 @@ from libmpm._src.sensors.sampler import ROUNDING, bodies_of
 from libmpm._src.shapes.boxes import Box
 from libmpm._src.shapes.element_mesh import ElementMesh
 
-__all__ = ["add_first_places", "described", "fitted", "in_step", "plain_names"]
+__all__ = ["add_first_places", "described", "fitted", "in_step", "moments"]
+__all__ += ["state_names"]
 
 #: Attribute -> what a tally calls it.
 _SCALARS = {
@@ -109,14 +110,14 @@ def _is_there_at_first(scene: SceneData, sensor: str, body: str) -> bool:
     return start.tiles == 1 and start.first_cell is None and sensor in own
 
 
-def _moments(sensor: BodyTracker, dimension: int) -> list[str]:
-    """Return the tallies of a tracker, `motion` first."""
+def moments(quantities: Sequence[str], dimension: int) -> list[str]:
+    """Return the tallies of which a tracker's quantities are made, `motion` first."""
     found = ["motion"]
-    if "angular_velocity" in sensor.quantities:
+    if "angular_velocity" in quantities:
         found.append("second")
-    if {"angular_velocity", "orientation"} & set(sensor.quantities):
+    if {"angular_velocity", "orientation"} & set(quantities):
         found.append("spin")
-    if "orientation" in sensor.quantities:
+    if "orientation" in quantities:
         found.append("turn")
         if dimension == 3:
             found.append("turn_rest")
@@ -141,7 +142,7 @@ def described(
             "reference": bounds.reshape(2, -1).mean(axis=0),
         }  # fmt: skip
         if isinstance(sensor, BodyTracker):
-            tallies += [whole | {"of": of} for of in _moments(sensor, scene.dimension)]
+            tallies += [whole | {"of": of} for of in moments(sensor.quantities, scene.dimension)]
             continue
         asked = _of_attribute(sensor.attribute, sensor.direction)
         assert asked is not None
@@ -196,9 +197,14 @@ def add_first_places(
         tally["places"] = places.ravel()
 
 
-def plain_names(scene: SceneData, count: int | None = None) -> list[str]:
-    """Return the names of the first sensors that the engine has in any version."""
-    return [s.name for s in scene.sensors[:count] if not isinstance(s.sensor, Sampled)]
+def state_names(header: Mapping[str, Any], sensors: Sequence[PlacedSensor]) -> list[str]:
+    """Return the names of the sensors that the state of a checkpoint has.
+
+    `sensors` are those of its run. Earlier versions did not say: the state has those that no
+    version evaluates in Python.
+    """
+    plain = [s.name for s in sensors if not isinstance(s.sensor, Sampled)]
+    return list(header.get("engine_sensors", plain))
 
 
 def fitted(
