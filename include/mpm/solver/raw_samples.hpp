@@ -25,8 +25,8 @@ std::size_t ring_columns(const Spec& spec, int sensor);
 /// What is asked for in rows of these sensors, without what is large and for their engine alone.
 std::vector<SensorSpec> without_places(std::vector<SensorSpec> sensors);
 
-/// Adds to a rank's row of the ring what another rank has of the same sample.
-void join_row(const SensorSpec& sensor, int dimension, double* to, const double* from);
+/// Adds to rows of a rank's ring what another rank has of the same samples.
+void join(const SensorSpec& sensor, int dimension, Samples& to, const Samples& from);
 
 /// Rows of the rings, whole, to those of `sensor_columns`.
 std::vector<Samples> finished(const std::vector<SensorSpec>& sensors, int dimension,

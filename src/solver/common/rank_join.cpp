@@ -98,30 +98,9 @@ RunResult join_results(const std::vector<RunResult>& ranks) {
 std::vector<Samples> join_samples(const std::vector<SensorSpec>& sensors, int dimension,
                                   const std::vector<std::vector<Samples>>& ranks) {
     std::vector<Samples> out = ranks.at(0);
-    for (std::size_t r = 1; r < ranks.size(); ++r) {
-        const std::vector<Samples>& more = ranks[r];
-        for (std::size_t k = 0; k < out.size(); ++k) {
-            const SensorSpec& sensor = sensors.at(k);
-            const SensorKind kind = sensor.kind;
-            std::vector<double>& values = out[k].values.data;
-            const std::vector<double>& parts = more.at(k).values.data;
-            if (kind == SensorKind::wave_gauge || kind == SensorKind::velocity_probe) continue;
-            if (kind == SensorKind::load_cell || kind == SensorKind::contact_load ||
-                kind == SensorKind::tally) {
-                const std::size_t rows = out[k].time.size(), width = values.size() / (rows + !rows);
-                for (std::size_t i = 0; i < rows; ++i)
-                    join_row(sensor, dimension, &values[i * width], &parts.at(i * width));
-                continue;
-            }
-            for (std::size_t i = 0; i < values.size(); ++i) {
-                const double part = parts.at(i);
-                if (kind != SensorKind::tracker)
-                    values[i] += part;
-                else if (part == part)  // a particle is not a number where it is not
-                    values[i] = part;
-            }
-        }
-    }
+    for (std::size_t r = 1; r < ranks.size(); ++r)
+        for (std::size_t k = 0; k < out.size(); ++k)
+            join(sensors.at(k), dimension, out[k], ranks[r].at(k));
     return finished(sensors, dimension, std::move(out));
 }
 

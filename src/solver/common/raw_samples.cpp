@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "mpm/kernels/tally.hpp"
+#include "mpm/solver/rank_join.hpp"
 
 namespace mpm {
 
@@ -16,6 +17,10 @@ void of_means(SensorKind kind, int dimension, const F& f) {
         dimension == 2 ? f(MeanRow<load_columns<2>>{}) : f(MeanRow<load_columns<3>>{});
     if (kind == SensorKind::contact_load)
         dimension == 2 ? f(MeanRow<contact_columns<2>>{}) : f(MeanRow<contact_columns<3>>{});
+}
+
+std::size_t width_of(const Samples& of) {
+    return of.time.empty() ? 0 : of.values.data.size() / of.time.size();
 }
 
 void add(double* to, const double* from, int count) {
@@ -90,10 +95,23 @@ std::vector<SensorSpec> without_places(std::vector<SensorSpec> sensors) {
     return sensors;
 }
 
-void join_row(const SensorSpec& sensor, int dimension, double* to, const double* from) {
-    for (std::size_t k = 0; k < sensor.tallies.size(); ++k)
-        join_tally(to + k * TallyRow::size, from + k * TallyRow::size);
-    of_means(sensor.kind, dimension, [&](auto row) { add(to, from, row.scales); });
+void join(const SensorSpec& sensor, int dimension, Samples& to, const Samples& from) {
+    if (sensor.kind == SensorKind::wave_gauge || sensor.kind == SensorKind::velocity_probe)
+        return;  // each rank has them whole
+    if (sensor.kind == SensorKind::tracker) {
+        take_numbers(to.values, from.values);  // a particle is not a number where it is not
+        return;
+    }
+    const std::size_t width = width_of(to);
+    int summed = int(width);
+    of_means(sensor.kind, dimension, [&](auto row) { summed = row.scales; });
+    for (std::size_t i = 0; i < to.time.size(); ++i) {
+        double* row = &to.values.data[i * width];
+        const double* more = &from.values.data.at(i * width);
+        if (sensor.kind != SensorKind::tally) add(row, more, summed);
+        for (std::size_t k = 0; k < sensor.tallies.size(); ++k)
+            join_tally(row + k * TallyRow::size, more + k * TallyRow::size);
+    }
 }
 
 std::vector<Samples> finished(const std::vector<SensorSpec>& sensors, int dimension,
@@ -101,8 +119,7 @@ std::vector<Samples> finished(const std::vector<SensorSpec>& sensors, int dimens
     for (std::size_t k = 0; k < raw.size(); ++k) {
         const SensorSpec& sensor = sensors.at(k);
         Array& values = raw[k].values;
-        const std::size_t rows = raw[k].time.size(),
-                          width = rows > 0 ? values.data.size() / rows : 0;
+        const std::size_t rows = raw[k].time.size(), width = width_of(raw[k]);
         std::vector<double> out;
         const auto each = [&](const auto& finish) {
             for (std::size_t i = 0; i < rows; ++i) finish(values.data.data() + i * width);
