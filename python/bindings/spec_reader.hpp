@@ -22,6 +22,16 @@
 namespace mpm::python {
 
 namespace py = pybind11;
+
+/// What a name stands for; `what` says in an error whose name it is.
+template <class Value>
+Value built(const std::map<std::string, Value>& names, const std::string& name,
+            const std::string& what) {
+    const auto it = names.find(name);
+    if (it == names.end()) throw SceneError(what + " '" + name + "' is not built");
+    return it->second;
+}
+
 inline TableSpec read_table(const py::dict& d, int dimension, const std::string& owner) {
     TableSpec t;
     t.time = doubles(d["time"]);
@@ -81,10 +91,7 @@ inline SmoothingChoice read_smoothing(const py::dict& d, const std::string& who)
         {"F0AL1", {F::flux, L::linear, true, 1, false}},
         {"F0AL2", {F::flux, L::quadratic, true, 1, false}},
         {"F1", {F::linear_flux, L::none, false, 1, false}}};
-    const auto it = methods.find(method);
-    if (it == methods.end())
-        throw SceneError(who + ": smoothing method '" + method + "' is not built");
-    SmoothingChoice k = it->second;
+    SmoothingChoice k = built(methods, method, who + ": smoothing method");
     k.gamma = d["gamma"].cast<double>();
     k.by_inertia = d["by_inertia"].cast<bool>();
     return k;
@@ -265,10 +272,7 @@ inline BodySpec read_body(const py::dict& d, int dimension) {
         {"stress-only", SmoothingForm::stress_only},
         {"split", SmoothingForm::split},
         {"literal", SmoothingForm::literal}};
-    const auto it = forms.find(form);
-    if (it == forms.end())
-        throw SceneError("body '" + b.name + "': F-bar form '" + form + "' is not built");
-    b.smoothing = it->second;
+    b.smoothing = built(forms, form, "body '" + b.name + "': F-bar form");
     b.smoothing_time = f["time"].cast<double>();
     b.smoothing_ratio = f["ratio"].cast<double>();
     if (f.contains("shifting")) b.shifts = f["shifting"].cast<bool>();
@@ -289,11 +293,10 @@ inline KernelSpec read_kernel(const py::dict& d) {
         {"linear", Kernel::linear}, {"quadratic", Kernel::quadratic}, {"cubic", Kernel::cubic},
         {"ugimp", Kernel::ugimp},   {"cpgimp", Kernel::cpgimp},       {"cpdi", Kernel::cpdi},
         {"ddmp", Kernel::ddmp}};
-    const auto it = kernels.find(name);
-    if (it == kernels.end()) throw SceneError("kernel '" + name + "' is not built");
+    const Kernel kernel = built(kernels, name, "kernel");
     if (gradient != "mls" && gradient != "kernel")
         throw SceneError("gradient is '" + gradient + "'; expected mls or kernel");
-    return {it->second, gradient == "mls" ? GradientForm::moments : GradientForm::shapes,
+    return {kernel, gradient == "mls" ? GradientForm::moments : GradientForm::shapes,
             d["boundary"].cast<bool>(), d.contains("modified") && d["modified"].cast<bool>()};
 }
 
@@ -332,9 +335,7 @@ inline Response read_response(const std::string& kind) {
                                                    {"mirror", Response::mirror},
                                                    {"mirror-sticky", Response::mirror_sticky},
                                                    {"prescribed", Response::prescribed}};
-    const auto it = kinds.find(kind);
-    if (it == kinds.end()) throw SceneError("response '" + kind + "' is not built");
-    return it->second;
+    return built(kinds, kind, "response");
 }
 
 inline MotionSpec read_motion(const py::dict& d, int components, const std::string& who) {
@@ -362,9 +363,7 @@ inline SurfaceSpec read_surface(const py::dict& d, int dimension, const std::str
         {"free", Decay::free},           {"linear", Decay::linear},
         {"quadratic", Decay::quadratic}, {"flipped", Decay::flipped},
         {"cosine", Decay::cosine},       {"constrained", Decay::constrained}};
-    const auto it = functions.find(d["decay"].cast<std::string>());
-    if (it == functions.end()) throw SceneError(who + ": its decay function is not built");
-    s.decay = it->second;
+    s.decay = built(functions, d["decay"].cast<std::string>(), who + ": decay function");
     s.thickness = d["thickness"].cast<double>();
     if (!d["path"].is_none()) s.path = read_motion(d["path"], dimension, who);
     if (!d["turn"].is_none()) {
@@ -462,11 +461,7 @@ inline SensorSpec read_sensor(const py::dict& d, const Spec& spec) {
                                                      {"rigid-motion", SensorKind::rigid_motion},
                                                      {"pin-force", SensorKind::pin_force},
                                                      {"tally", SensorKind::tally}};
-    const auto it = kinds.find(d["kind"].cast<std::string>());
-    if (it == kinds.end())
-        throw SceneError("sensor '" + s.name + "': kind '" + d["kind"].cast<std::string>() +
-                         "' is not built");
-    s.kind = it->second;
+    s.kind = built(kinds, d["kind"].cast<std::string>(), "sensor '" + s.name + "': kind");
     s.interval = d["interval"].cast<double>();
     const auto check = [&](int index, std::size_t count, const char* what) {
         if (index < 0 || std::size_t(index) >= count) {
