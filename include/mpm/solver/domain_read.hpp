@@ -130,6 +130,7 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
     for (std::size_t r = 0; r < seen.state.size(); ++r) columns[r] = seen.state[r].data();
     const double dx = spec_.cell_size, m = body.particle_mass, V = body.particle_volume;
 
+    const auto observed = tally_body(body, LawByPointer<D>{body.ops.observe, body.ops.adopt});
     const auto fill = [&](std::size_t q, const double* x, const double* v,
                           const double(&rate)[D][D], const double* s) {
         double square = 0;
@@ -143,18 +144,10 @@ Attributes Domain<X, T, D>::attributes(int number, const std::vector<std::string
         if (kinetic) kinetic[q] = 0.5 * m * square;
         for (int k = 0; rates && k < D * D; ++k) rates[q * D * D + k] = rate[k / D][k % D];
         for (std::size_t r = 0; raw && r < stored; ++r) raw[q * stored + r] = s[r];
-        const double* blended = s + body.material->reals(D);  // with two volumes
-        if (smoothed) smoothed[q] = 1 - *blended;
+        if (smoothed) smoothed[q] = 1 - s[observed.reals];
         if (!constitutive) return;
-        // The stress follows the volume that F-bar gives it.
-        double stress_state[max_state_columns];
-        for (int r = 0; r < body.plan.state_columns; ++r) stress_state[r] = s[r];
-        if (body.plan.smoothing == Smoothing::two_volumes) body.ops.adopt(stress_state, *blended);
-        const Observation<D> o = body.ops.observe(stress_state, rate, body.parameters.data());
-        const double J = body.material->volumetric ? 1 - s[0]
-                         : body.plan.smoothing == Smoothing::two_volumes
-                             ? body.ops.observe(s, rate, body.parameters.data()).volume_ratio
-                             : o.volume_ratio;
+        const Observation<D> o = observe_particle(observed, s, rate);
+        const double J = o.volume_ratio;
         if (volume) volume[q] = V * J;
         if (density) density[q] = m / (V * J);
         if (ratio) ratio[q] = J;

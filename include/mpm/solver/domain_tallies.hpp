@@ -88,16 +88,9 @@ void Domain<X, T, D>::list_tallied() {
     for (std::size_t k = 0; k < tallies_.seen.size(); ++k) {
         const int b = tallies_.seen[k];
         const Body& body = bodies_[std::size_t(b)];
-        auto& seen = bodies.emplace_back();
+        const auto law = LawOf<X, D>::make(body.ops, spec_.bodies[std::size_t(b)].material);
+        auto& seen = bodies.emplace_back(tally_body(body, law));
         seen.view = body.view();
-        seen.n = body.plan.phase;
-        seen.law = LawOf<X, D>::make(body.ops, spec_.bodies[std::size_t(b)].material);
-        for (std::size_t p = 0; p < body.parameters.size(); ++p)
-            seen.parameters[p] = body.parameters[p];
-        seen.reals = body.material->reals(D);
-        seen.columns = body.plan.state_columns;
-        seen.two_volumes = body.plan.smoothing == Smoothing::two_volumes;
-        seen.volumetric = body.material->volumetric;
         if (tallies_.in_part[k]) {
             auto& spans = tallies_.spans[k];
             const std::uint64_t all = ~std::uint64_t(0);
@@ -129,13 +122,12 @@ template <class X, class T, int D>
 void Domain<X, T, D>::run_tallies() {
     if (!tallies_.any()) return;
     const auto count = std::int32_t(tallies_.asking_list.size());
-    list_tallied();
-    const MeasureTallies<X, T, D, typename LawOf<X, D>::type> measure{
+    MeasureTallies<X, T, D, typename LawOf<X, D>::type> measure{
         tallies_.tasks.data(),
         sensors_.records(),
         tallies_.asking.data(),
         count,
-        tallies_.bodies.data(),
+        nullptr,
         table_,
         velocity_.data(),
         plan_.velocity_channels,
@@ -146,6 +138,8 @@ void Domain<X, T, D>::run_tallies() {
     if constexpr (!X::is_device) {
         if (measure.idle()) return;
     }
+    list_tallied();
+    measure.bodies = tallies_.bodies.data();
     exec_.template sum_each<1>(
         SumSets{tallies_.sets.data(), int(tallies_.task_list.size()), tallies_.part_count}, measure,
         TakeTallies<D>{clock_buffer_.data(), sensors_.records(), tallies_.tasks.data(),

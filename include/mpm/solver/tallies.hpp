@@ -2,12 +2,14 @@
 // and room for parts of their sums (kernels/tally.hpp).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "mpm/exec/buffer.hpp"
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/tally.hpp"
+#include "mpm/solver/body_store.hpp"
 #include "mpm/solver/raw_samples.hpp"
 
 namespace mpm {
@@ -33,6 +35,20 @@ struct Tallies {
 
     bool any() const { return !task_list.empty(); }
 };
+
+/// A body as what looks at its particles sees it; where they are is the caller's to say.
+template <class X, class T, int D, class Law>
+TallyBody<T, D, Law> tally_body(const BodyStore<X, T, D>& body, const Law& law) {
+    TallyBody<T, D, Law> seen{};
+    seen.n = body.plan.phase;
+    seen.law = law;
+    std::copy(body.parameters.begin(), body.parameters.end(), seen.parameters);
+    seen.reals = body.material->reals(D);
+    seen.columns = body.plan.state_columns;
+    seen.two_volumes = body.plan.smoothing == Smoothing::two_volumes;
+    seen.volumetric = body.material->volumetric;
+    return seen;
+}
 
 /// Scales of a task's sums: of values, or of moments. Finer than `exact_scale` by 20 bits: energies
 /// of particles and speeds at rest are that small beside those of waves. Behind the number 34 bits
