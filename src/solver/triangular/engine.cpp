@@ -334,6 +334,10 @@ void FunctionsEngine::sample(std::size_t s) {
             throw SceneError("sensor '" + spec.name +
                              "': a wave gauge is not built for grids of functions; use "
                              "ParticleTracker or VelocityProbe");
+        case SensorKind::tally:
+            throw SceneError("sensor '" + spec.name +
+                             "': sums over particles are not taken in the step of a grid of "
+                             "functions; read them at step boundaries");
     }
     state.waiting.time.push_back(time_);
     state.waiting.values.data.insert(state.waiting.values.data.end(), row.begin(), row.end());
