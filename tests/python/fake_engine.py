@@ -209,6 +209,21 @@ def install():
     return made
 
 
+def smoothed_scene(method):
+    """Return `small_scene` with water that falls, smoothed over cells, and assumed rates."""
+    import libmpm
+
+    transfer = libmpm.methods.Transfer(scheme="FLIP")
+    old = small_scene(method=libmpm.Method(transfer=transfer)).to_dict()
+    old["bodies"][0] |= {
+        "fbar": None,
+        "smoothing": libmpm.methods.Smoothing(method=method).to_dict(),
+        "assumed": libmpm.methods.AssumedFields(over="cell", part="volumetric").to_dict(),
+        "velocity": (1.5, 1.0, 0.0),
+    }
+    return libmpm.Scene.from_dict(old)
+
+
 def small_scene(**changes):
     """Return a scene of two bodies and four sensors with a few hundred particles."""
     import libmpm

@@ -210,25 +210,18 @@ def test_one_that_fails_ends_all(tmp_path):
 
 
 def test_transfers_that_store_velocities(tmp_path):
-    """AFLIP has the bits of one; a transfer that sweeps the grid is refused by name."""
+    """AFLIP has the bits of one process."""
     code = """
-        def simulate(**transfer):
-            scene = fake_engine.small_scene(
-                method=libmpm.Method(transfer=libmpm.methods.Transfer(**transfer)))
-            return libmpm.Simulation(scene, device="cpu", ranks="processes", threads=1)
-        sim = simulate(scheme="AFLIP", flip=0.97)
+        scene = fake_engine.small_scene(
+            method=libmpm.Method(transfer=libmpm.methods.Transfer(scheme="AFLIP", flip=0.97)))
+        sim = libmpm.Simulation(scene, device="cpu", ranks="processes", threads=1)
         sim.run(until=0.1)
         for body in sim.particles:
             found = sim.gather(body, "position", "velocity", "stress")
             if found is not None:
                 np.savez(f"{folder}/{body}.npz", **found)
-        try:
-            simulate(scheme="FMPM", order=2).step(1)
-        except libmpm.SceneError as error:
-            print(error)
     """
-    for _, out, _ in well(run(2, code, tmp_path)):
-        assert "transfer 'FMPM' on devices or in processes is not built for several ranks" in out
+    well(run(2, code, tmp_path))
     transfer = libmpm.methods.Transfer(scheme="AFLIP", flip=0.97)
     scene = fake_engine.small_scene(method=libmpm.Method(transfer=transfer))
     one = libmpm.Simulation(scene, device="cpu", threads=1)
@@ -238,6 +231,61 @@ def test_transfers_that_store_velocities(tmp_path):
         own = one.gather(body, "position", "velocity", "stress")
         for name in own:
             assert (found[name] == own[name]).all(), (body, name)
+
+
+@pytest.mark.parametrize("scheme", ["XPIC", "FMPM"])
+def test_transfers_that_sweep_the_grid(scheme, tmp_path):
+    """Whoever reads does so alone: before the first step, after others, of a resumed run."""
+    code = f"""
+        scene = fake_engine.small_scene(
+            method=libmpm.Method(transfer=libmpm.methods.Transfer(scheme="{scheme}", order=3)))
+        sim = libmpm.Simulation(scene, device="cpu", ranks="processes", threads=1)
+        def read(sim):
+            alone = sim.particles["water"]["velocity"] if sim.rank == 1 else None
+            return sim.gather("water", "position", "velocity")
+        first = read(sim)
+        sim.run(until=0.05)
+        sim.save_checkpoint(folder + "/half.npz")
+        sim = libmpm.Simulation.resume(folder + "/half.npz", ranks="processes")
+        half = read(sim)
+        sim.run(until=0.1)
+        last = read(sim)
+        if sim.rank == 0:
+            for name, found in {{"first": first, "half": half, "last": last}}.items():
+                np.savez(f"{{folder}}/{{name}}.npz", **found)
+    """
+    well(run(2, code, tmp_path))
+    transfer = libmpm.methods.Transfer(scheme=scheme, order=3)
+    scene = fake_engine.small_scene(method=libmpm.Method(transfer=transfer))
+    one = libmpm.Simulation(scene, device="cpu", threads=1)
+    for name, until in ("first", 0.0), ("half", 0.05), ("last", 0.1):
+        if until > 0:
+            one.run(until=until)
+        own, found = one.gather("water", "position", "velocity"), np.load(tmp_path / f"{name}.npz")
+        for attribute in own:
+            assert (found[attribute] == own[attribute]).all(), (name, attribute)
+
+
+def test_smoothing_over_cells(tmp_path):
+    code = """
+        sim = libmpm.Simulation(
+            fake_engine.smoothed_scene("F0AL1"), device="cpu", ranks="processes", threads=1)
+        sim.run(until=0.15)
+        found = sim.gather("water", "position", "velocity", "stress")
+        if found is not None:
+            np.savez(f"{folder}/water.npz", **found)
+        print(sim.smoothing["water"]["energy_change"].sum())
+    """
+    told = {out for _, out, _ in well(run(2, code, tmp_path))}
+    assert len(told) == 1
+    one = libmpm.Simulation(fake_engine.smoothed_scene("F0AL1"), device="cpu", threads=1)
+    one.run(until=0.15)
+    own = one.gather("water", "position", "velocity", "stress")
+    found = np.load(tmp_path / "water.npz")
+    for name in own:
+        assert (found[name] == own[name]).all(), name
+    change = one.smoothing["water"]["energy_change"].sum()
+    assert float(told.pop()) == pytest.approx(change, rel=1e-6)
 
 
 def test_what_all_refuse_ends_nothing(tmp_path):
@@ -291,13 +339,12 @@ def test_guard_speaks_for_all(tmp_path):
 
 
 def test_a_failed_save_ends_all(tmp_path):
-    """Rank 0 writes for all: the others hear of it where they next wait."""
+    """Rank 0 writes for all, and the others wait for it."""
     (tmp_path / "file").touch()
     code = """
         sim = make()
         sim.step(1)
         sim.save_checkpoint(f"{folder}/file/state.npz")
-        sim.step(1)
     """
     told = run(2, code, tmp_path)
     assert [code for code, _, _ in told] == [1, 1]

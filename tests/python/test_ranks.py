@@ -330,16 +330,26 @@ def test_lines_towards_surfaces(dimension, precision, tmp_path):
     assert np.abs(one.sensors["load"]["force_x"]).max() > 0
 
 
-def test_what_is_not_built_is_named():
-    """What several ranks cannot do is refused before it runs."""
-    old = fake_engine.small_scene().to_dict()
-    old["bodies"][0]["fbar"] = None
-    old["bodies"][0]["smoothing"] = libmpm.methods.Smoothing(method="F0AL1").to_dict()
-    scene = libmpm.Scene.from_dict(old)
-    libmpm.Simulation(scene, device="cpu").step(1)
-    said = "^smoothing over cells of body 'water' is not built for several ranks; take one"
-    with pytest.raises(libmpm.SceneError, match=said):
-        libmpm.Simulation(scene, device=["cpu", "cpu"]).step(1)
+@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize("method", ["C1", "F0AL1", "NB"])
+def test_smoothing_over_cells(method, precision, tmp_path):
+    """What cells and nodes sum up is what one rank sums up; what it did agrees to rounding."""
+    scene = fake_engine.smoothed_scene(method)
+    one = libmpm.Simulation(scene, device="cpu", precision=precision)
+    three = libmpm.Simulation(scene, device=["cpu"] * 3, threads=3, precision=precision)
+    one.run(until=0.3)
+    three.run(until=0.15)
+    three.save_checkpoint(tmp_path / "three.npz")
+    two = libmpm.Simulation.resume(tmp_path / "three.npz", device=["cpu", "cpu"])
+    for sim in (two, three):
+        sim.run(until=0.3)
+        assert same(one, sim)
+        assert sim.statistics["migrated"] > 0
+    for name, expected in one.smoothing["water"].items():
+        scale = np.abs(one.smoothing["water"]["energy" if "energy" in name else name]).max()
+        found = three.smoothing["water"][name]
+        assert np.allclose(found, expected, rtol=1e-6, atol=1e-9 * scale), name
+    assert one.smoothing["water"]["energy_change"].sum() < 0
 
 
 def test_functions_over_cells_are_refused():

@@ -20,16 +20,18 @@ namespace mpm {
 /// around the nodes, all others between them.
 inline bool spans_lie_between_nodes(Kernel k) { return k != Kernel::quadratic; }
 
-/// The cell that a particle stands in: a place as in `places_in_grid`, and where in the cell.
+/// The cell that a particle stands in, counted from the first of its home block: a place as in
+/// `places_in_grid`, and where in the cell.
 template <int D>
 struct InSpan {
     int place;
+    int cell[D];
     Vec<double, D> x;  // from the centre, cells
 };
 template <class T, int D>
 MPM_INLINE InSpan<D> span_of(const BodyView<T, D>& body, const int (&home)[D], std::uint32_t q,
                              bool between) {
-    InSpan<D> out{0, {}};
+    InSpan<D> out{0, {}, {}};
     int side_step = 256, node_step = 1;
     MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
         const T offset = body.offset[a][q];
@@ -42,6 +44,7 @@ MPM_INLINE InSpan<D> span_of(const BodyView<T, D>& body, const int (&home)[D], s
             x += below ? 0.5 : -0.5;
         }
         out.x[a] = x;
+        out.cell[a] = cell - Block<D>::edge;
         out.place += cell / Block<D>::edge * side_step + cell % Block<D>::edge * node_step;
         side_step *= 3;
         node_step *= Block<D>::edge;

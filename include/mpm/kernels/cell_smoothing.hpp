@@ -48,6 +48,10 @@ struct CellNumbers {
     PlacedForce force;                   // beside gravity
 
     bool smooths() const { return smoothing.form != CellForm::none; }
+    /// Of a body whose particles store velocities, or not: whether cells or nodes sum anything up.
+    bool sums_up(bool stores) const {
+        return smooths() || part != TensorPart::none || (force.axis >= 0 && stores);
+    }
     bool assumes_rates() const { return rate && part != TensorPart::none; }
     bool changes_rates() const { return deformed || assumes_rates(); }
     bool changes_deposits() const {
@@ -266,11 +270,32 @@ MPM_INLINE double value_in_cell(const CellColumns<D>& cells, std::int64_t c,
     return v;
 }
 
+/// Components of a field: a tensor in three dimensions.
+inline constexpr int most_components = 6;
+
+/// What is summed over the particles of a call: q^2 before and after it, and q of each component.
+struct SmoothingTotals {
+    double before = 0, after = 0, field[most_components] = {}, particles = 0;
+
+    void add(const SmoothingTotals& other) {
+        before += other.before;
+        after += other.after;
+        particles += other.particles;
+        for (int k = 0; k < most_components; ++k) field[k] += other.field[k];
+    }
+};
+
 /// What a call did to a field: sum m q^2 over its particles and components before and after it, and
 /// what that is of the field's mean everywhere.
 struct SmoothingEnergy {
     double before = 0, after = 0, uniform = 0;
 
+    static SmoothingEnergy of(const SmoothingTotals& sum, double mass, int components) {
+        SmoothingEnergy e{mass * sum.before, mass * sum.after, 0};
+        for (int k = 0; k < components; ++k)
+            e.uniform += mass * sum.field[k] * sum.field[k] / sum.particles;
+        return e;
+    }
     MPM_HD double change() const { return after - before; }
     /// I_E of (3.185): the change over what the field had about its mean; 0 of a uniform one.
     MPM_HD double index() const {

@@ -30,8 +30,6 @@ namespace mpm {
 /// No volume loss is larger: laws keep volume ratios between 0.05 and 20. A shear strain may be; it
 /// is a fault.
 inline constexpr double most_smoothed = 32;
-/// Components of a field: a tensor in three dimensions.
-inline constexpr int most_components = 6;
 /// What is summed over the particles of a call: m q^2 before and after it, then q of each
 /// component.
 inline constexpr int smoothing_sums = 2 + most_components;

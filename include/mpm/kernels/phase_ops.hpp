@@ -17,13 +17,30 @@ struct PhaseOps {
 template <class X, class T, int D>
 PhaseOps<X, T, D> phase_ops();
 
-/// What a body's step does between its parts, one entry where each belongs. `cells` is room for
-/// `cell_numbers` of every cell (cell_phases.hpp).
+/// What the ranks that a body is shared among do together while cells sum it up.
+struct CellPeers {
+    /// Adds to the blocks that several ranks hold, with so many numbers a cell, what all have
+    /// staged of them: then these are what one rank would have.
+    virtual void complete(double* cells, std::size_t width) = 0;
+    /// Adds up what each rank has of its own particles.
+    virtual void add_up(SmoothingTotals& totals) = 0;
+
+protected:
+    ~CellPeers() = default;
+};
+/// Room for `cell_numbers` of every cell (cell_phases.hpp), and behind those of the table for the
+/// cells of `staged` blocks (kernels/staging.hpp).
+struct CellRoom {
+    double* cells;
+    std::int32_t staged = 0;
+    CellPeers* peers = nullptr;  // null: one rank
+};
+/// What a body's step does between its parts, one entry where each belongs.
 template <class X, class T, int D>
 struct CellOps {
-    using Run = void (*)(const Phase<X, T, D>&, const CellNumbers&, double* cells);
-    Run collected;                                                                        // rates
-    SmoothingEnergy (*smooth)(const Phase<X, T, D>&, const CellNumbers&, double* cells);  // state
+    using Run = void (*)(const Phase<X, T, D>&, const CellNumbers&, const CellRoom&);
+    Run collected;                                                                          // rates
+    SmoothingEnergy (*smooth)(const Phase<X, T, D>&, const CellNumbers&, const CellRoom&);  // state
     Run responded;  // deposits
 };
 

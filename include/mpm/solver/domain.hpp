@@ -153,7 +153,8 @@ private:
     void collect_bodies(const std::vector<std::size_t>& moving);
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
-    double* cell_room(const Body& body);
+    CellRoom cell_room(const Body& body, CellPeers* peers = nullptr);
+    bool meets_over_cells(const Body& body) const;
     void smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase);
     void collect_smoothing();
     void sweep_grid();
@@ -242,6 +243,7 @@ private:
 
     // domain_read.hpp
     void prepare_velocities();
+    void prepare_swept();
     Base& memory() { return exec_; }
     NodesSeen<Sum> nodes_in(const Window& window);
 
@@ -280,6 +282,10 @@ private:
     /// gradients of velocity are added by a pass of its own.
     enum class Added { in_step, at_rest, tilted };
     void end_of_sums(int parity, Added added);
+    template <class Number, class Add>
+    void add_up_staged(const char* what, Number* blocks, std::size_t size, std::size_t first,
+                       std::size_t last, const Add& add);
+    struct PeersOfBody;
     void rebalance(const std::vector<std::uint64_t>& load);
     void weigh_by_time(std::vector<BlockWeight>& blocks);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);

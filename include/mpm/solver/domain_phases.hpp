@@ -129,10 +129,11 @@ void Domain<X, T, D>::sweep_grid() {
 
 /// Room for what a body's particles add to cells.
 template <class X, class T, int D>
-double* Domain<X, T, D>::cell_room(const Body& body) {
-    cells_.reserve_discard(cell_numbers<D>(body.plan.cells) * std::size_t(table_.slots) *
+CellRoom Domain<X, T, D>::cell_room(const Body& body, CellPeers* peers) {
+    const std::int32_t staged = peers ? share_->staged : 0;
+    cells_.reserve_discard(cell_numbers<D>(body.plan.cells) * std::size_t(table_.slots + staged) *
                            block_cells);
-    return cells_.data();
+    return {cells_.data(), staged, peers};
 }
 
 /// Rates as the body assumes them, and its state smoothed. A call that adds energy is a fault.
@@ -144,9 +145,11 @@ void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>
     } else {
         Clock& clock = *clock_buffer_.data();
         if (clock.halt != Halt::none) return;
-        if (n.changes_rates()) cell_ops<X, T, D>().collected(phase, n, cell_room(body));
+        PeersOfBody peers{*this, std::size_t(number)};
+        const CellRoom room = cell_room(body, share_ ? &peers : nullptr);
+        if (n.changes_rates()) cell_ops<X, T, D>().collected(phase, n, room);
         if (!n.smooths()) return;
-        const SmoothingEnergy e = cell_ops<X, T, D>().smooth(phase, n, cell_room(body));
+        const SmoothingEnergy e = cell_ops<X, T, D>().smooth(phase, n, room);
         body.smoothing.add(clock.time, e.before, e.change(), e.index());
         if (e.sound(sizeof(T) == 4 ? 1e-6 : 1e-12)) return;
         clock.halt = Halt::fault;
@@ -173,7 +176,8 @@ void Domain<X, T, D>::smooth_on_device(Body& body, int number, const Phase<X, T,
     CellTask<D> task{};
     task.choice = n.smoothing;
     task.count = std::int64_t(table_.slots) * block_cells;
-    task.cells = CellColumns<D>::by_column(cell_room(body), n.smoothing, n.components, task.count);
+    task.cells =
+        CellColumns<D>::by_column(cell_room(body).cells, n.smoothing, n.components, task.count);
     task.summed = CellColumns<D>::sums(n.smoothing, n.components) * task.count;
     task.scale = CellScale::of(body.count);
     task.between = spans_lie_between_nodes(body.plan.phase.kernel.kernel);
@@ -206,9 +210,16 @@ template <class X, class T, int D>
 void Domain<X, T, D>::after_respond(Body& body, const Phase<X, T, D>& phase) {
     if constexpr (!X::is_device) {
         const CellNumbers& n = body.plan.cells;
-        if (n.changes_deposits() && clock_buffer_.data()->halt == Halt::none)
-            cell_ops<X, T, D>().responded(phase, n, cell_room(body));
+        if (!n.changes_deposits() || clock_buffer_.data()->halt != Halt::none) return;
+        PeersOfBody peers{*this, std::size_t(phase.pass.body_number)};
+        cell_ops<X, T, D>().responded(phase, n, cell_room(body, share_ ? &peers : nullptr));
     }
+}
+
+/// Whether a rank without particles of a body has a part in its step.
+template <class X, class T, int D>
+bool Domain<X, T, D>::meets_over_cells(const Body& body) const {
+    return !X::is_device && share_ && body.plan.cells.sums_up(body.plan.phase.velocity >= 0);
 }
 
 /// Sums that a step reads itself, as all ranks have added to them.

@@ -431,7 +431,7 @@ void Domain<X, T, D>::deposit_all(const Spec& spec, const Chosen& chosen, bool t
     push_clock();
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
-        if (body.homes == 0 || !chosen(spec.bodies[b])) continue;
+        if ((body.homes == 0 && !meets_over_cells(body)) || !chosen(spec.bodies[b])) continue;
         const BodySpec& s = spec.bodies[b];
         deposit_body(body, int(b), s.velocity, s.velocity_gradient, tilted, parity());
     }

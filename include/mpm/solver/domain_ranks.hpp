@@ -4,6 +4,7 @@
 
 #include <cstring>
 #include <map>
+#include <numeric>
 #include <tuple>
 
 #include "mpm/kernels/staging.hpp"
@@ -128,7 +129,15 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
     }
 
     // Everyone learns what the messages of each step will hold.
+    const auto by_body = [&](const std::vector<Staged>& list) {
+        std::vector<std::size_t> first(bodies_.size() + 1, 0);
+        for (const Staged& part : list) ++first[std::size_t(part.body) + 1];
+        std::partial_sum(first.begin(), first.end(), first.begin());
+        return first;
+    };
     s.send.assign(s.keys.size(), {});
+    s.send_of.assign(s.keys.size(), {});
+    s.receive_of.assign(s.keys.size(), {});
     std::vector<Bytes> out(s.keys.size());
     const std::size_t own = s.parts.size();
     for (int r : s.peers) {
@@ -142,6 +151,7 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
                             std::int32_t(told.size())});
             s.send[std::size_t(r)].push_back(part.at);
         }
+        s.send_of[std::size_t(r)] = by_body(told);
         Packer packer;
         packer.put(told);
         out[std::size_t(r)] = packer.take();
@@ -155,9 +165,8 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
             checks::staged_parts(parts, common[std::size_t(r)].size(), colours, r);
             told[std::size_t(r)] = std::move(parts);
         });
-    s.receive.assign(s.keys.size(), 0);
     for (int r : s.peers) {
-        s.receive[std::size_t(r)] = told[std::size_t(r)].size();
+        s.receive_of[std::size_t(r)] = by_body(told[std::size_t(r)]);
         for (Staged part : told[std::size_t(r)]) {
             part.slot = common[std::size_t(r)][std::size_t(part.slot)];
             s.parts.push_back(part);
@@ -187,48 +196,82 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
     list_contacts();
 }
 
-/// What ranks have staged comes to all who hold the block, and everyone adds it up in the same
-/// order.
+/// What ranks have staged of the bodies from `first` to before `last`, `size` numbers a block,
+/// comes to all who hold a block, and everyone adds it up in the same order: add(part, to, from).
 template <class X, class T, int D>
-void Domain<X, T, D>::end_of_sums(int parity, Added added) {
+template <class Number, class Add>
+void Domain<X, T, D>::add_up_staged(const char* what, Number* blocks, std::size_t size,
+                                    std::size_t first, std::size_t last, const Add& add) {
     RankShare<D>& s = *share_;
-    const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
-    Sum* sums = sums_[parity].data();
     std::vector<Bytes> out(s.keys.size());
     for (int r : s.peers) {
         Bytes& bytes = out[std::size_t(r)];
-        const auto& list = s.send[std::size_t(r)];
-        bytes.resize(list.size() * block * sizeof(Sum));
-        for (std::size_t k = 0; k < list.size(); ++k) {
-            std::memcpy(bytes.data() + k * block * sizeof(Sum), sums + std::size_t(list[k]) * block,
-                        block * sizeof(Sum));
+        const auto& begins = s.send_of[std::size_t(r)];
+        const std::int32_t* list = s.send[std::size_t(r)].data() + begins[first];
+        const std::size_t count = begins[last] - begins[first];
+        bytes.resize(count * size * sizeof(Number));
+        for (std::size_t k = 0; k < count; ++k) {
+            std::memcpy(bytes.data() + k * size * sizeof(Number),
+                        blocks + std::size_t(list[k]) * size, size * sizeof(Number));
         }
         s.bytes_of_sums += bytes.size();
     }
     const auto in =
-        s.comm->exchange_and_read(std::move(out), s.peers, "sums", [&](int r, Unpacker& from) {
-            from.leave(s.receive[std::size_t(r)] * block * sizeof(Sum));
+        s.comm->exchange_and_read(std::move(out), s.peers, what, [&](int r, Unpacker& from) {
+            const auto& begins = s.receive_of[std::size_t(r)];
+            from.leave((begins[last] - begins[first]) * size * sizeof(Number));
         });
     exec_.for_each_large(std::int64_t(s.shared.size()), [&](std::int64_t k) {
         for (std::size_t p = s.first_part[std::size_t(k)]; p < s.first_part[std::size_t(k) + 1];
              ++p) {
             const auto& part = s.parts[p];
-            const Sum* from =
-                part.rank == s.rank()
-                    ? sums + std::size_t(part.at) * block
-                    : reinterpret_cast<const Sum*>(in[std::size_t(part.rank)].data()) +
-                          std::size_t(part.at) * block;
-            const Body& body = bodies_[std::size_t(part.body)];
-            const bool spread = added == Added::in_step ? body.plan.pipeline == Pipeline::phased
-                                                        : body.plan.any_transfer();
-            add_staged<Sum>(sums + std::size_t(part.slot) * block, from,
-                            spread ? Sum(1) : Sum(body.particle_mass), block,
-                            added == Added::at_rest);
+            if (std::size_t(part.body) < first || std::size_t(part.body) >= last) continue;
+            const std::size_t at = std::size_t(part.at), rank = std::size_t(part.rank);
+            const Number* from = part.rank == s.rank()
+                                     ? blocks + at * size
+                                     : reinterpret_cast<const Number*>(in[rank].data()) +
+                                           (at - s.receive_of[rank][first]) * size;
+            add(part, blocks + std::size_t(part.slot) * size, from);
         }
     });
-    exec_.zero(sums + std::size_t(table_.slots) * block,
-               std::size_t(s.staged) * block * sizeof(Sum));
 }
+
+template <class X, class T, int D>
+void Domain<X, T, D>::end_of_sums(int parity, Added added) {
+    const std::size_t block = std::size_t(plan_.sum_channels) * block_cells;
+    Sum* sums = sums_[parity].data();
+    const auto add = [&](const auto& part, Sum* to, const Sum* from) {
+        const Body& body = bodies_[std::size_t(part.body)];
+        const bool spread = added == Added::in_step ? body.plan.pipeline == Pipeline::phased
+                                                    : body.plan.any_transfer();
+        add_staged<Sum>(to, from, spread ? Sum(1) : Sum(body.particle_mass), block,
+                        added == Added::at_rest);
+    };
+    add_up_staged("sums", sums, block, 0, bodies_.size(), add);
+    exec_.zero(sums + std::size_t(table_.slots) * block,
+               std::size_t(share_->staged) * block * sizeof(Sum));
+}
+
+/// Of one body that ranks share: what cells sum up of its particles.
+template <class X, class T, int D>
+struct Domain<X, T, D>::PeersOfBody final : CellPeers {
+    Domain& domain;
+    std::size_t body;
+
+    PeersOfBody(Domain& of, std::size_t number) : domain(of), body(number) {}
+    void complete(double* cells, std::size_t width) override {
+        const std::size_t size = width * block_cells;
+        domain.add_up_staged("sums over cells", cells, size, body, body + 1,
+                             [&](const auto&, double* to, const double* from) {
+                                 for (std::size_t k = 0; k < size; ++k) to[k] += from[k];
+                             });
+    }
+    void add_up(SmoothingTotals& totals) override {
+        const auto all = domain.share_->comm->tell(totals, "what smoothing has changed");
+        totals = {};
+        for (const SmoothingTotals& of_rank : all) totals.add(of_rank);
+    }
+};
 
 /// Blocks are dealt anew where the work has become too uneven: by all ranks alike, from what all
 /// have told. `load`: particles that stand in each slot now.

@@ -26,6 +26,13 @@ void Domain<X, T, D>::prepare_velocities() {
     velocities_made_ = true;
 }
 
+/// XPIC and FMPM sweep the grid for them with all ranks, while readers are each rank's own: what
+/// leaves a new state makes them too.
+template <class X, class T, int D>
+void Domain<X, T, D>::prepare_swept() {
+    if (share_ && plan_.sweep.residual > 0) prepare_velocities();
+}
+
 template <class X, class T, int D>
 std::vector<std::string> Domain<X, T, D>::attribute_names(int body) const {
     std::vector<std::string> names = {"id",     "position",       "velocity",       "mass",

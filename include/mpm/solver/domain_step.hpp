@@ -211,7 +211,7 @@ void Domain<X, T, D>::run_bodies() {
     std::vector<std::size_t> moving;
     std::uint64_t workers = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        if (bodies_[b].homes == 0) continue;
+        if (bodies_[b].homes == 0 && !meets_over_cells(bodies_[b])) continue;
         moving.push_back(b);
         reserve_deposits(bodies_[b]);
         workers += workers_of(bodies_[b]);
@@ -418,6 +418,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             break;
         }
     }
+    prepare_swept();
     result.steps = clock_.step - first_step;
     result.time = clock_.time;
     return result;

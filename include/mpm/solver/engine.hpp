@@ -211,9 +211,9 @@ public:
     virtual std::vector<Samples> drain() = 0;
     virtual std::vector<Removed> removed() = 0;
     /// What came and went since the last call.
-    virtual std::vector<Flow> flows() { return {}; }
+    virtual std::vector<Flow> flows() = 0;
     /// Of a body, since the engine was made; empty where nothing is smoothed over cells.
-    virtual SmoothingHistory smoothing(int /*body*/) const { return {}; }
+    virtual SmoothingHistory smoothing(int body) const = 0;
     virtual std::vector<std::string> attribute_names(int body) const = 0;
     /// Of a body of elements always of everything.
     virtual Attributes attributes(int body, const std::vector<std::string>& names,

@@ -42,6 +42,8 @@ public:
     std::uint64_t particle_count(int body) const override;
     std::vector<Samples> drain() override;
     std::vector<Removed> removed() override { return std::exchange(removed_, {}); }
+    std::vector<Flow> flows() override { return {}; }
+    SmoothingHistory smoothing(int) const override { return {}; }
     std::vector<std::string> attribute_names(int body) const override;
     /// Readers get everything wherever they look: such scenes are small.
     Attributes attributes(int body, const std::vector<std::string>& names,

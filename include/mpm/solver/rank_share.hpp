@@ -96,8 +96,9 @@ struct RankShare {
     std::vector<Staged> parts;                    // of each of them in turn, in order
     std::vector<std::size_t> first_part;          // (shared + 1,)
     std::int32_t staged = 0;                      // slots behind those of the table
-    std::vector<std::vector<std::int32_t>> send;  // to each rank, of these slots
-    std::vector<std::size_t> receive;             // from each rank, so many blocks
+    std::vector<std::vector<std::int32_t>> send;  // to each rank, of these slots, body after body
+    // To and from each rank: where the blocks of each body begin, then how many there are in all.
+    std::vector<std::vector<std::size_t>> send_of, receive_of;
     std::vector<std::vector<std::int32_t>> destinations;  // of each body: (slots, 3^D)
     // Of the ranks that hold a block one counts its nodes, where each is to count once.
     std::vector<std::uint8_t> counts;

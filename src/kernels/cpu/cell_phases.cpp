@@ -1,5 +1,6 @@
 // CPU driver of what works over cells within the phased step: loops and partial sums. Sums of cells
-// and nodes go by colours of blocks that share none, so that no number of threads changes a bit.
+// and nodes go by colours of blocks that share none, and a cell gets one number of each block of
+// particles: neither threads nor ranks change a bit.
 #include "mpm/kernels/cell_phases.hpp"
 
 #include "mpm/kernels/cpu/phases.hpp"
@@ -11,9 +12,6 @@ namespace mpm {
 namespace cpu {
 
 namespace {
-
-/// The most components that a field has: a tensor in three dimensions.
-inline constexpr int most_components = 6;
 
 /// What is smoothed, of each particle: a call apart, so that the loops below are compiled once for
 /// all fields.
@@ -42,27 +40,72 @@ void with_field(const Read& read, const Write& write, const F& f) {
             }});
 }
 
-/// Calls f(slot, home cell, particle) for all particles, blocks that share cells after each other.
-template <class T, int D, class F>
-void for_each_by_colour(const Phase<Cpu, T, D>& phase, const F& f) {
+/// Sums of one block's particles in cells or nodes up to `margin` beyond it; all are 0 between
+/// blocks.
+template <int D, int margin>
+struct SumArena {
+    static constexpr int edge = Block<D>::edge + 2 * margin,
+                         places = D == 2 ? edge * edge : edge * edge * edge;
+    int summed;  // numbers a cell
+    std::vector<double> sums;
+
+    explicit SumArena(int n) : summed(n), sums(std::size_t(places) * std::size_t(n), 0.0) {}
+    static constexpr int stride(int axis) {
+        int s = 1;
+        for (int a = D - 1; a > axis; --a) s *= edge;
+        return s;
+    }
+    static int place(const int (&cell)[D]) {
+        int at = 0;
+        for (int a = 0; a < D; ++a) at += (cell[a] + margin) * stride(a);
+        return at;
+    }
+    /// Adds them to the first of the `width` numbers that cells have.
+    void flush(const std::int32_t* destinations, double* cells, int width) {
+        for_each_run<D, margin>(destinations, [&](int at, std::int32_t slot, int cell, int length) {
+            double* from = sums.data() + std::size_t(at) * std::size_t(summed);
+            double* to = cells + (std::int64_t(slot) * block_cells + cell) * width;
+            for (int k = 0; k < length; ++k, from += summed, to += width) {
+                if (std::all_of(from, from + summed, [](double x) { return x == 0; })) continue;
+                for (int c = 0; c < summed; ++c) to[c] += from[c];
+                std::fill_n(from, summed, 0.0);
+            }
+        });
+    }
+};
+
+/// Calls add(arena, slot, home cell, particle) for all particles, and makes sums that are complete
+/// of what these add: `summed` of the `width` numbers of each cell.
+template <int margin, class T, int D, class Add>
+void sum_up(const Phase<Cpu, T, D>& phase, const CellRoom& room, int summed, int width,
+            const Add& add) {
     const auto& pass = phase.pass;
-    const int threads = phase_threads(*pass.exec, pass.body.count);
-    for (int colour = 0; colour < pass.colours; ++colour) {
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-        for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k) {
-            const std::int32_t slot = pass.coloured[k];
-            for_each_of_block<T, D>(
-                pass.body, slot, [&](const int(&home)[D], std::uint32_t q) { f(slot, home, q); });
+#pragma omp parallel num_threads(phase_threads(*pass.exec, pass.body.count))
+    {
+        SumArena<D, margin> arena(summed);
+        for (int colour = 0; colour < pass.colours; ++colour) {
+#pragma omp for schedule(dynamic, 1)
+            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1];
+                 ++k) {
+                const std::int32_t slot = pass.coloured[k];
+                for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+                    add(arena, slot, home, q);
+                });
+                arena.flush(pass.destinations + std::int64_t(slot) * Block<D>::neighbours,
+                            room.cells, width);
+            }
         }
     }
+    if (room.peers) room.peers->complete(room.cells, std::size_t(width));
 }
 
 /// Mass, then one sum a component, of every node: lumped means by the grid's functions, or by those
 /// of the deposit where they are modified.
 template <class S, class T, int D>
-void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int components, bool modified,
-                     const Field& field) {
-    constexpr int W = S::width;
+void smooth_by_nodes(const Phase<Cpu, T, D>& phase, const CellRoom& room, int components,
+                     bool modified, const Field& field) {
+    constexpr int W = S::width, margin = W / 2 + 1;
+    using A = SumArena<D, margin>;
     const auto& pass = phase.pass;
     const std::int32_t* neighbours = pass.grid.table.neighbours;
     const double m = pass.body.particle_mass;
@@ -70,23 +113,24 @@ void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int component
     const auto of = [&](std::int32_t slot, int place) {
         const std::int64_t there =
             neighbours[std::int64_t(slot) * Block<D>::neighbours + (place >> 8)];
-        return nodes + (there * block_cells + (place & 255)) * width;
+        return room.cells + (there * block_cells + (place & 255)) * width;
     };
-    for_each_by_colour(phase, [&](std::int32_t slot, const int(&home)[D], std::uint32_t q) {
+    const auto add = [&](A& arena, std::int32_t slot, const int(&home)[D], std::uint32_t q) {
         Reached<W, Cpu, T, D, S> reached(phase, slot, home, q);
         if constexpr (std::is_same_v<S, Stencil<T, D, 3>>) {
             if (modified) modify_for_deposit(reached.stencil, reached.at.xi);
         }
         double value[most_components];
         field.read(field.of, q, value);
-        for_each_node(reached.stencil, places_in_grid<W>(reached.at.cell),
+        for_each_node(reached.stencil, places_in_arena<A, W, D, margin>(reached.at.cell),
                       [&](const auto&, int place, T w) {
-                          double* to = of(slot, place);
+                          double* to = arena.sums.data() + place * width;
                           to[0] += m * double(w);
                           for (int k = 0; k < components; ++k)
                               to[1 + k] += m * double(w) * value[k];
                       });
-    });
+    };
+    sum_up<margin>(phase, room, width, width, add);
 #pragma omp parallel for schedule(dynamic, 4) \
     num_threads(phase_threads(*pass.exec, pass.body.count))
     for (std::int32_t h = 0; h < pass.body.homes; ++h) {
@@ -107,24 +151,31 @@ void smooth_by_nodes(const Phase<Cpu, T, D>& phase, double* nodes, int component
 }
 
 template <class T, int D>
-void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
-                     int components, const Field& field) {
+void smooth_by_cells(const Phase<Cpu, T, D>& phase, const CellRoom& room,
+                     const SmoothingChoice& choice, int components, const Field& field) {
+    constexpr int margin = 2;  // a particle beside its home, of spans that begin half a cell below
+    using A = SumArena<D, margin>;
     const auto& pass = phase.pass;
     const auto& table = pass.grid.table;
-    const auto cells = CellColumns<D>::by_cell(data, choice, components);
+    const auto cells = CellColumns<D>::by_cell(room.cells, choice, components);
+    const int summed = cells.sums(choice, components), width = cells.columns(choice, components);
     const bool between = spans_lie_between_nodes(phase.n.kernel.kernel);
     const auto number = [&](std::int32_t slot, int place) {
         const std::int64_t there =
             table.neighbours[std::int64_t(slot) * Block<D>::neighbours + (place >> 8)];
         return there * block_cells + (place & 255);
     };
-    for_each_by_colour(phase, [&](std::int32_t slot, const int(&home)[D], std::uint32_t q) {
+    const auto add = [&](A& arena, std::int32_t, const int(&home)[D], std::uint32_t q) {
         const InSpan<D> at = span_of<T, D>(pass.body, home, q, between);
         double value[most_components];
         field.read(field.of, q, value);
-        add_to_cell(cells, number(slot, at.place), pass.body.particle_mass, at.x,
+        auto sums = cells;
+        sums.data = arena.sums.data();
+        sums.to_cell = summed;
+        add_to_cell(sums, A::place(at.cell), pass.body.particle_mass, at.x,
                     [&](int k) { return value[k]; });
-    });
+    };
+    sum_up<margin>(phase, room, summed, width, add);
     const std::int64_t all = std::int64_t(table.slots) * block_cells;
     const int threads = phase_threads(*pass.exec, pass.body.count);
     const FinishCell<D> finish{cells};
@@ -150,29 +201,30 @@ void smooth_by_cells(const Phase<Cpu, T, D>& phase, double* data, const Smoothin
 
 /// `as_deposited`: nodes' means by the functions of the deposit.
 template <class T, int D>
-void smooth_field(const Phase<Cpu, T, D>& phase, double* data, const SmoothingChoice& choice,
-                  int components, const Field& field, bool as_deposited = false) {
+void smooth_field(const Phase<Cpu, T, D>& phase, const CellRoom& room,
+                  const SmoothingChoice& choice, int components, const Field& field,
+                  bool as_deposited = false) {
     const bool nodal = choice.form == CellForm::nodal;
     const int width = CellColumns<D>::columns(choice, components);
     const std::size_t piece = std::size_t(block_cells) * std::size_t(width);
     const bool modified = as_deposited && phase.n.kernel.modified;
 #pragma omp parallel for schedule(static) \
     num_threads(phase_threads(*phase.pass.exec, phase.pass.body.count))
-    for (std::int32_t slot = 0; slot < phase.pass.grid.table.slots; ++slot)
-        std::fill_n(data + std::size_t(slot) * piece, piece, 0.0);
+    for (std::int32_t slot = 0; slot < phase.pass.grid.table.slots + room.staged; ++slot)
+        std::fill_n(room.cells + std::size_t(slot) * piece, piece, 0.0);
     if (!nodal)
-        smooth_by_cells(phase, data, choice, components, field);
+        smooth_by_cells(phase, room, choice, components, field);
     else if (kernel_width(phase.n.kernel.kernel) == 3)
-        smooth_by_nodes<Stencil<T, D, 3>>(phase, data, components, modified, field);
+        smooth_by_nodes<Stencil<T, D, 3>>(phase, room, components, modified, field);
     else if (phase.n.kernel.kernel == Kernel::cpdi)
-        smooth_by_nodes<CornerStencil<T, D>>(phase, data, components, modified, field);
+        smooth_by_nodes<CornerStencil<T, D>>(phase, room, components, modified, field);
     else
-        smooth_by_nodes<Stencil<T, D, 5>>(phase, data, components, modified, field);
+        smooth_by_nodes<Stencil<T, D, 5>>(phase, room, components, modified, field);
 }
 
 /// Numbers of scratch, a tensor a particle.
 template <class T, int D, class Column>
-void assume(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data,
+void assume(const Phase<Cpu, T, D>& phase, const CellNumbers& n, const CellRoom& room,
             const Column& column) {
     const AssumedTensor<D> tensor{n.part};
     if (tensor.part == TensorPart::none) return;
@@ -197,11 +249,11 @@ void assume(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data,
                 for (int a = 0; a < D; ++a)
                     phase.pass.scratch[std::size_t(column(a, c)) * count + q] = m.e[c][a];
         },
-        [&](const Field& field) { smooth_field(phase, data, n.assumed, components, field); });
+        [&](const Field& field) { smooth_field(phase, room, n.assumed, components, field); });
 }
 
 template <class T, int D>
-void collected(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
+void collected(const Phase<Cpu, T, D>& phase, const CellNumbers& n, const CellRoom& room) {
     const auto& pass = phase.pass;
     const Scratch<D> column{phase.n.channels};
     const std::size_t count = pass.body.count;
@@ -220,14 +272,14 @@ void collected(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data
                 for (int a = 0; a < D; ++a) at(a, c) = moved.e[c][a] / move;
         }
     }
-    if (n.assumes_rates()) assume(phase, n, data, [&](int a, int c) { return column.slope(a, c); });
+    if (n.assumes_rates()) assume(phase, n, room, [&](int a, int c) { return column.slope(a, c); });
 }
 
 /// A force by mass acts by the deposit, on the velocity that a particle brings. One that stores its
 /// velocity keeps of that gain what the grid gives back, v <- v + dt sum N_i b_i (Yang 2016, 2.7):
 /// with dt b(x_p) instead, b - sum N_i b_i would add up without end in a body at rest.
 template <class T, int D>
-void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force, double* data) {
+void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force, const CellRoom& room) {
     const auto& pass = phase.pass;
     const Scratch<D> column{phase.n.channels};
     const std::size_t count = pass.body.count;
@@ -261,11 +313,11 @@ void push(const Phase<Cpu, T, D>& phase, const PlacedForce& force, double* data)
         [&](std::int32_t, std::uint32_t q, const double* back) {
             for (int c = 0; c < D; ++c) pass.body.state[phase.n.velocity + c][q] += T(back[c]);
         },
-        [&](const Field& field) { smooth_field(phase, data, nodal, D, field, true); });
+        [&](const Field& field) { smooth_field(phase, room, nodal, D, field, true); });
 }
 
 template <class T, int D>
-void responded(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
+void responded(const Phase<Cpu, T, D>& phase, const CellNumbers& n, const CellRoom& room) {
     const auto& pass = phase.pass;
     const Scratch<D> column{phase.n.channels};
     const std::size_t count = pass.body.count;
@@ -285,40 +337,35 @@ void responded(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data
             }
         }
     }
-    assume(phase, n, data, [&](int a, int c) { return column.stress(a, c); });
-    if (n.force.axis >= 0) push(phase, n.force, data);
+    assume(phase, n, room, [&](int a, int c) { return column.stress(a, c); });
+    if (n.force.axis >= 0) push(phase, n.force, room);
 }
 
 template <class T, int D>
-SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, const CellNumbers& n, double* data) {
+SmoothingEnergy smooth(const Phase<Cpu, T, D>& phase, const CellNumbers& n, const CellRoom& room) {
     const auto& pass = phase.pass;
     const int components = n.components;
-    // Of each home block: energy before and after, then the sums of the components.
-    const int width = 2 + components;
-    std::vector<double> partial(std::size_t(pass.body.homes) * std::size_t(width), 0.0);
+    std::vector<SmoothingTotals> partial(std::size_t(pass.body.homes));
     with_field(
         [&](std::uint32_t q, double* value) {
             for (int k = 0; k < components; ++k) value[k] = double(pass.body.state[k][q]);
         },
         [&](std::int32_t h, std::uint32_t q, const double* value) {
-            double* sum = partial.data() + std::size_t(h) * std::size_t(width);
+            SmoothingTotals& sum = partial[std::size_t(h)];
             for (int k = 0; k < components; ++k) {
                 T& own = pass.body.state[k][q];
-                sum[0] += double(own) * double(own);
-                sum[2 + k] += double(own);
+                sum.before += double(own) * double(own);
+                sum.field[k] += double(own);
                 own = T(value[k]);
-                sum[1] += double(own) * double(own);
+                sum.after += double(own) * double(own);
             }
         },
-        [&](const Field& field) { smooth_field(phase, data, n.smoothing, components, field); });
-    double total[2 + most_components] = {};
-    for (std::size_t at = 0; at < partial.size(); ++at)
-        total[at % std::size_t(width)] += partial[at];
-    const double m = pass.body.particle_mass;
-    SmoothingEnergy e{m * total[0], m * total[1], 0};
-    for (int k = 0; k < components; ++k)
-        e.uniform += m * total[2 + k] * total[2 + k] / pass.body.count;
-    return e;
+        [&](const Field& field) { smooth_field(phase, room, n.smoothing, components, field); });
+    SmoothingTotals total;
+    for (const SmoothingTotals& home : partial) total.add(home);
+    total.particles = pass.body.count;
+    if (room.peers) room.peers->add_up(total);
+    return SmoothingEnergy::of(total, pass.body.particle_mass, components);
 }
 
 }  // namespace

@@ -99,6 +99,7 @@ public:
     }
     std::vector<Removed> removed() override { return join_removed(tell_all(own_->removed())); }
     std::vector<Flow> flows() override { return join_flows(tell_all(own_->flows())); }
+    SmoothingHistory smoothing(int body) const override { return own_->smoothing(body); }
     std::vector<std::string> attribute_names(int body) const override {
         return own_->attribute_names(body);
     }

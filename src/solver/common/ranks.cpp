@@ -9,15 +9,7 @@
 
 namespace mpm {
 
-namespace {
-
-bool sweeps(const Spec& spec) {
-    return spec.transfer.scheme == "XPIC" || spec.transfer.scheme == "FMPM";
-}
-
-}  // namespace
-
-void check_ranks(const Spec& spec, const Plan& plan) {
+void check_ranks(const Spec& spec, bool devices) {
     const auto refuse = [](const std::string& what, const std::string& remedy) {
         throw SceneError(what + " is not built for several ranks; " + remedy);
     };
@@ -53,22 +45,15 @@ void check_ranks(const Spec& spec, const Plan& plan) {
         if (s.kind == SensorKind::pin_force)
             refuse("sensor '" + s.name + "', the force on a pin,",
                    "take one rank, or leave it out");
-    // The scale of a sweep's integers is each device's own, and what reads a rank's nodes sweeps
-    // with all others.
-    if (sweeps(spec) && (spec.ranks.processes || !spec.ranks.devices.empty()))
-        refuse("transfer '" + spec.transfer.scheme + "' on devices or in processes",
-               "take one rank, ranks of one process on the CPU, or another transfer");
-    for (std::size_t b = 0; b < spec.bodies.size(); ++b) {
-        const BodySpec& body = spec.bodies[b];
-        const std::string of = " of body '" + body.name + "'";
-        // Sums over cells and over one body's nodes are each rank's own.
-        if (body.cell_smoothing.form != CellForm::none)
-            refuse("smoothing over cells" + of, "take one rank");
-        if (body.assumed_part != TensorPart::none) refuse("assumed fields" + of, "take one rank");
-        if (body.force.axis >= 0 && plan.bodies[b].phase.velocity >= 0)
-            refuse("the placed force" + of + " with transfer '" + spec.transfer.scheme +
-                       "', which stores velocities",
-                   "take one rank, or a transfer that stores none");
+    // The scale of a sweep's integers is each device's own.
+    if (devices && (spec.transfer.scheme == "XPIC" || spec.transfer.scheme == "FMPM"))
+        refuse("transfer '" + spec.transfer.scheme + "' on devices",
+               "take one device, ranks on the CPU, or another transfer");
+    for (const BodySpec& body : spec.bodies) {
+        // Sums over cells are each device's own there.
+        if (devices && body.cell_smoothing.form != CellForm::none)
+            refuse("smoothing over cells of body '" + body.name + "' on devices",
+                   "take one device, or ranks on the CPU");
     }
 }
 
@@ -104,20 +89,6 @@ class Ranks final : public Engine {
         for (const auto& e : engines_) out.push_back(ask(*e));
         return out;
     }
-    /// The same of what may read nodal velocities, which ranks of a transfer that sweeps the grid
-    /// make together: `ask(engine, rank)`.
-    template <class Ask>
-    auto of_nodes(const Ask& ask) const {
-        std::vector<decltype(ask(*engines_[0], 0))> out(engines_.size());
-        const auto one = [&](int r) {
-            out[std::size_t(r)] = ask(*engines_[std::size_t(r)], std::size_t(r));
-        };
-        if (sweeps_)
-            threads_->together(one);
-        else
-            for (int r = 0; r < int(engines_.size()); ++r) one(r);
-        return out;
-    }
     /// Of attributes that the body may not have, which are then for one rank to refuse.
     bool known(int body, const std::vector<std::string>& names) const {
         const auto all = attribute_names(body);
@@ -133,7 +104,6 @@ public:
         : threads_(std::move(threads)),
           engines_(std::move(engines)),
           bodies_(spec.bodies.size()),
-          sweeps_(sweeps(spec)),
           dimension_(spec.dimension),
           sensors_(without_places(spec.sensors)) {}
 
@@ -161,14 +131,14 @@ public:
     std::vector<Flow> flows() override {
         return join_flows(of_each([](Engine& e) { return e.flows(); }));
     }
+    SmoothingHistory smoothing(int body) const override { return engines_[0]->smoothing(body); }
     std::vector<std::string> attribute_names(int body) const override {
         return engines_[0]->attribute_names(body);
     }
     Attributes attributes(int body, const std::vector<std::string>& names,
                           const Window& window) override {
         if (!known(body, names)) return engines_[0]->attributes(body, names);
-        auto parts =
-            of_nodes([&](Engine& e, std::size_t) { return e.attributes(body, names, window); });
+        auto parts = of_each([&](Engine& e) { return e.attributes(body, names, window); });
         Attributes out = std::move(parts[0]);
         for (std::size_t r = 1; r < parts.size(); ++r) {
             out.id.insert(out.id.end(), parts[r].id.begin(), parts[r].id.end());
@@ -182,10 +152,9 @@ public:
         return out;
     }
     Array grid(const std::string& name, const Window& window) override {
-        check_grid_attribute(name);  // else a rank that refuses would stop all
+        check_grid_attribute(name);
         Array out;
-        for (const Array& part :
-             of_nodes([&](Engine&e, std::size_t) { return e.grid(name, window); }))
+        for (const Array& part : of_each([&](Engine& e) { return e.grid(name, window); }))
             append_rows(out, part);
         return out;
     }
@@ -205,10 +174,9 @@ public:
         std::vector<double> here;
         for (const auto& e : engines_) here.push_back(particles_of(*e, bodies_));
         const double all = std::max(std::accumulate(here.begin(), here.end(), 0.0), 1.0);
-        return join_conditions(of_nodes([&](Engine& e, std::size_t r) {
-                                   return e.condition(int(samples * here[r] / all));
-                               }),
-                               bodies_);
+        auto own = here.begin();
+        const auto ask = [&](Engine& e) { return e.condition(int(samples * *own++ / all)); };
+        return join_conditions(of_each(ask), bodies_);
     }
     State save() override {
         return join_states(of_each([](Engine& e) { return e.save(); }), bodies_);
@@ -230,7 +198,6 @@ private:
     std::unique_ptr<RankThreads> threads_;
     std::vector<std::unique_ptr<Engine>> engines_;
     std::size_t bodies_;
-    bool sweeps_;
     int dimension_;
     std::vector<SensorSpec> sensors_;
 };

@@ -188,6 +188,10 @@ TEST_P(RankDevices, refuse_what_is_not_built) {
     sweeps.transfer.scheme = "FMPM";
     sweeps.transfer.order = 2;
     EXPECT_THROW(make(sweeps, way), SceneError);
+    Spec smooths = with_ranks(scene(), 2);
+    smooths.bodies[0].cell_smoothing.form = CellForm::constant;
+    smooths.bodies[0].smoothed_field = "volume";
+    EXPECT_THROW(make(smooths, way), SceneError);
 }
 
 TEST_P(RankDevices, go_on_from_a_state_after_one_that_is_refused) {

@@ -6,7 +6,6 @@
 #include <functional>
 #include <limits>
 
-#include "mpm/core/error.hpp"
 #include "mpm/solver/ranks.hpp"
 #include "support/ranks.hpp"
 #include "support/scene.hpp"
@@ -109,6 +108,19 @@ void expect_same(Engine& many, Engine& one, int bodies) {
     for (int b = 0; b < bodies; ++b) EXPECT_TRUE(stored(many, b) == stored(one, b)) << b;
 }
 
+/// What smoothing over cells has done, to rounding: energies are sums of ranks.
+void expect_same_smoothing(Engine& many, Engine& one, int bodies, double share) {
+    for (int b = 0; b < bodies; ++b) {
+        const SmoothingHistory x = many.smoothing(b), y = one.smoothing(b);
+        ASSERT_EQ(x.rows.size(), y.rows.size()) << b;
+        for (std::size_t k = 0; k < x.rows.size(); ++k) {
+            EXPECT_EQ(x.rows[k].time, y.rows[k].time);
+            EXPECT_NEAR(x.rows[k].before, y.rows[k].before, share * y.rows[k].before);
+            EXPECT_NEAR(x.rows[k].change, y.rows[k].change, share * y.rows[k].before);
+        }
+    }
+}
+
 class RankMethods : public ::testing::TestWithParam<Method> {
 protected:
     Spec scene() {
@@ -138,6 +150,7 @@ TEST_P(RankMethods, have_the_bits_of_one) {
     EXPECT_GT(two->statistics().at("migrated"), 0);
     expect_same(*two, *one, bodies);
     expect_same_samples(two->drain(), samples, planes, GetParam().single ? 1e-6 : 1e-11);
+    expect_same_smoothing(*two, *one, bodies, 1e-11);
 
     // From one to three that cut at every sort, and on to four whose messages come late.
     const auto three = make_cpu_engine(with_ranks(s, 3, RanksSpec::curve, 0));
@@ -272,21 +285,94 @@ const std::vector<Method> kernels = {
          for (SurfaceLaw& law : s.boundaries[0].law) law.response = Response::mirror;
      }},
 };
+/// Both bodies over cells: a fluid's volume and a strain.
+void over_cells(Spec& s, const SmoothingChoice& choice) {
+    s.bodies[1].material = "LinearElastic";
+    s.bodies[1].parameters = {800, 1e6, 0.3};
+    for (BodySpec& b : s.bodies) b.cell_smoothing = choice;
+    s.bodies[0].smoothed_field = "volume";
+    s.bodies[1].smoothed_field = "strain";
+}
+void assume(Spec& s, CellForm form, TensorPart part) {
+    for (BodySpec& b : s.bodies) {
+        b.assumed.form = form;
+        b.assumed_part = part;
+    }
+}
+const std::vector<Method> cells = {
+    {"C0", [](Spec& s) { over_cells(s, {CellForm::constant}); }},
+    {"C1_3D_single", [](Spec& s) { over_cells(s, {CellForm::linear}); }, 3, true},
+    {"F0AL2",
+     [](Spec& s) {
+         over_cells(s, {CellForm::flux, FluxLimiter::quadratic, true});
+     }},
+    {"F0AL1_3D",
+     [](Spec& s) {
+         over_cells(s, {CellForm::flux, FluxLimiter::linear, true});
+     },
+     3},
+    {"F1_FLIP",
+     [](Spec& s) {
+         keeps(s, "FLIP");
+         over_cells(s, {CellForm::linear_flux});
+     }},
+    {"nodal_cubic",
+     [](Spec& s) {
+         s.kernel.kernel = Kernel::cubic;
+         over_cells(s, {CellForm::nodal});
+     }},
+    {"nodal_cpdi",
+     [](Spec& s) {
+         by_functions(s, Kernel::cpdi);
+         over_cells(s, {CellForm::nodal});
+     }},
+    {"F0_between_nodes",
+     [](Spec& s) {
+         keeps(s, "PIC-FLIP");
+         by_functions(s, Kernel::linear);
+         over_cells(s, {CellForm::flux});
+     }},
+    {"assumed_cells_FLIP",
+     [](Spec& s) {
+         keeps(s, "FLIP");
+         assume(s, CellForm::constant, TensorPart::full);
+     }},
+    {"assumed_nodes_smoothed",
+     [](Spec& s) {
+         s.transfer.scheme = "PIC";
+         over_cells(s, {CellForm::constant});
+         assume(s, CellForm::nodal, TensorPart::volumetric);
+     }},
+    {"placed_force_FLIP",
+     [](Spec& s) {
+         keeps(s, "FLIP");
+         s.bodies[1].force.axis = 0;
+         s.bodies[1].force.place = {0, 1};
+         s.bodies[1].force.value = {0, 0, 1, 0};
+     }},
+};
 const auto name_of_method = [](const auto& info) { return info.param.name; };
 INSTANTIATE_TEST_SUITE_P(Stores, RankMethods, ::testing::ValuesIn(stores), name_of_method);
 INSTANTIATE_TEST_SUITE_P(Forms, RankMethods, ::testing::ValuesIn(forms), name_of_method);
 INSTANTIATE_TEST_SUITE_P(Kernels, RankMethods, ::testing::ValuesIn(kernels), name_of_method);
+INSTANTIATE_TEST_SUITE_P(Cells, RankMethods, ::testing::ValuesIn(cells), name_of_method);
 
 /// Layers that come with a velocity of their own, and particles that leave with theirs.
 TEST(RankMethodsFlow, inlets_and_outlets) {
-    for (const char* pipeline : {"auto", "phased"}) {
+    for (const char* kind : {"auto", "phased", "smoothed"}) {
         Spec s = test::empty_scene(2, false, {32, 12});
-        s.pipeline = pipeline;
+        const bool smoothed = std::string(kind) == "smoothed";
+        s.pipeline = smoothed ? "auto" : kind;
         s.bodies.push_back(test::body(s, "water", "TaitFluid", test::fluid(),
                                       test::lattice(s, {0, 2}, {30, 8}, 2), 4));
         s.bodies[0].velocity = {4, 0};
         s.bodies[0].id_count = 100000;
-        keeps(s, "AFLIP");
+        keeps(s, smoothed ? "FLIP" : "AFLIP");
+        if (smoothed) {
+            s.bodies[0].cell_smoothing.form = CellForm::flux;
+            s.bodies[0].smoothed_field = "volume";
+            assume(s, CellForm::constant, TensorPart::volumetric);
+        }
         InletSpec inlet;
         inlet.name = "in";
         inlet.body = 0;
@@ -309,36 +395,6 @@ TEST(RankMethodsFlow, inlets_and_outlets) {
         many->run(-1, 0.15, forever);
         expect_same(*many, *one, 1);
     }
-}
-
-TEST(RankMethodsEnd, what_is_not_built_is_refused) {
-    const auto refused = [](const std::string& what, const std::function<void(Spec&)>& change) {
-        Spec s = small_scene(2, false);
-        change(s);
-        try {
-            make_cpu_engine(with_ranks(s, 2, 0, 1.05));
-            ADD_FAILURE() << "accepted: " << what;
-        } catch (const SceneError& e) {
-            const std::string text = e.what();
-            EXPECT_EQ(text.rfind(what, 0), 0u) << text;
-            EXPECT_NE(text.find("not built for several ranks"), std::string::npos) << text;
-        }
-    };
-    refused("smoothing over cells of body 'water'", [](Spec& s) {
-        s.bodies[0].cell_smoothing.form = CellForm::constant;
-        s.bodies[0].smoothed_field = "volume";
-    });
-    refused("assumed fields of body 'block'", [](Spec& s) {
-        s.transfer.scheme = "FLIP";
-        s.bodies[1].assumed.form = CellForm::constant;
-        s.bodies[1].assumed_part = TensorPart::full;
-    });
-    refused("the placed force of body 'block'", [](Spec& s) {
-        s.transfer.scheme = "FLIP";
-        s.bodies[1].force.axis = 0;
-        s.bodies[1].force.place = {0, 1};
-        s.bodies[1].force.value = {0, 0, 1, 0};
-    });
 }
 
 }  // namespace

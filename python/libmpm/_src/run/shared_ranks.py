@@ -39,6 +39,11 @@ class SharedRanks:
         if self.link is not None:
             self._totals = self.link.add([int(engine.particle_count(i)) for i in self._bodies])
 
+    def meet(self) -> None:
+        """Return when all ranks have come here."""
+        if self.link is not None:
+            self.link.tell(None)
+
     @contextmanager
     def together(self) -> Iterator[None]:
         """What fails on one rank ends all; what all have agreed upon leaves them at work.

@@ -427,11 +427,12 @@ class Simulation(Shown, Acting):
         """Write the whole state to `path` (NumPy archive), atomically.
 
         A state that the guard finds broken is not written. Raises `NumericalError`. Where ranks are
-        processes all call this, and rank 0 writes the state of all. Beside a thread that runs the
-        simulation it waits for the boundary of a step.
+        processes all call this, rank 0 writes the state of all, and none goes on before the file is
+        there. Beside a thread that runs the simulation it waits for the boundary of a step.
         """
         with self._turns, self._shared.together():
             self._files.save(file_path(path, "Simulation.save_checkpoint"), self._loop.until)
+            self._shared.meet()
 
     @classmethod
     @keywords_only("Simulation.resume", 1)

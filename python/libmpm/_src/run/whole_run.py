@@ -60,7 +60,7 @@ class _Reads:
 _ALIKE = frozenset({
     "_shared", "device", "dimension", "dt", "first_step", "flow_series", "guard", "inflow",
     "offset", "outflow", "output", "partition", "pipeline", "plan", "precision", "ranks",
-    "scene", "sensors", "series", "statistics", "steps", "stopped", "threads", "time",
+    "scene", "sensors", "series", "smoothing", "statistics", "steps", "stopped", "threads", "time",
     "timings", "totals", "version",
 })  # fmt: skip
 
