@@ -1,8 +1,8 @@
 // Smoothing of fields on given points.
 #pragma once
 
+#include "body_reader.hpp"
 #include "mpm/kernels/cpu/smooth_points.hpp"
-#include "spec_reader.hpp"
 
 namespace mpm::python {
 
