@@ -251,6 +251,8 @@ def blows(loads: list[Any], times: Numbers, tilts: Numbers) -> Values:
         x, y = np.nan_to_num(load_on["force_x"]), np.nan_to_num(load_on["force_y"])
         across = np.abs(x * np.cos(angle) - y * np.sin(angle))
         along = -(x * np.sin(angle) + y * np.cos(angle))
+        if not across.any():
+            continue
         first = middle[np.flatnonzero(across)[0]]
         early = middle < first + 4e-3
         late = ~early & (angle < math.radians(20))

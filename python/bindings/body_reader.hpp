@@ -5,11 +5,13 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "mpm/core/error.hpp"
+#include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
 #include "named_values.hpp"
 #include "rows_reader.hpp"

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mpm/core/error.hpp"
+#include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
 #include "named_values.hpp"
 #include "rows_reader.hpp"

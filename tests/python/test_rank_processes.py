@@ -248,8 +248,12 @@ def test_transfers_that_sweep_the_grid(scheme, tmp_path):
         sim.save_checkpoint(folder + "/half.npz")
         sim = libmpm.Simulation.resume(folder + "/half.npz", ranks="processes")
         half = read(sim)
+        sim.run(until=0.1, wall_limit=0)
+        assert sim.stopped == "wall limit"
+        read(sim)
         sim.run(until=0.1)
         last = read(sim)
+        assert sim.statistics["bytes_of_sums"] > 0
         if sim.rank == 0:
             for name, found in {{"first": first, "half": half, "last": last}}.items():
                 np.savez(f"{{folder}}/{{name}}.npz", **found)
@@ -271,6 +275,7 @@ def test_smoothing_over_cells(tmp_path):
         sim = libmpm.Simulation(
             fake_engine.smoothed_scene("F0AL1"), device="cpu", ranks="processes", threads=1)
         sim.run(until=0.15)
+        assert sim.particle_count(0) > 0, "water lies on all ranks"
         found = sim.gather("water", "position", "velocity", "stress")
         if found is not None:
             np.savez(f"{folder}/water.npz", **found)

@@ -48,9 +48,9 @@ struct CellNumbers {
     PlacedForce force;                   // beside gravity
 
     bool smooths() const { return smoothing.form != CellForm::none; }
-    /// Of a body whose particles store velocities, or not: whether cells or nodes sum anything up.
-    bool sums_up(bool stores) const {
-        return smooths() || part != TensorPart::none || (force.axis >= 0 && stores);
+    /// Whether cells or nodes sum up anything of a body.
+    bool sums_over_cells(bool stores_velocity) const {
+        return smooths() || part != TensorPart::none || (force.axis >= 0 && stores_velocity);
     }
     bool assumes_rates() const { return rate && part != TensorPart::none; }
     bool changes_rates() const { return deformed || assumes_rates(); }
@@ -273,7 +273,8 @@ MPM_INLINE double value_in_cell(const CellColumns<D>& cells, std::int64_t c,
 /// Components of a field: a tensor in three dimensions.
 inline constexpr int most_components = 6;
 
-/// What is summed over the particles of a call: q^2 before and after it, and q of each component.
+/// What is summed over the particles of a call: q^2 before and after it, q of each component, and
+/// how many they are.
 struct SmoothingTotals {
     double before = 0, after = 0, field[most_components] = {}, particles = 0;
 
@@ -289,9 +290,11 @@ struct SmoothingTotals {
 /// what that is of the field's mean everywhere.
 struct SmoothingEnergy {
     double before = 0, after = 0, uniform = 0;
+    bool any = true;  // particles, on any rank
 
     static SmoothingEnergy of(const SmoothingTotals& sum, double mass, int components) {
-        SmoothingEnergy e{mass * sum.before, mass * sum.after, 0};
+        SmoothingEnergy e{mass * sum.before, mass * sum.after, 0, sum.particles > 0};
+        if (!e.any) return e;
         for (int k = 0; k < components; ++k)
             e.uniform += mass * sum.field[k] * sum.field[k] / sum.particles;
         return e;

@@ -29,11 +29,11 @@ protected:
     ~CellPeers() = default;
 };
 /// Room for `cell_numbers` of every cell (cell_phases.hpp), and behind those of the table for the
-/// cells of `staged` blocks (kernels/staging.hpp).
+/// cells of staged blocks (kernels/staging.hpp), of which the body's begin and end there.
 struct CellRoom {
     double* cells;
-    std::int32_t staged = 0;
     CellPeers* peers = nullptr;  // null: one rank
+    std::int32_t first_staged = 0, last_staged = 0;
 };
 /// What a body's step does between its parts, one entry where each belongs.
 template <class X, class T, int D>

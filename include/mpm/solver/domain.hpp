@@ -153,7 +153,8 @@ private:
     void collect_bodies(const std::vector<std::size_t>& moving);
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
-    CellRoom cell_room(const Body& body, CellPeers* peers = nullptr);
+    struct PeersOfBody;
+    CellRoom cell_room(const Body& body, PeersOfBody* peers = nullptr);
     bool meets_over_cells(const Body& body) const;
     void smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase);
     void collect_smoothing();
@@ -243,7 +244,7 @@ private:
 
     // domain_read.hpp
     void prepare_velocities();
-    void prepare_swept();
+    void prepare_swept_velocities();
     Base& memory() { return exec_; }
     NodesSeen<Sum> nodes_in(const Window& window);
 
@@ -285,7 +286,6 @@ private:
     template <class Number, class Add>
     void add_up_staged(const char* what, Number* blocks, std::size_t size, std::size_t first,
                        std::size_t last, const Add& add);
-    struct PeersOfBody;
     void rebalance(const std::vector<std::uint64_t>& load);
     void weigh_by_time(std::vector<BlockWeight>& blocks);
     void deal_anew(const std::vector<BlockWeight>& blocks, double was);

@@ -129,11 +129,12 @@ void Domain<X, T, D>::sweep_grid() {
 
 /// Room for what a body's particles add to cells.
 template <class X, class T, int D>
-CellRoom Domain<X, T, D>::cell_room(const Body& body, CellPeers* peers) {
-    const std::int32_t staged = peers ? share_->staged : 0;
-    cells_.reserve_discard(cell_numbers<D>(body.plan.cells) * std::size_t(table_.slots + staged) *
-                           block_cells);
-    return {cells_.data(), staged, peers};
+CellRoom Domain<X, T, D>::cell_room(const Body& body, PeersOfBody* peers) {
+    const std::int32_t slots = table_.slots + (peers ? share_->staged : 0);
+    cells_.reserve_discard(cell_numbers<D>(body.plan.cells) * std::size_t(slots) * block_cells);
+    if (!peers) return {cells_.data()};
+    const std::int32_t* staged = share_->staged_of.data() + peers->body;
+    return {cells_.data(), peers, table_.slots + staged[0], table_.slots + staged[1]};
 }
 
 /// Rates as the body assumes them, and its state smoothed. A call that adds energy is a fault.
@@ -150,6 +151,7 @@ void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>
         if (n.changes_rates()) cell_ops<X, T, D>().collected(phase, n, room);
         if (!n.smooths()) return;
         const SmoothingEnergy e = cell_ops<X, T, D>().smooth(phase, n, room);
+        if (!e.any) return;
         body.smoothing.add(clock.time, e.before, e.change(), e.index());
         if (e.sound(sizeof(T) == 4 ? 1e-6 : 1e-12)) return;
         clock.halt = Halt::fault;
@@ -219,7 +221,8 @@ void Domain<X, T, D>::after_respond(Body& body, const Phase<X, T, D>& phase) {
 /// Whether a rank without particles of a body has a part in its step.
 template <class X, class T, int D>
 bool Domain<X, T, D>::meets_over_cells(const Body& body) const {
-    return !X::is_device && share_ && body.plan.cells.sums_up(body.plan.phase.velocity >= 0);
+    return !X::is_device && share_ &&
+           body.plan.cells.sums_over_cells(body.plan.phase.velocity >= 0);
 }
 
 /// Sums that a step reads itself, as all ranks have added to them.

@@ -1,5 +1,6 @@
-// Domain: one rank of several. Within a step ranks meet twice: when sums are complete, and before
-// the clock decides. Everything else, readers included, is each rank's own.
+// Domain: one rank of several. Within a step ranks meet when sums are complete and before the clock
+// decides, and once more for each sum that a step reads itself. Everything else, readers included,
+// is each rank's own.
 #pragma once
 
 #include <cstring>
@@ -99,6 +100,7 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
     using Staged = typename RankShare<D>::Staged;
     s.parts.clear();
     s.staged = 0;
+    s.staged_of.assign(1, 0);
     s.destinations.assign(bodies_.size(), {});
     std::vector<std::int32_t> stage(slots, -1);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -126,6 +128,7 @@ void Domain<X, T, D>::link_ranks(std::vector<std::vector<std::uint64_t>> keys) {
             for (std::size_t k = first; k < s.parts.size(); ++k)
                 stage[std::size_t(s.parts[k].slot)] = -1;
         }
+        s.staged_of.push_back(s.staged);
     }
 
     // Everyone learns what the messages of each step will hold.

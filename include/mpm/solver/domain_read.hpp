@@ -29,7 +29,7 @@ void Domain<X, T, D>::prepare_velocities() {
 /// XPIC and FMPM sweep the grid for them with all ranks, while readers are each rank's own: what
 /// leaves a new state makes them too.
 template <class X, class T, int D>
-void Domain<X, T, D>::prepare_swept() {
+void Domain<X, T, D>::prepare_swept_velocities() {
     if (share_ && plan_.sweep.residual > 0) prepare_velocities();
 }
 

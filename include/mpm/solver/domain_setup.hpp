@@ -137,7 +137,7 @@ Domain<X, T, D>::Domain(const Spec& spec, const Plan& plan, X exec, const FindOp
         if (body.mesh) place_mesh(body);
     if (share_) link_meshes(true);
     first_deposit(spec_);
-    prepare_swept();
+    prepare_swept_velocities();
     exec_.trim();
     for (auto& b : spec_.bodies) {
         b.position = b.pressure = b.state = {};

@@ -184,7 +184,7 @@ void Domain<X, T, D>::load(const State& whole) {
         if (body.mesh) body.mesh->begin_anew();
     smoothing_logs_ = Buffer<X, SmoothingLog>(exec_);
     for (Body& body : bodies_) body.smoothing_seen = 0;
-    prepare_swept();
+    prepare_swept_velocities();
 }
 
 template <class X, class T, int D>

@@ -418,7 +418,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             break;
         }
     }
-    prepare_swept();
+    prepare_swept_velocities();
     result.steps = clock_.step - first_step;
     result.time = clock_.time;
     return result;

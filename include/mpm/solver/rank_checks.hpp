@@ -71,10 +71,12 @@ void staged_parts(const std::vector<Staged>& parts, std::size_t common,
         if (p.slot < 0 || std::size_t(p.slot) >= common || p.body < 0 ||
             std::size_t(p.body) >= colours.size() || p.colour < 0 ||
             p.colour >= colours[std::size_t(p.body)] || p.rank != rank || p.at < 0 ||
-            std::size_t(p.at) != k || (k > 0 && p.body < parts[k - 1].body))
+            std::size_t(p.at) != k)
             refuse("whose part " + std::to_string(k) + " is of shared block " +
                    std::to_string(p.slot) + ", body " + std::to_string(p.body) + ", colour " +
                    std::to_string(p.colour) + " and rank " + std::to_string(p.rank));
+        if (k > 0 && p.body < parts[k - 1].body)
+            refuse("whose bodies do not ascend at part " + std::to_string(k));
     }
     const auto place = [](const Staged& p) { return std::tie(p.slot, p.body, p.colour); };
     std::vector<Staged> all = parts;

@@ -96,6 +96,7 @@ struct RankShare {
     std::vector<Staged> parts;                    // of each of them in turn, in order
     std::vector<std::size_t> first_part;          // (shared + 1,)
     std::int32_t staged = 0;                      // slots behind those of the table
+    std::vector<std::int32_t> staged_of;          // where those of each body begin, then `staged`
     std::vector<std::vector<std::int32_t>> send;  // to each rank, of these slots, body after body
     // To and from each rank: where the blocks of each body begin, then how many there are in all.
     std::vector<std::vector<std::size_t>> send_of, receive_of;

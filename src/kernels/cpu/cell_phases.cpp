@@ -60,13 +60,14 @@ struct SumArena {
         for (int a = 0; a < D; ++a) at += (cell[a] + margin) * stride(a);
         return at;
     }
-    /// Adds them to the first of the `width` numbers that cells have.
-    void flush(const std::int32_t* destinations, double* cells, int width) {
+    /// Adds them to the first of the `width` numbers that cells have. Where the first `telling`
+    /// sums are 0 nothing has been added.
+    void flush(const std::int32_t* destinations, double* cells, int width, int telling) {
         for_each_run<D, margin>(destinations, [&](int at, std::int32_t slot, int cell, int length) {
             double* from = sums.data() + std::size_t(at) * std::size_t(summed);
             double* to = cells + (std::int64_t(slot) * block_cells + cell) * width;
             for (int k = 0; k < length; ++k, from += summed, to += width) {
-                if (std::all_of(from, from + summed, [](double x) { return x == 0; })) continue;
+                if (std::all_of(from, from + telling, [](double x) { return x == 0; })) continue;
                 for (int c = 0; c < summed; ++c) to[c] += from[c];
                 std::fill_n(from, summed, 0.0);
             }
@@ -75,9 +76,10 @@ struct SumArena {
 };
 
 /// Calls add(arena, slot, home cell, particle) for all particles, and makes sums that are complete
-/// of what these add: `summed` of the `width` numbers of each cell.
+/// of what these add: `summed` of the `width` numbers of each cell, of which the first `telling`
+/// say whether there are any.
 template <int margin, class T, int D, class Add>
-void sum_up(const Phase<Cpu, T, D>& phase, const CellRoom& room, int summed, int width,
+void sum_up(const Phase<Cpu, T, D>& phase, const CellRoom& room, int summed, int width, int telling,
             const Add& add) {
     const auto& pass = phase.pass;
 #pragma omp parallel num_threads(phase_threads(*pass.exec, pass.body.count))
@@ -92,7 +94,7 @@ void sum_up(const Phase<Cpu, T, D>& phase, const CellRoom& room, int summed, int
                     add(arena, slot, home, q);
                 });
                 arena.flush(pass.destinations + std::int64_t(slot) * Block<D>::neighbours,
-                            room.cells, width);
+                            room.cells, width, telling);
             }
         }
     }
@@ -130,7 +132,8 @@ void smooth_by_nodes(const Phase<Cpu, T, D>& phase, const CellRoom& room, int co
                               to[1 + k] += m * double(w) * value[k];
                       });
     };
-    sum_up<margin>(phase, room, width, width, add);
+    // Modified functions may be negative, and so may sums of mass.
+    sum_up<margin>(phase, room, width, width, width, add);
 #pragma omp parallel for schedule(dynamic, 4) \
     num_threads(phase_threads(*pass.exec, pass.body.count))
     for (std::int32_t h = 0; h < pass.body.homes; ++h) {
@@ -175,7 +178,7 @@ void smooth_by_cells(const Phase<Cpu, T, D>& phase, const CellRoom& room,
         add_to_cell(sums, A::place(at.cell), pass.body.particle_mass, at.x,
                     [&](int k) { return value[k]; });
     };
-    sum_up<margin>(phase, room, summed, width, add);
+    sum_up<margin>(phase, room, summed, width, 1, add);
     const std::int64_t all = std::int64_t(table.slots) * block_cells;
     const int threads = phase_threads(*pass.exec, pass.body.count);
     const FinishCell<D> finish{cells};
@@ -210,8 +213,10 @@ void smooth_field(const Phase<Cpu, T, D>& phase, const CellRoom& room,
     const bool modified = as_deposited && phase.n.kernel.modified;
 #pragma omp parallel for schedule(static) \
     num_threads(phase_threads(*phase.pass.exec, phase.pass.body.count))
-    for (std::int32_t slot = 0; slot < phase.pass.grid.table.slots + room.staged; ++slot)
+    for (std::int32_t slot = 0; slot < phase.pass.grid.table.slots; ++slot)
         std::fill_n(room.cells + std::size_t(slot) * piece, piece, 0.0);
+    std::fill(room.cells + std::size_t(room.first_staged) * piece,
+              room.cells + std::size_t(room.last_staged) * piece, 0.0);
     if (!nodal)
         smooth_by_cells(phase, room, choice, components, field);
     else if (kernel_width(phase.n.kernel.kernel) == 3)

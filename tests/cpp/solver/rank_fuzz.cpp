@@ -12,6 +12,7 @@
 
 #include "mpm/core/error.hpp"
 #include "mpm/exec/inbox.hpp"
+#include "mpm/solver/rank_checks.hpp"
 #include "mpm/solver/rank_messages.hpp"
 #include "mpm/solver/ranks.hpp"
 #include "support/meshes_of_elements.hpp"
@@ -102,6 +103,9 @@ Spec fuzz_scene(int dimension, int ranks) {
         cut(s.bodies[1], {2, 2, 4}, {6, 6, 6}, 1);
     }
     s.bodies[1].first_id = s.bodies[0].count;
+    s.bodies[0].smoothing = SmoothingForm::none;
+    s.bodies[0].cell_smoothing.form = CellForm::flux;
+    s.bodies[0].smoothed_field = "volume";
     // A mesh across the cuts, whose elements flow.
     const double dx = s.cell_size;
     const auto mesh =
@@ -160,6 +164,23 @@ void run_all(const Spec& scene, FuzzRanks& threads, int steps,
     });
 }
 
+/// Messages of one body are a piece of those of all, so bodies have to follow each other.
+TEST(RankChecks, parts_of_shared_blocks_come_body_after_body) {
+    using Staged = RankShare<2>::Staged;
+    const std::vector<int> colours = {4, 4};
+    const std::vector<Staged> good = {{0, 0, 1, 1, 0}, {2, 0, 3, 1, 1}, {0, 1, 0, 1, 2}};
+    EXPECT_NO_THROW(checks::staged_parts(good, 3, colours, 1));
+    std::vector<Staged> bad = good;
+    std::swap(bad[1].body, bad[2].body);
+    try {
+        checks::staged_parts(bad, 3, colours, 1);
+        ADD_FAILURE() << "accepted";
+    } catch (const MessageError& e) {
+        EXPECT_NE(std::string(e.what()).find("bodies do not ascend at part 2"), std::string::npos)
+            << e.what();
+    }
+}
+
 class RankFuzz : public ::testing::TestWithParam<int> {};
 
 TEST_P(RankFuzz, refused_messages_change_nothing) {
@@ -185,9 +206,10 @@ TEST_P(RankFuzz, refused_messages_change_nothing) {
             counts[what].read += c.read;
         }
     }
-    for (const char* what : {"particles", "a table", "parts of shared blocks", "sums", "a vote",
-                             "weights of blocks", "blocks of points", "a state", "vertices",
-                             "places at rest", "wanted vertices", "places of vertices"})
+    for (const char* what :
+         {"particles", "a table", "parts of shared blocks", "sums", "a vote", "weights of blocks",
+          "blocks of points", "a state", "vertices", "sums over cells",
+          "what smoothing has changed", "places at rest", "wanted vertices", "places of vertices"})
         EXPECT_GT(counts[what].refused, 0u) << what;
     for (const auto& [what, c] : counts)
         std::printf("%-30s %9llu refused %9llu read\n", what.c_str(),

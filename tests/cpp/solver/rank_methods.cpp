@@ -321,6 +321,17 @@ const std::vector<Method> cells = {
          s.kernel.kernel = Kernel::cubic;
          over_cells(s, {CellForm::nodal});
      }},
+    {"nodal_cubic_3D",
+     [](Spec& s) {
+         s.kernel.kernel = Kernel::cubic;
+         over_cells(s, {CellForm::nodal});
+     },
+     3},
+    {"nodal_gimp",
+     [](Spec& s) {
+         by_functions(s, Kernel::ugimp);
+         over_cells(s, {CellForm::nodal});
+     }},
     {"nodal_cpdi",
      [](Spec& s) {
          by_functions(s, Kernel::cpdi);

@@ -146,7 +146,7 @@ struct BlockPass {
     }
 
     /// One for all instruction sets: a copy in each was a quarter of what a law takes to compile
-    /// (design/build.md), and few particles have left their cell.
+    /// (design/build.md). Where there are packs only particles that have left their cell come here.
     MPM_HOST_CALL void alone(const int (&home)[D], std::uint32_t q) const { step_alone(home, q); }
 
     MPM_INLINE static Affine<T, D, E> lane(const Affine<V, D, E>& u, int l) {
