@@ -32,7 +32,8 @@
     prefix template void Cuda::for_each_large<SamplePoints<T, Cuda::Sum<T>, D>>(                \
         std::int64_t, const SamplePoints<T, Cuda::Sum<T>, D>&);
 
-// Beside the first ones in units of their own: a scene without contacts never launches them.
+// Beside the first ones in units of their own, contact_*.cu: a scene without contacts never
+// launches them, and together they were more than a unit may take (design/build.md).
 #define MPM_CONTACT_PASSES_IN(prefix, T, D)                                                      \
     prefix template void Cuda::max_each<maxima_count, ContactPass<Cuda, T, Cuda::Sum<T>, D>,     \
                                         AfterContact<AfterGrid<D>>>(                             \

@@ -276,9 +276,7 @@ class Simulation(Shown, Acting):
 
     @property
     def smoothing(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        """What `Smoothing` over cells did to each body that has one, on all ranks.
-
-        Since this process began; sums over ranks agree with those of one to rounding.
+        """What `Smoothing` over cells did on all ranks, since this process began.
 
         By body: "time" in s, "calls", "energy" Σ m q² in kg, of all components alike, before the
         first of them, "energy_change" by all of them, "index" I_E of the last. One row a call;

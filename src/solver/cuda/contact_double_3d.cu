@@ -2,6 +2,6 @@
 
 namespace mpm {
 
-MPM_CONTACT_PASSES(, double)
+MPM_CONTACT_PASSES_IN(, double, 3)
 
 }  // namespace mpm

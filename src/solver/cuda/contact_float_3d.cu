@@ -2,6 +2,6 @@
 
 namespace mpm {
 
-MPM_CONTACT_PASSES(, float)
+MPM_CONTACT_PASSES_IN(, float, 3)
 
 }  // namespace mpm

@@ -1,0 +1,8 @@
+#include "grid_passes.cuh"
+
+namespace mpm {
+
+MPM_CONTACT_PASSES_IN(, float, 2)
+MPM_CONTACT_PASSES_IN(, double, 2)
+
+}  // namespace mpm
