@@ -313,20 +313,26 @@ def over_a_bed(dimension):
     return scene
 
 
-@pytest.mark.parametrize("precision", ["single", "double"])
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_lines_towards_surfaces(dimension, precision, tmp_path):
-    scene, end = over_a_bed(dimension), 1.0 if dimension == 2 else 0.36
+def one_and_three(scene, end, precision, folder):
+    """Return runs on one rank and on three, whose bits are alike, as on two from halfway on."""
     one = libmpm.Simulation(scene, device="cpu", precision=precision)
     three = libmpm.Simulation(scene, device=["cpu"] * 3, threads=3, precision=precision)
     one.run(until=end)
     three.run(until=end / 2)
-    three.save_checkpoint(tmp_path / "three.npz")
-    two = libmpm.Simulation.resume(tmp_path / "three.npz", device=["cpu", "cpu"])
+    three.save_checkpoint(folder / "three.npz")
+    two = libmpm.Simulation.resume(folder / "three.npz", device=["cpu", "cpu"])
     for sim in (two, three):
         sim.run(until=end)
         assert same(one, sim)
         assert sim.statistics["migrated"] > 0
+    return one, three
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_lines_towards_surfaces(dimension, precision, tmp_path):
+    scene, end = over_a_bed(dimension), 1.0 if dimension == 2 else 0.36
+    one, _ = one_and_three(scene, end, precision, tmp_path)
     assert np.abs(one.sensors["load"]["force_x"]).max() > 0
 
 
@@ -334,17 +340,7 @@ def test_lines_towards_surfaces(dimension, precision, tmp_path):
 @pytest.mark.parametrize("method", ["C1", "F0AL1", "NB"])
 def test_smoothing_over_cells(method, precision, tmp_path):
     """What cells and nodes sum up is what one rank sums up; what it did agrees to rounding."""
-    scene = fake_engine.smoothed_scene(method)
-    one = libmpm.Simulation(scene, device="cpu", precision=precision)
-    three = libmpm.Simulation(scene, device=["cpu"] * 3, threads=3, precision=precision)
-    one.run(until=0.3)
-    three.run(until=0.15)
-    three.save_checkpoint(tmp_path / "three.npz")
-    two = libmpm.Simulation.resume(tmp_path / "three.npz", device=["cpu", "cpu"])
-    for sim in (two, three):
-        sim.run(until=0.3)
-        assert same(one, sim)
-        assert sim.statistics["migrated"] > 0
+    one, three = one_and_three(fake_engine.smoothed_scene(method), 0.3, precision, tmp_path)
     for name, expected in one.smoothing["water"].items():
         scale = np.abs(one.smoothing["water"]["energy" if "energy" in name else name]).max()
         found = three.smoothing["water"][name]
