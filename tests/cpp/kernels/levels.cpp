@@ -18,6 +18,7 @@
 namespace mpm {
 namespace {
 
+#if MPM_HAS_LEVELS
 std::vector<std::string> lines_of(const std::string& command) {
     std::vector<std::string> out;
     std::FILE* pipe = popen(command.c_str(), "r");
@@ -28,7 +29,6 @@ std::vector<std::string> lines_of(const std::string& command) {
     return out;
 }
 
-#if MPM_HAS_LEVELS
 /// The fused pass for one level: how many lines name each kind of register.
 struct Registers {
     int ymm = 0, zmm = 0, fma = 0, lines = 0;
