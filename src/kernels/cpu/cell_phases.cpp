@@ -3,7 +3,7 @@
 // particles: neither threads nor ranks change a bit.
 #include "mpm/kernels/cell_phases.hpp"
 
-#include "mpm/kernels/cpu/phases.hpp"
+#include "mpm/kernels/cpu/spreading.hpp"
 #include "mpm/kernels/phase_ops.hpp"
 #include "mpm/kernels/transfers.hpp"
 
@@ -43,21 +43,15 @@ void with_field(const Read& read, const Write& write, const F& f) {
 /// Sums of one block's particles in cells or nodes up to `margin` beyond it; all are 0 between
 /// blocks.
 template <int D, int margin>
-struct SumArena {
-    static constexpr int edge = Block<D>::edge + 2 * margin,
-                         places = D == 2 ? edge * edge : edge * edge * edge;
+struct SumArena : AroundBlock<D, margin> {
     int summed;  // numbers a cell
     std::vector<double> sums;
 
-    explicit SumArena(int n) : summed(n), sums(std::size_t(places) * std::size_t(n), 0.0) {}
-    static constexpr int stride(int axis) {
-        int s = 1;
-        for (int a = D - 1; a > axis; --a) s *= edge;
-        return s;
-    }
+    explicit SumArena(int n)
+        : summed(n), sums(std::size_t(SumArena::nodes) * std::size_t(n), 0.0) {}
     static int place(const int (&cell)[D]) {
         int at = 0;
-        for (int a = 0; a < D; ++a) at += (cell[a] + margin) * stride(a);
+        for (int a = 0; a < D; ++a) at += (cell[a] + margin) * SumArena::stride(a);
         return at;
     }
     /// Adds them to the first of the `width` numbers that cells have. Where the first `telling`
@@ -82,22 +76,15 @@ template <int margin, class T, int D, class Add>
 void sum_up(const Phase<Cpu, T, D>& phase, const CellRoom& room, int summed, int width, int telling,
             const Add& add) {
     const auto& pass = phase.pass;
-#pragma omp parallel num_threads(phase_threads(*pass.exec, pass.body.count))
-    {
-        SumArena<D, margin> arena(summed);
-        for (int colour = 0; colour < pass.colours; ++colour) {
-#pragma omp for schedule(dynamic, 1)
-            for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1];
-                 ++k) {
-                const std::int32_t slot = pass.coloured[k];
-                for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
-                    add(arena, slot, home, q);
-                });
-                arena.flush(pass.destinations + std::int64_t(slot) * Block<D>::neighbours,
-                            room.cells, width, telling);
-            }
-        }
-    }
+    using A = SumArena<D, margin>;
+    const auto block = [&](A& arena, std::int32_t slot) {
+        for_each_of_block<T, D>(pass.body, slot, [&](const int(&home)[D], std::uint32_t q) {
+            add(arena, slot, home, q);
+        });
+        arena.flush(pass.destinations + std::int64_t(slot) * Block<D>::neighbours, room.cells,
+                    width, telling);
+    };
+    for_each_colour<A>(phase, block, summed);
     if (room.peers) room.peers->complete(room.cells, std::size_t(width));
 }
 

@@ -11,20 +11,25 @@
 
 namespace mpm::cpu {
 
-/// Sums of one block's particles, of all nodes that they can reach from the cells beside their own,
-/// with the particles' mass. Together they go to the grid, so that a block of nodes gets one number
-/// of each block of particles: which rank has added these is nothing that bits could tell.
-template <class T, int D, int W>
-struct SpreadArena {
-    static constexpr int margin = W / 2 + 1, edge = Block<D>::edge + 2 * margin,
-                         nodes = D == 2 ? edge * edge : edge * edge * edge,
-                         width = SpreadTargets<D>::most;  // channels
-    T sums[nodes][width];
+/// The nodes, or cells, of a block and `margin` around it.
+template <int D, int margin>
+struct AroundBlock {
+    static constexpr int edge = Block<D>::edge + 2 * margin,
+                         nodes = D == 2 ? edge * edge : edge * edge * edge;
     static constexpr int stride(int axis) {
         int s = 1;
         for (int a = D - 1; a > axis; --a) s *= edge;
         return s;
     }
+};
+
+/// Sums of one block's particles, of all nodes that they can reach from the cells beside their own,
+/// with the particles' mass. Together they go to the grid, so that a block of nodes gets one number
+/// of each block of particles: which rank has added these is nothing that bits could tell.
+template <class T, int D, int W>
+struct SpreadArena : AroundBlock<D, W / 2 + 1> {
+    static constexpr int margin = W / 2 + 1, width = SpreadTargets<D>::most;  // channels
+    T sums[AroundBlock<D, margin>::nodes][width];
 };
 
 /// Sums of one cell's particles on their way to the arena, a pack a node and channel. A place is
@@ -93,13 +98,14 @@ MPM_INLINE void flush_arena(const Phase<Cpu, T, D>& phase, const SpreadTargets<D
         });
 }
 
-/// Calls block(arena, slot) for the home blocks of a body, colour after colour.
-template <class A, class T, int D, class F>
-void for_each_colour(const Phase<Cpu, T, D>& phase, const F& block) {
+/// Calls block(arena, slot) for the home blocks of a body, colour after colour; arenas, one a
+/// thread, are made of `given`.
+template <class A, class T, int D, class F, class... Given>
+void for_each_colour(const Phase<Cpu, T, D>& phase, const F& block, const Given&... given) {
     const auto& pass = phase.pass;
 #pragma omp parallel num_threads(phase_threads(*pass.exec, pass.body.count))
     {
-        const auto arena = std::make_unique<A>();
+        const auto arena = std::make_unique<A>(given...);
         for (int colour = 0; colour < pass.colours; ++colour) {
 #pragma omp for schedule(dynamic, 1)
             for (std::int32_t k = pass.colour_start[colour]; k < pass.colour_start[colour + 1]; ++k)
