@@ -3,15 +3,18 @@
     python benchmarks/flumes.py lwf --level laptop [--device cuda] [--budget SECONDS] [--threads N]
                                 [--cell-size M] [--debris LAYOUT] [--set NAME=VALUE ...]
                                 [--with INGREDIENT=VALUE ...]
-                                [--output FILE] [--figures FOLDER] [--near FOLDER [--trunk]]
+                                [--until S] [--output FILE] [--figures FOLDER]
+                                [--near FOLDER [--begin S] [--lower X] [--trunk]]
 
 `--set` changes any argument of the facility, such as structure=null. `--with` changes the scene
 that it returns: bed=held|linear|auto and walls=... what these boundaries do, transfer=SCHEME[:FLIP]
 of the scene, shifting=true|false or density=true|false of the water. Goes to
-benchmarks/results/flumes.jsonl. A run that its budget ends is compared in what it reached.
+benchmarks/results/flumes.jsonl. A run that its budget or `--until`, a time of the laboratory, ends
+is compared in what it reached; where a row of a load asks for more, the line has the largest mean
+of 0.1 s and the impulse so far. `--figures` keeps all readings there too.
 `--near`: the near field of the Large Wave Flume, from a strip's run in that folder, which is run
-first where it is not there; `--trunk` runs that alone. `--device cuda:0,cuda:1`: on several; a
-strip on the first.
+first where it is not there, from `--begin` on, a time of the laboratory, and from x `--lower` on;
+`--trunk` runs that alone. `--device cuda:0,cuda:1`: on several; a strip on the first.
 """
 
 from __future__ import annotations
@@ -31,6 +34,7 @@ from result_pages import append
 import libmpm
 from libmpm import flumes
 from libmpm._src.cli import bench
+from libmpm._src.flumes import criteria
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks/results/flumes.jsonl"
 
@@ -81,6 +85,34 @@ def levels_at_end(sim: libmpm.Simulation) -> dict[str, float]:
     return found
 
 
+def loads_so_far(flume: flumes.Facility, sim: libmpm.Simulation) -> dict[str, dict[str, float]]:
+    """Return of each load the largest mean of 0.1 s, N, its time, s, and the impulse, N s.
+
+    Times are the laboratory's, from 30 s or where the run begins on to its end.
+    """
+    known = flume.instruments()
+    signals = criteria.Signals(sim.sensors, flume.clock, known)
+    found = {}
+    for one in known:
+        if one.kind == "load" and one.name in signals:
+            window = (max(30.0, signals.begin(one.name)), signals.end(one.name))
+            found[one.name] = {
+                "from": round(window[0], 3), "to": round(window[1], 3),
+                "peak_N": criteria.peak_load(one.name, window)(signals),
+                "impulse_Ns": criteria.impulse(one.name, window)(signals),
+            }  # fmt: skip
+    return found
+
+
+def keep_readings(sim: libmpm.Simulation, file: Path) -> None:
+    """Write all series of a run: NAME.time, s of the run, and NAME.values, a column each."""
+    arrays = {}
+    for name in sim.sensors:
+        series = sim.sensors[name]
+        arrays |= {f"{name}.time": series.time, f"{name}.values": series.values}
+    np.savez_compressed(file, **arrays)
+
+
 def main() -> int:
     """Do what the command line says."""
     form = argparse.RawDescriptionHelpFormatter
@@ -95,7 +127,10 @@ def main() -> int:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--budget", type=float, default=math.inf, help="of the clock, s")
+    parser.add_argument("--until", type=float, help="end of the run, s of the laboratory's clock")
     parser.add_argument("--near", type=Path, metavar="FOLDER", help="run of the strip")
+    parser.add_argument("--begin", type=float, help="of a near field, s of the laboratory's clock")
+    parser.add_argument("--lower", type=float, help="where it begins, x in m")
     parser.add_argument("--trunk", action="store_true", help="with --near: no more than that run")
     parser.add_argument("--output", type=Path, default=RESULTS)
     parser.add_argument("--figures", type=Path, help="folder for the figure and the table")
@@ -112,7 +147,9 @@ def main() -> int:
             scene = flume.scene()
         else:
             assert isinstance(flume, flumes.LargeWaveFlume)
-            scene = flume.near_field(given.near, device=devices[0])
+            options = {"begin": given.begin, "lower": given.lower}
+            options = {k: v for k, v in options.items() if v is not None}
+            scene = flume.near_field(given.near, until=given.until, device=devices[0], **options)
         ingredients = dict(_setting(text) for text in given.ingredients)
         scene = with_ingredients(scene, ingredients)
         trunk = round(time.monotonic() - before, 1)
@@ -122,7 +159,10 @@ def main() -> int:
         sim = libmpm.Simulation(
             scene, device=devices if len(devices) > 1 else devices[0], threads=given.threads
         )
-        failed, begun, last = "", time.monotonic(), flume.until
+        last = flume.until
+        if given.until is not None:
+            last = min(last, given.until - flume.clock)
+        failed, begun = "", time.monotonic()
         particles = sum(len(sim.particles[b.name]) for b in scene.bodies)
         try:
             while sim.time < last and time.monotonic() - begun < given.budget:
@@ -141,15 +181,17 @@ def main() -> int:
         "hardware": platform.processor() or platform.machine(), "threads": given.threads,
         "particles": particles, "steps": sim.steps, "reached": sim.time, "until": last,
         "failed": failed, "seconds": round(wall, 1), "rows": rows,
-        "levels_at_end": levels_at_end(sim),
-        **({"near": True, "seconds_before": trunk} if given.near else {}),
+        "levels_at_end": levels_at_end(sim), "loads_so_far": loads_so_far(flume, sim),
+        **({"near": options, "seconds_before": trunk} if given.near else {}),
         "commit": bench.commit(), "version": libmpm.__version__,
     }  # fmt: skip
     append(given.output, line)
-    if given.figures is not None and found is not None:
+    parts = [f"{v}" for v in (changes | ingredients).values()]
+    stem = "-".join([given.name, given.level, *parts]).replace(":", "-")
+    if given.figures is not None:
         given.figures.mkdir(parents=True, exist_ok=True)
-        parts = [f"{v}" for v in (changes | ingredients).values()]
-        stem = "-".join([given.name, given.level, *parts]).replace(":", "-")
+        keep_readings(sim, given.figures / f"{stem}.npz")
+    if given.figures is not None and found is not None:
         found.figure().savefig(given.figures / f"{stem}.png", dpi=110)
         flume.preview().savefig(given.figures / f"{stem}-preview.png", dpi=90)
         (given.figures / f"{stem}.txt").write_text(text + "\n", encoding="utf-8")

@@ -104,5 +104,7 @@ def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path):
     assert [b.name for b in made.bodies] == ["water", "debris-1"]
     with pytest.raises(libmpm.SceneError, match="lower is 40 m; expected between the stations"):
         flume.near_field(tmp_path, lower=40.0)
+    with pytest.raises(libmpm.SceneError, match=r"is a cut at 15\.2\d* s .* give another folder"):
+        flume.near_field(tmp_path, **(given | {"begin": 15.3}))
     with pytest.raises(libmpm.SceneError, match="holds another run"):
         replace(flume, cell_size=0.25).near_field(tmp_path)

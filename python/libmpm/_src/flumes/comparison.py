@@ -190,9 +190,17 @@ def compare(
             f"{facility.label}.compare: the run has "
             + (f"sensors {', '.join(sensors) or 'none'}; expected those of scene()" if lacking else
                f"reached {ends:.4g} s of the laboratory's time; expected "
-               f"{min(c.window[1] for c in facility.criteria()):.4g} s or more; continue it")
+               f"{_first_end(facility, rows):.4g} s or more; continue it")
         )  # fmt: skip
     return Comparison(facility, rows, signals)
+
+
+def _first_end(facility: Laboratory, rows: Sequence[Row]) -> float:
+    """Return when the first row ends that the run has not reached, s of the laboratory."""
+    criteria = facility.criteria()
+    ends = [c.window[1] for c, row in zip(criteria, rows, strict=True)
+            if row.verdict == "not reached"]  # fmt: skip
+    return min(ends or [c.window[1] for c in criteria])
 
 
 def _row(one: Criterion, simulated: float | None, verdict: str, case: str) -> Row:

@@ -328,10 +328,11 @@ class LargeWaveFlume(Facility):
 
         The strip is run once, into `folder`, with `options` of `Simulation`; what lies there is
         used again, so that all layouts have one water. The near field continues from `begin`, s of
-        the laboratory, up to `until` (None = the end of all rows), and takes the flume from
-        `lower`, x in m, on: cut, tiled to half of the width, with box and debris of this value. At
-        `lower` a piston moves as the water of the strip did (`flumes.piston_of_flow`). For `width`
-        "half". `compare` takes its run; rows of gauges begin too late in it. Raises `SceneError`.
+        the laboratory, before water has come to the box, up to `until` (None = the end of all
+        rows), and takes the flume from `lower`, x in m, on: cut, tiled to half of the width, with
+        box and debris of this value. At `lower` a piston moves as the water of the strip did
+        (`flumes.piston_of_flow`). For `width` "half". `compare` takes its run; rows of gauges
+        begin too late in it. Raises `SceneError`.
         """
         return near_field.near_field(self, Path(folder), begin, lower, until, options)
 

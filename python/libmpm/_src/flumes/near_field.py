@@ -13,6 +13,7 @@ from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.boundaries.responses import Displacement, Slip
 from libmpm._src.errors import ModelWarning, SceneError
 from libmpm._src.flumes.virtual_paddle import piston_of_flow
+from libmpm._src.run.checkpoint_state import check_new_boundaries
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.python_sensors import GridSensor
 from libmpm._src.shapes.boxes import Box
@@ -28,6 +29,8 @@ STATIONS = tuple(float(x) for x in np.arange(20.0, 36.01, 0.5))
 CHECKPOINT = "near.npz"
 #: Time between two readings, s.
 _EVERY = 0.05
+#: By how much a cut may lie beside the time that it was asked for, s: more than a step.
+_SAME_TIME = 0.01
 #: How far the leading piston and the walls reach beyond the domain, m.
 _BEYOND = 6.0
 
@@ -87,6 +90,11 @@ def near_field(
             within=Box(lower=(low, *before.lower[1:]), upper=before.upper),
         )  # fmt: skip
     assert made.start is not None
+    if abs(made.start.time - start) > _SAME_TIME:
+        raise SceneError(
+            f"{label}: {folder / CHECKPOINT} is a cut at {made.start.time + flume.clock:g} s of "
+            f"the laboratory; expected one at begin, {begin:g} s; give another folder, or its begin"
+        )
     columns = []
     for k in range(len(STATIONS)):
         series = [results.sensors[f"{name}-{k}"] for name in ("flow", "mass")]
@@ -102,6 +110,13 @@ def near_field(
         motion=Displacement(TimeTable(at, [(float(x), 0.0, 0.0) for x in places])),
     )  # fmt: skip
     flume.add_parts(made)
+    try:
+        check_new_boundaries(made)
+    except SceneError as error:
+        raise SceneError(
+            f"{label}: begin is {begin:g} s of the laboratory, when water is where the box is to "
+            f"stand; expected a time before; begin earlier ({error})"
+        ) from error
     return made
 
 
